@@ -14,7 +14,7 @@ import numpy as np
 import lensforge as lf
 from lensforge.light.simulation import TracedLens
 from lensforge.scene.body import Body
-from lensforge.search.profiles import start_faces
+from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
 

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from lensforge.report.results import verdict_on
+from lensforge.report.results import Results
 from lensforge.spec import Accuracy
 
 sys.path.append(str(Path(__file__).parent))
@@ -122,7 +122,7 @@ def row(name: str, spec: lf.Spec, expected: str, accuracy: Accuracy) -> tuple[st
     """The figures on which the verdict on the light rests, and the verdict."""
     design = lf.design(spec, accuracy=accuracy, force=True)
     light = lf.evaluate(design.lens)
-    verdict = verdict_on(design.lens, design, light, None, None, None).light
+    verdict = Results(design.lens, {"design": design, "evaluate": light}).verdict.light
     figures = (light.nmse.value, light.share_in_target.value, light.efficiency.value)
     shown = verdict if verdict == expected else f"**{verdict}**, not {expected}"
     return name, *(f"{figure:.3f}" for figure in figures), shown

@@ -4,8 +4,10 @@ A verb takes objects and returns one frozen result. A stage is declared once: it
 writes there, the options and the help of its command.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, Literal, TypeVar
 
 from lensforge.cad.part import Part
 from lensforge.errors import (
@@ -25,14 +27,13 @@ from lensforge.made.measurement_result import Correction, PhotoComparison, Surfa
 from lensforge.made.part_verbs import compare, correct, sensitivity, tolerance
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.proof.casts import stray_light, verify
-from lensforge.proof.proof_result import Proof
-from lensforge.proof.stray_result import StrayLight
-from lensforge.report.folder import Run, RunFolder, load
-from lensforge.report.pipeline import FolderStage, build, check, handover, photometry, run, sweep, tradeoff
+from lensforge.proof.proof_result import Proof, StrayLight
+from lensforge.report.folder import Run, RunFolder, load, opened
+from lensforge.report.pipeline import build, check, handover, photometry, run, sweep, tradeoff
 from lensforge.report.results import Results, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
-from lensforge.results import Conditions, Metric
+from lensforge.results import Conditions, Metric, StageResult
 from lensforge.results.criteria import Criterion
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
@@ -142,6 +143,43 @@ __all__ = [
 ]  # fmt: skip
 
 NAMES = {name: globals()[name] for name in __all__}
+
+Decides = Literal["light", "files", "cutting", ""]
+_Result = TypeVar("_Result", bound=StageResult)
+
+
+@dataclass(frozen=True)
+class FolderStage(Generic[_Result]):
+    """A stage of a result folder: the verb, what it takes from the folder, and what is written there.
+
+    ``verb``: of the library. ``name``, ``help``, ``options``: of the command; each option is a keyword of the verb.
+    ``decides``: part of the verdict by which the command ends well or not. ``inputs``: what the verb takes first, by
+    the run and the options. ``settings``: keywords that the folder gives. ``after``: writes further files.
+    ``counts``: what the ``progress`` of the verb counts, where it has one.
+    """
+
+    name: str
+    verb: Callable[..., _Result]
+    help: str
+    options: tuple[str, ...] = ()
+    decides: Decides = ""
+    inputs: Callable[[Results, Mapping[str, Any]], tuple[object, ...]] = lambda run, _: (run.lens,)
+    settings: Callable[[RunFolder, Mapping[str, Any]], Mapping[str, Any]] = lambda _folder, _options: {}
+    after: Callable[[RunFolder, _Result], object] = lambda _folder, _result: None
+    counts: str = ""
+
+    def run(self, folder: Path, **options: Any) -> _Result:
+        """Run the stage in a result folder, and return what it wrote; ``options``: keywords of the verb."""
+        with opened(folder) as here:
+            return self.run_in(here, **options)
+
+    def run_in(self, here: RunFolder, **options: Any) -> _Result:
+        """Run the stage in a folder that is open already; under other conditions the result goes beside the own one."""
+        inputs, settings = self.inputs(here.run, options), self.settings(here, options)
+        result = here.write(self.verb(*inputs, **settings, **options))
+        self.after(here, result)
+        return result
+
 
 YIELD_PARTS = "yield_parts.npz"  # parts that an interrupted study has measured
 

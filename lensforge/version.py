@@ -1,5 +1,7 @@
 """The version of this program, and of those that compute for it; every layer can import it."""
 
+from collections.abc import Iterable
+
 __version__ = "0.2.0"
 
 _COMPUTE = ("torch", "numpy", "numba")  # another version of these may round differently
@@ -7,10 +9,15 @@ _COMPUTE = ("torch", "numpy", "numba")  # another version of these may round dif
 
 def made_by() -> dict[str, str]:
     """Versions of this program and of those that compute for it."""
+    return {"lensforge": __version__, **versions_of(_COMPUTE)}
+
+
+def versions_of(packages: Iterable[str]) -> dict[str, str]:
+    """Versions of those of ``packages`` that are installed."""
     from importlib.metadata import PackageNotFoundError, version
 
-    versions = {"lensforge": __version__}
-    for name in _COMPUTE:
+    versions = {}
+    for name in packages:
         try:
             versions[name] = version(name)
         except PackageNotFoundError:

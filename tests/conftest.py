@@ -2,10 +2,9 @@
 
 import gc
 import os
-import pickle
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 # A thread of OpenBLAS or of torch that waits for another takes a whole core, and the processes of these tests have
@@ -18,15 +17,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import array_checks
 import numpy as np
 import pytest
+from made_once import fcntl, made_once
 from nightly import skip_by_day
 
 import lensforge
 from lensforge.results.worker import collect_garbage_seldom
-
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None
 
 # That a file outlasts a power cut is not what tests see, and waiting for the disk takes 3 ms for each of thousands.
 os.fsync = lambda _: None
@@ -41,10 +36,6 @@ _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs
     "luminaire_classes.py", "yield_study.py", "measured_parts.py", "tolerance_budget.py", "part_study.py",
     "sensitivity.py", "point_tables.py", "shop_files.py", "proof_inputs.py",
 }  # fmt: skip
-# Fewer lines from which the thinnest wall of two faces is sought, and fewer points of a spline's volume: half of a
-# short search and of an export are these two numbers. ``full_effort`` is for tests of them.
-_FEWER = {("lensforge.cad.wall", "_STARTS"): 3, ("lensforge.results.brep_size", "_POINTS"): 8}
-_FULL: dict[tuple[str, str], int] = {}
 _MODULES = sorted(
     path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path.name not in _UNCHECKED
 )
@@ -61,10 +52,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """What is loaded stays: the search for garbage need not walk through it again and again."""
     gc.freeze()
-    for (module, name), few in _FEWER.items():
-        if module in sys.modules:
-            _FULL[module, name] = getattr(sys.modules[module], name)
-            setattr(sys.modules[module], name, few)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -93,13 +80,6 @@ def undrawn() -> Iterator[None]:
 
     with undrawn():
         yield
-
-
-@pytest.fixture
-def full_effort(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Walls and volumes as a command has them: for tests of these."""
-    for (module, name), own in _FULL.items():
-        monkeypatch.setattr(f"{module}.{name}", own)
 
 
 @pytest.fixture
@@ -153,17 +133,6 @@ def compiled_once(shared: Path) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Dispatcher, "compile", in_turn)
         yield
-
-
-def made_once(folder: Path, make: Callable[[Path], lensforge.Run]) -> lensforge.Run:
-    """What ``make`` returns for ``folder``; the first process makes it, and the others wait for it."""
-    kept = folder.with_suffix(".pickle")
-    with folder.with_suffix(".lock").open("w") as lock:
-        if fcntl is not None:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        if not kept.exists():
-            kept.write_bytes(pickle.dumps(make(folder)))
-        return pickle.loads(kept.read_bytes())
 
 
 @pytest.fixture(scope="session")

@@ -1,23 +1,40 @@
-"""The shipped specs are valid, and say what the README says of them."""
+"""The shipped specs are valid, keep to the schema, come back from a file, and say what the README says of them."""
 
+import tomllib
 from pathlib import Path
 
+import jsonschema
 import pytest
 from published import CASES
 
 from lensforge.spec import load_spec
+from lensforge.spec.spec_reference import spec_schema
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SPECS = sorted([*EXAMPLES.glob("*.toml"), *EXAMPLES.glob("published/*.toml")])
 
 
+@pytest.fixture(scope="module")
+def schema() -> jsonschema.Draft202012Validator:
+    return jsonschema.Draft202012Validator(spec_schema())
+
+
+@pytest.mark.usefixtures("cad_read_here")
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
-def test_every_shipped_spec_is_valid(path: Path) -> None:
+def test_a_shipped_spec_is_valid_and_comes_back_from_its_file(
+    path: Path, schema: jsonschema.Draft202012Validator, tmp_path: Path
+) -> None:
+    schema.validate(tomllib.loads(path.read_text(encoding="utf-8")))
     spec = load_spec(path)
     assert spec.name == path.stem
     # the noise of limits of roads ends automatic levels too early, and lamps together are more even than they can tell
     given = spec.lens.reflects or spec.roads or spec.lamps
     assert spec.lens.levels == "auto" or given
+    spec.save(tmp_path / "again.toml")
+    schema.validate(tomllib.loads((tmp_path / "again.toml").read_text(encoding="utf-8")))
+    again = load_spec(tmp_path / "again.toml")
+    assert again == spec and again.model_dump() == spec.model_dump()
+    assert spec.replace(name="other").replace(name=spec.name) == spec
 
 
 def test_every_published_design_has_a_spec() -> None:

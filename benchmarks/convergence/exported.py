@@ -10,7 +10,7 @@ from convergence.reference import LIGHT_UNITS, ExactReference
 from convergence.study import ConvergenceStudy, Meter, orders_of, reference_level
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
-from lensforge.cad.form_error import chart_samples, fit_faces, form_error, worst
+from lensforge.cad.form_error import chart_samples, fit_lens, form_error, worst
 from lensforge.cad.mesh import build_mesh, mesh_error, rings_for
 from lensforge.cad.patch import Patch, fit_patch
 from lensforge.cad.plan import INNER, OUTER, Plan, make_plan
@@ -19,7 +19,7 @@ from lensforge.cad.step import step_bytes
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_mesh import PartMesh, part_mesh_of
 from lensforge.proof.proof_inputs import screens_of
-from lensforge.proof.sequential_cast import LandedRays, send_through
+from lensforge.proof.sequential_cast import send_through
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 
@@ -41,7 +41,7 @@ def nurbs_study(
     With ``cad`` the solid of each level is built and written, which loads the CAD kernel. Also returns the plan of the
     body with the export's number of nodes.
     """
-    chosen: Patches = dict(zip(("inner", "outer"), fit_faces(lens), strict=True))
+    chosen: Patches = dict(zip(("inner", "outer"), (side.faces[0].shape for side in fit_lens(lens)), strict=True))
     chart = chart_samples(_SAMPLES)
     levels = []
     for nodes in sorted({*settings, *(patch.nodes for patch in chosen.values())}):
@@ -130,7 +130,7 @@ def casting_study(
         for series, kind in ((CURVED, PartMesh), (FLAT, FlatPart)):
             seen = kind(part.mesh, part.faces, part.corners, part.fit)
             with Meter() as meter:
-                landed = LandedRays.of(send_through(seen, grid, reference.rays, lens.media), screen)
+                landed = send_through(seen, grid, reference.rays, lens.media).landed(screen)
             lost = np.isnan(landed.landings[:, 0])
             errors = reference.light_errors(
                 np.where(lost[:, None], 0.0, landed.landings), np.where(lost, 0.0, landed.flux)

@@ -7,7 +7,7 @@ as they do in a design.
 from dataclasses import dataclass
 
 from convergence.study import ConvergenceStudy, RefinementLevel, Setting, reference_level
-from lensforge.cad.form_error import FormError, chart_samples, fit_faces, form_error, worst
+from lensforge.cad.form_error import FormError, chart_samples, fit_lens, form_error, worst
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.simulation import TracedLens
 from lensforge.results import Metric
@@ -79,7 +79,7 @@ def _level(stage: _Stage, source: Source, accuracy: Accuracy, rays: int) -> Refi
 
 def _export(lens: Lens) -> tuple[FormError, dict[str, float]]:
     """Form error of the faces as they would be exported, and the smallest concave radius (mm) of each."""
-    inner, outer = fit_faces(lens)
+    inner, outer = (side.faces[0].shape for side in fit_lens(lens))
     faces = {"inner": OpticalFace(inner, AirSide.INSIDE), "outer": OpticalFace(outer, AirSide.OUTSIDE)}
     lowest = {name: sample_face(face, SAMPLE_NODES).lowest_curvature() for name, face in faces.items()}
     radii = {f"{name}_concave_mm": -1.0 / curvature for name, curvature in lowest.items() if curvature < 0.0}

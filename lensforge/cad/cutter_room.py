@@ -10,13 +10,14 @@ from math import ceil
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import Boundary
+from lensforge.cad.boundary import Boundary, lens_boundaries
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.outline import FULL_TURN, outline_of, sampled_azimuths
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import MIN_BASE_WALL_MM, rim_radius
+from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_radius
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection, Spec
+from lensforge.surfaces.surface import Surface
 
 _RINGS, _AZIMUTHS = 129, 360  # of contacts: between them a clearance is larger by less than 2 um on a lens of 14 mm
 _SPARE_MM, _DIGITS_MM = 5e-3, 1e-2  # beyond the contacts; lengths of the room are whole hundredths
@@ -78,6 +79,12 @@ def base_with_room(lens: Lens) -> BaseSection:
     if base.relief_step_mm == 0.0:
         room["relief_setback_mm"] = 0.0  # without a step it has no wall
     return base.model_copy(update={name: room[name] for name in missing})
+
+
+@lru_cache(maxsize=4)  # sections and drawing ask for it
+def lens_plan(lens: Lens) -> Plan[Surface]:
+    """The plan of the faces of ``lens`` itself on its base; it need not be possible."""
+    return lay_out(*lens_boundaries(lens), base_with_room(lens))
 
 
 def _bore_setback(cavity: Boundary[Patch], spec: Spec) -> float:

@@ -63,19 +63,23 @@ def chart_samples(count: int = SAMPLES, seed: int = 0, domain: Domain = WHOLE) -
     return np.concatenate([within, domain.radii(turn)[1][:, None] * rim_directions(turn)[:, :2]])
 
 
-@lru_cache(maxsize=4)  # of one lens in several stages: a second each
 def fit_lens(lens: Lens, *nodes: int) -> Pair[Patch]:
     """The boundaries of ``lens`` by its faces as they are exported; the same node counts give the same bits.
 
     ``nodes``: of each face, in the order of the lens; by default as many as they need.
     """
-    return fit_boundaries(lens_boundaries(lens), dict(zip(lens.surfaces, nodes, strict=True)) if nodes else {})
+    known = _fits(lens)
+    if nodes not in known:
+        pair = fit_boundaries(lens_boundaries(lens), dict(zip(lens.surfaces, nodes, strict=True)) if nodes else {})
+        counts = {face.name: face.shape.nodes for boundary in pair for face in boundary.faces}
+        known[nodes] = known[tuple(counts[name] for name in lens.surfaces)] = pair
+    return known[nodes]
 
 
-def fit_faces(lens: Lens, *nodes: int) -> tuple[Patch, ...]:
-    """The faces of ``lens`` as they are exported, in its order."""
-    patches = {face.name: face.shape for boundary in fit_lens(lens, *nodes) for face in boundary.faces}
-    return tuple(patches[name] for name in lens.surfaces)
+@lru_cache(maxsize=4)  # of one lens in several stages: a second each
+def _fits(_: Lens) -> dict[tuple[int, ...], Pair[Patch]]:
+    """Fits of a lens that are known, by the nodes that were asked for and by those that they have."""
+    return {}
 
 
 def fit_boundaries(pair: Pair[Surface], nodes: Mapping[str, int]) -> Pair[Patch]:

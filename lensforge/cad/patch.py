@@ -109,6 +109,10 @@ class Patch:
         points: Float[np.ndarray, "*n 3"] = self._spline(chart)
         return points
 
+    def tangents(self, chart: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n 3"], ...]:
+        """Points (mm) and their first derivatives by X and by Y."""
+        return tuple(self._spline(chart, nu=order) for order in _JET_ORDERS[:3])
+
     def normals(self, chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
         """Unit normals pointing away from the origin."""
         along: Float[np.ndarray, "*n 3"] = np.cross(self._spline(chart, nu=(1, 0)), self._spline(chart, nu=(0, 1)))

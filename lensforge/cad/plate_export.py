@@ -5,14 +5,16 @@ are no farther apart than their poles. The volume is compared with its closed fo
 """
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.body_export import figures_as_read
 from lensforge.cad.boundary import Boundary, Pair
-from lensforge.cad.mesh import BodyMesh, Closure, check_closed, manifold_of, mesh_error
+from lensforge.cad.mesh import BodyMesh, check_closed, manifold_of, mesh_error
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.outline import sampled_azimuths
 from lensforge.cad.part_limits import mass_g, mesh_volume_limit
@@ -21,10 +23,11 @@ from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_directions, 
 from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
 from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate, plate_criteria
-from lensforge.cad.plate_solid import BOSS_ROOF, PIN_END, PLATE_BOTTOM, build_plate_solid, poles_of
+from lensforge.cad.plate_solid import BOSS_ROOF, PIN_END, PLATE_BOTTOM, build_plate_solid
 from lensforge.cad.solid import Shapes, Solid, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
+from lensforge.results.brep_size import spline_poles
 from lensforge.results.criteria import Criterion
 from lensforge.results.files import MIB
 from lensforge.results.record import MOST_FILE_BYTES
@@ -49,12 +52,12 @@ class BuiltPlate:
 
 
 def build_plate(
-    lens: Lens, plan: Plan[Patch], form_error_nm: float, schema: Schema, date: str | None
+    lens: Lens, plan: Plan[Patch], one: Solid, form_error_nm: float, schema: Schema, date: str | None
 ) -> BuiltPlate | None:
     """Make the plate of the spec from the fitted faces of one lens; None where the spec has no ``[plate]``.
 
-    ``plan``, ``form_error_nm``: of the lens as exported by itself. Raises :class:`InputError` for lenses that overlap,
-    a pin in a cavity, and a file that would be too large.
+    ``plan``, ``one``, ``form_error_nm``: plan, solid and form of the lens as exported by itself. Raises
+    :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
     """
     start, layout = time.perf_counter(), layout_of(lens)
     if layout is None:
@@ -62,16 +65,18 @@ def build_plate(
     bare, product = lay_out(plan.cavity, plan.envelope, _BARE), f"{lens.spec.name} plate"
     opening = opening_of(bare.cavity)
     _require_walls(layout, opening)
-    one, chord_mm = lens_mesh(bare, len(layout.lenses))
-    gap_mm = least_gap_mm(one, layout)
+    facets, chord_mm = lens_mesh(bare, len(layout.lenses))
+    gap_mm = least_gap_mm(facets, layout)
     solid = build_plate_solid(bare, layout)
     step = signed_step(solid, lens.spec, product, schema, date).content
     _require_readable(step, len(layout.lenses))
-    mesh = build_plate_mesh(bare, layout, one, chord_mm)
-    files = dict(zip(PLATE_FILES, (step, stl_bytes(mesh), threemf_bytes(mesh, product)), strict=True))
-    lens_mm3 = build_solid(bare).volume_mm3
+    mesh = build_plate_mesh(bare, layout, facets, chord_mm)
+    stl, threemf = stl_bytes(mesh), threemf_bytes(mesh, product)
+    files = dict(zip(PLATE_FILES, (step, stl, threemf), strict=True))
+    lens_mm3 = (one if plan.base.kind == "none" else build_solid(bare)).volume_mm3
     volume = layout.volume_mm3(lens_mm3, float(np.pi * np.mean(np.sum(opening**2, axis=1))))
-    read, closed = parse_step(step), _closures(files)
+    read, closed = parse_step(step), check_closed(*parse_stl(stl, PLATE_FILES[1]))
+    in_3mf = check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
     form_nm = form_error_nm + copies_off_mm(read.faces, bare, layout) * _NM_PER_MM
     measured = {
         "form_error": form_nm,
@@ -83,31 +88,19 @@ def build_plate(
         gap_mm=gap_mm,
         form_error_nm=form_nm,
         volume_mm3=volume,
-        volume_mesh_mm3=closed[0].volume_mm3,
+        volume_mesh_mm3=closed.volume_mm3,
         mass_g=mass_g(lens.spec, volume),
         bounds_mm=mesh.bounds_mm,
-        watertight=closed[0].watertight,
-        genus=closed[0].genus,
+        watertight=closed.watertight,
+        genus=closed.genus,
         faces=len(read.shape.Faces()),
         triangles=len(mesh.triangles),
-        chord_error_um=1e3 * mesh_error(one, bare),
+        chord_error_um=1e3 * mesh_error(facets, bare),
         seconds=round(time.perf_counter() - start, 3),
     )
     limit = mesh_volume_limit(mesh.area(), chord_mm, volume)
-    criteria = plate_criteria({**measured, **_of_files(read, closed, volume)}, limit, read.faults)
+    criteria = plate_criteria({**measured, **figures_as_read(read, closed, in_3mf, volume)}, limit, read.faults)
     return BuiltPlate(figures, criteria, files)
-
-
-def _of_files(read: Solid, closed: tuple[Closure, Closure], volume_mm3: float) -> dict[str, float]:
-    """Figures of the files as read back, by the names of their criteria."""
-    stl, threemf = closed
-    return {
-        "step_valid": float(read.valid),
-        "watertight": float(stl.watertight),
-        "watertight_3mf": float(threemf.watertight),
-        "genus_difference": float(abs(stl.genus - read.genus)),
-        "mesh_volume_change": abs(stl.volume_mm3 / volume_mm3 - 1.0),
-    }
 
 
 def opening_of(cavity: Boundary[Patch]) -> Float[np.ndarray, "n 2"]:
@@ -132,12 +125,6 @@ def _require_readable(step: bytes, lenses: int) -> None:
             f"{PLATE_STEP_FILE}: {len(step) // MIB} MiB for {lenses} lenses, at most {MOST_FILE_BYTES // MIB} MiB "
             "are read; take fewer lenses on a plate, or export with fewer --nodes"
         )
-
-
-def _closures(files: Mapping[str, bytes]) -> tuple[Closure, Closure]:
-    """Closures of the STL and of the 3MF as read back."""
-    stl, threemf = (files[name] for name in PLATE_FILES[1:])
-    return check_closed(*parse_stl(stl, PLATE_FILES[1])), check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
 
 
 def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWall | None]:
@@ -168,12 +155,21 @@ def copies_off_mm(faces: Shapes, plan: Plan[Patch], layout: PlateLayout) -> floa
         poles = face.shape.bounded(face.domain.extent[1]).control
         for number in range(count):
             found = faces.get(face.label if count == 1 else f"{face.label}_{number + 1}")
-            read = None if found is None else poles_of(found)
+            read = None if found is None else _poles_of(found)
             if read is None or read.shape != poles.shape:
                 return float("inf")
             wanted = layout.placed(poles.reshape(-1, 3), number)
             off = max(off, float(np.linalg.norm(read.reshape(-1, 3) - wanted, axis=1).max()))
     return off
+
+
+def _poles_of(face: Any) -> Float[np.ndarray, "n n 3"] | None:
+    """Poles (mm) of the spline on which a face lies, at its place; None where it lies on no spline."""
+    from OCP.BRep import BRep_Tool
+    from OCP.Geom import Geom_BSplineSurface
+
+    surface = BRep_Tool.Surface_s(face.wrapped)
+    return spline_poles(surface) if isinstance(surface, Geom_BSplineSurface) else None
 
 
 def least_gap_mm(lens: BodyMesh, layout: PlateLayout) -> float | None:
@@ -183,7 +179,7 @@ def least_gap_mm(lens: BodyMesh, layout: PlateLayout) -> float | None:
     """
     body, gaps = manifold_of(lens.vertices, lens.triangles), list[float]()
     for way, turn in _neighbours(layout):
-        beside = replace(layout, lenses=Lamps((way,), (turn,)))
+        beside = replace(layout, lenses=Lamps.level([way], [turn]))
         vertices = beside.placed(lens.vertices, 0)
         if (body ^ manifold_of(vertices, lens.triangles)).volume() > 0.0:
             raise InputError(

@@ -6,6 +6,7 @@ is closed. The plane faces are triangulated by manifold3d, which adds no vertex.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -78,6 +79,7 @@ class MeshParts:
         return BodyMesh(np.concatenate(self.vertices), np.concatenate(each), face, tuple(names), rings)
 
 
+@lru_cache(maxsize=1)  # export and check ask for it
 def lens_mesh(plan: Plan[Patch], count: int) -> tuple[BodyMesh, float]:
     """The mesh of one lens without a base, and the largest distance (mm) that was allowed of its facets.
 

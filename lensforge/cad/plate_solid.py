@@ -6,9 +6,6 @@ is closed as it is made, without a boolean operation, whatever the number of len
 
 from typing import Any
 
-import numpy as np
-from jaxtyping import Float
-
 from lensforge.cad.edges import face_at, moved, wire, wire_at
 from lensforge.cad.outline import FULL_TURN, Arc
 from lensforge.cad.patch import Patch
@@ -71,20 +68,6 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
     faces.append((PLATE_TOP, facing(planar_face(outline, *openings), UP)))
     faces.append((PLATE_BOTTOM, facing(planar_face(bottom, *feet), DOWN)))
     return assembled(faces)
-
-
-def poles_of(face: Any) -> Float[np.ndarray, "n n 3"] | None:
-    """Poles (mm) of the spline on which a face lies, at its place; None where it lies on no spline."""
-    from OCP.BRep import BRep_Tool
-    from OCP.Geom import Geom_BSplineSurface
-
-    surface = BRep_Tool.Surface_s(face.wrapped)
-    if not isinstance(surface, Geom_BSplineSurface):
-        return None
-    poles = surface.Poles()
-    rows, columns = range(1, surface.NbUPoles() + 1), range(1, surface.NbVPoles() + 1)
-    found = [[(pole.X(), pole.Y(), pole.Z()) for pole in (poles.Value(i, j) for j in columns)] for i in rows]
-    return np.array(found, dtype=np.float64)
 
 
 def _walls(name: str, loop: Loop, depth_mm: float, length_mm: float, *, outwards: bool) -> tuple[Named, Any, Any]:

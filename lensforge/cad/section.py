@@ -4,16 +4,16 @@ Lens and built-in bases are cut in closed form, a base from a STEP file by its m
 """
 
 from collections.abc import Iterator
+from math import sqrt
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import Boundary, Pair, lens_boundaries
+from lensforge.cad.boundary import Boundary
 from lensforge.cad.custom_base import mesh_of_base
-from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.feet import cut_feet
+from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
-from lensforge.cad.plan import Corner, base_corners, lay_out, rim_directions
+from lensforge.cad.plan import Corner, Plan, base_corners, rim_directions
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import Surface
@@ -30,24 +30,39 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     """
     azimuth = np.radians(azimuth_deg)
     across = rim_directions(np.array([azimuth]))[0]
-    pair, base = lens_boundaries(lens), base_with_room(lens)
-    if pair[0].opening is not None:
-        return [*_around_opening(pair, azimuth, base), *([] if base.file is None else _cut_of_file(base, across))]
-    inner, outer = (profile(each, across) for each in pair)
+    plan = lens_plan(lens)
+    base, of_file = plan.base, [] if plan.base.file is None else _cut_of_file(plan.base, across)
+    corners = [] if base.file is not None else base_corners(plan)[1:]  # the first is the outer rim itself
+    if plan.cavity.opening is not None:
+        return [*_around_opening(plan, corners, azimuth), *of_file]
+    inner, outer = (profile(each, across) for each in (plan.cavity, plan.envelope))
     if (ring := ring_of(lens)) is not None:
         outer = ring.around(outer)
     if base.file is not None:
-        return [np.concatenate([outer, inner[::-1]]), *_cut_of_file(base, across)]
-    corners = base_corners(lay_out(*pair, base))[1:]  # the first is the outer rim itself
+        return [np.concatenate([outer, inner[::-1]]), *of_file]
     right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
-    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)]), *cut_feet(base, azimuth_deg)]
+    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)]), *_cut_feet(base, azimuth_deg)]
 
 
-def _around_opening(pair: Pair[Surface], azimuth: float, base: BaseSection) -> Iterator[Curve]:
+def _cut_feet(base: BaseSection, azimuth_deg: float) -> list[Float[np.ndarray, "4 2"]]:
+    """The feet in the section through the axis at ``azimuth_deg``: (position across, z) in mm of their corners."""
+    if base.feet is None:
+        return []
+    turn, found = np.radians(azimuth_deg), list[np.ndarray]()
+    top, end, radius = -base.height_mm, -base.seat_mm, base.feet.diameter_mm / 2.0
+    for x, y in base.feet.places_mm:
+        across, away = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+        if abs(away) < radius:
+            half = sqrt(radius**2 - away**2)
+            left, right = across - half, across + half
+            found.append(np.array([(left, top), (right, top), (right, end), (left, end)]))
+    return found
+
+
+def _around_opening(plan: Plan[Surface], corners: list[Corner], azimuth: float) -> Iterator[Curve]:
     """An outline on each side of the axis, from the rim of the opening around the base and back."""
-    corners = [] if base.file is not None else base_corners(lay_out(*pair, base))[1:]
     for sign, turn in ((1.0, azimuth), (-1.0, azimuth + np.pi)):
-        inner, outer = (_from_opening(each, turn) for each in pair)
+        inner, outer = (_from_opening(each, turn) for each in (plan.cavity, plan.envelope))
         yield np.concatenate([outer, _at(corners, turn), inner[::-1]]) * (sign, 1.0)
 
 

@@ -10,7 +10,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from lensforge.cad.boundary import WHOLE, Boundary, Domain, TrimmedFace, as_pair, lens_boundaries, of_shapes
 from lensforge.cad.patch import Patch, fit_patch
@@ -20,6 +20,7 @@ from lensforge.surfaces import surface
 from lensforge.surfaces.surface import to_sphere
 
 _NODES, _RIM = 101, 512  # samples of each face: across the chart's square, and around the rim
+_STEP = 2.0 / (_NODES - 1)  # of the chart, from one to the next
 _STARTS, _APART = 12, 3.0  # pairs of points to start from, this many steps of the samples apart
 _SAME = 1e-12  # of the chart
 _FAR = 1e9  # mm: in the directions of an opening
@@ -38,12 +39,18 @@ class Span:
 
 def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch]) -> Span:
     """The shortest line between the boundaries above z = 0; where they cross, the deepest place along a ray."""
+    from scipy.spatial import cKDTree
+
     inwards, outwards = as_pair(cavity, envelope)
     crossing = _radial(inwards, outwards, -1.0)
     if crossing.thickness_mm <= 0.0:
         return crossing
-    pairs = product(*([face for face in each.faces if not face.is_open] for each in (inwards, outwards)))
-    return min((_between(*pair) for pair in pairs), key=lambda each: each.thickness_mm)
+    samples = [[_Samples.of(face) for face in each.faces if not face.is_open] for each in (inwards, outwards)]
+    pairs = [(one, other, *cKDTree(other.points).query(one.points)) for one, other in product(*samples)]
+    found = Span(np.inf, np.zeros(3), np.zeros(3))
+    for pair in sorted(pairs, key=lambda each: float(each[2].min())):
+        found = _shorter(found, *pair)
+    return found
 
 
 def thinnest_of(lens: Lens) -> Span:
@@ -58,34 +65,60 @@ def thickest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
     return _radial(*as_pair(cavity, envelope), 1.0)
 
 
-def _between(one: TrimmedFace[Patch], other: TrimmedFace[Patch]) -> Span:
-    """The shortest line between two faces."""
-    from scipy.spatial import cKDTree
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Samples of a face: chart points, points (mm), and how far (mm) a place of the face may be from the nearest."""
 
-    (places, step), (far_places, _) = _samples(one.domain), _samples(other.domain)
-    starts, ends = one.shape.points(places), other.shape.points(far_places)
-    distance, nearest = cKDTree(ends).query(starts)
-    best = int(distance.argmin())
-    found = Span(float(distance[best]), starts[best], ends[nearest[best]])
+    face: TrimmedFace[Patch]
+    places: Float[np.ndarray, "k 2"]
+    points: Float[np.ndarray, "k 3"]
+    reach_mm: Float[np.ndarray, " k"]
+
+    @staticmethod
+    def of(face: TrimmedFace[Patch]) -> "_Samples":
+        """Samples all over a face; none is farther off than half of the diagonal of a cell, at most at its edge."""
+        places = _samples(face.domain)
+        points, *tangents = face.shape.tangents(places)
+        return _Samples(face, places, points, _STEP * np.linalg.norm(tangents, axis=-1).max(axis=0))
+
+
+def _shorter(
+    known: Span, one: _Samples, other: _Samples, distance: Float[np.ndarray, " k"], nearest: Int[np.ndarray, " k"]
+) -> Span:
+    """The shortest line between two faces, or the ``known`` one where that is as short.
+
+    ``distance`` (mm), ``nearest``: of each sample of ``one`` to the nearest of the ``other``. A line has samples beside
+    both of its ends, which are beside it by their reach, and across it, since the shortest is normal to both faces, or
+    to the edges on which it ends: where a line would be longer than the shortest so far even so, none is sought.
+    """
+    best, places, far = int(distance.argmin()), one.places, other.places[nearest]
+    least = distance**2 - (one.reach_mm + other.reach_mm[nearest]) ** 2
+    found = min(known, Span(float(distance[best]), one.points[best], other.points[nearest[best]]), key=_thickness)
     for _ in range(_STARTS):
-        k = int(distance.argmin())
-        if np.isinf(distance[k]):
+        if not (least[np.isfinite(distance)] < found.thickness_mm**2).any():
             break
-        line = _shortest_near(one, other, np.concatenate([places[k], far_places[nearest[k]]]))
-        found = min(found, line, key=lambda each: each.thickness_mm)
-        distance[np.linalg.norm(places - places[k], axis=1) < _APART * step] = np.inf
+        k = int(distance.argmin())
+        if least[k] < found.thickness_mm**2:
+            found = min(
+                found, _shortest_near(one.face, other.face, np.concatenate([places[k], far[k]])), key=_thickness
+            )
+        distance[np.linalg.norm(places - places[k], axis=1) < _APART * _STEP] = np.inf
     return found
 
 
-def _samples(domain: Domain = WHOLE) -> tuple[Float[np.ndarray, "k 2"], float]:
-    """Chart points of a domain and its edges, and their spacing."""
+def _thickness(span: Span) -> float:
+    return span.thickness_mm
+
+
+def _samples(domain: Domain = WHOLE) -> Float[np.ndarray, "k 2"]:
+    """Chart points of a domain, and of its edges."""
     grid = surface.grid(_NODES, 1.0)
     azimuth = 2.0 * np.pi / _RIM * np.arange(_RIM)
     around = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     inside = grid[np.sum(grid**2, axis=-1) < 1.0]
     edges = [radius[:, None] * around for radius in domain.radii(azimuth)[0 if domain.inside else 1 :]]
     own = np.abs(domain.within(inside) - inside).max(axis=1) < _SAME
-    return np.concatenate([inside[own], *edges]), 2.0 / (_NODES - 1)
+    return np.concatenate([inside[own], *edges])
 
 
 def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> Span:
@@ -99,8 +132,8 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
         signed: Float[np.ndarray, " m"] = np.where(cavity.closed(to_sphere(places)), sign * np.subtract(*radii), -_FAR)
         return signed
 
-    places, step = _samples()
-    place, most = refined_maximum(figure, places, figure(places), step)
+    places = _samples()
+    place, most = refined_maximum(figure, places, figure(places), _STEP)
     return Span(sign * most, *(points(each, place[None])[0] for each in (cavity, envelope)))
 
 
@@ -111,9 +144,8 @@ def _shortest_near(one: TrimmedFace[Patch], other: TrimmedFace[Patch], start: Fl
     size = float(np.sum((other.shape.points(start[2:]) - one.shape.points(start[:2])) ** 2))
 
     def squared(at: Float[np.ndarray, "4"]) -> tuple[float, Float[np.ndarray, "4"]]:
-        near, far = one.shape.jet(at[None, :2]), other.shape.jet(at[None, 2:])
-        line = (far.point - near.point)[0]
-        along = np.stack([-near.x[0], -near.y[0], far.x[0], far.y[0]])
+        (near, *back), (far, *ahead) = one.shape.tangents(at[:2]), other.shape.tangents(at[2:])
+        line, along = far - near, np.stack([-back[0], -back[1], *ahead])
         return float(line @ line) / size, 2.0 * along @ line / size
 
     options = {"ftol": _PRECISION, "maxiter": 100}

@@ -15,15 +15,15 @@ from lensforge.light.photometry_result import IES_FILE, LDT_FILE, TM25_FILE, TM3
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline, kinds
-from lensforge.report.pipeline import Decides
-from lensforge.report.results import REPORT_FILE, conditions_of, stem_of, verdict_on
+from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
-from lensforge.results import Fact, Group, SimulatedResult, StageResult
+from lensforge.results import Fact, Group, StageResult
 from lensforge.results.criteria import require
 from lensforge.results.verdict import Verdict
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
+from lensforge.verbs import Decides
 
 if TYPE_CHECKING:
     from lensforge.shop.handover import Handover
@@ -100,7 +100,7 @@ def finish_study(output: Output, directory: Path, study: Sweep | Tradeoff, title
     """Print a study of its own folder under ``title``, and its ``page``."""
     output.show(
         lambda: {"folder": str(directory), study.stage: study.plain()},
-        lambda: [study_block(title, study.facts), Block(f"Written: {directory / page}")],
+        lambda: [Block(title, list(rows_of(study.facts))), Block(f"Written: {directory / page}")],
     )
 
 
@@ -140,7 +140,7 @@ def blocks_of(result: StageResult, run: Run) -> list[Block]:
     groups = run.facts(result)
     title, reasons = _judged(result, run)
     blocks = [Block(title, [*rows_of(groups), *reasons])] if title else _titled(groups)
-    conditions = result.conditions if isinstance(result, SimulatedResult) else None
+    conditions = conditions_of(result)
     under = [] if conditions is None else [("Conditions", str(conditions))]
     return [*blocks, Block(f"Written: {run.folder / stem_of(result)}.json", under)]
 
@@ -159,11 +159,6 @@ def rows_of(groups: Sequence[Group]) -> Iterator[Row]:
                 yield "", f"and {counted[group.key] - _MOST_ROWS} more, in the record"
         else:
             yield from map(_row, group.facts)
-
-
-def study_block(title: str, groups: Sequence[Group]) -> Block:
-    """The block of a study of its own folder."""
-    return Block(title, list(rows_of(groups)))
 
 
 def summary(run: Run) -> list[Block]:
@@ -215,16 +210,15 @@ def _limit_rows(group: Group) -> Iterator[Row]:
 
 def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
     """Title with the verdict, and reasons, of light and files; under other conditions than the lens's own by itself."""
-    own = not isinstance(result, SimulatedResult) or result.conditions is None
-    other = "" if own else " under other conditions"
+    if not isinstance(result, Light | Part | Proof):
+        return "", []
+    judged, under = run.verdict, ""
+    if conditions_of(result) is not None:
+        part = {stem: each for stem, each in run.found.items() if stem == Part.stage}
+        judged, under = Results(run.lens, {**part, result.stage: result}).verdict, " under other conditions"
     if isinstance(result, Light):
-        verdict = run.verdict if own else verdict_on(run.lens, None, result, None, None, None)
-        return f"Light{other}: {verdict.light}", _because(verdict, "light")
-    if isinstance(result, Part | Proof):
-        proof = result if isinstance(result, Proof) else None
-        verdict = run.verdict if own else verdict_on(run.lens, None, None, run.find(Part), None, proof)
-        return f"Files{other}: {verdict.files}", _because(verdict, "files")
-    return "", []
+        return f"Light{under}: {judged.light}", _because(judged, "light")
+    return f"Files{under}: {judged.files}", _because(judged, "files")
 
 
 def _titled(groups: Sequence[Group]) -> list[Block]:

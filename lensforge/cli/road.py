@@ -5,8 +5,8 @@ from pathlib import Path
 
 import click
 
-from lensforge.cli.conclusion import study_block
-from lensforge.cli.output import Output, warning_line, with_output
+from lensforge.cli.conclusion import rows_of
+from lensforge.cli.output import Block, Output, warning_line, with_output
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.light_facts import road_facts, spacing_fact
 from lensforge.light.road_lighting import RoadJudgement
@@ -58,7 +58,7 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
         ]
     output.show(
         lambda: _document(file, groups, found),
-        lambda: [study_block(f"{group.title}, by {file}", [group]) for group in groups],
+        lambda: [Block(f"{group.title}, by {file}", list(rows_of([group]))) for group in groups],
     )
     missed = [f"{each.name}: {limit}" for each in found for limit in each.limits if limit.state != "held"]
     if missed:

@@ -78,7 +78,7 @@ def limited_by_cutter(
 
 def _lowest(face: OpticalFace, places: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, " p"]:
     """Lowest curvature (1/mm) at chart points, from the air side: concave is negative."""
-    jet = face.jet(places)
+    jet = face.patch.jet(places)
     return principal_curvatures(jet, face.air_normal(jet)).minimum
 
 

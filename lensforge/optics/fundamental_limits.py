@@ -59,14 +59,21 @@ def best_transmittance(
 
 def _at_most(deviation_rad: Turns, ratio: Turns, least: float | None) -> Turns:
     """Largest transmittance of a face that turns light at least so far, or of a coated one an upper bound."""
+    if least is not None:
+        return np.where(_is_turned(deviation_rad, ratio), 1.0 - least, 0.0)
     bare, peaked = face_transmittance(deviation_rad, ratio), ratio > _PEAKED
     for share in np.linspace(0.0, 1.0, _TURNS if np.any(peaked) else 0):  # the most is near Brewster's angle
         turn = share * np.arccos(1.0 / ratio)
         bare = np.where(
             peaked & (turn >= deviation_rad), np.maximum(bare, _BETWEEN * face_transmittance(turn, ratio)), bare
         )
-    coated: Turns = bare if least is None else np.where(bare > 0.0, 1.0 - least, 0.0)
-    return coated
+    return bare
+
+
+def _is_turned(deviation_rad: Turns, ratio: float | Turns) -> Bool[np.ndarray, "*n"]:
+    """True where a face can turn light so far."""
+    turned: Bool[np.ndarray, "*n"] = (ratio * np.cos(deviation_rad) > 1.0) | (deviation_rad == 0.0)
+    return turned
 
 
 def _ratio(refractive_index: Turns, around: float) -> Turns:
@@ -90,7 +97,7 @@ def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) ->
         r_s = (cosine - index * inside) / (cosine + index * inside)
         r_p = (index * cosine - inside) / (index * cosine + inside)
         transmitted: Turns = np.sqrt(0.5 * ((1.0 - r_s**2) ** 2 + (1.0 - r_p**2) ** 2))
-    turned: Turns = np.where((below > 0.0) | (deviation_rad == 0.0), transmitted, 0.0)
+    turned: Turns = np.where(_is_turned(deviation_rad, refractive_index), transmitted, 0.0)
     return turned
 
 

@@ -14,8 +14,7 @@ wavelengths are in um. Absorption follows from the extinction coefficient k: 4 p
 """
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from math import log, nan, pi
 from pathlib import Path
@@ -32,30 +31,13 @@ from lensforge.optics.material import (
     NAMES,
     REFERENCE_C,
     SCHOTT_COEFFICIENTS,
-    UNKNOWN,
+    Absorption,
     Formula,
     IndexTable,
+    Material,
     TemperatureLaw,
 )
 from lensforge.results.files import MIB, read_file
-
-
-@dataclass(frozen=True)
-class MaterialData:
-    """Index, the range (nm) in which it holds, and absorption (1/mm) at wavelengths (nm); ``source``: file and origin.
-
-    ``absorption_nm`` and ``absorption_per_mm`` are empty where the file states none; ``temperature``: what it
-    states of a change with temperature.
-    """
-
-    name: str
-    index: Formula | IndexTable
-    range_nm: tuple[float, float]
-    absorption_nm: tuple[float, ...]
-    absorption_per_mm: tuple[float, ...]
-    source: str
-    temperature: TemperatureLaw = UNKNOWN
-
 
 _TAGS = ("NM", "CD", "LD", "TD", "ED")
 _MOST_AGF_BYTES = 4 * MIB  # the largest catalogue of a glass maker has 1 MiB
@@ -64,7 +46,7 @@ _MOST_GLASSES, _LONGEST_NAME = 5000, 60  # all makers together have 3,000; a sea
 _LEAST_TRANSMITTANCE = 1e-6
 
 
-def read_agf(path: Path, glass: str) -> MaterialData:
+def read_agf(path: Path, glass: str) -> Material:
     """Read ``glass``, in capitals or not, from the catalogue at ``path``.
 
     Raises :class:`InputError` for a glass that is not there, with the closest names, and for one without its lines.
@@ -78,16 +60,20 @@ def read_agf(path: Path, glass: str) -> MaterialData:
     if f"agf {number}" not in NAMES:
         raise InputError(f"{path}: {glass} has the dispersion formula {number}, known are 1 to 13")
     formula = Formula(f"agf {number}", tuple(_number(word, path, glass) for word in words["CD"]))
-    dims = sorted(_absorptions(lines, path, glass))
-    return MaterialData(
+    return Material(
         name=words["NM"][0],
-        index=formula,
+        dispersion=formula,
         range_nm=(1e3 * low, 1e3 * high),
-        absorption_nm=tuple(nm for nm, _ in dims),
-        absorption_per_mm=tuple(per_mm for _, per_mm in dims),
         source=f"{path.name}: {words['NM'][0]}",
+        extrapolation_error=None,
+        absorption=_absorption_of(sorted(_absorptions(lines, path, glass))),
         temperature=_temperature_law(_known(words.get("TD", [])), _known(words.get("ED", [])), path, glass),
     )
+
+
+def _absorption_of(rows: Sequence[Sequence[float]]) -> Absorption | None:
+    """Absorption by rows of wavelength (nm) and absorption (1/mm); None without any."""
+    return Absorption(*(tuple(column) for column in zip(*rows, strict=True))) if rows else None
 
 
 def _lines_of(path: Path, glass: str) -> list[str]:
@@ -171,7 +157,7 @@ _MOST_TABLE_BYTES = 4 * MIB  # ten thousand rows, the most of a spec, have 0.3 M
 _LEAST_NM = 100.0  # below that are um: no light here is shorter
 
 
-def read_material_table(path: Path, name: str) -> MaterialData:
+def read_material_table(path: Path, name: str) -> Material:
     """Read the table at ``path``; ``name``: what the material is called. Raises :class:`InputError`, one line."""
     text = read_file(path, missing="give a table of the index", most_bytes=_MOST_TABLE_BYTES).decode(
         "utf-8-sig", "replace"
@@ -194,15 +180,9 @@ def read_material_table(path: Path, name: str) -> MaterialData:
         raise InputError(f"{path}: wavelengths must be in nm, each once; they go from {waves[0]:g} to {waves[-1]:g}")
     if table.shape[1] == 3 and not ((table[:, 2] > 0.0) & (table[:, 2] <= 1.0)).all():
         raise InputError(f"{path}: an internal transmittance must be above 0 and at most 1")
-    known = table.shape[1] == 3
-    return MaterialData(
-        name=name,
-        index=IndexTable(tuple(waves.tolist()), tuple(table[:, 1].tolist())),
-        range_nm=(float(waves[0]), float(waves[-1])),
-        absorption_nm=tuple(waves.tolist()) if known else (),
-        absorption_per_mm=tuple((-np.log(table[:, 2]) + 0.0).tolist()) if known else (),
-        source=path.name,
-    )
+    index = IndexTable(tuple(waves.tolist()), tuple(table[:, 1].tolist()))
+    absorption = [] if table.shape[1] == 2 else np.column_stack([waves, -np.log(table[:, 2]) + 0.0]).tolist()
+    return Material(name, index, (float(waves[0]), float(waves[-1])), path.name, None, _absorption_of(absorption))
 
 
 def _is_number(word: str) -> bool:
@@ -218,19 +198,11 @@ _LEAST_UM = 1e-3  # no light of a lens is shorter
 _MOST_EVENTS, _DEEPEST = 10_000, 16  # of YAML: a file of the database has a few hundred, four levels deep
 
 
-def read_refractive_index_info(path: Path, name: str) -> MaterialData:
+def read_refractive_index_info(path: Path, name: str) -> Material:
     """Read the material at ``path``; ``name``: what it is called. Raises :class:`InputError`, one line."""
     blocks = _blocks(path)
     index, span = _index(blocks, path)
-    absorption = _absorption(blocks, path)
-    return MaterialData(
-        name=name,
-        index=index,
-        range_nm=span,
-        absorption_nm=() if absorption is None else tuple(absorption[:, 0].tolist()),
-        absorption_per_mm=() if absorption is None else tuple(absorption[:, 1].tolist()),
-        source=path.name,
-    )
+    return Material(name, index, span, path.name, None, _absorption_of(_absorption(blocks, path)))
 
 
 def _blocks(path: Path) -> dict[str, dict[str, Any]]:
@@ -282,13 +254,15 @@ def _index(blocks: dict[str, dict[str, Any]], path: Path) -> tuple[Formula | Ind
     raise InputError(f"{path}: has no index{only}; give a file with n or a formula")
 
 
-def _absorption(blocks: dict[str, dict[str, Any]], path: Path) -> Float[np.ndarray, "k 2"] | None:
-    """Wavelengths (nm) and absorption (1/mm); None where the file has no k."""
+def _absorption(blocks: dict[str, dict[str, Any]], path: Path) -> list[list[float]]:
+    """Rows of wavelength (nm) and absorption (1/mm); none where the file has no k."""
     for kind, columns in (("tabulated k", 2), ("tabulated nk", 3)):
         if kind in blocks:
             table = _table(blocks[kind], path, columns)
-            return np.column_stack([1e3 * table[:, 0], 4.0 * pi * table[:, columns - 1] / (1e-3 * table[:, 0])])
-    return None
+            per_mm = 4.0 * pi * table[:, columns - 1] / (1e-3 * table[:, 0])
+            rows: list[list[float]] = np.column_stack([1e3 * table[:, 0], per_mm]).tolist()
+            return rows
+    return []
 
 
 def _table(block: dict[str, Any], path: Path, columns: int) -> Float[np.ndarray, "k c"]:
@@ -321,7 +295,7 @@ def _numbers(block: dict[str, Any], name: str, path: Path, least: int) -> list[f
 SUFFIXES = (".agf", ".yml", ".yaml", ".csv", ".txt")
 
 
-def read_material(path: Path, name: str | None) -> MaterialData:
+def read_material(path: Path, name: str | None) -> Material:
     """Read a material; ``name``: of the glass in a catalogue, or what the material is to be called.
 
     Raises :class:`InputError` for another kind of file, a catalogue without ``name``, and what cannot be read.

@@ -3,9 +3,9 @@
 - ``casts.verify``: the verb of the library
 - ``casts.stray_light``: reflections, base and absorption
 - ``proof_result.Proof``: result of the first
-- ``stray_result.StrayLight``: result of the second
+- ``proof_result.StrayLight``: result of the second
 - ``sequential_cast``: rays through mesh or STEP, face after face
-- ``nonsequential_trace``: rays wherever they go
+- ``nonsequential_trace``: rays wherever they go, and their stray light
 - ``step_cast``: hits on the B-rep itself
 - ``trimesh_cast``: hits on the mesh
 - ``mitsuba_cast``: hits by Mitsuba

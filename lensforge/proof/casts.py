@@ -11,9 +11,8 @@ from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import evaluate, inputs_of, judging_source, rays_of
-from lensforge.proof.proof_result import Proof
+from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
-from lensforge.proof.stray_result import StrayLight
 from lensforge.results.arguments import count_of, require, threads_of_torch
 from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.scene.lens import Lens
@@ -121,6 +120,8 @@ def stray_light(
 
     Where the part has a plate they go through all of it, from the lamp nearest to its middle, which is at the origin.
     """
+    import torch
+
     from lensforge.proof.proof_inputs import optical_of, plate_of, screens_of
 
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
@@ -139,6 +140,7 @@ def stray_light(
             names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
             base=base,
             optical=optical,
+            threads=torch.get_num_threads(),
             inputs={"lens": lens.sha256, "export": part.sha256},
         )
     return stray.model_copy(update={"conditions": conditions})

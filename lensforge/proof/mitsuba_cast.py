@@ -21,11 +21,10 @@ from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.proof_result import Gaps, MitsubaCast
-from lensforge.proof.receiver_screen import nmse, squared_norm
+from lensforge.proof.receiver_screen import nmse
 from lensforge.proof.refraction import LitRays
 from lensforge.proof.sequential_cast import (
     CastFate,
-    LandedRays,
     Passage,
     SurfaceHits,
     absorb,
@@ -58,16 +57,15 @@ def cast_mitsuba(
     version, passage = send_through_mitsuba(part, some, media)
     seconds, casts = perf_counter() - start, []
     for receiver in expected:
-        landed, design, screen = LandedRays.of(passage, receiver.screen), receiver.take(rows), receiver.screen
+        landed, design, screen = passage.landed(receiver.screen), receiver.take(rows), receiver.screen
         # The irradiance of the drawn rays is scaled to the flux of all of them.
         flux, design_flux = landed.flux / share(rays, some.flux), design.flux / share(rays, some.flux)
-        image = screen.irradiance(landed.landings, flux)
-        variance = screen.noise(landed.landings, flux)
+        image, off, noise_floor = screen.against(landed.landings, flux, receiver.irradiance)
         cast = MitsubaCast(
             version=version,
             rays=len(rows),
-            nmse_vs_design=nmse(image, receiver.irradiance),
-            noise_floor_nmse=float(variance.sum()) / squared_norm(receiver.irradiance),
+            nmse_vs_design=off,
+            noise_floor_nmse=noise_floor,
             nmse_same_rays=nmse(image, screen.irradiance(design.landings, design_flux)),
             against_design=compare(some, landed, design),
             seconds=seconds,

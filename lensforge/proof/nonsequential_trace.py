@@ -1,22 +1,41 @@
-"""Non-sequential trace of the part: rays split at every surface and are absorbed in the bulk until all light has left.
+"""Non-sequential trace of the part, and the stray light that it shows: its flux, its causes, and where it lands.
 
-Every ray splits into a transmitted and a reflected one; nothing is drawn at random, so the flux budget closes to
-rounding. The polarisation of each ray goes with it.
+Every ray splits at every surface into a transmitted and a reflected one, and is absorbed in the bulk, until all light
+has left. Nothing is drawn at random, so the flux budget closes to rounding. The polarisation of each ray goes with it.
+
+Stray light is what the sequential trace of the same rays through the same mesh leaves out: reflections and the base.
+The board and the chip under the lens are not modelled: they absorb all light that comes back to them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Literal
+from time import perf_counter
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.media import Media
-from lensforge.proof.facet_casting import Leg
-from lensforge.proof.optical_faces import OpticalFaces
+from lensforge.proof.acceptance import stray_criteria
+from lensforge.proof.body_cast import behind_optics
+from lensforge.proof.facet_casting import Grid, Leg
+from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
+from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.proof.proof_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight
+from lensforge.proof.receiver_screen import Screen, nmse
 from lensforge.proof.refraction import AtFace, LitRays
-from lensforge.proof.sequential_cast import SKIN_MM, MeshBody, SurfaceHits, at_faces, outside_leg
+from lensforge.proof.sequential_cast import (
+    SKIN_MM,
+    MeshBody,
+    Passage,
+    SurfaceHits,
+    at_faces,
+    outside_leg,
+    send_through,
+)
+from lensforge.results.arguments import require_choice
 from lensforge.sources.ray_bundle import RayBundle
 
 # A polished base is as clear as the lens; a black one absorbs all light that meets it, as a holder may.
@@ -93,21 +112,45 @@ class FluxBudget:
         return _joined(self.pieces)
 
 
+@dataclass
+class _Followed:
+    """Light of some rays that has left the part, in pieces, and losses of flux (W) by their names in the budget.
+
+    They are added up in order, so that the sums have the same bits by however many threads.
+    """
+
+    pieces: list[SplitRays] = field(default_factory=list)
+    losses: list[tuple[str, float]] = field(default_factory=list)
+
+    def lose(self, name: str, flux: Float[np.ndarray, " n"]) -> None:
+        """Count the flux of some rays as lost."""
+        self.losses.append((name, float(flux.sum())))
+
+
 def _joined(parts: Sequence[SplitRays]) -> SplitRays:
     """The rays of all parts, one after the other."""
     return SplitRays(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
 
-def follow(body: PartBody, rays: RayBundle, limits: Limits) -> FluxBudget:
-    """Follow all light of ``rays`` until it has left the part."""
-    budget, least = FluxBudget(), limits.cut_off * float(rays.flux.mean())
-    for start in range(0, len(rays), _CHUNK):
-        light = _emitted(body, rays.take(slice(start, start + _CHUNK)))
+def follow(body: PartBody, rays: RayBundle, limits: Limits, threads: int = 1) -> FluxBudget:
+    """Follow all light of ``rays`` until it has left the part. The result does not depend on ``threads``."""
+    least = limits.cut_off * float(rays.flux.mean())
+
+    def followed(start: int) -> _Followed:
+        found, light = _Followed(), _emitted(body, rays.take(slice(start, start + _CHUNK)))
         for _ in range(limits.depth):
-            light = _step(body, light, least, budget)
+            light = _step(body, light, least, found)
             if len(light.flux) == 0:
                 break
-        budget.cut_off += float(light.flux.sum())
+        found.lose("cut_off", light.flux)
+        return found
+
+    budget = FluxBudget()
+    with ThreadPoolExecutor(threads) as pool:
+        for found in pool.map(followed, range(0, len(rays), _CHUNK)):
+            budget.pieces += found.pieces
+            for name, flux in found.losses:
+                setattr(budget, name, getattr(budget, name) + flux)
     return budget
 
 
@@ -123,32 +166,32 @@ def _emitted(body: PartBody, rays: RayBundle) -> SplitRays:
     return SplitRays(**light, crossings=nothing, events=nothing, beside=np.zeros(len(rays), dtype=bool))
 
 
-def _step(body: PartBody, light: SplitRays, least: float, budget: FluxBudget) -> SplitRays:
+def _step(body: PartBody, light: SplitRays, least: float, found: _Followed) -> SplitRays:
     """Trace all rays to the next surface, or out; return those that go on from there."""
     leg = Leg(light.points, light.directions, np.full(len(light.flux), SKIN_MM))
     hits = body.surface_hits(leg, light.inside)
     gone = ~hits.found
-    budget.leaked += float(light.flux[gone & light.inside].sum())
-    budget.pieces.append(light.take(np.nonzero(gone & ~light.inside)[0]))
+    found.lose("leaked", light.flux[gone & light.inside])
+    found.pieces.append(light.take(np.nonzero(gone & ~light.inside)[0]))
     rows = np.nonzero(~gone)[0]
     light, hits = light.take(rows), hits.take(rows)
     # By the law of Beer and Lambert.
     lengths = np.linalg.norm(hits.points - light.points, axis=1)
     left = np.where(light.inside, np.exp(-light.absorptions * lengths), 1.0)
-    budget.absorbed += float(np.sum(light.flux * (1.0 - left)))
+    found.lose("absorbed", light.flux * (1.0 - left))
     light = replace(light, flux=light.flux * left)
     if body.base == "black":
-        budget.base += float(light.flux[hits.base].sum())
+        found.lose("base", light.flux[hits.base])
         rows = np.nonzero(~hits.base)[0]
         light, hits = light.take(rows), hits.take(rows)
     beside = body.optical.at_neighbour(hits.points)
-    budget.neighbours += float(light.flux[beside & ~light.beside].sum())
+    found.lose("neighbours", light.flux[beside & ~light.beside])
     light = replace(light, beside=light.beside | beside)
     at = at_faces(body.optical, body.media, light, hits)
-    budget.absorbed += float(np.sum(light.flux * (1.0 - at.transmittance - at.reflectance)))  # by mirrors
+    found.lose("absorbed", light.flux * (1.0 - at.transmittance - at.reflectance))  # by mirrors
     children = _split(body.optical, light, hits, at)
     bright = children.flux > least
-    budget.cut_off += float(children.flux[~bright].sum())
+    found.lose("cut_off", children.flux[~bright])
     return children.take(np.nonzero(bright)[0])
 
 
@@ -176,3 +219,136 @@ def _causes(
     reflection = np.where(on_path, Cause.SEQUENTIAL, reflection)
     reflected = np.where(transmitted == Cause.SEQUENTIAL, reflection, transmitted)
     return np.where(light.stray, light.causes, transmitted), np.where(light.stray, light.causes, reflected)
+
+
+def trace_stray(
+    stl: bytes,
+    *,
+    rays: RayBundle,
+    media: Media,
+    screens: Sequence[Screen],
+    names: Sequence[str] = ("light",),
+    base: Base = "polished",
+    optical: OpticalFaces = USUAL_LENS,
+    limits: Limits | None = None,
+    threads: int = 1,
+    inputs: Mapping[str, str] | None = None,
+) -> StrayLight:
+    """Follow ``rays`` through the part in the bytes of an STL file (mm) until all light has left it.
+
+    Shares are of the emitted flux; "detected" is what lands in the window of each of ``screens``, of ``names``.
+    ``optical``: the faces of the part, and the events of its light. The result does not depend on ``threads``.
+    ``inputs``: hashes of the inputs, by name. Raises :class:`InputError` for bytes that hold no mesh, and for an
+    unknown ``base``.
+    """
+    require_choice("base", base, get_args(Base))
+    start = perf_counter()
+    limits = limits or Limits()
+    part = read_part_mesh(stl, optical)
+    grid = Grid(part.mesh)
+    budget = follow(PartBody(part, grid, media, base), rays, limits, threads)
+    passage, emitted = send_through(part, grid, rays, media, threads), float(rays.flux.sum())
+    result = StrayLight(
+        inputs=dict(inputs or {}),
+        receivers=tuple(
+            _on_receiver(name, screen, budget, passage, emitted, media)
+            for name, screen in zip(names, screens, strict=True)
+        ),
+        rays=len(rays),
+        base=base,
+        lenses=1 if optical.plate is None else len(optical.plate.places),
+        neighbours=budget.neighbours / emitted,
+        absorption_per_mm=media.body.absorption_per_mm,
+        cut_off=limits.cut_off,
+        depth=limits.depth,
+        criteria=(),
+        seconds=perf_counter() - start,
+    )
+    return result.model_copy(update={"criteria": stray_criteria(result)})
+
+
+def _on_receiver(
+    name: str, screen: Screen, budget: FluxBudget, passage: Passage, emitted: float, media: Media
+) -> ReceiverStray:
+    """Stray light on one receiver, of ``emitted`` (W)."""
+    sequential, landed = passage.landed(screen), _ReceivedLight.of(budget, screen, media)
+    reference, flux = screen.irradiance(sequential.landings, sequential.flux), _flux(budget, landed, media, emitted)
+    direct, stray = (
+        screen.irradiance(landed.points[rows], landed.flux[rows]) for rows in (~landed.stray, landed.stray)
+    )
+    whole = direct + stray
+    return ReceiverStray(
+        name=name,
+        width=screen.width,
+        height=screen.height,
+        far_field=screen.kind == "far_field",
+        flux=flux,
+        balance_error=abs(sum(flux.model_dump().values()) - 1.0),
+        detected_stray_by_cause=_by_cause(landed, emitted),
+        misplaced_flux=float(np.abs(whole - reference).sum()) * screen.pixel_measure / emitted,
+        nmse_vs_sequential=nmse(whole, reference) if reference.any() else None,
+        peak_of_mean=float(stray.max() / reference.mean()) if reference.any() else None,
+        efficiency=flux.detected_direct + flux.detected_stray,
+        efficiency_sequential=float(sequential.flux[screen.in_window(sequential.landings)].sum()) / emitted,
+        sequential=reference,
+        direct=direct,
+        stray=stray,
+    )
+
+
+@dataclass(frozen=True)
+class _ReceivedLight:
+    """Light on the receiver's surface: places on its chart, flux (W), causes, in the window; and what missed it (W).
+
+    ``optics_w``: what a cover glass, or further bodies, took of the light that came to them.
+    """
+
+    points: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+    causes: Int[np.ndarray, " n"]
+    in_window: Bool[np.ndarray, " n"]
+    missed_w: float
+    optics_w: float
+
+    @staticmethod
+    def of(budget: FluxBudget, screen: Screen, media: Media) -> "_ReceivedLight":
+        """Land the light that has left the part."""
+        escaped = budget.escaped()
+        ends = escaped.points, escaped.directions
+        points, directions, through = behind_optics(*ends, media, escaped.wavelengths_nm, escaped.fields)
+        places, left = screen.land(points, directions), escaped.flux * through
+        reached = ~np.isnan(places[:, 0])
+        missed_w, optics_w = float(left[~reached].sum()), float((escaped.flux - left).sum())
+        places, flux, causes = places[reached], left[reached], escaped.causes[reached]
+        return _ReceivedLight(places, flux, causes, screen.in_window(places), missed_w, optics_w)
+
+    @property
+    def stray(self) -> Bool[np.ndarray, " n"]:
+        """True for light off the sequential path."""
+        stray: Bool[np.ndarray, " n"] = self.causes != Cause.SEQUENTIAL
+        return stray
+
+
+def _flux(budget: FluxBudget, landed: _ReceivedLight, media: Media, emitted: float) -> StrayFlux:
+    lost = {"bodies" if media.bodies else "cover_glass": landed.optics_w / emitted}
+    flux, inside, stray = landed.flux, landed.in_window, landed.stray
+    return StrayFlux(
+        detected_direct=float(flux[inside & ~stray].sum()) / emitted,
+        detected_stray=float(flux[inside & stray].sum()) / emitted,
+        outside_direct=float(flux[~inside & ~stray].sum()) / emitted,
+        outside_stray=float(flux[~inside & stray].sum()) / emitted,
+        backward=landed.missed_w / emitted,
+        absorbed=budget.absorbed / emitted,
+        **lost,
+        base=budget.base / emitted,
+        too_dim=budget.cut_off / emitted,
+        leaked=budget.leaked / emitted,
+    )
+
+
+def _by_cause(landed: _ReceivedLight, emitted: float) -> StrayByCause:
+    inside = landed.in_window
+    stray = [cause for cause in Cause if cause != Cause.SEQUENTIAL]
+    return StrayByCause.model_validate(
+        {cause.name.lower(): float(landed.flux[inside & (landed.causes == cause)].sum()) / emitted for cause in stray}
+    )

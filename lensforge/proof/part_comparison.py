@@ -1,19 +1,24 @@
-"""The light of the part against the design's: ray by ray, by its flux budget, and by independent rays.
+"""The light of the part against the design's: ray by ray, by its flux budget, by independent rays, and of all lamps.
 
 Most casts take the design's rays: a sampler with a wrong distribution would mislead both sides alike. Independent rays
 come from the description of the source; their noise is known, so that they test the design's sampler.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from lensforge.errors import InputError
+from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS
-from lensforge.proof.proof_result import Agreement, FatePair, IndependentRays, PartFlux
+from lensforge.proof.facet_casting import Grid
+from lensforge.proof.optical_faces import OpticalFaces
+from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.proof.proof_result import Agreement, FatePair, IndependentRays, LampsTogether, PartFlux
 from lensforge.proof.receiver_screen import Screen, squared_norm
-from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage
+from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage, send_through
 from lensforge.results import Metric
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -189,7 +194,7 @@ def judge_independent_rays(
     rays: RayBundle, passage: Passage, expected: Expected, design: tuple[Metric, float | None]
 ) -> IndependentRays:
     """Light of ``rays``, all of the same flux, on the screen of ``expected``, against its picture and ``design``."""
-    landed, screen = LandedRays.of(passage, expected.screen), expected.screen
+    landed, screen = passage.landed(expected.screen), expected.screen
     flux = flux_budget(rays, landed, screen)
     detected = np.where(screen.in_window(landed.landings), landed.flux, 0.0) / rays.flux.sum() * len(rays)
     error = float(np.std(detected, ddof=1)) / np.sqrt(len(rays)) if len(rays) > 1 else None
@@ -222,3 +227,40 @@ def _nmse_less_noise(landed: LandedRays, expected: Expected, noise: float | None
     without = (total - 2.0 * products.sum(axis=1)) / ((BLOCKS - 1) * (BLOCKS - 2))
     error = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((without - without.mean()) ** 2))
     return Metric(value=total / (BLOCKS * (BLOCKS - 1)) - noise, standard_error=float(error))
+
+
+@dataclass(frozen=True, eq=False)
+class LampsOnPlate:
+    """The STL of a plate, rays of all its lamps, their faces, and the design's light on each receiver, by its name.
+
+    Each ray goes to one lamp, drawn at random, so that every lamp has its share.
+    """
+
+    stl: bytes
+    rays: RayBundle
+    optical: OpticalFaces
+    designed: Sequence[tuple[str, Screen, Float[np.ndarray, "h w"]]]
+
+
+def cast_lamps(lamps: LampsOnPlate, media: Media, threads: int) -> tuple[LampsTogether, ...]:
+    """Cast the rays of all lamps through the mesh of the plate, and compare their light on each receiver.
+
+    As in the sum that the design states, a ray that leaves its lens meets no other one: what does is stray light.
+    """
+    part = read_part_mesh(lamps.stl, lamps.optical)
+    passage, together = send_through(part, Grid(part.mesh), lamps.rays, media, threads), []
+    count = len(lamps.optical.plate.places) if lamps.optical.plate is not None else 1
+    for name, screen, designed in lamps.designed:
+        landed = passage.landed(screen)
+        _, off, noise_floor = screen.against(landed.landings, count * landed.flux, designed)
+        together.append(
+            LampsTogether(
+                name=name,
+                lamps=count,
+                rays=len(lamps.rays),
+                efficiency=share(lamps.rays, landed.flux[screen.in_window(landed.landings)]),
+                nmse_vs_sum=off,
+                noise_floor_nmse=noise_floor,
+            )
+        )
+    return tuple(together)

@@ -216,7 +216,10 @@ def _monomials(x: Float[np.ndarray, "n m"], y: Float[np.ndarray, "n m"]) -> Floa
     for _ in range(_DEGREE):
         of_x.append(of_x[-1] * x)
         of_y.append(of_y[-1] * y)
-    return np.stack([of_x[i] * of_y[j] for i, j in _POWERS], axis=1)
+    terms = np.empty((len(x), len(_POWERS), x.shape[1]))
+    for number, (i, j) in enumerate(_POWERS):
+        np.multiply(of_x[i], of_y[j], out=terms[:, number])
+    return terms
 
 
 def as_box(corners: Float[np.ndarray, "2 3"]) -> Box:

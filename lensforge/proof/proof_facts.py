@@ -10,8 +10,9 @@ from lensforge.proof.proof_result import (
     MitsubaCast,
     Proof,
     ReceiverProof,
+    ReceiverStray,
+    StrayLight,
 )
-from lensforge.proof.stray_result import ReceiverStray, StrayLight
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criterion, kept, state_of

@@ -17,8 +17,7 @@ from lensforge.optics.image_reading import read_light
 from lensforge.optics.media import BODY, FLANGE
 from lensforge.proof import independent_draws
 from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
-from lensforge.proof.part_comparison import RAYS, IndependentLight
-from lensforge.proof.plate_cast import LampsOnPlate
+from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsOnPlate
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
 from lensforge.scene.lens import Lens

@@ -162,6 +162,13 @@ class Screen:
         filtered: Float[np.ndarray, "rows columns"] = down @ np.maximum(variance, 0.0) @ across.T
         return filtered / self.pixel_measure**2
 
+    def against(
+        self, landings: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], reference: Float[np.ndarray, "h w"]
+    ) -> tuple[Float[np.ndarray, "rows columns"], float, float]:
+        """:meth:`irradiance`, its NMSE against a ``reference``, and the NMSE that :meth:`noise` alone makes."""
+        image, variance = self.irradiance(landings, flux), self.noise(landings, flux)
+        return image, nmse(image, reference), float(variance.sum()) / squared_norm(reference)
+
     @property
     def pixel_measure(self) -> float:
         """Area of a pixel in m^2, or its solid angle in sr."""

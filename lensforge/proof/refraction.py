@@ -59,19 +59,6 @@ class RefractingFace:
     wavelengths_nm: PerRay
     inwards: bool
 
-    @staticmethod
-    def of(light: LitRays, around: float, coating: Coating | None, *, inside: bool) -> "RefractingFace":
-        """A face between the body and a medium of index ``around``, for rays all of which meet it from one side."""
-        other = np.full(len(light.indices), around)
-        before, behind = (light.indices, other) if inside else (other, light.indices)
-        return RefractingFace(before, behind, coating, light.wavelengths_nm, not inside)
-
-    @property
-    def index_ratio(self) -> PerRay:
-        """n before / n behind."""
-        ratio: PerRay = self.before / self.behind
-        return ratio
-
     def reflected(self, cosines: PerRay, passes: Bool[np.ndarray, " n"]) -> tuple[Amplitudes, Amplitudes]:
         """Amplitudes of s and p that rays are reflected with which meet it at ``cosines``; p of opposite sign.
 
@@ -132,30 +119,6 @@ def _of_table(table: ReflectanceTable, cosines: PerRay, wavelengths_nm: PerRay) 
     return reflectance
 
 
-def refract(
-    directions: Float[np.ndarray, "n 3"],
-    normals: Float[np.ndarray, "n 3"],
-    index_ratio: Float[np.ndarray, " n"] | float,
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Unit directions by Snell's law, and unpolarised Fresnel transmittance, 0 where totally reflected.
-
-    ``normals`` may point to either side; ``index_ratio`` is n before / n behind, of each ray or of all. Born and Wolf,
-    section 1.5.
-    """
-    index_ratio = np.broadcast_to(index_ratio, len(directions))
-    along = np.sum(directions * normals, axis=1)
-    before = np.abs(along)
-    squared = 1.0 - index_ratio**2 * (1.0 - before**2)
-    passes = squared > 0.0
-    behind = np.sqrt(np.where(passes, squared, 1.0))
-    facing = np.where(along < 0.0, -1.0, 1.0)[:, None] * normals
-    bent = index_ratio[:, None] * directions + (behind - index_ratio * before)[:, None] * facing
-    r_s = (index_ratio * before - behind) / (index_ratio * before + behind)
-    r_p = (before - index_ratio * behind) / (before + index_ratio * behind)
-    transmittance = np.where(passes, 1.0 - 0.5 * (r_s**2 + r_p**2), 0.0)
-    return bent / np.linalg.norm(bent, axis=1, keepdims=True), transmittance
-
-
 def unpolarised(directions: Float[np.ndarray, "n 3"]) -> Fields:
     """Two unit fields across each ray and each other: unpolarised light has half of its flux in either."""
     least = np.eye(3)[np.argmin(np.abs(np.nan_to_num(directions)), axis=1)]
@@ -186,14 +149,14 @@ class AtFace:
         face: RefractingFace, directions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], fields: Fields
     ) -> "AtFace":
         """Split ``fields`` into s across the plane of incidence and p in it; at normal incidence any plane will do."""
-        bent, bare = refract(directions, normals, face.index_ratio)
-        mirror = face.coating.reflectance if isinstance(face.coating, Mirror) else None
-        passes = np.full(len(bare), False) if mirror is not None else bare > 0.0
         along = np.sum(directions * normals, axis=1)
+        bent, passes = _bent(directions, normals, along, face.before / face.behind)
+        mirror = face.coating.reflectance if isinstance(face.coating, Mirror) else None
+        passes = passes & (mirror is None)
         mirrored = directions - 2.0 * along[:, None] * normals
         across = np.cross(directions, normals)
-        steep = np.linalg.norm(across, axis=1) < 1e-12
-        s = np.where(steep[:, None], unpolarised(directions)[:, 0].real, _unit(across))
+        steep, s = np.linalg.norm(across, axis=1) < 1e-12, _unit(across)
+        s[steep] = unpolarised(directions[steep])[:, 0].real
         parts = [np.einsum("nfi,ni->nf", fields, each) for each in (s, np.cross(directions, s))]
         amplitudes = face.reflected(np.abs(along), passes)
         passed, returned = np.zeros_like(fields), np.zeros_like(fields)
@@ -210,6 +173,22 @@ class AtFace:
         )
         kept = 1.0 - share if mirror is None else np.full(len(share), mirror)
         return AtFace(bent, mirrored, share, kept, passed, returned)
+
+
+def _bent(
+    directions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], along: PerRay, index_ratio: PerRay
+) -> tuple[Float[np.ndarray, "n 3"], Bool[np.ndarray, " n"]]:
+    """Unit directions by Snell's law, and False for rays that are reflected totally (Born and Wolf, section 1.5).
+
+    ``normals`` may point to either side, ``along`` is their product with the directions.
+    """
+    before = np.abs(along)
+    squared = 1.0 - index_ratio**2 * (1.0 - before**2)
+    passes: Bool[np.ndarray, " n"] = squared > 0.0
+    behind = np.sqrt(np.where(passes, squared, 1.0))
+    facing = np.where(along < 0.0, -1.0, 1.0)[:, None] * normals
+    bent = index_ratio[:, None] * directions + (behind - index_ratio * before)[:, None] * facing
+    return bent / np.linalg.norm(bent, axis=1, keepdims=True), passes
 
 
 def through_glass(

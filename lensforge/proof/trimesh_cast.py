@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 from trimesh.ray.ray_triangle import ray_triangle_id
 
 from lensforge.optics.media import Media
@@ -18,6 +19,7 @@ from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
 
 _BALLS, _ROUNDING = 1.0 + 1e-6, 1e-12  # of the radii, and of the size of the mesh, both squared
+_BLOCK = 256  # triangles near each other, around which a ball is looked at first
 AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
 
 
@@ -67,23 +69,39 @@ class PlainCaster:
     """
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
-        self.mesh = mesh
-        self.centres: Float[np.ndarray, "t 3"] = mesh.triangles.mean(axis=1)
-        reach = np.linalg.norm(mesh.triangles - self.centres[:, None], axis=2).max(axis=1)
-        self.most = (_BALLS * reach) ** 2 + _ROUNDING * float(np.sum(mesh.extents**2))
+        self.mesh, self._centres = mesh, mesh.triangles.mean(axis=1)
+        self._reach = np.linalg.norm(mesh.triangles - self._centres[:, None], axis=2).max(axis=1)
+        order = cKDTree(self._centres).indices  # neighbours stand together
+        self._blocks = np.pad(order, (0, -len(order) % _BLOCK), mode="edge").reshape(-1, _BLOCK)
+        self._middles = self._centres[self._blocks].mean(axis=1)
+        away = np.linalg.norm(self._centres[self._blocks] - self._middles[:, None], axis=2)
+        self._around = (away + self._reach[self._blocks]).max(axis=1)
 
     def distances(self, leg: Leg) -> Float[np.ndarray, " n"]:
         """Distance (mm) of each ray's first hit; infinite where there is none."""
         nearest = np.full(len(leg.origins), np.inf)
         for row in range(len(nearest)):
             origin, direction = leg.origins[row : row + 1], leg.directions[row : row + 1]
-            away = self.centres - origin
-            near = np.flatnonzero(np.einsum("ti,ti->t", away, away) - (away @ direction[0]) ** 2 <= self.most)
+            near = self._blocks[self._met(self._middles, self._around, origin, direction)].ravel()
+            near = near[self._met(self._centres[near], self._reach[near], origin, direction)]
             corners, normals = self.mesh.triangles[near], self.mesh.face_normals[near]
             points = ray_triangle_id(corners, origin, direction, normals, _Listed(near, self.mesh.bounds))[2]
             distance = (np.reshape(points, (-1, 3)) - origin) @ direction[0]
             nearest[row] = distance[distance > leg.beyond[row]].min(initial=np.inf)
         return nearest
+
+    def _met(
+        self,
+        centres: Float[np.ndarray, "k 3"],
+        reach: Float[np.ndarray, " k"],
+        origin: Float[np.ndarray, "1 3"],
+        direction: Float[np.ndarray, "1 3"],
+    ) -> Bool[np.ndarray, " k"]:
+        """True for the balls that a line goes through."""
+        away = centres - origin
+        most = (_BALLS * reach) ** 2 + _ROUNDING * float(np.sum(self.mesh.extents**2))
+        met: Bool[np.ndarray, " k"] = np.einsum("ti,ti->t", away, away) - (away @ direction[0]) ** 2 <= most
+        return met
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,8 @@ from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import (
     Expected,
     IndependentLight,
+    LampsOnPlate,
+    cast_lamps,
     compare,
     emission_difference,
     flux_budget,
@@ -28,7 +30,6 @@ from lensforge.proof.part_comparison import (
     share,
 )
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh, sized_mesh
-from lensforge.proof.plate_cast import LampsOnPlate, cast_lamps
 from lensforge.proof.proof_result import (
     BrepCast,
     Gaps,
@@ -39,8 +40,8 @@ from lensforge.proof.proof_result import (
     SizedFile,
     Sizes,
 )
-from lensforge.proof.receiver_screen import nmse, squared_norm
-from lensforge.proof.sequential_cast import LandedRays, Passage, send_through, send_through_body
+from lensforge.proof.receiver_screen import nmse
+from lensforge.proof.sequential_cast import Passage, send_through, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.proof.step_cast import StepCast, cast_step, judge_brep
 from lensforge.proof.trimesh_cast import cast_plain
@@ -167,16 +168,16 @@ def _on_receiver(
 ) -> ReceiverProof:
     """The rays of ``passage`` on one receiver against the design's; ``others``: the other casts there."""
     brep, mitsuba, own_rays = others
-    screen, landed = expected.screen, LandedRays.of(passage, expected.screen)
-    image, variance = (see(landed.landings, landed.flux) for see in (screen.irradiance, screen.noise))
+    screen, landed = expected.screen, passage.landed(expected.screen)
+    image, off, noise_floor = screen.against(landed.landings, landed.flux, expected.irradiance)
     flux = flux_budget(rays, landed, screen)
     return ReceiverProof(
         name=name,
         width=screen.width,
         height=screen.height,
         far_field=screen.kind == "far_field",
-        nmse_vs_design=nmse(image, expected.irradiance),
-        noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
+        nmse_vs_design=off,
+        noise_floor_nmse=noise_floor,
         nmse_same_rays=nmse(image, screen.irradiance(expected.landings, expected.flux)),
         efficiency=flux.detected,
         efficiency_design_same_rays=share(rays, expected.flux[screen.in_window(expected.landings)]),

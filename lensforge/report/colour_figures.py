@@ -9,23 +9,13 @@ from matplotlib.figure import Figure
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.optics.colorimetry import srgb_of, uv_of
-from lensforge.report.light_figures import draw_angles, draw_border, drawn, label_radii, show_all_of
+from lensforge.report.light_figures import ON_DARK, ON_PALE, draw_border, drawn, label_radii, show
 from lensforge.results.chart import Chart
-from lensforge.results.figure_style import (
-    BLUE,
-    INK,
-    NARROW,
-    ORANGE,
-    add_colour_bar,
-    in_report_style,
-    new_figure,
-    new_map,
-)
+from lensforge.results.figure_style import BLUE, NARROW, ORANGE, add_colour_bar, in_report_style, new_figure, new_map
 
 Tristimulus = Float[np.ndarray, "3 h w"]
 _DARK = 0.1  # of the peak: colours of less light are not drawn
 _RINGS = 40
-_ON_DARK, _ON_PALE = ("white", 0.35), (INK, 0.25)  # colour and opacity of circles of constant angle
 
 
 @in_report_style
@@ -33,11 +23,7 @@ def true_colours(tristimulus: Tristimulus, colour: BeamColour, chart: Chart) -> 
     """The light as it looks, its brightest place as bright as a screen can show that colour; dashed: the beam."""
     figure, axes, bar = new_map(tall=chart.height / chart.width)
     small = _drawn(tristimulus)
-    axes.spines[:].set_visible(False)
-    axes.imshow(srgb_of(np.moveaxis(small, 0, -1)), origin="lower", extent=chart.extent, interpolation="none")
-    chart.label(axes)
-    show_all_of(axes, chart)
-    draw_angles(axes, chart, _ON_DARK)
+    show(axes, srgb_of(np.moveaxis(small, 0, -1)), chart, ON_DARK)
     draw_border(axes, _beam(small, colour), chart)
     bar.set_axis_off()
     return figure
@@ -54,13 +40,7 @@ def delta_uv_map(tristimulus: Tristimulus, colour: BeamColour, chart: Chart) -> 
     away = np.linalg.norm(uv_of(np.moveaxis(small, 0, -1)) - (colour.u.value, colour.v.value), axis=-1)
     shown, beam = np.where(small[1] >= _DARK * small[1].max(), away, np.nan), _beam(small, colour)
     top = float(shown[beam].max()) or 1.0
-    axes.spines[:].set_visible(False)
-    picture = axes.imshow(
-        shown, origin="lower", extent=chart.extent, cmap="viridis", vmin=0.0, vmax=top, interpolation="none"
-    )
-    chart.label(axes)
-    show_all_of(axes, chart)
-    draw_angles(axes, chart, _ON_PALE)
+    picture = show(axes, shown, chart, ON_PALE, cmap="viridis", vmin=0.0, vmax=top)
     draw_border(axes, beam, chart)
     add_colour_bar(bar, picture, "Δu′v′", "max" if np.nanmax(shown) > top else "neither")
     return figure

@@ -1,8 +1,9 @@
 """Designs side by side on one page: their facts, where their specs differ, their light and sections on one scale."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from lensforge.report.light_section import receivers_in
 from lensforge.report.page import PagePicture, picture, template
 from lensforge.report.record_tables import rows
 from lensforge.report.results import Results
-from lensforge.results import Fact
+from lensforge.results import Fact, Group
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.figure_style import COLOURS, NARROW, WIDE, in_report_style, new_figure
 from lensforge.results.numerals import NOTHING
@@ -32,23 +33,6 @@ _BETTER = {"nmse": min, "efficiency": max, "share_in_target": max, "uniformity":
 _DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide remain visible
 _APART = 5.0  # ratio of peaks or of receivers above which there is no common scale
 _DARK = "#000004"  # the darkest of the map's colours, outside the receiver
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One number of one design."""
-
-    text: str
-    state: str = ""
-    best: bool = False
-
-
-@dataclass(frozen=True)
-class Line:
-    """One row of a table: its name, and a cell for each design."""
-
-    name: str
-    cells: tuple[Cell, ...]
 
 
 def render_comparison(designs: Sequence[Results], names: Sequence[str] | None = None) -> str:
@@ -83,36 +67,35 @@ def folder_names(folders: Sequence[Path]) -> list[str]:
     return short if len(set(short)) == len(short) else list(map(str, folders))
 
 
-def number_lines(designs: Sequence[Results]) -> list[Line]:
-    """The main facts; the best is marked where one value is better than another and they differ."""
+def number_lines(designs: Sequence[Results]) -> list[Group]:
+    """The main facts of all designs, by their labels; the note of the best is "best", where one is and they differ."""
     by_design = [{fact.label: fact for fact in (*asked_facts(each), *further_facts(each))} for each in designs]
     first, *others = (design.spec.all_receivers for design in designs)
     same_target = all(each == first for each in others)
     lines = []
     for label in dict.fromkeys(label for labelled in by_design for label in labelled):
-        facts = [labelled.get(label) for labelled in by_design]
-        texts = [NOTHING if fact is None else fact.text for fact in facts]
-        best = _best(facts) if same_target and len(set(texts)) > 1 else None
-        mark = None if best is None else texts[best]  # designs with the same text are equally good
-        states = ["" if fact is None else fact.state for fact in facts]
-        cells = (Cell(text, state, text == mark) for text, state in zip(texts, states, strict=True))
-        lines.append(Line(label, tuple(cells)))
+        facts = [labelled.get(label, Fact("", label, None)) for labelled in by_design]
+        best = _best(facts) if same_target else None  # designs with the same text are equally good
+        lines.append(_line(label, (replace(fact, note="best" if fact.text == best else "") for fact in facts)))
     judged = [design.verdict.cutting for design in designs]
-    return lines if set(judged) == {"undecided"} else [*lines, Line("Cutting", tuple(map(Cell, judged)))]
+    cutting = _line("Cutting", (Fact("cutting", "Cutting", state) for state in judged))
+    return lines if set(judged) == {"undecided"} else [*lines, cutting]
 
 
-def _best(facts: Sequence[Fact | None]) -> int | None:
-    """Index of the design with the best value of one fact; None where none is better than another."""
-    known = {index: fact for index, fact in enumerate(facts) if fact is not None and isinstance(fact.value, float)}
-    key = next((fact.key for fact in known.values()), "")
-    if key not in _BETTER:
+def _line(title: str, facts: Iterable[Fact]) -> Group:
+    """A row of a table with a fact of each design."""
+    return Group("line", title, tuple(facts))
+
+
+def _best(facts: Sequence[Fact]) -> str | None:
+    """Text of the best value; None where all are the same, or none is better than another."""
+    known = [(fact.value, fact) for fact in facts if isinstance(fact.value, float)]
+    if not known or known[0][1].key not in _BETTER or len({fact.text for fact in facts}) == 1:
         return None
-    values = {index: float(fact.value or 0.0) for index, fact in known.items()}
-    best = _BETTER[key](values.values())
-    return next(index for index, value in values.items() if value == best)
+    return _BETTER[known[0][1].key](known, key=itemgetter(0))[1].text
 
 
-def difference_lines(designs: Sequence[Results]) -> list[Line]:
+def difference_lines(designs: Sequence[Results]) -> list[Group]:
     """The entries of the specs that are not the same in all designs, with preset and seed."""
     tables = []
     for design in designs:
@@ -122,7 +105,7 @@ def difference_lines(designs: Sequence[Results]) -> list[Line]:
     for path in dict.fromkeys(path for table in tables for path in table):
         texts = [table.get(path, NOTHING) for table in tables]
         if len(set(texts)) > 1:
-            lines.append(Line(path, tuple(Cell(text) for text in texts)))
+            lines.append(_line(path, (Fact(path, path, text) for text in texts)))
     return lines
 
 

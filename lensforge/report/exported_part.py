@@ -13,11 +13,11 @@ from lensforge.errors import InputError
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.optics.media import CAVITY
 from lensforge.proof.proof_facts import stray_budget, suffix
-from lensforge.proof.proof_result import Proof, ReceiverProof
-from lensforge.proof.stray_result import StrayLight
+from lensforge.proof.proof_result import Proof, ReceiverProof, StrayLight
 from lensforge.report import lens_figures, light_figures, study_figures
 from lensforge.report.light_section import line_pictures, numbered, top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
+from lensforge.report.ray_fan import fan_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results import Group
 from lensforge.results.chart import LightUnit
@@ -74,15 +74,9 @@ def history_pictures(results: Results) -> list[PagePicture]:
 
 def section_pictures(results: Results) -> list[PagePicture]:
     """The lens in two sections."""
-    outline = source_outline(results)
-    return [
-        picture(
-            f"section{azimuth:.0f}",
-            lens_figures.lens_section(results.lens, azimuth, outline),
-            f"Section at φ = {azimuth:.0f}°",
-        )
-        for azimuth in (0.0, 90.0)
-    ]
+    lens, outline, traced = results.lens, source_outline(results), fan_tables(results.lens)
+    figures = {azimuth: lens_figures.lens_section(lens, azimuth, outline, traced=traced) for azimuth in (0.0, 90.0)}
+    return [picture(f"section{at:.0f}", figure, f"Section at φ = {at:.0f}°") for at, figure in figures.items()]
 
 
 def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:

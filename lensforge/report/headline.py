@@ -77,7 +77,7 @@ class Headline:
 def headline(results: Results) -> Headline:
     """The verdicts with their reasons, and the state of the criteria: all met, or some missed."""
     verdict = results.verdict
-    states: dict[str, State] = {"light": verdict.light, "files": verdict.files, "cutting": verdict.cutting}
+    states = verdict.states
     parts = tuple(
         VerdictBadge(name.capitalize(), state, SHOWN[state], verdict.reasons_of(name)) for name, state in states.items()
     )

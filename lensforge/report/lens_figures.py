@@ -12,6 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentF
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.section import body_outlines
+from lensforge.light.simulation import TracedLens
 from lensforge.report.ray_fan import trace_fan
 from lensforge.results.figure_style import (
     BLUE,
@@ -39,30 +40,24 @@ _MARGIN = 1.3  # half the width of the drawing over the largest radius
 
 @in_report_style
 def lens_section(
-    lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None, reach: float | None = None
+    lens: Lens,
+    azimuth_deg: float,
+    outline_mm: Float[np.ndarray, "k 3"] | None,
+    reach: float | None = None,
+    traced: TracedLens | None = None,
 ) -> Figure:
-    """The section at ``azimuth_deg`` as a figure; see :func:`draw_section`."""
-    figure, axes = new_figure(WIDE, 3.3)
-    draw_section(axes, lens, azimuth_deg, outline_mm, reach)
-    figure.legend(loc="outside upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
-    figure.draw_without_rendering()  # the layout's first pass has other ticks, and cuts the label below a high base
-    return figure
-
-
-def draw_section(
-    axes: Axes, lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None, reach: float | None = None
-) -> None:
-    """Draw the section at ``azimuth_deg`` on ``axes``; ``outline_mm`` is the source's, None where it is not known.
+    """The section at ``azimuth_deg``; ``outline_mm`` is the source's, None where it is not known.
 
     ``reach``: half the width of the drawing (mm), by default from the size of the lens. Also drawn: the paraboloid that
-    must fit into the cavity, and the maximum radius.
+    must fit into the cavity, the maximum radius, and rays, through ``traced`` where their tables are made already.
     """
+    figure, axes = new_figure(WIDE, 3.3)
     across = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
     outlines = body_outlines(lens, azimuth_deg)
     reach = reach or reach_mm(lens)
     _draw_body(axes, outlines)
     _draw_further_bodies(axes, lens, across, reach)
-    _draw_fan(axes, lens, across, outline_mm, reach)
+    _draw_fan(axes, lens, across, outline_mm, reach, traced)
     _draw_constraints(axes, lens)
     lowest = min(float(outline[:, 1].min()) for outline in outlines)
     if outline_mm is not None:
@@ -71,6 +66,9 @@ def draw_section(
     axes.set(xlim=(-reach, reach), ylim=(lowest - 0.08 * reach, reach), aspect="equal", anchor="N")
     name = {0.0: "x", 90.0: "y"}.get(azimuth_deg, f"across, at {azimuth_deg:g}°")
     axes.set(xlabel=f"{name} (mm)", ylabel="z (mm)")
+    figure.legend(loc="outside upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
+    figure.draw_without_rendering()  # the layout's first pass has other ticks, and cuts the label below a high base
+    return figure
 
 
 def reach_mm(lens: Lens) -> float:
@@ -103,14 +101,19 @@ def _draw_further_bodies(axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"]
 
 
 def _draw_fan(
-    axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"], outline_mm: Float[np.ndarray, "k 3"] | None, reach: float
+    axes: Axes,
+    lens: Lens,
+    across: Float[np.ndarray, " 3"],
+    outline_mm: Float[np.ndarray, "k 3"] | None,
+    reach: float,
+    traced: TracedLens | None,
 ) -> None:
     """Rays from the centre of the source that start in the section, on the side to which its axis points."""
     theta, axis = np.radians(_FAN_DEG), SourcePose.of(lens.spec.source).rotation[:, 2]
     directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
     directions = directions[directions @ axis > 0.0]
     centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))
-    paths = trace_fan(lens, np.tile(centre, (len(directions), 1)), directions, 2.0 * reach)
+    paths = trace_fan(lens, np.tile(centre, (len(directions), 1)), directions, 2.0 * reach, traced)
     for index, path in enumerate(paths):
         label = "rays" if index == 0 else None
         axes.plot(path @ across, path[:, 2], color=ORANGE, linewidth=0.6, label=label)

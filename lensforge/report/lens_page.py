@@ -3,7 +3,6 @@
 import base64
 from contextlib import closing
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from lensforge.cad.boundary import lens_boundaries
@@ -13,8 +12,7 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.made.measured_facts import FIRST
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.proof.proof_facts import tracer_groups
-from lensforge.proof.proof_result import Proof
-from lensforge.proof.stray_result import StrayLight
+from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.report import exported_part, headline, light_section
 from lensforge.report.exported_part import measured_sections
 from lensforge.report.headline import task
@@ -29,7 +27,7 @@ from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.version import __version__
+from lensforge.version import __version__, versions_of
 
 _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifold3d", "matplotlib", "pyvista")
 
@@ -85,7 +83,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         else exported_part.folder_files(folder, beside),
         "spec": spec_tables(results),
         "numbers": number_tables(results),
-        "versions": _versions(),
+        "versions": versions_of(_PACKAGES),
         "version": __version__,
         "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     }
@@ -156,13 +154,3 @@ def _solid(views: SolidViews) -> dict[str, object]:
     extent = [high - low for low, high in zip(low_high[::2], low_high[1::2], strict=True)]
     mesh = base64.b64encode(views.mesh).decode()
     return {"views": encoded, "mesh": mesh, "extent_mm": extent, "views_problem": views.problem}
-
-
-def _versions() -> dict[str, str]:
-    versions = {}
-    for name in _PACKAGES:
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return versions

@@ -4,6 +4,7 @@ Images are irradiance in W/m^2, or in the far field intensity in W/sr, indexed [
 drawn in the unit of light given to the figure; a ``chart`` is the receiver's."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -62,7 +63,7 @@ ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 
 MOST_DRAWN = 256  # pixels along the longer side of a map: as many as a screen shows in a fifth of its width
 _ROUNDED = 1.0 + 1e-9  # of the top of a scale: an image that just reaches it is not beyond
 _VALUES_FIT = 0.7  # height over width of the axes: the values of the isolines stand beside them
-_ON_DARK, _ON_PALE = ("white", 0.35), (INK, 0.25)  # colour and opacity of circles of constant angle
+ON_DARK, ON_PALE = ("white", 0.35), (INK, 0.25)  # colour and opacity of circles of constant angle
 
 
 @in_report_style
@@ -84,8 +85,8 @@ def irradiance_map(
     """
     frame = frame or chart
     figure, axes, bar = new_map(width, tall=frame.height / frame.width)
-    shown = _show(axes, unit.per_watt * image, chart, "inferno", 0.0, unit.per_watt * top, frame)
-    draw_angles(axes, chart, _ON_DARK)
+    light, most = drawn(unit.per_watt * image), unit.per_watt * top
+    shown = show(axes, light, chart, ON_DARK, frame, cmap="inferno", vmin=0.0, vmax=most)
     if outline is not None and min(outline.shape) > 1 and outline.max() > 0.0:
         line = drawn(outline)
         x, y = chart.x(line.shape[1]), chart.y(line.shape[0])
@@ -106,10 +107,10 @@ def isolines(image: Image, chart: Chart, level: float, unit: LightUnit = WATTS) 
         x, y = chart.x(image.shape[1]), chart.y(image.shape[0])
         axes.contour(x, y, image, levels=[share * level for share in ISO_SHARES], colors=colours, linewidths=0.9)
     chart.label(axes)
-    show_all_of(axes, chart)
+    _show_all_of(axes, chart)
     axes.set_aspect("equal")
     if chart.far_field:
-        draw_angles(axes, chart, _ON_PALE)
+        _draw_angles(axes, chart, ON_PALE)
     else:
         axes.grid(True)
     _draw_values(scale, level, unit)
@@ -122,8 +123,7 @@ def difference_map(difference: Image, chart: Chart, unit: LightUnit = WATTS) -> 
     figure, axes, bar = new_map(tall=chart.height / chart.width)
     difference = unit.per_watt * difference
     reach = float(np.abs(difference).max()) or 1.0
-    shown = _show(axes, difference, chart, "RdBu_r", -reach, reach)
-    draw_angles(axes, chart, _ON_PALE)
+    shown = show(axes, drawn(difference), chart, ON_PALE, cmap="RdBu_r", vmin=-reach, vmax=reach)
     add_colour_bar(bar, shown, f"difference ({unit.symbol})")
     return figure
 
@@ -138,26 +138,34 @@ def drawn(image: Image) -> Float[np.ndarray, "q s"]:
     return np.asarray(picture.resize((size[0], size[1]), PictureFile.Resampling.BOX), dtype=np.float64)
 
 
-def _show(
-    axes: Axes, image: Image, chart: Chart, colours: str, low: float, high: float, frame: Chart | None = None
+def show(
+    axes: Axes,
+    image: np.ndarray,
+    chart: Chart,
+    circles: tuple[str, float],
+    frame: Chart | None = None,
+    **colours: Any,
 ) -> AxesImage:
+    """Show ``image`` over ``chart``; ``circles``: style of those of constant angle. ``colours``: as imshow takes them.
+
+    ``frame``: what the axes show, by default ``chart``.
+    """
     axes.spines[:].set_visible(False)
-    shown = axes.imshow(
-        drawn(image), origin="lower", extent=chart.extent, cmap=colours, vmin=low, vmax=high, interpolation="none"
-    )
+    shown = axes.imshow(image, origin="lower", extent=chart.extent, interpolation="none", **colours)
     frame = frame or chart
     frame.label(axes)
-    show_all_of(axes, frame)
+    _show_all_of(axes, frame)
+    _draw_angles(axes, chart, circles)
     return shown
 
 
-def show_all_of(axes: Axes, chart: Chart) -> None:
+def _show_all_of(axes: Axes, chart: Chart) -> None:
     """Show the chart, no more and no less."""
     left, right, lower, upper = chart.extent
     axes.set(xlim=(left, right), ylim=(lower, upper))
 
 
-def draw_angles(axes: Axes, chart: Chart, style: tuple[str, float]) -> None:
+def _draw_angles(axes: Axes, chart: Chart, style: tuple[str, float]) -> None:
     """Circles of the angles from the axis that are labelled; none where the chart is in mm."""
     colour, opacity = style
     for angle in angles_to(0.5 * min(chart.width, chart.height)) if chart.far_field else []:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
@@ -31,6 +32,12 @@ def picture(name: str, figure: Figure, title: str, caption: str = "") -> PagePic
 
 def template(name: str) -> Template:
     """The template ``name``; text is escaped, and a variable without a value is an error."""
+    return _environment().get_template(name)
+
+
+@cache
+def _environment() -> Environment:
+    """The templates, each compiled once for all pages of a process: that takes a second."""
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -40,7 +47,7 @@ def template(name: str) -> Template:
     )
     environment.filters["breakable"] = _breakable
     environment.globals.update(columns_of=columns_of, cells_of=cells_of)
-    return environment.get_template(name)
+    return environment
 
 
 def write_page(page: str, path: Path) -> None:

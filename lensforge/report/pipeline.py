@@ -1,4 +1,4 @@
-"""The stages of a result folder: as they are declared, the verbs on a lens as it is made, whole runs and studies.
+"""The verbs on a lens as it is made, whole runs in a result folder, and studies.
 
 The CAD kernel computes on one core and holds Python's lock. So the part is made in a second process while this one
 simulates the light, and is checked there while this one verifies it with the second one's help. Only this one writes.
@@ -8,11 +8,11 @@ first needs them: torch and numba to trace, the CAD kernel to build.
 
 import datetime
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, Unpack
+from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
 
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
@@ -23,7 +23,6 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder, existing, folder_of, opened
-from lensforge.report.kinds_folders import write_kinds
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.tradeoff import Tradeoff
@@ -53,41 +52,7 @@ from lensforge.surfaces.imported_face import LENS_FILE
 if TYPE_CHECKING:
     from lensforge.shop.handover import Handover
 
-Decides = Literal["light", "files", "cutting", ""]
 _Result = TypeVar("_Result", bound=StageResult)
-
-
-@dataclass(frozen=True)
-class FolderStage(Generic[_Result]):
-    """A stage of a result folder: the verb, what it takes from the folder, and what is written there.
-
-    ``verb``: of the library. ``name``, ``help``, ``options``: of the command; each option is a keyword of the verb.
-    ``decides``: part of the verdict by which the command ends well or not. ``inputs``: what the verb takes first, by
-    the run and the options. ``settings``: keywords that the folder gives. ``after``: writes further files.
-    ``counts``: what the ``progress`` of the verb counts, where it has one.
-    """
-
-    name: str
-    verb: Callable[..., _Result]
-    help: str
-    options: tuple[str, ...] = ()
-    decides: Decides = ""
-    inputs: Callable[[Results, Mapping[str, Any]], tuple[object, ...]] = lambda run, _: (run.lens,)
-    settings: Callable[[RunFolder, Mapping[str, Any]], Mapping[str, Any]] = lambda _folder, _options: {}
-    after: Callable[[RunFolder, _Result], object] = lambda _folder, _result: None
-    counts: str = ""
-
-    def run(self, folder: Path, **options: Any) -> _Result:
-        """Run the stage in a result folder, and return what it wrote; ``options``: keywords of the verb."""
-        with opened(folder) as here:
-            return self.run_in(here, **options)
-
-    def run_in(self, here: RunFolder, **options: Any) -> _Result:
-        """Run the stage in a folder that is open already; under other conditions the result goes beside the own one."""
-        inputs, settings = self.inputs(here.run, options), self.settings(here, options)
-        result = here.write(self.verb(*inputs, **settings, **options))
-        self.after(here, result)
-        return result
 
 
 def build(
@@ -228,7 +193,7 @@ def run(
                 made = design(spec, resume=resume, **options)
             here.write(made)
             run_later_stages(here, heard, second)
-            write_kinds(here.run, heard.timed)
+            write_kinds(here.run, heard)
         with heard.timed("report"):
             here.write_report(seconds=time.perf_counter() - began)
         delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
@@ -302,6 +267,29 @@ def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> No
         check_result = here.write(checked.result())
         heard.ended(Check.stage, check_result.seconds)
         here.write(proof)
+
+
+def write_kinds(first: Run, heard: Listener) -> None:
+    """Write a whole result folder for the lens of each further kind: built, checked and verified as any other.
+
+    Its light is that of all lamps, its search that of all lenses: both are the first one's.
+    """
+    for lens in first.lens.kinds:
+        if lens.kind == first.lens.kind:
+            continue
+        with heard.timed(lens.kind), opened(first.folder / lens.kind, create=True) as there:
+            there.write(_of_lens(first.design, lens).model_copy(update={"lens": lens}))
+            light = there.write(_of_lens(first.light, lens))
+            there.write(_of_lens(first.photometry, lens))
+            part = there.write(build(lens))
+            there.write(check(part))
+            there.write(verify(part, light))
+            there.write_report()
+
+
+def _of_lens(result: _Result, lens: Lens) -> _Result:
+    """``result``, which is the same for all kinds, as that of ``lens``."""
+    return result.model_copy(update={"inputs": {**result.inputs, "lens": lens.sha256}})
 
 
 def write_report(folder: Path) -> Run:

@@ -21,15 +21,22 @@ _CAVITY_MM = 1e-9  # a point is in the cavity from this depth on
 Points = Float[np.ndarray, "n 3"]
 
 
-def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float) -> Float[np.ndarray, "n p 3"]:
+def fan_tables(lens: Lens) -> TracedLens:
+    """``lens`` as :func:`trace_fan` follows rays through it."""
+    return TracedLens.of(lens, _NODES_PER_SIGMA)
+
+
+def trace_fan(
+    lens: Lens, start_mm: Points, directions: Points, reach_mm: float, traced: TracedLens | None = None
+) -> Float[np.ndarray, "n p 3"]:
     """Start, the hits on all faces that rays meet, further bodies' too, and a point at ``reach_mm`` from the origin.
 
-    NaN after their end.
+    ``traced``: by :func:`fan_tables`, where they are made already. NaN after their end.
     A ray ends where it meets z = 0, re-enters the cavity, or is totally reflected: it has no last point. One that
     starts below z = 0 must pass that plane inside the cavity; directions are upwards.
     """
-    traced, own = TracedLens.of(lens, _NODES_PER_SIGMA), RayBundle(start_mm, directions, np.ones(len(start_mm)))
-    bundle = TracedBundle.of(traced.tables, traced.scene, own)
+    traced = traced or fan_tables(lens)
+    bundle = TracedBundle.of(traced.tables, traced.scene, RayBundle(start_mm, directions, np.ones(len(start_mm))))
     in_order = np.where(bundle.lengths > 0.0, 4 * np.arange(bundle.lengths.shape[1]), -1)  # the usual lens: both faces
     points, along, places = start_mm.copy(), directions.copy(), [start_mm]
     for lengths, met in zip(bundle.lengths.T, (in_order if bundle.met is None else bundle.met).T, strict=True):

@@ -14,8 +14,7 @@ from lensforge.made.measurement_result import Correction, PhotoComparison, Surfa
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts
-from lensforge.proof.proof_result import JUDGED_FILES, Proof
-from lensforge.proof.stray_result import StrayLight
+from lensforge.proof.proof_result import JUDGED_FILES, Proof, StrayLight
 from lensforge.results import Conditions, Group, SimulatedResult, StageResult
 from lensforge.results.criteria import Criterion, missed
 from lensforge.results.verdict import Reason, Verdict
@@ -115,10 +114,32 @@ class Results:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict on light, files and cutting."""
-        return verdict_on(
-            self.lens, self.find(Design), self.find(Light), self.find(Part), self.find(Check), self.find(Proof)
+        """The verdict on light, files and cutting; a stage that has not run leaves its part undecided."""
+        light, check = self.find(Light), self.find(Check)
+        unseen: list[Reason] = [("undecided", "the light has not been evaluated")]
+        unchecked: list[Reason] = [("undecided", "the part has not been checked")]
+        return Verdict.of(
+            light=list(light_reasons(light, self.lens)) if light else unseen,
+            files=list(self._files_reasons()),
+            cutting=list(cutting_reasons(check, self.spec)) if check else unchecked,
         )
+
+    def _files_reasons(self) -> Iterator[Reason]:
+        part, proof = self.find(Part), self.find(Proof)
+        for result in (self.find(Design), part, self.find(Check), proof):
+            if result is not None:
+                yield from missed(result.criteria)
+        if part is None:
+            yield "undecided", "no files have been exported"
+            return
+        for name in unjudged_files(part, proof):
+            verify = "`lensforge verify` judges it as it is, " if name in JUDGED_FILES else ""
+            yield "fail", f"{name} is not the file that was exported: {verify}`lensforge export` writes it again"
+        if proof is None:
+            yield "undecided", "the exported part has not been verified"
+        elif proof.altered_files and not part.altered:
+            names = ", ".join(proof.altered_files)
+            yield "undecided", f"the files that were verified are not those of the export: {names}; verify again"
 
     def facts(self, result: StageResult, possible: LimitBounds | None = None) -> list[Group]:
         """Facts of one of the results; ``possible``: the most light that physics allows at the limits of the spec."""
@@ -177,38 +198,6 @@ class Results:
         return same and dict(self.others) == dict(other.others)
 
     __hash__ = None  # type: ignore[assignment]  # results hold arrays
-
-
-def verdict_on(
-    lens: Lens, design: Design | None, light: Light | None, part: Part | None, check: Check | None, proof: Proof | None
-) -> Verdict:
-    """The verdict from the results of the stages; None, a stage that has not run, leaves its part undecided."""
-    unseen: list[Reason] = [("undecided", "the light has not been evaluated")]
-    unchecked: list[Reason] = [("undecided", "the part has not been checked")]
-    return Verdict.of(
-        light=list(light_reasons(light, lens)) if light else unseen,
-        files=list(_files_reasons(design, part, check, proof)),
-        cutting=list(cutting_reasons(check, lens.spec)) if check else unchecked,
-    )
-
-
-def _files_reasons(
-    design: Design | None, part: Part | None, check: Check | None, proof: Proof | None
-) -> Iterator[Reason]:
-    for result in (design, part, check, proof):
-        if result is not None:
-            yield from missed(result.criteria)
-    if part is None:
-        yield "undecided", "no files have been exported"
-        return
-    for name in unjudged_files(part, proof):
-        verify = "`lensforge verify` judges it as it is, " if name in JUDGED_FILES else ""
-        yield "fail", f"{name} is not the file that was exported: {verify}`lensforge export` writes it again"
-    if proof is None:
-        yield "undecided", "the exported part has not been verified"
-    elif proof.altered_files and not part.altered:
-        names = ", ".join(proof.altered_files)
-        yield "undecided", f"the files that were verified are not those of the export: {names}; verify again"
 
 
 def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:

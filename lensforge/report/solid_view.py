@@ -98,10 +98,12 @@ class Rendering:
 
 def _render(folder: Path) -> None:
     """Work of the child process: one PNG per view, mesh.bin and bounds.json. Raises :class:`InputError` for no mesh."""
+    optics_radius_mm = float(json.loads((folder / _RADIUS).read_text(encoding="utf-8")))
+    corners = stl_corners((folder / _MESH).read_bytes(), "lens.stl", _AGAIN)  # before a renderer is loaded
+
     import pyvista as pv
 
-    optics_radius_mm = float(json.loads((folder / _RADIUS).read_text(encoding="utf-8")))
-    mesh = _merged((folder / _MESH).read_bytes())
+    mesh = _merged(corners)
     for name, view in VIEWS.items():
         plotter = pv.Plotter(off_screen=True, window_size=list(_PIXELS))
         for part, colour in _parts(mesh, view.cut):
@@ -118,11 +120,10 @@ def _render(folder: Path) -> None:
     (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.bounds]), encoding="utf-8")
 
 
-def _merged(stl: bytes) -> Any:
-    """The triangles of an STL as a pyvista mesh, equal corners merged; without those that lose an area by it."""
+def _merged(corners: Float[np.ndarray, "t 3 3"]) -> Any:
+    """Triangles as a pyvista mesh, equal corners merged; without those that lose an area by it."""
     import pyvista as pv
 
-    corners = stl_corners(stl, "lens.stl", _AGAIN)
     rows = np.arange(3 * len(corners)).reshape(-1, 3)
     points: Any = corners.reshape(-1, 3).astype(np.float32)  # as the file has them
     mesh: Any = pv.PolyData(points, np.insert(rows, 0, 3, axis=1).ravel()).clean()

@@ -7,7 +7,6 @@ within a design from its checkpoint.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import MappingProxyType
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -82,8 +81,8 @@ def run_sweep(
     seed: int = 0,
     resume: bool = False,
     scheduler: str | None = None,
-    further: Mapping[str, Any] = MappingProxyType({}),
     announce: Callable[[str], None] = lambda _: None,
+    **further: Any,
 ) -> Sweep:
     """Make every design of ``variation`` in ``directory``; write sweep.json, .csv and .html; return the sweep.
 

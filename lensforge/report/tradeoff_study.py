@@ -32,7 +32,7 @@ from lensforge.spec.spec_files import section_sha256
 from lensforge.surfaces.imported_face import LENS_FILE
 
 PAGE = "tradeoff.html"
-LEAST_RAYS, MOST_RAYS = 2**12, 2**24
+_LEAST_RAYS = 2**12
 _SEARCH: Accuracy = "standard"  # of the search that is followed
 
 
@@ -80,15 +80,15 @@ def measure(lens: Lens, source: Source, most_rays: int, announce: Callable[[str]
     judging = held_back(source)
     announce("rays of an evaluation")
     traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
-    evaluate_traced(traced, lens.spec, judging, LEAST_RAYS, lens.seed)  # compiles the kernels
-    rows = [
-        _row("rays", f"{count} rays", evaluate_traced(traced, lens.spec, judging, count, lens.seed))
-        for count in ray_counts(most_rays, judging)
-    ]
+    evaluate_traced(traced, lens.spec, judging, _LEAST_RAYS, lens.seed)  # compiles the kernels
+    rows = []
+    for count in ray_counts(most_rays, judging):
+        light = evaluate_traced(traced, lens.spec, judging, count, lens.seed)
+        rows.append(_row("rays", f"{count} rays", light, light.seconds))
     announce("accuracy presets")
     rows += [_preset_row(name, preset, lens, judging, most_rays) for name, preset in PRESETS.items()]
     announce("stages of a search")
-    rows += search_rows(lens.spec, source, most_rays)
+    rows += _search_rows(lens.spec, source, most_rays)
     return Tradeoff(
         inputs={"lens": lens.sha256},
         name=lens.spec.name,
@@ -106,13 +106,13 @@ def ray_counts(most_rays: int, source: Source) -> tuple[int, ...]:
 
 
 def _preset_row(name: Accuracy, preset: Preset, lens: Lens, source: Source, most_rays: int) -> TradeoffRow:
-    started = time.perf_counter()
+    started = time.perf_counter()  # with the tables
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     light = evaluate_traced(traced, lens.spec, source, min(preset.evaluate_rays, most_rays), lens.seed)
-    return _row("presets", name, light).model_copy(update={"seconds": time.perf_counter() - started})
+    return _row("presets", name, light, time.perf_counter() - started)
 
 
-def search_rows(spec: Spec, source: Source, rays: int, accuracy: Accuracy = _SEARCH) -> list[TradeoffRow]:
+def _search_rows(spec: Spec, source: Source, rays: int) -> list[TradeoffRow]:
     """The lens by ``rays`` rays after each stage of a search with automatic levels, those left out again among them."""
     stages: list[tuple[Progress, Lens]] = []
 
@@ -120,26 +120,20 @@ def search_rows(spec: Spec, source: Source, rays: int, accuracy: Accuracy = _SEA
         if step.steps_done == step.steps_total:
             stages.append((step, step.lens()))
 
-    search(spec.with_automatic_levels(), source, accuracy=accuracy, progress=keep)
+    search(spec.with_automatic_levels(), source, accuracy=_SEARCH, progress=keep)
     rows = []
     for step, lens in stages:
-        traced = TracedLens.of(lens, PRESETS[accuracy].evaluate_nodes_per_sigma)
-        row = _row("search", f"{step.functions} functions", evaluate_traced(traced, spec, held_back(source), rays, 0))
-        grown = {"seconds": step.seconds, "functions": step.functions, "steps": step.steps_done}
-        rows.append(row.model_copy(update=grown))
+        traced = TracedLens.of(lens, PRESETS[_SEARCH].evaluate_nodes_per_sigma)
+        light, grown = evaluate_traced(traced, spec, held_back(source), rays, 0), step.functions
+        rows.append(_row("search", f"{grown} functions", light, step.seconds, functions=grown, steps=step.steps_done))
     return rows
 
 
-def _row(series: Series, setting: str, light: Light) -> TradeoffRow:
+def _row(series: Series, setting: str, light: Light, seconds: float, **grown: int) -> TradeoffRow:
     return TradeoffRow(
-        series=series,
-        setting=setting,
-        seconds=light.seconds,
-        rays=light.rays,
-        nmse=light.nmse,
-        efficiency=light.efficiency,
-        noise_nmse=light.nmse_of_noise,
-    )
+        series=series, setting=setting, seconds=seconds, rays=light.rays, nmse=light.nmse, efficiency=light.efficiency,
+        noise_nmse=light.nmse_of_noise, **grown,
+    )  # fmt: skip
 
 
 def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> None:

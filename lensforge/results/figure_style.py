@@ -12,6 +12,7 @@ from typing import Any, ParamSpec
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
@@ -127,12 +128,10 @@ def new_map(
     return figure, axes, bar
 
 
-def add_colour_bar(
-    bar: Axes, mapped: ScalarMappable, label: str, extend: str = "neither", orientation: str = "vertical"
-) -> Colorbar:
+def add_colour_bar(bar: Axes, mapped: ScalarMappable, label: str, extend: str = "neither") -> Colorbar:
     """The scale of ``mapped`` in the axes ``bar``, one raster image instead of 256 rectangles."""
-    scale = bar.figure.colorbar(mapped, cax=bar, extend=extend, extendfrac=0.03, orientation=orientation)
-    scale.set_label(label, labelpad=5.0 if orientation == "vertical" else 2.0)
+    scale = bar.figure.colorbar(mapped, cax=bar, extend=extend, extendfrac=0.03)
+    scale.set_label(label, labelpad=5.0)
     scale.outline.set_visible(False)
     if scale.solids is not None:
         scale.solids.set_rasterized(True)
@@ -144,6 +143,7 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     """``figure`` as an SVG element for HTML. ``name`` keeps its ids apart from the ids of other figures."""
     buffer = io.StringIO()
     with mpl.rc_context({**_STYLE, "svg.hashsalt": name}):
+        _lay_out(figure)
         figure.savefig(buffer, format="svg", transparent=True, metadata=dict.fromkeys(_METADATA))
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :].strip()
@@ -159,6 +159,16 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
         svg,
         count=1,
     )
+
+
+def _lay_out(figure: Figure) -> None:
+    """Lay out for an SVG, and for good: savefig would draw all of the figure once more for it."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        FigureCanvasSVG(figure)  # by whose texts margins are measured
+        figure.dpi = 72.0  # of an SVG
+        engine.execute(figure)
+        figure.set_layout_engine("none")
 
 
 def _open_tag(match: re.Match[str], width: str, description: str) -> str:

@@ -195,13 +195,17 @@ class StageResult(Record):
         draw = getattr(self, "plot", None)
         return (plot_html(draw, type(self).__name__) if draw else "") + super()._repr_html_()
 
+    @classmethod
+    def _files(cls, stem: str) -> Iterator[tuple[str, InFile, str]]:
+        """Each field that is a file, its mark, and the file's name beside ``stem``.json."""
+        for field, info in cls.model_fields.items():
+            if (own := marker(info, InFile)) is not None:
+                yield field, own, own.beside(cls.stage, stem)
+
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
-        name, arrays, files = stem or self.stage, dict(arrays_of(self)), {}
-        for field, info in type(self).model_fields.items():
-            value = getattr(self, field)
-            if (own := marker(info, InFile)) is not None and value is not None:
-                files[own.beside(self.stage, name)] = value
+        name, arrays = stem or self.stage, dict(arrays_of(self))
+        files = {file: value for field, _, file in self._files(name) if (value := getattr(self, field)) is not None}
         head = {"schema": self.schema_name()}
         if arrays:
             archive = io.BytesIO()
@@ -216,10 +220,8 @@ class StageResult(Record):
         """Write all files into a result folder, the JSON file last: it holds the hash of the arrays."""
         files = self.contents(stem)
         self._write(folder, files)
-        for info in type(self).model_fields.values():
-            own = marker(info, InFile)
-            name = "" if own is None else own.beside(self.stage, stem or self.stage)
-            if name and name not in files:
+        for _, _, name in self._files(stem or self.stage):
+            if name not in files:
                 (Path(folder) / name).unlink(missing_ok=True)  # left by an earlier result; this one has none
 
     @staticmethod
@@ -268,11 +270,10 @@ class StageResult(Record):
                 put_arrays(content, arrays)
             except ValueError as error:
                 raise InputError(f"{path}: {error}; {cls.again()}") from None
-        for field, info in cls.model_fields.items():
-            if (own := marker(info, InFile)) is not None:
-                file = folder / own.beside(cls.stage, name)
-                there = info.is_required() or file.is_symlink() or file.exists()
-                content[field] = read_file(file, missing=cls.again(), most_bytes=own.most_bytes) if there else None
+        for field, own, file_name in cls._files(name):
+            file = folder / file_name
+            there = cls.model_fields[field].is_required() or file.is_symlink() or file.exists()
+            content[field] = read_file(file, missing=cls.again(), most_bytes=own.most_bytes) if there else None
         result = validated(cls, content, path, cls.again())
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
@@ -372,11 +373,7 @@ def _without_unhashed(content: object) -> object:
 
 def _keeps_arrays(cls: type[Record]) -> bool:
     """True for records with an array of their own, or in the entries of a list."""
-    own = any(marker(info, Array) is not None for info in type_fields(cls).values())
-    entries = (each for info in type_fields(cls).values() for each in get_args(info.annotation))
+    fields = cls.model_fields.values()
+    own = any(marker(info, Array) is not None for info in fields)
+    entries = (each for info in fields for each in get_args(info.annotation))
     return own or any(_keeps_arrays(each) for each in entries if isinstance(each, type) and issubclass(each, Record))
-
-
-def type_fields(cls: type[Record]) -> Mapping[str, Any]:
-    """Fields of a record class, by name."""
-    return cls.model_fields

@@ -65,27 +65,26 @@ class Verdict(Record):
 
     def with_parts(self, others: "Mapping[str, Verdict]") -> "Verdict":
         """The verdict on several parts with one light: files and cutting are the worst of all, their reasons named."""
-        reasons: dict[str, list[Reason]] = {name: [] for name in ("light", "files", "cutting")}
-        for part, verdict in {"": self, **others}.items():
-            for name, own in reasons.items():
-                state = verdict.state_of(name)
-                if not part or name != "light":
-                    start = f"{part}: " if part else ""
-                    own += [(state, f"{start}{words}") for words in verdict.reasons_of(name)]
+        reasons = {name: [(state, words) for words in self.reasons_of(name)] for name, state in self.states.items()}
+        for part, verdict in others.items():
+            for name in ("files", "cutting"):
+                reasons[name] += [(verdict.states[name], f"{part}: {words}") for words in verdict.reasons_of(name)]
         return Verdict.of(**reasons)
 
-    def state_of(self, name: str) -> State:
-        """State of ``name``, one of the three."""
-        return {"light": self.light, "files": self.files, "cutting": self.cutting}[name]
+    @property
+    def states(self) -> dict[str, State]:
+        """The three states by their names."""
+        return {"light": self.light, "files": self.files, "cutting": self.cutting}
 
     def reasons_of(self, name: str) -> tuple[str, ...]:
         """Reasons why ``name``, one of the three, does not pass."""
-        return {"light": self.reasons.light, "files": self.reasons.files, "cutting": self.reasons.cutting}[name]
+        reasons: tuple[str, ...] = getattr(self.reasons, name)
+        return reasons
 
     def require(self, *, cutting: bool, parts: Sequence[str] = ()) -> None:
         """Raise :class:`CriterionMissed` where light, files or, if asked, ``cutting`` fails; ``parts``: only these."""
         counted = ["light", "files", *(["cutting"] if cutting else [])]
-        failed = [name for name in counted if name in (parts or counted) and self.state_of(name) == "fail"]
+        failed = [name for name in counted if name in (parts or counted) and self.states[name] == "fail"]
         if failed:
             reasons = "; ".join(reason for name in failed for reason in self.reasons_of(name))
             raise CriterionMissed(f"{', '.join(failed)}: {reasons}")

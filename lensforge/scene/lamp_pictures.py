@@ -23,7 +23,7 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import WHOLE, Plane
-from lensforge.spec.lamp_stand import Stand
+from lensforge.spec.lamp_places import Stand
 from lensforge.spec.lamps_section import ALONE, Lamps
 
 _MOST_PIXELS = 2**22  # of a picture, of which an evaluation keeps sixteen: half a gigabyte
@@ -169,7 +169,7 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
         elif level:
             rasters.append(_wider(receiver, own, moves[own]))
         else:
-            pose = receiver.pose.seen_from(lamps.stand(own[0]))
+            pose = receiver.pose.seen_from(lamps.stands[own[0]])
             seen = replace(receiver, pose=pose, lamps=ALONE)
             rasters.append(Raster(seen, len(own), ((0, 0),) * len(own), tuple(own)))
     return LampPictures(receiver, tuple(rasters))
@@ -181,7 +181,7 @@ def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool
     for number, turn in enumerate(lamps.turns_deg):
         key: object = number
         if receiver.kind == "far_field":
-            key = round(turn % 360.0, 9), *(round(along, 12) for along in lamps.stand(number).axis)
+            key = round(turn % 360.0, 9), *(round(along, 12) for along in lamps.stands[number].axis)
         elif level and lamps.period_mm is None:
             parts = np.round((moves[number] - np.round(moves[number])) / WHOLE).astype(int)
             key = (round(turn % 360.0, 9), *(parts % round(1.0 / WHOLE)).tolist())
@@ -216,7 +216,7 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
 def _period(receiver: PosedReceiver, number: int) -> Raster:
     """One period as lamp ``number`` of it sees it, and a pixel around it for the splat of rays near its edge."""
     pose, grid, (width, height) = (
-        receiver.pose.seen_from(Stand((*receiver.lamps.places_mm[number], 0.0))),
+        receiver.pose.seen_from(receiver.lamps.stands[number]._replace(turn_deg=0.0)),
         receiver.grid,
         receiver.grid.pixel,
     )
@@ -236,7 +236,7 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
     first, kind = np.array([-0.5 * (columns - 1) * across, -0.5 * (rows - 1) * up]), len(receiver.lamps)
     starts = [tuple((first + place).tolist()) for place in receiver.lamps.places_mm]
     places = tuple((x + i * across, y + j * up) for i, j in each for x, y in starts)
-    lamps = Lamps(places, receiver.lamps.turns_deg * len(each), (columns * across, rows * up))
+    lamps = Lamps.level(places, receiver.lamps.turns_deg * len(each), (columns * across, rows * up))
     grid = PixelGrid(columns * receiver.grid.width, rows * receiver.grid.height, columns * width, rows * height)
     turns = [(i, j, a, b) for i, j in each for a in (0, rows) for b in (0, columns)]
     corners = tuple(((a - j) * height, (b - i) * width) for i, j, a, b in turns)
@@ -255,7 +255,7 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
 def seen_by(receiver: PosedReceiver, number: int) -> PosedReceiver:
     """The receiver as one of its lamps sees it, in whose frame rays start from the origin."""
     lamps = receiver.lamps
-    pose = receiver.pose.seen_from(lamps.stand(number))
+    pose = receiver.pose.seen_from(lamps.stands[number])
     if lamps.period_mm is not None:
         return PeriodPlane(pose, receiver.grid, Window(), lamps)
     return replace(receiver, pose=pose, lamps=ALONE)

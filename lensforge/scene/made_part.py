@@ -24,7 +24,6 @@ from jaxtyping import Float
 from lensforge.optics.arrays import Array, like, module_of
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade, Displacement
-from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Deviations
 from lensforge.spec import Spec
 from lensforge.spec.tolerances_section import FORM_NUMBERS, PLACEMENT, WAVINESS_NUMBERS, Factor, factor_name
@@ -191,11 +190,6 @@ class PartMaker:
             if rings in wanted:
                 errors[rings] = ripple(sampled, section.ripple_period_mm)
         return PartMaker(tuple(surfaces), errors, spec.base.seat_mm, spec.source.position_mm)
-
-    @staticmethod
-    def of_lens(lens: Lens, grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
-        """Prepare the form errors of the faces of a finished lens."""
-        return PartMaker.of(lens.spec, lens.surfaces, grid, factors)
 
     def part(self, deviations: Deviations) -> MadePart:
         """The part with these deviations."""

@@ -67,14 +67,9 @@ class EtendueCurve:
             volume, flux = np.concatenate([volume, own_volume]), np.concatenate([flux, own_flux])
         return _curve(volume, flux, estimated=True)
 
-    def share_within(self, etendue_mm2_sr: float) -> float:
-        """Largest share of the flux that fits into ``etendue_mm2_sr``."""
-        return float(np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share))
-
-    def shares_within(self, etendue_mm2_sr: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Largest share of the flux for each of many étendues (mm^2 sr)."""
-        shares: Float[np.ndarray, "*n"] = np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share)
-        return shares
+    def shares_within(self, etendue_mm2_sr: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Largest share of the flux that fits into an étendue (mm^2 sr), or into each of many."""
+        return np.asarray(np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share))
 
 
 def _curve(volume: Float[np.ndarray, " c"], flux: Float[np.ndarray, " c"], *, estimated: bool) -> EtendueCurve:
@@ -249,7 +244,7 @@ class PossibleLight:
         if not pixels.any():
             return LargestShare(0.0, 0.0)
         etendue = self._etendue_mm2_sr(pixels, self._ball_mm)
-        held = self.light.transmittance * self.light.curve.share_within(etendue)
+        held = self.light.transmittance * float(self.light.curve.shares_within(etendue))
         by = "two refractions" if self.light.media.cup is None else "a mirror"
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
             return LargestShare(held, self.light.transmittance, by)

@@ -17,7 +17,7 @@ from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.arrays import Array, like, module_of, replaced, rows_of
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.spec.lamp_stand import Stand
+from lensforge.spec.lamp_places import Stand
 from lensforge.spec.lamps_section import ALONE, Lamps
 
 ReceiverKind = Literal["plane", "far_field", "cylinder", "sphere"]

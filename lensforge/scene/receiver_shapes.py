@@ -29,7 +29,7 @@ from lensforge.optics.arrays import Array, lengths, module_of
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Kernel, PosedReceiver, ReceiverKind, ReceiverPose, equal_area, from_equal_area
 from lensforge.spec import AnyReceiver, Spec
-from lensforge.spec.lamp_stand import Stand
+from lensforge.spec.lamp_places import Stand
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.receiver_sections import (
     OF_RECEIVER,
@@ -182,14 +182,13 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
 
 def seen_by_lamp(spec: Spec, number: int) -> Spec:
     """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
-    sections = tuple(_seen_from(spec.all_lamps.stand(number), each) for each in spec.all_receivers)
+    sections = tuple(_seen_from(spec.all_lamps.stands[number], each) for each in spec.all_receivers)
     return spec.of_one_lamp.model_copy(update={"target": None, "receivers": sections})
 
 
 def _seen_from(stand: Stand, section: AnyReceiver) -> AnyReceiver:
-    centre = getattr(section, "centre_mm", (0.0, 0.0, 0.0))
-    pose = ReceiverPose.facing(section.facing, centre, section.rotation_deg).seen_from(stand)
-    turned = pose.axes @ ReceiverPose.facing(pose.rows[2], centre).axes.T
+    pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg).seen_from(stand)
+    turned = pose.axes @ ReceiverPose.facing(pose.rows[2], section.centre_mm).axes.T
     targets = tuple(target.model_copy(update=dict.fromkeys(OF_RECEIVER)) for target in section.targets)
     rotation_deg = float(np.degrees(np.arctan2(turned[0, 1], turned[0, 0])))
     changes: dict[str, object] = {"targets": targets, "rotation_deg": rotation_deg}
@@ -265,18 +264,14 @@ def build_receiver(section: AnyReceiver, pixels: int) -> PosedReceiver:
     """One receiver; its window is all of it unless the section names one."""
     width, height = section.size
     grid = PixelGrid.of(width, height, pixels)
-    whole = Window(width, height)
+    pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg)
     match section:
         case PlaneReceiver():
-            pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg)
-            return Plane(pose, grid, whole if section.window_mm is None else Window(*section.window_mm))
+            return Plane(pose, grid, Window(*(section.window_mm or section.size)))
         case FarFieldReceiver():
-            pose = ReceiverPose.facing(section.facing, (0.0, 0.0, 0.0), section.rotation_deg)
             return FarField(pose, grid, Window(radius=chart_radius(section.half_angle_deg)))
         case CylinderReceiver():
-            pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg)
-            return Cylinder(pose, grid, whole, radius_mm=section.radius_mm)
+            return Cylinder(pose, grid, Window(width, height), radius_mm=section.radius_mm)
         case SphereReceiver():
-            pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg)
             radius = section.radius_mm * chart_radius(section.half_angle_deg)
             return Dome(pose, grid, Window(radius=radius), radius_mm=section.radius_mm)

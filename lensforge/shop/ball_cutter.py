@@ -121,5 +121,5 @@ def _edge_centres(
         crossed = before * after < 0.0
         part = (before[crossed] / (before[crossed] - after[crossed]))[:, None]
         crossings.append((1.0 - part) * chart[:-1][crossed] + part * chart[1:][crossed])
-    jet = samples.face.jet(np.concatenate(crossings))
+    jet = samples.face.patch.jet(np.concatenate(crossings))
     return jet.point + cutter_radius_mm * samples.face.air_normal(jet)

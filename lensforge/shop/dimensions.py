@@ -18,11 +18,11 @@ from jaxtyping import Float
 
 from lensforge.cad.boundary import WHOLE, Boundary, Crease, Domain, StarShaped, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
-from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.part import Part
-from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_radius
+from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, Plan, rim_radius
 from lensforge.cad.section import body_outlines, other_section_deg
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
@@ -44,8 +44,8 @@ SCOPES: dict[Scope, str] = {
     "part": "of the whole part",
     "base": "of the base, all around",
 }
-View = Literal["S", "T", "base", "dome"]
-_SCOPE_OF: dict[View, Scope] = {"S": "section", "T": "second"}
+ViewName = Literal["S", "T", "base", "dome"]
+_SCOPE_OF: dict[ViewName, Scope] = {"S": "section", "T": "second"}
 Ends = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -62,7 +62,7 @@ class Dimension:
     value_mm: float
     scope: Scope
     ends: Ends | None = None
-    view: View = "S"
+    view: ViewName = "S"
     upright: bool = False
     sign: str = ""
     tolerance_mm: float | None = None
@@ -97,17 +97,15 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     yield Dimension("highest point above z = 0", float(highest_point_mm(envelope)[2]), "largest")
     yield from on_axis[1:]
     yield _circle("width of the dome", widest_mm(envelope), "largest")
-    second_deg = other_section_deg(lens)
+    second_deg, sections = other_section_deg(lens), list[tuple[float, ViewName]]([(0.0, "S")])
+    if second_deg is not None:
+        sections.append((second_deg, "T"))
     for name, boundary in (("outer rim", envelope), ("opening of the cavity", cavity)):
-        yield _rim_in_section(name, boundary, 0.0, "S")
-        if second_deg is not None:
-            yield _rim_in_section(name, boundary, second_deg, "T")
+        yield from (_rim_in_section(name, boundary, *section) for section in sections)
     for boundary in (envelope, cavity):
         for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
-            name = f"crease of {one.name} and {other.name}"
-            yield from _crease_in_section(name, crease, 0.0, "S")
-            if second_deg is not None:
-                yield from _crease_in_section(name, crease, second_deg, "T")
+            for section in sections:
+                yield from _crease_in_section(f"crease of {one.name} and {other.name}", crease, *section)
 
 
 def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface]) -> Iterator[Dimension]:
@@ -144,13 +142,13 @@ def _circle(name: str, width_mm: float, scope: Scope) -> Dimension:
     return Dimension(name, width_mm, scope, ((-half, 0.0), (half, 0.0)), "dome", sign="⌀")
 
 
-def _rim_in_section(name: str, surface: StarShaped, azimuth_deg: float, view: View) -> Dimension:
+def _rim_in_section(name: str, surface: StarShaped, azimuth_deg: float, view: ViewName) -> Dimension:
     right, left = rim_radius(surface)(np.radians(azimuth_deg) + np.array([0.0, np.pi])).tolist()
     ends = (0.0, -left), (0.0, right)
     return Dimension(f"{name} in z = 0, {_along(azimuth_deg)}", left + right, _SCOPE_OF[view], ends, view, upright=True)
 
 
-def _crease_in_section(name: str, crease: Crease, azimuth_deg: float, view: View) -> Iterator[Dimension]:
+def _crease_in_section(name: str, crease: Crease, azimuth_deg: float, view: ViewName) -> Iterator[Dimension]:
     """Width of a crease, and its height on the side of the azimuth."""
     points = crease.points(np.radians(azimuth_deg) + np.array([0.0, np.pi]))
     (high, low), (right, left) = points[:, 2].tolist(), np.hypot(points[:, 0], points[:, 1]).tolist()
@@ -165,7 +163,7 @@ def _along(azimuth_deg: float) -> str:
 
 def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     """Length and width of the part with its base, the length from the bottom to the highest point of the dome."""
-    base, (_, envelope) = base_with_room(lens), lens_boundaries(lens)
+    base, envelope = lens_plan(lens).base, lens_boundaries(lens)[1]
     across, _, highest = highest_point_mm(envelope).tolist()
     bottom, side, wide = 0.0, -float(rim_radius(envelope)(np.array([np.pi]))[0]), widest_mm(envelope)
     if base.file is not None:
@@ -210,30 +208,26 @@ def _farthest(surface: StarShaped, measured: Measured, domain: Domain = WHOLE) -
 
 
 def _base_dimensions(lens: Lens) -> list[Dimension]:
-    base = base_with_room(lens)
-    if base.kind == "none":
-        return []
-    if base.file is not None:
+    plan = lens_plan(lens)
+    if plan.base.file is not None:
         return list(_in_section_of_file(lens))
-    return [*_depths(lens, base), *_widths(lens, base), *_feet(base)]
+    return [*_depths(plan), *_widths(plan), *_feet(plan.base)] if plan.has_base else []
 
 
-def _depths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
+def _depths(plan: Plan[Surface]) -> Iterator[Dimension]:
     """Lengths of a built-in base along the axis."""
-    plan, bottom = lay_out(*lens_boundaries(lens), base), -base.height_mm
-    half = _half_width(base)
+    base, bottom, half = plan.base, -plan.base.height_mm, _half_width(plan.base)
     yield Dimension("height of the base below z = 0", base.height_mm, "base", ((bottom, -half), (0.0, -half)))
     if plan.relief_mm > 0.0:
         ends = (-plan.relief_mm, -half), (0.0, -half)
         yield Dimension("depth of the relief step below z = 0", plan.relief_mm, "base", ends)
-    if base.pocket_diameter_mm is not None:
-        side = -base.pocket_diameter_mm / 2.0
-        ends = (bottom, side), (bottom + base.pocket_depth_mm, side)
-        yield Dimension("depth of the pocket", base.pocket_depth_mm, "base", ends)
-    if base.flange_diameter_mm is not None:
-        side = -base.flange_diameter_mm / 2.0
-        ends = (bottom, side), (bottom + base.flange_height_mm, side)
-        yield Dimension("height of the flange", base.flange_height_mm, "base", ends)
+    for name, length_mm, diameter_mm in (
+        ("depth of the pocket", base.pocket_depth_mm, base.pocket_diameter_mm),
+        ("height of the flange", base.flange_height_mm, base.flange_diameter_mm),
+    ):
+        if diameter_mm is not None:
+            side = -diameter_mm / 2.0
+            yield Dimension(name, length_mm, "base", ((bottom, side), (bottom + length_mm, side)))
 
 
 def _feet(base: BaseSection) -> Iterator[Dimension]:
@@ -254,10 +248,9 @@ def _half_width(base: BaseSection) -> float:
     return (base.side_mm if base.kind == "square" else base.diameter_mm) / 2.0
 
 
-def _widths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
+def _widths(plan: Plan[Surface]) -> Iterator[Dimension]:
     """Widths of a built-in base."""
-    plan, half = lay_out(*lens_boundaries(lens), base), _half_width(base)
-    foot = -plan.shoulder_mm
+    base, half, foot = plan.base, _half_width(plan.base), -plan.shoulder_mm
     if base.kind == "square":
         yield Dimension(
             "side of the base across x", 2.0 * half, "base", ((foot, -half), (foot, half)), upright=True, sign="□"
@@ -327,8 +320,9 @@ class DatumScheme:
 
 def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     """The datums of a lens with its base."""
-    base = base_with_room(lens)
-    datums = [datum for datum in (_plane(lens, part, base), _centre(base), _turn(base)) if datum is not None]
+    plan = lens_plan(lens)
+    base = plan.base
+    datums = [datum for datum in (_plane(plan, part), _centre(base), _turn(base)) if datum is not None]
     missing = []
     if base.kind in ("none", "step"):
         missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
@@ -342,16 +336,16 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     return DatumScheme(tuple(datums), lines)
 
 
-def _plane(lens: Lens, part: Part, base: BaseSection) -> Datum:
+def _plane(plan: Plan[Surface], part: Part) -> Datum:
     carried = [name for tolerance in part.form_tolerances for name in tolerance.datum_faces]
     if carried:
         faces = " and ".join(dict.fromkeys(carried))
         return Datum("A", f"plane z = 0, {faces}, as lens.step carries it", z_mm=0.0)
+    base = plan.base
     if base.kind == "none":
         return Datum("A", f"plane z = 0, the ring {RIM} between the rims of the optical faces", z_mm=0.0)
     if base.kind == "step":
         return Datum("A", "plane z = 0, the top of the base", z_mm=0.0)
-    plan = lay_out(*lens_boundaries(lens), base)
     if plan.relief_mm == 0.0 and all(arc.relation == "ledge" for arc in plan.arcs):
         return Datum("A", f"plane z = 0, the top of the base, {TOP}", z_mm=0.0)
     words = f"bottom of the base, {BOTTOM}, at z = {-base.height_mm:g}; no face to be touched lies in z = 0"

@@ -4,19 +4,21 @@ It has the largest of the scales of ISO 5455 at which the views fit.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 from lensforge.cad.boundary import optical_name
 from lensforge.cad.part import STEP_FILE, Part
+from lensforge.cad.plate_result import PLATE_STEP_FILE, Plate
 from lensforge.cad.section import other_section_deg
-from lensforge.errors import InputError
+from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check, FaceResult
 from lensforge.shop.dimensions import DatumScheme, Dimension, datum_scheme
-from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
+from lensforge.shop.sheet import Box, Marks, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, frame_of, paragraphs_in
 from lensforge.shop.sheet_tables import Rows, ToleranceTable, draw_optical_table, optical_table, table_height
-from lensforge.shop.view_drawing import ViewContent, draw_views, room_of
+from lensforge.shop.view_drawing import ViewContent, draw_views, fitted
 from lensforge.shop.view_lines import dome_lines, end_lines, section_view
 from lensforge.spec import DrawingSection
 
@@ -118,18 +120,24 @@ def title_of(lens: Lens, words: DrawingSection) -> str:
     return ", ".join([*filter(None, named), *([f"revision {words.revision}"] if words.revision else [])])
 
 
-def title_block(lens: Lens, part: Part, words: DrawingSection) -> Rows:
-    """Rows for the shop, and from the record of the part: author and date are those of its files."""
+def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool = False) -> Rows:
+    """Rows for the shop, and from the record of the part or its plate: author and date are those of its files."""
     spec, signature, general = lens.spec, part.signature, words.general_tolerances or f"{_NONE}, to be agreed"
-    mass = f"Volume: {part.volume_mm3:.1f} mm³" if part.mass_g is None else f"Mass: {part.mass_g:.3f} g"
+    body: Part | Plate = part
+    file, name = STEP_FILE, words.part_name or spec.name
+    if of_plate and part.plate is not None:
+        body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
     return [
-        [words.part_name or spec.name],
+        [name],
         [f"Number: {words.part_number or _NONE}", f"Revision: {words.revision or _NONE}"],
-        [f"Material: {spec.lens.material or _NONE}", mass],
+        [
+            f"Material: {spec.lens.material or _NONE}",
+            f"Volume: {body.volume_mm3:.1f} mm³" if body.mass_g is None else f"Mass: {body.mass_g:.3f} g",
+        ],
         [f"Drawn: {signature.author or _NONE}", f"Date: {signature.date or _NONE}"],
         [f"Checked: {words.checked_by or _NONE}", f"Organisation: {signature.organisation or _NONE}"],
         [f"Sizes “general”: {general}", "Units: mm, degrees"],
-        [f"Defined by: {STEP_FILE}, SHA-256 {part.files[STEP_FILE].sha256[:16]}…"],
+        [f"Defined by: {file}, SHA-256 {part.files[file].sha256[:16]}…"],
     ]
 
 
@@ -156,8 +164,6 @@ def draw_title_block(block: Rows, corner: tuple[float, float], unit: float, scal
 SheetName = Literal["A3", "A4"]
 SIZES: dict[SheetName, tuple[float, float]] = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
 _UNITS: dict[SheetName, float] = {"A4": 0.5**0.5, "A3": 1.0}
-# ISO 5455, and its further steps of ten.
-SCALES = tuple(step * 10.0**power for power in (2, 1, 0, -1, -2, -3) for step in (5.0, 2.0, 1.0))
 _NARROW = 3  # columns of a table that is as wide as the title block
 _BINDING, _BORDER, _GAP = 20.0, 10.0, 4.0  # ISO 5457: borders of every sheet (mm); between blocks, mm on A3
 
@@ -192,14 +198,16 @@ def drawing_content(
 
 def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
     """Draw the sheet. Raises :class:`InputError` for a part that does not fit at any scale."""
-    left, bottom, right, top = _views_box(content, name)
-    for scale in SCALES:
-        if scale * content.views.width > right - left:  # not even without dimensions
-            continue
-        box = room_of(draw_views(content.views, scale, unit_of(name), (0.0, 0.0)))
-        if box[2] - box[0] <= right - left and box[3] - box[1] <= top - bottom:
-            return _sheet(content, name, scale)
-    raise InputError(f"the part fits on {name} at no scale; its drawing is left to a CAD program")
+    unit, inside = unit_of(name), inside_of(name)
+    view = fitted(partial(draw_views, content.views), content.views.width, _views_box(content, name), unit)
+    right, bottom = inside[2], inside[1]
+    marks = Marks([frame_of(inside, "outline")])
+    marks.add(draw_views(content.views, view))
+    marks.add(draw_title_block(content.block, (right, bottom), unit, view.scale, name))
+    top, width = bottom + _band(content, name), _table_width(content, name)
+    marks.add(draw_optical_table(content.table, right, top, width, unit))
+    marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
+    return Sheet(name, SIZES[name], unit, view.scale, content.title, view.origin, marks)
 
 
 def unit_of(name: SheetName) -> float:
@@ -251,21 +259,3 @@ def _notes_box(content: DrawingContent, name: SheetName) -> Box:
     unit = unit_of(name)
     top = _block_height(content, name) + 0.5 * _GAP * unit if _is_wide(content) else _band(content, name)
     return left + _GAP * unit, bottom + 0.5 * _GAP * unit, right - (WIDTH + _GAP) * unit, bottom + top
-
-
-def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
-    unit, inside = unit_of(name), inside_of(name)
-    origin = _centred(room_of(draw_views(content.views, scale, unit, (0.0, 0.0))), _views_box(content, name))
-    right, bottom = inside[2], inside[1]
-    marks = Marks([frame_of(inside, "outline")])
-    marks.add(draw_views(content.views, scale, unit, origin))
-    marks.add(draw_title_block(content.block, (right, bottom), unit, scale, name))
-    top, width = bottom + _band(content, name), _table_width(content, name)
-    marks.add(draw_optical_table(content.table, right, top, width, unit))
-    marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
-    return Sheet(name, SIZES[name], unit, scale, content.title, origin, marks)
-
-
-def _centred(box: Box, room: Box) -> Place:
-    """Place of the part's origin at which what has the room ``box`` about (0, 0) lies in the middle of ``room``."""
-    return tuple(0.5 * (room[k] + room[k + 2] - box[k] - box[k + 2]) for k in range(2))  # type: ignore[return-value]

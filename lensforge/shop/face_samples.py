@@ -119,17 +119,13 @@ class OpticalFace:
         """Distance (mm) of the medium's rim from the axis at points of the unit circle."""
         return np.asarray(np.min([face.radius(turn) for face in (self, *self.beside)], axis=0))
 
-    def jet(self, points: Float[np.ndarray, "n 2"]) -> Jet:
-        """Position and derivatives at chart ``points``."""
-        return self.patch.jet(points)
-
     def air_normal(self, jet: Jet) -> Float[np.ndarray, "n 3"]:
         """Unit normals that point from the material into the air."""
         return float(self.air) * jet.normal
 
     def curvatures(self, points: Float[np.ndarray, "n 2"]) -> PrincipalCurvatures:
         """Principal curvatures (1/mm) at chart ``points``, seen from the air."""
-        jet = self.jet(points)
+        jet = self.patch.jet(points)
         return principal_curvatures(jet, self.air_normal(jet))
 
 
@@ -174,7 +170,7 @@ class FaceSamples:
         """The face's integration points, which are not the samples."""
         rule = area_rule()
         chart, weights = rule.over(self.face.domain)
-        jet = self.face.jet(chart)
+        jet = self.face.patch.jet(chart)
         return FaceArea(rule, jet.point, jet.normal, weights * jet.area_element, self.face.sense)
 
     def largest(
@@ -230,7 +226,7 @@ class FaceArea:
 def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
     """Sample ``face`` on a grid of ``nodes`` x ``nodes`` chart points."""
     grid, points, cells = _in_domain(face.domain, *_disc(nodes))
-    jet = face.jet(points)
+    jet = face.patch.jet(points)
     normals = face.air_normal(jet)
     return FaceSamples(
         face=face,

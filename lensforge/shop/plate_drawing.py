@@ -4,13 +4,12 @@ The lenses are equal, so that their pattern is dimensioned once: as pitch times 
 or else by a table of places. All sizes are of the design in the plate's own axes, from the middle of its outline.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.part import Part
@@ -18,13 +17,11 @@ from lensforge.cad.plan import rim_directions, rim_radius
 from lensforge.cad.plate_layout import PlateLayout
 from lensforge.cad.plate_result import PLATE_STEP_FILE
 from lensforge.cad.section import profile
-from lensforge.errors import InputError
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 from lensforge.shop.dimensions import highest_point_mm
 from lensforge.shop.drawing import (
     HEIGHT,
-    SCALES,
     SIZES,
     WIDTH,
     SheetName,
@@ -39,7 +36,6 @@ from lensforge.shop.drawing import (
 )
 from lensforge.shop.sheet import (
     LETTERS,
-    Box,
     LinearDimension,
     Marks,
     PenName,
@@ -53,7 +49,7 @@ from lensforge.shop.sheet import (
 )
 from lensforge.shop.sheet_marks import arrow_head, axes_mark, draw_rows, frame_of, hatch, paragraphs_in, row_height
 from lensforge.shop.sheet_tables import Rows
-from lensforge.shop.view_drawing import placed, room_of
+from lensforge.shop.view_drawing import FIRST, HATCH, ROW, PaperView, fitted, placed
 from lensforge.shop.view_lines import dome_radius, front_line
 from lensforge.spec import DrawingSection
 from lensforge.spec.lamps_section import Lamps
@@ -61,8 +57,8 @@ from lensforge.spec.plate_outline import DrawnOutline
 from lensforge.spec.plate_section import PlateBoss, PlateHole, PlateMark, PlatePin
 from lensforge.surfaces.plane_loop import circle_at, points_on
 
-_FIRST, _ROW, _GAP = 8.0, 7.0, 28.0  # mm on A3: to the first line, between lines, between views
-_CHORD_MM, _HATCH = 5e-3, 3.5
+_GAP = 28.0  # mm on A3, between views
+_CHORD_MM = 5e-3
 _TURN = np.linspace(0.0, 2.0 * np.pi, 181)
 _SAME_MM, _SHOWN_MM = 1e-6, 1e-3
 _INSIDE = 6.0  # mm on A3: the label of a larger circle stands inside
@@ -116,6 +112,11 @@ class LensLines:
     outer: Points
     top_mm: float
 
+    @property
+    def reach_mm(self) -> float:
+        """Distance from the axis up to which the section of one lens shows the plate."""
+        return 1.25 * float(np.abs(self.outer[:, 0]).max())
+
     @staticmethod
     def of(lens: Lens, turns_deg: Iterable[float]) -> "LensLines":
         """Lines of ``lens``, and of the front of one with each of these turns."""
@@ -131,42 +132,16 @@ class LensLines:
         )
 
 
-@dataclass(frozen=True)
-class View:
-    """A view at a ``scale``, its origin at a place on paper; ``unit``: size of a millimetre of the A3 layout."""
+def _cross(view: PaperView, place: Place, reach_mm: float) -> list[Stroke]:
+    """The axes of a circle."""
+    half = view.scale * reach_mm + 1.5 * view.unit
+    return [Stroke(view.at([place] * 2) + half * np.array([(-x, -y), (x, y)]), "axis") for x, y in ((1, 0), (0, 1))]
 
-    scale: float
-    unit: float
-    origin: Place = (0.0, 0.0)
 
-    def at(self, points: ArrayLike) -> Points:
-        """Points on paper of points (mm) of the plate."""
-        found: Points = self.scale * np.asarray(points, dtype=np.float64) + np.array(self.origin)
-        return found
-
-    def line(self, points: ArrayLike, pen: PenName = "outline", *, closed: bool = False) -> Stroke:
-        """A line through points (mm)."""
-        return Stroke(self.at(points), pen, closed)
-
-    def cross(self, place: Place, reach_mm: float) -> list[Stroke]:
-        """The axes of a circle."""
-        half = self.scale * reach_mm + 1.5 * self.unit
-        return [Stroke(self.at([place] * 2) + half * np.array([(-x, -y), (x, y)]), "axis") for x, y in ((1, 0), (0, 1))]
-
-    def label(self, text: str, place: Place, away_mm: float) -> Words:
-        """A text up and to the right of a place."""
-        x, y = (self.at([place])[0] + self.scale * away_mm + 1.5 * self.unit).tolist()
-        return Words((x, y), text, LETTERS * self.unit)
-
-    def dimension(
-        self, name: str, first: Place, last: Place, turned_deg: int, before: str = "", after: str = ""
-    ) -> LinearDimension:
-        """A dimension between two places (mm), not placed yet."""
-        (x, y), (u, v) = self.at([first, last]).tolist()
-        axis = turned_deg // 90
-        size, length_mm = LETTERS * self.unit, abs(float(last[axis] - first[axis]))
-        turned: Literal[0, 90] = 90 if axis else 0
-        return LinearDimension(name, (x, y), (u, v), turned, 0.0, 0.0, size, length_mm, before, after)
+def _label(view: PaperView, text: str, place: Place, away_mm: float) -> Words:
+    """A text up and to the right of a place."""
+    x, y = (view.at([place])[0] + view.scale * away_mm + 1.5 * view.unit).tolist()
+    return Words((x, y), text, LETTERS * view.unit)
 
 
 def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSection, name: SheetName = "A3") -> Sheet:
@@ -180,27 +155,19 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
     high = gap - min(box_of(each)[1] for each in notes)
     room = left + gap, bottom + high + gap, middle, top - gap
     beside = middle + 3.0 * gap, bottom + band + gap, right - gap, top - 4.0 * gap
-    view, whole = _fitting(lambda view: _whole(lines, layout, view), room, unit)
-    closer, section = _fitting(lambda view: _one_lens(lines, layout, view), beside, unit)
+    wide = [layout.box_mm[1][0] - layout.box_mm[0][0], 2.0 * lines.reach_mm]
+    view = fitted(partial(_whole, lines, layout), wide[0], room, unit)
+    closer = fitted(partial(_one_lens, lines, layout), wide[1], beside, unit)
+    block = title_block(lens, part, words, of_plate=True)
     marks = Marks([frame_of(inside_of(name), "outline")])
-    for each in (whole, section, draw_title_block(_block(lens, part, words), (right, bottom), unit, view.scale, name)):
-        marks.add(each)
+    marks.add(_whole(lines, layout, view))
+    marks.add(_one_lens(lines, layout, closer))
+    marks.add(draw_title_block(block, (right, bottom), unit, view.scale, name))
     title = f"One lens in its section along x, {scale_words(closer.scale)}"
     marks.words.append(Words((0.5 * (beside[0] + beside[2]), top - 2.0 * gap), title, LETTERS * unit, "center"))
     marks.add(draw_rows(drawn, right - WIDTH * unit, bottom + band, widths, unit))
     marks.words += [replace(each, at=(each.at[0], each.at[1] + bottom + high)) for each in notes]
     return Sheet(name, SIZES[name], unit, view.scale, f"{title_of(lens, words)}, plate", view.origin, marks)
-
-
-def _fitting(draw: Callable[[View], Marks], room: Box, unit: float) -> tuple[View, Marks]:
-    """The view at the largest scale at which it fits, in the middle of its room, and what is drawn there."""
-    for scale in SCALES:
-        box = room_of(draw(View(scale, unit)))
-        if box[2] - box[0] <= room[2] - room[0] and box[3] - box[1] <= room[3] - room[1]:
-            x, y = (0.5 * (room[k] + room[k + 2] - box[k] - box[k + 2]) for k in (0, 1))
-            view = View(scale, unit, (x, y))
-            return view, draw(view)
-    raise InputError("the plate fits on the sheet at no scale; its drawing is left to a CAD program")
 
 
 def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[str]:
@@ -257,17 +224,7 @@ def _words(mark: PlateMark) -> str:
     return f"boss {size}; bore ⌀{shown(mark.bore_diameter_mm)}, {shown(mark.bore_depth_mm)} deep"
 
 
-def _block(lens: Lens, part: Part, words: DrawingSection) -> Rows:
-    """The title block with mass and file of the plate in the place of those of the lens."""
-    plate, rows = part.plate, title_block(lens, part, words)
-    assert plate is not None
-    mass = f"Volume: {plate.volume_mm3:.1f} mm³" if plate.mass_g is None else f"Mass: {plate.mass_g:.3f} g"
-    file = f"Defined by: {PLATE_STEP_FILE}, SHA-256 {part.files[PLATE_STEP_FILE].sha256[:16]}…"
-    title = f"{rows[0][0]}, plate of {quantity(plate.lenses, 'lenses')}"
-    return [[title], rows[1], [rows[2][0], mass], *rows[3:-1], [file]]
-
-
-def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
+def _whole(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     """The plate from the front, and below it, in first angle, from above; the view's origin: of the latter."""
     marks, (low, high), unit = Marks(), layout.box_mm, view.unit
     loops = layout.outline, *layout.openings[len(layout.plate.all_holes) :]
@@ -277,26 +234,26 @@ def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
         marks.strokes += [
             view.line(layout.placed(lines.dome, number), closed=True),
             view.line(layout.placed(lines.opening, number), "hidden", closed=True),
-            *view.cross(place, lens_mm),
+            *_cross(view, place, lens_mm),
         ]
         if _listed(layout):
-            marks.words.append(view.label(f"L{number + 1}", place, 0.75 * lens_mm))
+            marks.words.append(_label(view, f"L{number + 1}", place, 0.75 * lens_mm))
     for label, mark in labelled(layout):
         circle = points_on(circle_at(mark.place_mm, mark.radius_mm), _CHORD_MM)
         pen: PenName = "hidden" if isinstance(mark, PlatePin) else "outline"
-        marks.strokes += [view.line(circle, pen, closed=True), *view.cross(mark.place_mm, mark.radius_mm)]
+        marks.strokes += [view.line(circle, pen, closed=True), *_cross(view, mark.place_mm, mark.radius_mm)]
         inside = view.scale * mark.radius_mm > _INSIDE * unit
-        marks.words.append(view.label(label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
+        marks.words.append(_label(view, label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
     if layout.plate.gate is not None:
         (tip,), place = view.at([layout.plate.gate.place_mm]), layout.plate.gate.place_mm
         inwards = -np.array(min(layout.outline, key=lambda edge: edge.away_mm(place)).right)
         marks.strokes.append(arrow_head(tip, inwards, 2.0 * LETTERS * unit))
-        marks.words.append(view.label("G", layout.plate.gate.place_mm, 0.0))
+        marks.words.append(_label(view, "G", layout.plate.gate.place_mm, 0.0))
     pattern, radius = pattern_of(layout.lenses), layout.plate.corner_radius_mm
     for axis in (0, 1):
         edge = float(view.at(low)[1 - axis])
         sizes = list(_sizes_along(axis, layout, pattern, view))
-        marks.dimensions += placed(sizes, edge - _FIRST * unit, -_ROW * unit)
+        marks.dimensions += placed(sizes, edge - FIRST * unit, -ROW * unit)
     if pattern is not None and pattern.ring_mm is not None:
         circle = points_on(circle_at((0.0, 0.0), pattern.ring_mm / 2.0), _CHORD_MM)
         marks.strokes.append(view.line(circle, "axis", closed=True))
@@ -304,7 +261,7 @@ def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
         x, y = (size / 2.0 - radius * (1.0 - 0.5**0.5) for size in layout.size_mm)
         (tip,), out = view.at([(x, y)]), np.array([-1.0, -1.0]) * 0.5**0.5
         marks.strokes += [Stroke(np.array([tip, tip - 6.0 * unit * out])), arrow_head(tip, out, LETTERS * unit)]
-        marks.words.append(view.label(f"4 × R {shown(radius)}", (x, y), 4.0 * unit / view.scale))
+        marks.words.append(_label(view, f"4 × R {shown(radius)}", (x, y), 4.0 * unit / view.scale))
     corner = view.at((high[0], low[1]))
     marks.add(axes_mark((float(corner[0]) + 4.0 * unit, float(corner[1])), "x", "y", unit))
     up = view.scale * (high[1] + _below_mm(layout)) + _GAP * unit
@@ -312,7 +269,7 @@ def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
     return marks
 
 
-def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: View) -> Iterator[LinearDimension]:
+def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: PaperView) -> Iterator[LinearDimension]:
     """Dimensions along x or y: of the outline, the pattern, and from the edge to its first lens."""
     way, turned, (low, high) = "xy"[axis], 90 * axis, (corner[axis] for corner in layout.box_mm)
     is_round = layout.plate.kind == "round"
@@ -344,7 +301,7 @@ def _below_mm(layout: PlateLayout) -> float:
     return layout.plate.thickness_mm + max((pin.height_mm for pin in layout.plate.standing), default=0.0)
 
 
-def _front(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
+def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     """The plate seen along +y, its top at the view's origin: thickness, heights of pins, and height over all."""
     (start, _), (end, _), low, lenses = *layout.box_mm, -layout.plate.thickness_mm, layout.lenses
     marks = Marks([view.line([(start, 0.0), (end, 0.0), (end, low), (start, low)], closed=True)])
@@ -368,17 +325,17 @@ def _front(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
     ]
     over_all = (end, -_below_mm(layout)), (end, lines.top_mm)
     columns.append(view.dimension("height over all", *over_all, 90, "(", ")"))
-    marks.dimensions += placed(columns, float(view.at((end, 0.0))[0]) + _FIRST * view.unit, _ROW * view.unit)
+    marks.dimensions += placed(columns, float(view.at((end, 0.0))[0]) + FIRST * view.unit, ROW * view.unit)
     return marks
 
 
-def _one_lens(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
+def _one_lens(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     """A lens with the plate around it, cut along its x: heights, and its widths in z = 0 and at its widest."""
     inner, outer, low = lines.inner, lines.outer, -layout.plate.thickness_mm
-    wide, top = 1.25 * float(np.abs(outer[:, 0]).max()), float(outer[:, 1].max())
+    wide, top = lines.reach_mm, float(outer[:, 1].max())
     hollow = np.array([(inner[-1, 0], low), *inner[::-1], (inner[0, 0], low)])
     cut = view.at(np.concatenate([[(-wide, low), (-wide, 0.0)], outer, [(wide, 0.0), (wide, low)], hollow]))
-    marks = Marks([*hatch([cut], _HATCH * view.unit), Stroke(cut, "outline", closed=True)])
+    marks = Marks([*hatch([cut], HATCH * view.unit), Stroke(cut, "outline", closed=True)])
     marks.strokes.append(view.line([(0.0, 1.3 * low), (0.0, 1.1 * top)], "axis"))
     left, right = outer[np.argmin(outer[:, 0])], outer[np.argmax(outer[:, 0])]
     widths: list[tuple[str, Points, Points]] = [
@@ -392,6 +349,6 @@ def _one_lens(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
     tops = [(name, line[np.argmax(line[:, 1])]) for name, line in heights]
     columns = [view.dimension(name, (-wide, 0.0), (at[0], at[1]), 90, "(", ")") for name, at in tops]
     x, y = view.at([(-wide, low)])[0].tolist()
-    marks.dimensions += placed(rows, y - _FIRST * view.unit, -_ROW * view.unit)
-    marks.dimensions += placed(columns, x - _FIRST * view.unit, -_ROW * view.unit)
+    marks.dimensions += placed(rows, y - FIRST * view.unit, -ROW * view.unit)
+    marks.dimensions += placed(columns, x - FIRST * view.unit, -ROW * view.unit)
     return marks

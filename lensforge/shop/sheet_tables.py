@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lensforge.cad.boundary import lens_boundaries, optical_name
+from lensforge.cad.boundary import domain_of, optical_name
 from lensforge.cad.part import STEP_FILE, Part
 from lensforge.errors import InputError
 from lensforge.optics.material import D_LINE_NM
@@ -88,11 +88,10 @@ def draw_optical_table(rows: Rows, right: float, top: float, width: float, unit:
 
 def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection) -> list[str]:
     found, sphere = check.faces[name], check.faces[name].best_fit_sphere
-    domains = {face.name: face.domain for boundary in lens_boundaries(lens) for face in boundary.faces}
     return [
         f"{face_title(name)}, {optical_name(name)}",
         f"{_shape(name, lens)}; best-fit {_sphere(sphere)}, PV {sphere.pv_mm:.3f}",
-        f"Effective aperture: ⌀{widest_mm(lens.surfaces[name], domains[name]):.3f}, whole face",
+        f"Effective aperture: ⌀{widest_mm(lens.surfaces[name], domain_of(lens, name)):.3f}, whole face",
         _form(name, lens),
         _profile(name, lens, part),
         _centring(name, lens),

@@ -27,20 +27,20 @@ _LINE = "#111111"  # on pale map colours, in light and dark mode
 @in_report_style
 def sag_map(sag_mm: ChartMap) -> Figure:
     """Deviation from the best-fit sphere along its normal; positive: farther from the centre than the sphere."""
-    figure, axes, bar = new_map(**_PLACE)
     unit, scale = _readable(sag_mm)
-    reach = float(np.nanmax(np.abs(sag_mm))) * scale or 1.0
-    shown = _show(axes, sag_mm * scale, "RdBu_r", -reach, reach)
-    add_colour_bar(bar, shown, f"deviation from the sphere ({unit})")
-    return figure
+    return _deviation_map(sag_mm * scale, f"deviation from the sphere ({unit})")
 
 
 @in_report_style
 def form_map(deviation_um: ChartMap) -> Figure:
     """Deviation (µm) of a measured surface from the design along its normal; positive: away from the origin."""
+    return _deviation_map(deviation_um, "deviation from the design (µm)")
+
+
+def _deviation_map(deviation: ChartMap, label: str) -> Figure:
     figure, axes, bar = new_map(**_PLACE)
-    reach = float(np.nanmax(np.abs(deviation_um))) or 1.0
-    add_colour_bar(bar, _show(axes, deviation_um, "RdBu_r", -reach, reach), "deviation from the design (µm)")
+    reach = float(np.nanmax(np.abs(deviation))) or 1.0
+    add_colour_bar(bar, _show(axes, deviation, "RdBu_r", -reach, reach), label)
     return figure
 
 

@@ -3,17 +3,21 @@
 Dimension lines stand beside a view, the smallest nearest to the part, so that no text meets another or a line.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from lensforge.shop.dimensions import DatumScheme, Dimension, View
+from lensforge.errors import InputError
+from lensforge.shop.dimensions import DatumScheme, Dimension, ViewName
 from lensforge.shop.sheet import (
     LETTERS,
     Box,
     LinearDimension,
     Marks,
+    PenName,
     Place,
     Points,
     Stroke,
@@ -35,8 +39,10 @@ from lensforge.shop.sheet_marks import (
 )
 from lensforge.shop.view_lines import SectionView, ViewLine
 
-_FIRST, _ROW, _GAP = 8.0, 7.0, 14.0  # mm on A3: to the first line, between lines, between views
-_HATCH = 3.5
+FIRST, ROW, _GAP = 8.0, 7.0, 14.0  # mm on A3: to the first line of dimensions, between lines, between views
+HATCH = 3.5
+# ISO 5455, and its further steps of ten.
+SCALES = tuple(step * 10.0**power for power in (2, 1, 0, -1, -2, -3) for step in (5.0, 2.0, 1.0))
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
 
 
@@ -80,7 +86,7 @@ class ViewContent:
         """Largest distance (mm, of the part) from the axis in any view."""
         return max(max(-box[1], box[3]) for box in self.boxes)
 
-    def drawn(self, view: View) -> list[Dimension]:
+    def drawn(self, view: ViewName) -> list[Dimension]:
         """Dimensions that are drawn in ``view``."""
         return [each for each in self.dimensions if each.ends is not None and each.view == view]
 
@@ -102,57 +108,98 @@ def _box(points: Points) -> Box:
     return float(left), float(bottom), float(right), float(top)
 
 
-def draw_views(content: ViewContent, scale: float, unit: float, origin: Place) -> Marks:
-    """All views, the origin of the part in the section S-S at ``origin`` on paper."""
-    views = Marks()
-    top = origin[1] + scale * content.half_height
-    _draw_section(views, content, content.sections[0], scale, unit, origin, top)
-    lowest = room_of(views)[1]
-    left = room_of(views)[0] - _GAP * unit - scale * content.dome_box[2]
-    right = room_of(views)[2] + _GAP * unit - scale * content.base_box[0]
-    _draw_base(views, content, scale, unit, (right, origin[1]), top, lowest)
-    for section in content.sections[1:]:
-        drawn = Marks()
-        _draw_section(drawn, content, section, scale, unit, (0.0, origin[1]), top)
-        at = room_of(views)[2] + _GAP * unit - room_of(drawn)[0]
-        _draw_section(views, content, section, scale, unit, (at, origin[1]), top)
-    _draw_dome(views, content, scale, unit, (left, origin[1]), top)
+@dataclass(frozen=True)
+class PaperView:
+    """A view at a ``scale``, its origin at a place on paper; ``unit``: size of a millimetre of the A3 layout."""
+
+    scale: float
+    unit: float
+    origin: Place = (0.0, 0.0)
+
+    def at(self, points: ArrayLike) -> Points:
+        """Points on paper of points (mm) of the part."""
+        found: Points = self.scale * np.asarray(points, dtype=np.float64) + np.array(self.origin)
+        return found
+
+    def line(self, points: ArrayLike, pen: PenName = "outline", *, closed: bool = False) -> Stroke:
+        """A line through points (mm)."""
+        return Stroke(self.at(points), pen, closed)
+
+    def dimension(
+        self, name: str, first: Place, last: Place, turned_deg: int, before: str = "", after: str = ""
+    ) -> LinearDimension:
+        """A dimension between two places (mm), its line and its text not placed yet."""
+        (x, y), (u, v) = self.at([first, last]).tolist()
+        axis = turned_deg // 90
+        size, length_mm = LETTERS * self.unit, abs(float(last[axis] - first[axis]))
+        turned: Literal[0, 90] = 90 if axis else 0
+        return LinearDimension(name, (x, y), (u, v), turned, 0.0, 0.0, size, length_mm, before, after)
+
+
+def fitted(draw: Callable[[PaperView], Marks], least_mm: float, room: Box, unit: float) -> PaperView:
+    """The view at the largest scale at which what is drawn fits, in the middle of its ``room`` (on paper).
+
+    ``least_mm``: width of the part in it, without dimensions. Raises :class:`InputError` where it fits at none.
+    """
+    wide, high = room[2] - room[0], room[3] - room[1]
+    for scale in SCALES:
+        if scale * least_mm > wide:
+            continue
+        box = room_of(draw(PaperView(scale, unit)))
+        if box[2] - box[0] <= wide and box[3] - box[1] <= high:
+            x, y = (0.5 * (room[k] + room[k + 2] - box[k] - box[k + 2]) for k in (0, 1))
+            return PaperView(scale, unit, (x, y))
+    raise InputError("the part fits on the sheet at no scale; its drawing is left to a CAD program")
+
+
+def draw_views(content: ViewContent, view: PaperView) -> Marks:
+    """All views, the origin of the part in the section S-S at that of ``view``."""
+    views, (gap, level) = Marks(), (_GAP * view.unit, view.origin[1])
+    top = level + view.scale * content.half_height
+    first, *others = content.sections
+
+    def at(x: float) -> PaperView:
+        return replace(view, origin=(x, level))
+
+    views.add(_section_marks(content, first, view, top))
+    left, lowest, right, _ = room_of(views)
+    views.add(_base_marks(content, at(right + gap - view.scale * content.base_box[0]), top, lowest))
+    for section in others:
+        beside = room_of(views)[2] + gap - room_of(_section_marks(content, section, at(0.0), top))[0]
+        views.add(_section_marks(content, section, at(beside), top))
+    views.add(_dome_marks(content, at(left - gap - view.scale * content.dome_box[2]), top))
     return views
 
 
-def _draw_section(
-    views: Marks, content: ViewContent, section: SectionView, scale: float, unit: float, origin: Place, above: float
-) -> None:
-    outlines = [scale * outline + origin for outline in section.outlines]
-    low, bottom, high, _ = (scale * value for value in content.section_box(section))
-    x, y = origin
-    views.strokes += hatch(outlines, _HATCH * unit)
-    views.strokes += [Stroke(outline, "outline", closed=True) for outline in outlines]
-    views.strokes += [Stroke(scale * line.points + origin, line.pen) for line in section.lines]
-    views.strokes.append(Stroke(np.array([(x + low - 4.0 * unit, y), (x + high + 4.0 * unit, y)]), "axis"))
-    view: View = "S" if section is content.sections[0] else "T"
-    mine = content.drawn(view)
+def _section_marks(content: ViewContent, section: SectionView, view: PaperView, above: float) -> Marks:
+    (x, y), unit = view.origin, view.unit
+    low, bottom, high, _ = (view.scale * value for value in content.section_box(section))
+    outlines = [view.at(outline) for outline in section.outlines]
+    marks = Marks([*hatch(outlines, HATCH * unit), *(Stroke(outline, "outline", closed=True) for outline in outlines)])
+    marks.strokes += [view.line(line.points, line.pen) for line in section.lines]
+    marks.strokes.append(Stroke(np.array([(x + low - 4.0 * unit, y), (x + high + 4.0 * unit, y)]), "axis"))
+    name: ViewName = "S" if section is content.sections[0] else "T"
+    mine = content.drawn(name)
     beyond = [each for each in mine if each.upright and _rim_is_beside(each, section)]
     beside = [each for each in mine if each.upright and each not in beyond]
-
-    def at(found: list[Dimension], first: float, step: float, *through: float) -> list[LinearDimension]:
-        return placed([_on_paper(each, scale, unit, origin) for each in found], first, step, through)
-
-    plane = content.datums.find("A") if view == "S" else None
-    marked = () if plane is None or plane.z_mm is None else (x + scale * plane.z_mm,)
-    columns = at(beside, x + low - _FIRST * unit, -_ROW * unit)
-    columns += at(beyond, x + high + (_FIRST + 2.0) * unit, _ROW * unit)
+    plane = content.datums.find("A") if name == "S" else None
+    marked = () if plane is None or plane.z_mm is None else (x + view.scale * plane.z_mm,)
+    columns = placed(_on_paper(beside, view), x + low - FIRST * unit, -ROW * unit)
+    columns += placed(_on_paper(beyond, view), x + high + (FIRST + 2.0) * unit, ROW * unit)
     below = min([y + bottom, *(occupied(each)[0] for each in columns)])
-    rows = at([each for each in mine if not each.upright], below - _FIRST * unit, -_ROW * unit, *marked)
-    views.dimensions += [*rows, *columns]
-    if view == "S":
+    rows = placed(
+        _on_paper([each for each in mine if not each.upright], view), below - FIRST * unit, -ROW * unit, marked
+    )
+    marks.dimensions += [*rows, *columns]
+    if name == "S":
         lowest = min([each.line_mm for each in rows], default=y + bottom)
-        _add_plane(views, content.datums, scale, unit, (x, y + bottom), lowest)
-        _add_centre(views, content.datums, columns, unit)
+        _add_plane(marks, content.datums, view, y + bottom, lowest)
+        _add_centre(marks, content.datums, columns, unit)
     label = 0.5 * (low + high) + x, above + 14.0 * unit
-    views.words.append(Words(label, f"{section.letter}–{section.letter}", LETTERS * unit, "center"))
+    marks.words.append(Words(label, f"{section.letter}–{section.letter}", LETTERS * unit, "center"))
     across = {0.0: "x", 90.0: "y"}.get(section.azimuth_deg, f"{section.azimuth_deg:g}°")
-    views.add(axes_mark((label[0] + 8.0 * unit, label[1] - 2.0 * unit), "z", across, unit))
+    marks.add(axes_mark((label[0] + 8.0 * unit, label[1] - 2.0 * unit), "z", across, unit))
+    return marks
 
 
 def _rim_is_beside(dimension: Dimension, section: SectionView) -> bool:
@@ -162,91 +209,78 @@ def _rim_is_beside(dimension: Dimension, section: SectionView) -> bool:
     return dimension.name.startswith("outer rim") and below.size > 0 and float(below.max()) > 0.5 * dimension.value_mm
 
 
-def _draw_base(
-    views: Marks, content: ViewContent, scale: float, unit: float, centre: Place, above: float, lowest: float
-) -> None:
-    left, bottom, right, top = _draw_lines(views, content.base, content.base_box, scale, unit, centre)
-    x, y = centre
+def _base_marks(content: ViewContent, view: PaperView, above: float, lowest: float) -> Marks:
+    marks, (left, bottom, right, top) = _line_marks(content.base, content.base_box, view)
+    (x, y), unit = view.origin, view.unit
     for section in content.sections:
         half = max(-left, -bottom, right, top) + 4.0 * unit
-        views.add(section_plane(centre, section.azimuth_deg, half, section.letter, unit))
-    below = min(y - max(-bottom, top) - 8.0 * unit, lowest + _FIRST * unit) - _FIRST * unit
-    rows = placed([_on_paper(each, scale, unit, centre) for each in content.drawn("base")], below, -_ROW * unit)
-    views.dimensions += rows
-    _add_centre(views, content.datums, rows, unit)
+        marks.add(section_plane(view.origin, section.azimuth_deg, half, section.letter, unit))
+    below = min(y - max(-bottom, top) - 8.0 * unit, lowest + FIRST * unit) - FIRST * unit
+    rows = placed(_on_paper(content.drawn("base"), view), below, -ROW * unit)
+    marks.dimensions += rows
+    _add_centre(marks, content.datums, rows, unit)
     flat = content.datums.find("C")
     if flat is not None and not flat.dimension:
         flat_mm = next(each.value_mm for each in content.dimensions if each.name.startswith("clocking flat"))
-        views.add(datum_symbol((x + 0.25 * right, y + scale * flat_mm), (0.0, 1.0), "C", unit))
-    views.add(axes_mark((x + right - 6.0 * unit, above + 12.0 * unit), "y", "x", unit))
+        marks.add(datum_symbol((x + 0.25 * right, y + view.scale * flat_mm), (0.0, 1.0), "C", unit))
+    marks.add(axes_mark((x + right - 6.0 * unit, above + 12.0 * unit), "y", "x", unit))
+    return marks
 
 
-def _draw_dome(views: Marks, content: ViewContent, scale: float, unit: float, centre: Place, above: float) -> None:
-    left, bottom, _, _ = _draw_lines(views, content.dome, content.dome_box, scale, unit, centre)
-    x, y = centre
-    sizes = content.drawn("dome")
+def _dome_marks(content: ViewContent, view: PaperView, above: float) -> Marks:
+    marks, (left, bottom, _, _) = _line_marks(content.dome, content.dome_box, view)
+    (x, y), unit, sizes = view.origin, view.unit, content.drawn("dome")
     for each in sizes:
-        circle = 0.5 * scale * each.value_mm * np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
-        views.strokes.append(Stroke(circle + centre, "phantom"))
-    lines = [_on_paper(each, scale, unit, centre) for each in sizes]
-    views.dimensions += placed(lines, y + bottom - _FIRST * unit, -_ROW * unit)
-    views.add(axes_mark((x + left + 6.0 * unit, above + 12.0 * unit), "y", "x", unit, towards=-1.0))
+        circle = 0.5 * view.scale * each.value_mm * np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
+        marks.strokes.append(Stroke(circle + view.origin, "phantom"))
+    marks.dimensions += placed(_on_paper(sizes, view), y + bottom - FIRST * unit, -ROW * unit)
+    marks.add(axes_mark((x + left + 6.0 * unit, above + 12.0 * unit), "y", "x", unit, towards=-1.0))
+    return marks
 
 
-def _draw_lines(views: Marks, lines: list[ViewLine], box: Box, scale: float, unit: float, centre: Place) -> Box:
-    """Lines of a view along the axis, and its axes across all of it; returns its box on paper, about ``centre``."""
-    left, bottom, right, top = (scale * value for value in box)
-    (x, y), more = centre, 4.0 * unit
-    views.strokes += [Stroke(scale * line.points + centre, line.pen, closed=line.closed) for line in lines]
-    views.strokes.append(Stroke(np.array([(x + left - more, y), (x + right + more, y)]), "axis"))
-    views.strokes.append(Stroke(np.array([(x, y + bottom - more), (x, y + top + more)]), "axis"))
-    return left, bottom, right, top
+def _line_marks(lines: list[ViewLine], box: Box, view: PaperView) -> tuple[Marks, Box]:
+    """Lines of a view along the axis, and its axes across all of it; and its box on paper about its origin."""
+    left, bottom, right, top = (view.scale * value for value in box)
+    (x, y), more = view.origin, 4.0 * view.unit
+    marks = Marks([view.line(line.points, line.pen, closed=line.closed) for line in lines])
+    marks.strokes.append(Stroke(np.array([(x + left - more, y), (x + right + more, y)]), "axis"))
+    marks.strokes.append(Stroke(np.array([(x, y + bottom - more), (x, y + top + more)]), "axis"))
+    return marks, (left, bottom, right, top)
 
 
-def _on_paper(dimension: Dimension, scale: float, unit: float, origin: Place) -> LinearDimension:
-    """The dimension with its ends on paper, its line and its text not placed yet."""
-    assert dimension.ends is not None
-    (a, b), (c, d) = dimension.ends
-    before, after = dimension.sign, ""
-    if dimension.is_auxiliary:
-        before, after = f"({before}", ")"
-    elif dimension.tolerance_mm is not None:
-        after = f" ±{shown(dimension.tolerance_mm)}"
-    else:
-        after = " general"
-    return LinearDimension(
-        name=dimension.name,
-        start=(scale * a + origin[0], scale * b + origin[1]),
-        end=(scale * c + origin[0], scale * d + origin[1]),
-        turned_deg=90 if dimension.upright else 0,
-        line_mm=0.0,
-        text_mm=0.0,
-        height_mm=LETTERS * unit,
-        length_mm=dimension.value_mm,
-        before=before,
-        after=after,
-    )
+def _on_paper(dimensions: list[Dimension], view: PaperView) -> list[LinearDimension]:
+    """Dimensions that are drawn, with their ends on paper."""
+    found = []
+    for each in dimensions:
+        assert each.ends is not None
+        before, after = each.sign, " general"
+        if each.is_auxiliary:
+            before, after = f"({before}", ")"
+        elif each.tolerance_mm is not None:
+            after = f" ±{shown(each.tolerance_mm)}"
+        made = view.dimension(each.name, *each.ends, 90 if each.upright else 0, before, after)
+        found.append(replace(made, length_mm=each.value_mm))
+    return found
 
 
-def _add_plane(views: Marks, datums: DatumScheme, scale: float, unit: float, foot: Place, lowest: float) -> None:
+def _add_plane(marks: Marks, datums: DatumScheme, view: PaperView, foot: float, lowest: float) -> None:
     """The symbol of a plane across the axis, on a line that extends it below the dimensions."""
-    plane = datums.find("A")
+    plane, unit = datums.find("A"), view.unit
     if plane is None or plane.z_mm is None:
         return
-    x, end = foot[0] + scale * plane.z_mm, lowest - 9.0 * unit
-    views.strokes.append(Stroke(np.array([(x, foot[1] - unit), (x, end)])))
-    views.add(datum_symbol((x, end + 3.0 * unit), (-1.0, 0.0), "A", unit))
+    x, end = view.origin[0] + view.scale * plane.z_mm, lowest - 9.0 * unit
+    marks.strokes.append(Stroke(np.array([(x, foot - unit), (x, end)])))
+    marks.add(datum_symbol((x, end + 3.0 * unit), (-1.0, 0.0), "A", unit))
 
 
-def _add_centre(views: Marks, datums: DatumScheme, lines: list[LinearDimension], unit: float) -> None:
+def _add_centre(marks: Marks, datums: DatumScheme, lines: list[LinearDimension], unit: float) -> None:
     """The symbols of axes and middle planes, in line with the dimensions of their features, beyond all others."""
     far = max((occupied(line)[1] for line in lines), default=0.0)
     for datum in datums.datums:
         for line in lines:
-            if line.name != datum.dimension:
-                continue
-            end = line.ends_mm[1]
-            views.add(datum_symbol(line.at(end, line.line_mm), line.at(1.0, 0.0), datum.letter, unit, far - end))
+            if line.name == datum.dimension:
+                end = line.ends_mm[1]
+                marks.add(datum_symbol(line.at(end, line.line_mm), line.at(1.0, 0.0), datum.letter, unit, far - end))
 
 
 def placed(

@@ -12,14 +12,13 @@ from jaxtyping import Bool, Float
 
 from lensforge.cad.boundary import Boundary, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
-from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
 from lensforge.cad.mesh import manifold_of
-from lensforge.cad.plan import lay_out, rim_directions, rim_radius
+from lensforge.cad.plan import Plan, rim_directions, rim_radius
 from lensforge.cad.section import body_outlines
 from lensforge.scene.lens import Lens
 from lensforge.shop.sheet import PenName, Points
-from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import Surface
 
 # Of the curves of a view, and of the meridians whose widest place is the silhouette: 1 um on a lens of 14 mm, a
@@ -60,14 +59,14 @@ def section_view(lens: Lens, letter: str, azimuth_deg: float) -> SectionView:
 def _edges(lens: Lens, azimuth: float) -> list[Points]:
     """Edges of cavity, bore and pocket behind the plane of the section, across the opening."""
     turns = azimuth + np.array([0.0, np.pi])
-    base, cavity = base_with_room(lens), rim_radius(lens_boundaries(lens)[0])
+    plan = lens_plan(lens)
+    cavity = rim_radius(plan.cavity)
     holes = [(0.0, cavity)]
-    if base.kind in ("cylinder", "square"):
-        plan = lay_out(*lens_boundaries(lens), base)
+    if plan.has_base:
         bore = cavity if plan.bore is None else plan.bore.radius
         holes += [(0.0, bore), (-plan.bore_mm, bore)]
         if plan.pocket is not None:
-            holes += [(-plan.bore_mm, plan.pocket.radius), (-base.height_mm, plan.pocket.radius)]
+            holes += [(-plan.bore_mm, plan.pocket.radius), (-plan.base.height_mm, plan.pocket.radius)]
     return [np.array([(z, -left), (z, right)]) for z, hole in holes for right, left in [hole(turns).tolist()]]
 
 
@@ -95,30 +94,24 @@ def _creases(lens: Lens, azimuth: float) -> list[ViewLine]:
     return found
 
 
-def _creases_along(boundary: Boundary[Surface], turn: Float[np.ndarray, " n"]) -> list[Points]:
-    """(y, x) of the creases of a boundary."""
-    return [crease.points(turn)[:, 1::-1] for crease in boundary.creases]
-
-
-def _flange(lens: Lens, turn: Float[np.ndarray, " n"]) -> list[Points]:
-    """(y, x) of the outer circle of a flange at the rim."""
-    ring = ring_of(lens)
-    return [] if ring is None else [_loop(turn, np.full_like(turn, ring.outer_mm))]
+def _inner_lines(lens: Lens, boundary: Boundary[Surface], turn: Float[np.ndarray, " n"]) -> list[ViewLine]:
+    """(y, x) of the creases of a boundary, and of the outer circle of a flange at the rim."""
+    found, ring = [ViewLine(crease.points(turn)[:, 1::-1]) for crease in boundary.creases], ring_of(lens)
+    return found if ring is None else [*found, ViewLine(_loop(turn, np.full_like(turn, ring.outer_mm)))]
 
 
 def end_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen from its base, as (y, x)."""
-    base = base_with_room(lens)
-    turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
+    plan, turn = lens_plan(lens), np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
+    base = plan.base
     opening, rim = (_loop(turn, rim_radius(boundary)(turn)) for boundary in lens_boundaries(lens))
     dome = dome_radius(lens, turn)
-    inside = [ViewLine(each) for each in [*_creases_along(lens_boundaries(lens)[0], turn), *_flange(lens, turn)]]
+    inside = _inner_lines(lens, plan.cavity, turn)
     if base.kind == "none":
         return [ViewLine(opening), ViewLine(rim), ViewLine(_loop(turn, dome)), *inside]
-    outlines = _base_outlines(lens, base)
+    outlines = _base_outlines(plan)
     if base.file is not None:
         return [*(ViewLine(loop) for loop in outlines), ViewLine(_loop(turn, dome), pen="hidden"), *inside]
-    plan = lay_out(*lens_boundaries(lens), base)
     circles = [_loop(turn, circle.radius(turn)) for circle in (plan.bore, plan.pocket) if circle is not None]
     found = [*(ViewLine(each) for each in (opening, *circles, outlines[-1])), *inside]
     found += [ViewLine(each, pen="hidden") for each in outlines[:-1]]
@@ -131,11 +124,10 @@ def end_lines(lens: Lens) -> list[ViewLine]:
 
 def dome_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen along -z, as (-y, x): the dome, and of the base what it does not cover."""
-    base = base_with_room(lens)
-    turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
+    plan, turn = lens_plan(lens), np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     found = [ViewLine(_loop(turn, dome_radius(lens, turn)))]
-    found += [ViewLine(each) for each in [*_creases_along(lens_boundaries(lens)[1], turn), *_flange(lens, turn)]]
-    for loop in [] if base.kind == "none" else _base_outlines(lens, base):
+    found += _inner_lines(lens, plan.envelope, turn)
+    for loop in [] if plan.base.kind == "none" else _base_outlines(plan):
         closed = np.vstack([loop, loop[:1]])
         covered = dome_radius(lens, np.arctan2(closed[:, 0], closed[:, 1]))
         found += _pieces(closed, np.hypot(closed[:, 0], closed[:, 1]) > covered, "outline", None)
@@ -143,11 +135,11 @@ def dome_lines(lens: Lens) -> list[ViewLine]:
     return [ViewLine(line.points * mirror, line.closed, line.pen) for line in found]
 
 
-def _base_outlines(lens: Lens, base: BaseSection) -> list[Points]:
+def _base_outlines(plan: Plan[Surface]) -> list[Points]:
     """Outline of the base seen along the axis, of its flange the last, as (y, x)."""
-    if base.file is not None:
-        return _shadow_of_file(base)
-    plan = lay_out(*lens_boundaries(lens), base)
+    if plan.base.file is not None:  # and holes that go through
+        loops = manifold_of(*mesh_of_base(plan.base.file)).project().to_polygons()
+        return [np.asarray(loop)[:, ::-1] for loop in loops]
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     corners = np.union1d(turn, np.mod(plan.outline.corners, 2.0 * np.pi))
     found = [_loop(corners, plan.outline.radius(corners))]
@@ -201,10 +193,3 @@ def _runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
     """First and last index of each piece of equal flags; a piece reaches to the first index of the next one."""
     changes = [0, *(np.flatnonzero(flags[1:] != flags[:-1]) + 1).tolist(), len(flags) - 1]
     return [(first, last) for first, last in pairwise(changes) if last > first]
-
-
-def _shadow_of_file(base: BaseSection) -> list[Points]:
-    """Outlines, and holes that go through, of a base from a file, seen along the axis."""
-    assert base.file is not None
-    loops = manifold_of(*mesh_of_base(base.file)).project().to_polygons()
-    return [np.asarray(loop)[:, ::-1] for loop in loops]

@@ -23,7 +23,7 @@ from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.lens_material import OpticalData, with_optical_data
 from lensforge.spec.lens_section import AnyLens
 from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section
+from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section, check
 from lensforge.surfaces.placed_bodies import depths, outside_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -81,8 +81,8 @@ class BodySection(Section):
     def _material_of_the_file(cls, content: Any) -> Any:
         return with_optical_data(content)
 
-    @model_validator(mode="after")
-    def _has_one_index(self) -> "BodySection":
+    @check
+    def _has_one_index(self) -> None:
         own = self.optical_data is not None
         if own and (self.refractive_index is not None or self.abbe_number is not None):
             raise ValueError("refractive_index, abbe_number: the optical_data have their own; leave them out")
@@ -94,10 +94,9 @@ class BodySection(Section):
         material = self._material
         if material is not None and material.absorption is not None and self.absorption_per_mm > 0.0:
             raise ValueError(f"absorption_per_mm: {self.material} has its own absorption; leave out one of the two")
-        return self
 
-    @model_validator(mode="after")
-    def _has_a_wall(self) -> "BodySection":
+    @check
+    def _has_a_wall(self) -> None:
         u = fibonacci_hemisphere(_DIRECTIONS)
         wall = self.outer.fixed.surface.radius(u) - self.inner.fixed.surface.radius(u)
         worst = int(np.argmin(wall))
@@ -107,7 +106,6 @@ class BodySection(Section):
                 f"inner and outer of body {self.name!r} cross: {wall[worst]:.4g} mm between them in the direction "
                 f"({x:.3f}, {y:.3f}, {z:.3f}); the inner face must lie within the outer one"
             )
-        return self
 
     @property
     def _material(self) -> Material | None:

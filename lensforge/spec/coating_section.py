@@ -17,7 +17,7 @@ from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS, Material
 from lensforge.optics.media import CoatingLayer, CoverGlass, Film, IndexCurve, LayerStack, ReflectanceTable
 from lensforge.results.files import MIB, read_file
-from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section
+from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section, check
 
 _MOST_BYTES = 32 * MIB
 _COLUMNS = ("angle_deg", "wavelength_nm", "reflectance")
@@ -91,13 +91,12 @@ class LayerSection(Section):
     thickness_nm: Annotated[float, Field(gt=0.0, le=100_000.0)]
     """Thickness of the layer."""
 
-    @model_validator(mode="after")
-    def _one_index(self) -> "LayerSection":
+    @check
+    def _one_index(self) -> None:
         if (self.refractive_index is None) == (self.material is None):
             raise ValueError("give one of refractive_index and material")
         if self.material is not None and self.material not in MATERIALS:
             raise ValueError(f"material = {self.material!r}: must be one of {', '.join(MATERIALS)}")
-        return self
 
     @property
     def title(self) -> str:
@@ -143,8 +142,8 @@ class CoatingSection(Section):
             raise ValueError(f"file: {error}") from None
         return {"angle_deg": angles, "wavelength_nm": waves, "reflectance": rows}
 
-    @model_validator(mode="after")
-    def _usable(self) -> "CoatingSection":
+    @check
+    def _usable(self) -> None:
         if bool(self.reflectance) == bool(self.layers):
             raise ValueError("give one of reflectance (a number, or a table by angle_deg), file, and layers")
         if self.layers:
@@ -153,7 +152,7 @@ class CoatingSection(Section):
             low, high = self.range_nm
             if not low < high:
                 raise ValueError(f"layers: one material is known from {low:g} nm on, another up to {high:g} nm")
-            return self
+            return
         angles, waves = self.angle_deg or _SINGLE_ANGLES[:1], self.wavelength_nm or (0.0,)
         if len(self.reflectance) != len(waves) or {len(row) for row in self.reflectance} != {len(angles)}:
             widths = " or ".join(str(count) for count in sorted({len(row) for row in self.reflectance}))
@@ -166,7 +165,6 @@ class CoatingSection(Section):
                 raise ValueError(f"{name} must rise")
         if angles[0] != 0.0 or len(self.angle_deg) == 1:
             raise ValueError(f"angle_deg = {angles[0]:g} and {len(angles)} in all: must rise from 0, two at least")
-        return self
 
     @property
     def title(self) -> str:

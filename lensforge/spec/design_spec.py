@@ -41,7 +41,7 @@ from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, O
 from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_fields import words_of
 from lensforge.spec.spec_files import changed, plain, read_toml, resolve_files, short
-from lensforge.spec.spec_section import Section, spec_error
+from lensforge.spec.spec_section import Section, check, spec_error
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
 
 _Filled = TypeVar("_Filled", bound=Section)
@@ -122,20 +122,19 @@ class Spec(Section):
         source = first.get("source") if isinstance(first, Mapping) else getattr(first, "source", None)
         return content if source is None else {**content, "source": source}
 
-    @model_validator(mode="after")
-    def _sources_are_told_apart(self) -> "Spec":
+    @check
+    def _sources_are_told_apart(self) -> None:
         if not self.sources:
-            return self
+            return
         names = [each.name for each in self.sources]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"sources: two have the name {twice!r}; give each its own")
         if self.source != self.sources[0].source:
             raise ValueError("source and sources: both are given; give the one LED, or all of them as sources")
-        return self
 
-    @model_validator(mode="after")
-    def _with_derived_values(self) -> "Spec":
+    @check
+    def _with_derived_values(self) -> None:
         """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
         for name, derived in derived_sizes(self.each_source, self.lens, self.constraints, self.target).items():
             section: Section | None = getattr(self, name)
@@ -145,7 +144,6 @@ class Spec(Section):
                 object.__setattr__(self, name, _filled(section, derived))
             except InputError as error:
                 raise ValueError(str(error).replace(type(section).__name__, name, 1)) from None
-        return self
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
@@ -195,35 +193,26 @@ class Spec(Section):
         """The spec as TOML: what was given, each kind named."""
         return tomli_w.dumps(plain({"name": self.name, **self.model_dump(mode="json", exclude_unset=True)}))
 
-    @model_validator(mode="after")
-    def _sizes_are_known(self) -> "Spec":
+    @check
+    def _sizes_are_known(self) -> None:
         if self.constraints.missing:
             name = self.constraints.missing[0]
             raise ValueError(f"constraints.{name}: missing: {words_of(ConstraintsSection, name)}")
-        return self
 
-    @model_validator(mode="after")
-    def _receivers_are_outside_the_lens(self) -> "Spec":
+    @check
+    def _sections_fit_together(self) -> None:
         field = "receivers.centre_mm: distance of the plane" if self.receivers else "target.distance_mm"
         for receiver in self.all_receivers:
             require_outside(receiver, self.constraints, field)
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
-        return self
-
-    @model_validator(mode="after")
-    def _bodies_nest(self) -> "Spec":
         require_bodies(self.bodies, self.lens, self.constraints, lamps=self.lamps, robust=self.optimise.robust)
-        return self
+        require_limits_fit(self.limits, self.all_receivers)
+        require_all_below(self.roads, self.all_receivers)
 
     @property
     def media(self) -> Media:
         """The media that light passes: those of the lens, and the bodies behind it."""
         return media_with(self.bodies, self.lens)
-
-    @model_validator(mode="after")
-    def _limits_fit_their_receivers(self) -> "Spec":
-        require_limits_fit(self.limits, self.all_receivers)
-        return self
 
     @property
     def each_source(self) -> tuple[SourceSpec, ...]:
@@ -247,8 +236,8 @@ class Spec(Section):
         """The spec of the lens alone, at the origin."""
         return self if self.lamps is None else self.model_copy(update={"lamps": None})
 
-    @model_validator(mode="after")
-    def _lamps_have_room(self) -> "Spec":
+    @check
+    def _lamps_have_room(self) -> None:
         if self.lamps is not None and not self.all_lamps.alone:
             lenses, receivers = self.photometry.lenses, self.all_receivers
             base = BaseSection(kind="none") if self.plate is not None else self.base  # the plate holds the lenses
@@ -257,31 +246,23 @@ class Spec(Section):
             require_kinds(self.lamps, receivers, others | {"optimise.robust": self.optimise.robust})
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
-        return self
 
-    @model_validator(mode="after")
-    def _plate_holds_its_lenses(self) -> "Spec":
+    @check
+    def _plate_holds_its_lenses(self) -> None:
         if self.plate is not None and self.lens.is_opaque:
             raise ValueError(f"plate: goes with lenses, not with lens.kind = {self.lens.kind!r}; leave it out")
         if self.plate is not None:
             require_plate(self.plate, self.lamps, self.constraints)
             if self.lens.flange_room_mm is not None:
                 raise ValueError("lens.flange: the plate holds the lenses; leave out one of the two")
-        return self
 
-    @model_validator(mode="after")
-    def _roads_see_the_far_field(self) -> "Spec":
-        require_all_below(self.roads, self.all_receivers)
-        return self
-
-    @model_validator(mode="after")
-    def _window_is_of_a_plane(self) -> "Spec":
+    @check
+    def _window_is_of_a_plane(self) -> None:
         if self.evaluate.window_mm is not None and (self.target is None or self.target.distance_mm is None):
             raise ValueError(
                 f"evaluate.window_mm = {self.evaluate.window_mm:g} goes with a target on a plane, target.distance_mm; "
                 "leave it out, or give a receiver of kind plane its own window_mm"
             )
-        return self
 
     @property
     def all_receivers(self) -> tuple[AnyReceiver, ...]:
@@ -332,8 +313,8 @@ class Spec(Section):
         """True where a target names a region of uniform light."""
         return any(target.pair("uniform") is not None for each in self.all_receivers for target in each.targets)
 
-    @model_validator(mode="after")
-    def _settings_match_levels(self) -> "Spec":
+    @check
+    def _settings_match_levels(self) -> None:
         given = self.optimise.model_fields_set
         if self.optimise.robust and self.lens.is_opaque:
             raise ValueError("optimise.robust goes with lens.kind = 'double' or 'tir', not 'reflector'; leave it out")
@@ -343,14 +324,13 @@ class Spec(Section):
             steps, levels = self.optimise.steps_per_level, self.lens.shape_levels
             if steps is not None and len(steps) != len(levels):
                 raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(levels)}")
-            return self
+            return
         for name in _OF_GIVEN_LEVELS:
             if name in given and getattr(self.optimise, name):
                 raise ValueError(f"optimise.{name} goes with numbers in lens.levels; leave it out, or give levels")
-        return self
 
-    @model_validator(mode="after")
-    def _starts_within_the_largest_radius(self) -> "Spec":
+    @check
+    def _starts_within_the_largest_radius(self) -> None:
         largest = self.constraints.max_radius_mm
         for name, face in self.lens.faces.items():
             on_axis = name in ("cap", "exit", "mouth")  # heights, which the radius about the axis does not limit
@@ -359,12 +339,10 @@ class Spec(Section):
                     f"lens.{name}.offset_mm = {face.offset_mm:g} is beyond constraints.max_radius_mm = {largest:g}, "
                     "the largest lens; lower it, or raise the radius"
                 )
-        return self
 
-    @model_validator(mode="after")
-    def _limits_can_be_kept(self) -> "Spec":
+    @check
+    def _limits_can_be_kept(self) -> None:
         require_feasible(self.lens, self.constraints, self.manufacture)
-        return self
 
 
 def load_spec(path: Path | str) -> Spec:

@@ -3,10 +3,10 @@
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lensforge.optics.photopic import LARGEST_LM_PER_W
-from lensforge.spec.spec_section import Coordinate, FilePath, Lumens, Section, Watts, Weight
+from lensforge.spec.spec_section import Coordinate, FilePath, Lumens, Section, Watts, Weight, check
 
 MOST_ENTRIES = 100_000  # of a table in a spec: 0.01 nm or 0.002 degrees
 _FINEST_DEG, _FINEST_NM = 1e-4, 1e-6  # between two entries; slopes over less are rounding
@@ -41,10 +41,9 @@ class TableIntensity(Section):
     intensity: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
     """Intensity (W/sr or relative) at each of these angles."""
 
-    @model_validator(mode="after")
-    def _is_a_function(self) -> "TableIntensity":
+    @check
+    def _is_a_function(self) -> None:
         _require_function(self.gamma_deg, "gamma_deg", _FINEST_DEG, self.intensity, "intensity")
-        return self
 
 
 class PhotometricIntensity(Section):
@@ -75,10 +74,9 @@ class TableSpectrum(Section):
     weight: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
     """Power density (relative, per nm) at each wavelength."""
 
-    @model_validator(mode="after")
-    def _is_a_function(self) -> "TableSpectrum":
+    @check
+    def _is_a_function(self) -> None:
         _require_function(self.wavelength_nm, "wavelength_nm", _FINEST_NM, self.weight, "weight")
-        return self
 
 
 class FileSpectrum(Section):
@@ -117,15 +115,14 @@ class FluxSection(Section):
     flux_lm: Lumens | None = None
     """Luminous flux."""
 
-    @model_validator(mode="after")
-    def _lumens_fit_the_watts(self) -> "FluxSection":
+    @check
+    def _lumens_fit_the_watts(self) -> None:
         efficacy = self.stated_lm_per_w
         if efficacy is not None and efficacy > LARGEST_LM_PER_W:
             raise ValueError(
                 f"flux_lm = {self.flux_lm:g} of flux_w = {self.flux_w:g} is {efficacy:.4g} lm/W: no light has more "
                 f"than {LARGEST_LM_PER_W:g}; correct one of them, or leave out flux_w"
             )
-        return self
 
     @property
     def stated_lm_per_w(self) -> float | None:
@@ -161,15 +158,14 @@ class EmitterSection(FluxSection):
     position_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     """Shift (x, y, z), after turn and tilt."""
 
-    @model_validator(mode="after")
-    def _efficacy_is_that_of_the_fluxes(self) -> "EmitterSection":
+    @check
+    def _efficacy_is_that_of_the_fluxes(self) -> None:
         stated, efficacy = self.stated_lm_per_w, self.luminous_efficacy_lm_per_w
         if stated is not None and efficacy is not None and abs(stated / efficacy - 1.0) > _SAME_EFFICACY:
             raise ValueError(
                 f"luminous_efficacy_lm_per_w = {efficacy:g}, but flux_lm = {self.flux_lm:g} of flux_w = "
                 f"{self.flux_w:g} is {stated:.4g} lm/W; give two of the three"
             )
-        return self
 
     @property
     def description(self) -> str:

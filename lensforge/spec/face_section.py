@@ -3,12 +3,12 @@
 from itertools import pairwise
 from typing import Annotated, ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lensforge.optics.media import DOUBLE, FLANGE, REFLECTOR, TIR
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
-from lensforge.spec.spec_section import Millimetres, Section
+from lensforge.spec.spec_section import Millimetres, Section, check
 from lensforge.spec.tolerances_section import FaceTolerances, refuse_placement
 from lensforge.surfaces.surface import Surface
 
@@ -29,13 +29,12 @@ class _DesignedFace(Section):
     draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = None
     """Least draft along the axis, the direction in which the mould of the face opens."""
 
-    @model_validator(mode="after")
-    def _starts_once(self) -> "_DesignedFace":
+    @check
+    def _starts_once(self) -> None:
         if self.offset_mm is not None and self.fixed is not None:
             raise ValueError("give one of offset_mm, where the search starts, and fixed, a surface that stays")
         if self.coating is not None and self.mirror is not None and "mirror" in self.model_fields_set:
             raise ValueError("give one of coating and mirror")
-        return self
 
     @property
     def apex_mm(self) -> float | None:
@@ -61,11 +60,10 @@ class ExitFace(FaceSection):
     flat: bool = False
     """Keep it a plane across the axis: the search moves its height alone, and the other faces carry the shape."""
 
-    @model_validator(mode="after")
-    def _flat_is_not_fixed(self) -> "ExitFace":
+    @check
+    def _flat_is_not_fixed(self) -> None:
         if self.flat and self.fixed is not None:
             raise ValueError("give one of flat, a plane whose height the search finds, and fixed, a surface that stays")
-        return self
 
 
 class FlangeSection(Section):
@@ -103,16 +101,14 @@ class FacesSection(Section):
         """Names of the faces that a search changes."""
         return tuple(name for name, face in self.faces.items() if face.fixed is None)
 
-    @model_validator(mode="after")
-    def _one_is_free(self) -> "FacesSection":
+    @check
+    def _one_is_free(self) -> None:
         if all(face.fixed is not None for face in self.faces.values()):
             raise ValueError(f"{' and '.join(f'{name}.fixed' for name in self.names)}: one of the faces must be free")
-        return self
 
-    @model_validator(mode="after")
-    def _first_is_the_reference(self) -> "FacesSection":
+    @check
+    def _first_is_the_reference(self) -> None:
         refuse_placement(self.faces)
-        return self
 
     @property
     def body_names(self) -> tuple[str, ...]:
@@ -147,21 +143,19 @@ class LensFaces(FacesSection):
     outer: FaceSection = Field(default_factory=FaceSection)
     """Face towards the light that is wanted."""
 
-    @model_validator(mode="after")
-    def _no_mirror(self) -> "LensFaces":
+    @check
+    def _no_mirror(self) -> None:
         for name, face in self.faces.items():
             if face.mirror is not None:
                 raise ValueError(f"{name}.mirror = {face.mirror:g}: no light would leave; it goes with kind = 'tir'")
-        return self
 
-    @model_validator(mode="after")
-    def _each_outside_the_one_before(self) -> "LensFaces":
+    @check
+    def _each_outside_the_one_before(self) -> None:
         for (before, inside), (name, face) in pairwise(self.faces.items()):
             low, high = inside.apex_mm, face.apex_mm
             if low is not None and high is not None and high <= low:
                 field = f"{name}.offset_mm" if face.fixed is None else f"the vertex of {name}.fixed"
                 raise ValueError(f"{field} = {high} must exceed where the {before} face meets the axis, {low:g} mm")
-        return self
 
 
 class TirFaces(FacesSection):
@@ -215,8 +209,8 @@ class ReflectorFaces(FacesSection):
     mouth: FaceSection = Field(default_factory=FaceSection)
     """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
 
-    @model_validator(mode="after")
-    def _only_the_cup_is_a_mirror(self) -> "ReflectorFaces":
+    @check
+    def _only_the_cup_is_a_mirror(self) -> None:
         if self.cup.coating is not None:
             raise ValueError("cup.coating: the cup is a mirror; give cup.mirror, the share that it reflects")
         for name, allowed in (("back", ()), ("mouth", ("offset_mm",))):
@@ -227,7 +221,6 @@ class ReflectorFaces(FacesSection):
                         f"it has {' and '.join(allowed)} alone" if allowed else "it follows the cup, and has no fields"
                     )
                     raise ValueError(f"{name}.{field}: {has}; leave it out")
-        return self
 
     @property
     def free(self) -> tuple[str, ...]:

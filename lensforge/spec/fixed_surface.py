@@ -8,10 +8,10 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from lensforge.errors import InputError
-from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, Section
+from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, Section, check
 from lensforge.surfaces.asphere import Asphere, Biconic, SurfaceShape
 from lensforge.surfaces.imported_face import GivenFace, face_of_cad, face_of_lens, lens_file
 from lensforge.surfaces.point_cloud import face_of_points
@@ -191,13 +191,12 @@ def _made(kind: Callable[..., Surface], *fields: object) -> Surface:
 class _ByFormula(FixedFace):
     """A surface that a formula gives; it must be star-shaped about the origin."""
 
-    @model_validator(mode="after")
-    def _is_star_shaped(self) -> "_ByFormula":
+    @check
+    def _is_star_shaped(self) -> None:
         try:
             _ = self.surface
         except InputError as error:
             raise ValueError(str(error)) from None
-        return self
 
 
 class FixedSphere(_ByFormula):

@@ -5,19 +5,28 @@ receiver sees the light of all. Receivers keep their places about the origin, th
 lens, or lenses of several kinds by place.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import atan2, degrees, hypot, pi, sqrt
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lensforge.spec.emitter_section import Turn
-from lensforge.spec.lamp_kinds import KindOfPlace, LampKind, in_grid, in_hexagon, kinds_of
-from lensforge.spec.lamp_stand import ALONG_Z, Stand, Vector, aimed_from
-from lensforge.spec.spec_section import Coordinate, Millimetres, Section
+from lensforge.spec.lamp_places import (
+    ALONG_Z,
+    KindOfPlace,
+    LampKind,
+    Stand,
+    Vector,
+    aimed_from,
+    in_grid,
+    in_hexagon,
+    kinds_of,
+)
+from lensforge.spec.spec_section import Coordinate, Millimetres, Section, check
 from lensforge.spec.target_sections import Side
 from lensforge.surfaces.mirror_group import generators
 
@@ -26,23 +35,39 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Lamps:
-    """Lamps with equal LEDs: places (mm) of their axes on the plane z = 0, and turns (degrees), from x towards y.
+    """Lamps with equal LEDs, each at its stand.
 
     ``period_mm``: width and height of the rectangle that a lattice without an end repeats; the lamps are those of one.
-    ``heights_mm``: z of their origins, none where all are 0. ``axes``: unit vectors along their axes, to which they are
-    tilted the shortest way after their turn; none where all are along z.
     ``kinds``: two or more that share the lamps out, each with a lens of its own; none where all have the same lens.
     """
 
-    places_mm: tuple[Place, ...] = ((0.0, 0.0),)
-    turns_deg: tuple[float, ...] = (0.0,)
+    stands: tuple[Stand, ...] = (Stand(),)
     period_mm: tuple[float, float] | None = None
     kinds: tuple[LampKind, ...] = ()
-    heights_mm: tuple[float, ...] = ()
-    axes: tuple[Vector, ...] = ()
+
+    @staticmethod
+    def level(
+        places_mm: Iterable[Place], turns_deg: Iterable[float] = (), period_mm: tuple[float, float] | None = None
+    ) -> "Lamps":
+        """Lamps on the plane z = 0, their axes along z; turned (degrees), from x towards y, where turns are given."""
+        places = tuple(places_mm)
+        turns = tuple(turns_deg) or (0.0,) * len(places)
+        return Lamps(
+            tuple(Stand((*each, 0.0), ALONG_Z, turn) for each, turn in zip(places, turns, strict=True)), period_mm
+        )
 
     def __len__(self) -> int:
-        return len(self.places_mm)
+        return len(self.stands)
+
+    @property
+    def places_mm(self) -> tuple[Place, ...]:
+        """Places (x, y) of their origins."""
+        return tuple(stand.place_mm[:2] for stand in self.stands)
+
+    @property
+    def turns_deg(self) -> tuple[float, ...]:
+        """Turns (degrees) about their axes, from x towards y."""
+        return tuple(stand.turn_deg for stand in self.stands)
 
     @property
     def alone(self) -> bool:
@@ -52,20 +77,7 @@ class Lamps:
     @property
     def posed(self) -> bool:
         """True where a lamp has a height of its own, or an axis that is not along z."""
-        return bool(self.heights_mm or self.axes)
-
-    def stand(self, number: int) -> Stand:
-        """The stand of one lamp."""
-        height, axis = self._heights[number], self._axes[number]
-        return Stand((*self.places_mm[number], height), axis, self.turns_deg[number])
-
-    @property
-    def _heights(self) -> tuple[float, ...]:
-        return self.heights_mm or (0.0,) * len(self)
-
-    @property
-    def _axes(self) -> tuple[Vector, ...]:
-        return self.axes or (ALONG_Z,) * len(self)
+        return any(stand.place_mm[2] != 0.0 or stand.axis != ALONG_Z for stand in self.stands)
 
     @property
     def words(self) -> str:
@@ -78,21 +90,17 @@ class Lamps:
     @property
     def reach_mm(self) -> float:
         """Distance of the farthest lamp from the origin."""
-        return max(hypot(*place, height) for place, height in zip(self.places_mm, self._heights, strict=True))
+        return max(hypot(*stand.place_mm) for stand in self.stands)
 
     @property
     def from_afar(self) -> "Lamps":
         """The same as they are seen from far away, where all stand at one place."""
-        return self if self.alone else replace(self, places_mm=((0.0, 0.0),) * len(self), heights_mm=(), period_mm=None)
+        together = tuple(stand._replace(place_mm=(0.0, 0.0, 0.0)) for stand in self.stands)
+        return self if self.alone else replace(self, stands=together, period_mm=None)
 
     def of_kind(self, kind: LampKind) -> "Lamps":
         """The lamps that have one lens."""
-        return Lamps(
-            tuple(self.places_mm[k] for k in kind.numbers),
-            tuple(self.turns_deg[k] for k in kind.numbers),
-            heights_mm=tuple(self.heights_mm[k] for k in kind.numbers if self.heights_mm),
-            axes=tuple(self.axes[k] for k in kind.numbers if self.axes),
-        )
+        return Lamps(tuple(self.stands[number] for number in kind.numbers))
 
     @property
     def shares_of_rays(self) -> tuple[float, ...]:
@@ -111,41 +119,36 @@ class Lamps:
         return all(self._is_mirrored(kind, group) for kind in self.kinds or (LampKind("", tuple(range(len(self)))),))
 
     def _is_mirrored(self, kind: LampKind, group: str) -> bool:
-        chosen = list(kind.numbers)
-        places, turns = np.array(self.places_mm)[chosen], np.array(self.turns_deg)[chosen]
-        up, axes = np.array(self._heights)[chosen], np.array(self._axes)[chosen]
-        own = self._as_rows(places, turns, up, axes)
+        own = self.of_kind(kind).stands
+        places, axes = np.array([stand.place_mm for stand in own]), np.array([stand.axis for stand in own])
+        as_it_is = self._as_rows(places, axes, [stand.turn_deg for stand in own])
         for mirror in generators(group):
             axis_deg = 0.5 * degrees(atan2(mirror[1, 0], mirror[0, 0]))
-            turned = np.array([kind.mirrored_deg(turn, axis_deg) for turn in turns.tolist()])
-            if not np.array_equal(self._as_rows(places @ mirror[:2, :2].T, turned, up, axes @ mirror.T), own):
+            turns = [kind.mirrored_deg(stand.turn_deg, axis_deg) for stand in own]
+            if not np.array_equal(self._as_rows(places @ mirror.T, axes @ mirror.T, turns), as_it_is):
                 return False
         return True
 
     def _as_rows(
-        self,
-        places: Float[np.ndarray, "n 2"],
-        turns: Float[np.ndarray, " n"],
-        heights: Float[np.ndarray, " n"],
-        axes: Float[np.ndarray, "n 3"],
+        self, places: Float[np.ndarray, "n 3"], axes: Float[np.ndarray, "n 3"], turns_deg: Sequence[float]
     ) -> Float[np.ndarray, "n 7"]:
         """Stands, of a lattice within its period, and with turns within 360 degrees, rounded and in one order."""
         if self.period_mm is not None:
-            places = np.round(places / self.period_mm, 6) % 1.0 * self.period_mm
-        rows = np.round(np.column_stack([places, np.round(turns, 6) % 360.0, heights, axes]), 6) + 0.0
+            places = np.column_stack([np.round(places[:, :2] / self.period_mm, 6) % 1.0 * self.period_mm, places[:, 2]])
+        rows = np.round(np.column_stack([places, np.round(turns_deg, 6) % 360.0, axes]), 6) + 0.0
         ordered: Float[np.ndarray, "n 7"] = rows[np.lexsort(rows.T)]
         return ordered
 
-    def _between(self) -> Float[np.ndarray, "m d"]:
-        """Ways (mm) from each lamp to every other one, in 2 or 3 dimensions; in a lattice also to those around."""
-        places = np.column_stack([self.places_mm, *([self._heights] if self.posed else [])])
-        ways = (places[:, None] - places[None]).reshape(len(places) ** 2, -1)
+    def _between(self) -> Float[np.ndarray, "m 3"]:
+        """Ways (mm) from each lamp to every other one; in a lattice also to those around."""
+        places = np.array([stand.place_mm for stand in self.stands])
+        ways = (places[:, None] - places[None]).reshape(-1, 3)
         ways = ways[np.arange(len(ways)) % (len(places) + 1) != 0]  # not to itself
         if self.period_mm is None:
             return np.asarray(ways)
-        periods = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]) * np.array(self.period_mm)
-        beside = (np.concatenate([ways, np.zeros((1, 2))])[:, None] + periods).reshape(-1, 2)
-        apart: Float[np.ndarray, "m 2"] = beside[np.hypot(*beside.T) > 0.0]
+        periods = np.array([(i, j, 0.0) for i in (-1, 0, 1) for j in (-1, 0, 1)]) * np.array([*self.period_mm, 0.0])
+        beside = (np.concatenate([ways, np.zeros((1, 3))])[:, None] + periods).reshape(-1, 3)
+        apart: Float[np.ndarray, "m 3"] = beside[beside.any(axis=1)]
         return apart
 
     def nearest_mm(self, square: bool = False) -> float:
@@ -176,11 +179,10 @@ class LampsSection(Section):
         """Places and turns."""
         raise NotImplementedError
 
-    @model_validator(mode="after")
-    def _can_be(self) -> "LampsSection":
+    @check
+    def _can_be(self) -> None:
         if len(self.lamps) > _MOST:
             raise ValueError(f'{len(self.lamps)} lamps, at most {_MOST}; or kind = "endless"')
-        return self
 
     @property
     def of_one_kind(self) -> Self:
@@ -193,7 +195,7 @@ def _by_place(places: Sequence[Place], found: Sequence[KindOfPlace]) -> Lamps:
     names, turns, mirrors = (tuple(each) for each in zip(*found, strict=True))
     if len(set(names)) == 1:
         raise ValueError(f'kinds = "place": all {len(places)} lamps are of the kind {names[0]!r}; leave it out')
-    return Lamps(tuple(places), turns, kinds=kinds_of(places, names, mirrors))
+    return replace(Lamps.level(places, turns), kinds=kinds_of(places, names, mirrors))
 
 
 def _pair(pitch: Side) -> tuple[float, float]:
@@ -233,7 +235,7 @@ class GridLamps(LampsWithRim):
         y = [up * (number - 0.5 * (self.rows - 1)) for number in range(self.rows)]
         places = [(each, other) for other in y for each in x]
         if self.kinds == "one":
-            return _unturned(places)
+            return Lamps.level(places)
         size = self.columns, self.rows
         return _by_place(
             places, [in_grid(i, j, *size, self.rim_rings) for j in range(self.rows) for i in range(self.columns)]
@@ -256,7 +258,7 @@ class HexagonLamps(LampsWithRim):
         steps = [(i, j) for j in range(-rings, rings + 1) for i in range(-rings, rings + 1) if abs(i + j) <= rings]
         places = [(self.pitch_mm * (i + 0.5 * j), self.pitch_mm * up * j) for i, j in steps]
         if self.kinds == "one":
-            return _unturned(places)
+            return Lamps.level(places)
         return _by_place(places, [in_hexagon(i, j, rings, self.rim_rings) for i, j in steps])
 
 
@@ -274,10 +276,10 @@ class RingLamps(LampsSection):
     @property
     def lamps(self) -> Lamps:
         """Places and turns."""
-        turns = tuple(360.0 * number / self.count for number in range(self.count))
+        turns = [360.0 * number / self.count for number in range(self.count)]
         directions = [complex(np.exp(1j * pi * turn / 180.0)) for turn in turns]
-        places = tuple((0.5 * self.diameter_mm * each.real, 0.5 * self.diameter_mm * each.imag) for each in directions)
-        return Lamps(places, turns if self.turned else (0.0,) * self.count)
+        places = [(0.5 * self.diameter_mm * each.real, 0.5 * self.diameter_mm * each.imag) for each in directions]
+        return Lamps.level(places, turns if self.turned else ())
 
 
 _TablePlace = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Coordinate]
@@ -302,27 +304,23 @@ class TableLamps(LampsSection):
     @property
     def lamps(self) -> Lamps:
         """Places and turns."""
-        flat = tuple((place[0], place[1]) for place in self.places_mm)
-        heights = tuple(place[2] if len(place) == 3 else 0.0 for place in self.places_mm)
-        points = [(*place, height) for place, height in zip(flat, heights, strict=True)]
-        aimed = [aimed_from(*each) for each in zip(points, self.aims_mm, strict=bool(self.aims_mm))]
-        axes, sides = ([axis for axis, _ in aimed], [side for _, side in aimed] or [0.0] * len(points))
-        own = self.turns_deg or (0.0,) * len(points)
-        return Lamps(
-            flat,
-            tuple(turn + side for turn, side in zip(own, sides, strict=True)),
-            kinds=kinds_of(flat, self.kinds, [""] * len(self.kinds)),
-            heights_mm=heights if any(heights) else (),
-            axes=tuple(axes) if any(axis != ALONG_Z for axis in axes) else (),
-        )
+        places: list[Vector] = [(*place, 0.0)[:3] for place in self.places_mm]
+        aims = self.aims_mm or [None] * len(places)
+        turns = self.turns_deg or (0.0,) * len(places)
+        stands = []
+        for place, aim, turn in zip(places, aims, turns, strict=True):
+            axis, side = (ALONG_Z, 0.0) if aim is None else aimed_from(place, aim)
+            stands.append(Stand(place, axis, turn + side))
+        flat = [place[:2] for place in places]
+        return Lamps(tuple(stands), kinds=kinds_of(flat, self.kinds, [""] * len(self.kinds)))
 
     @property
     def of_one_kind(self) -> Self:
         """The same places, where all lamps have one lens."""
         return self.model_copy(update={"kinds": ()})
 
-    @model_validator(mode="after")
-    def _can_be(self) -> "TableLamps":
+    @check
+    def _can_be(self) -> None:
         lists = (
             ("turns_deg", self.turns_deg, "numbers"),
             ("aims_mm", self.aims_mm, "points"),
@@ -336,7 +334,6 @@ class TableLamps(LampsSection):
                 raise ValueError(f"aims_mm.{number} = {aim}: is the place of the lamp; give a point that it shines at")
         if self.kinds and not 2 <= len(set(self.kinds)) <= _MOST_KINDS:
             raise ValueError(f"kinds: {len(set(self.kinds))} names; give 2 to {_MOST_KINDS}, or leave them out for one")
-        return self
 
 
 class EndlessLamps(LampsSection):
@@ -359,17 +356,12 @@ class EndlessLamps(LampsSection):
         if self.lattice == "rectangle":
             return Lamps(period_mm=(across, up))
         up *= sqrt(3.0)
-        return Lamps(((0.0, 0.0), (0.5 * across, 0.5 * up)), (0.0, 0.0), (across, up))
+        return Lamps.level([(0.0, 0.0), (0.5 * across, 0.5 * up)], period_mm=(across, up))
 
-    @model_validator(mode="after")
-    def _hexagons_have_one_pitch(self) -> "EndlessLamps":
+    @check
+    def _hexagons_have_one_pitch(self) -> None:
         if self.lattice == "hexagon" and isinstance(self.pitch_mm, tuple):
             raise ValueError("pitch_mm: a hexagonal lattice has one; give one number")
-        return self
-
-
-def _unturned(places: Sequence[Place]) -> Lamps:
-    return Lamps(tuple(places), (0.0,) * len(places))
 
 
 AnyLamps = Annotated[GridLamps | HexagonLamps | RingLamps | TableLamps | EndlessLamps, Field(discriminator="kind")]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from lensforge.spec.lamp_stand import Vector
+from lensforge.spec.lamp_places import Vector
 from lensforge.spec.lamps_section import Lamps, LampsSection
 from lensforge.spec.part_section import BaseSection
 from lensforge.spec.receiver_sections import (
@@ -57,11 +57,10 @@ def _require_seen_by(receiver: AnyReceiver, lamps: Lamps, limits: ConstraintsSec
     """Raise ``ValueError`` for a receiver between the lamps or inside a lens, or one that a lattice cannot light."""
     if lamps.period_mm is not None:
         _require_period(receiver, lamps.period_mm)
-    for number in range(len(lamps)):
-        place = lamps.stand(number).place_mm
+    for place, _, _ in lamps.stands:
         away_mm = _clear_mm(receiver, place)
         if away_mm <= limits.max_radius_mm:
-            at = ", ".join(f"{each:.4g}" for each in place[: 3 if lamps.heights_mm else 2])
+            at = ", ".join(f"{each:.4g}" for each in place[: 3 if place[2] else 2])
             raise ValueError(
                 f"receivers: {receiver.name or receiver.kind!r} is between the lamps: that at ({at}) mm has "
                 f"{away_mm:.4g} mm to it, its lens needs more than constraints.max_radius_mm = "

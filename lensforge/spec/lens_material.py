@@ -29,11 +29,11 @@ from lensforge.optics.material import (
     TemperatureLaw,
     by_abbe_number,
 )
-from lensforge.optics.material_files import MaterialData, read_material
+from lensforge.optics.material_files import read_material
 from lensforge.optics.media import CAVITY, OUTSIDE, SIDES, FaceCoating, Media, Medium, Mirror
-from lensforge.spec.coating_section import CoatingSection, CoverGlassSection
+from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
-from lensforge.spec.spec_section import FilePath, Label, Section
+from lensforge.spec.spec_section import FilePath, Label, Section, check
 
 _Wavelength = Annotated[float, Field(ge=100.0, le=20_000.0)]
 _MOST_ROWS = 10_000  # of tables: 0.1 nm over the visible range and more
@@ -77,8 +77,8 @@ class OpticalData(Section):
     expansion_per_k: Expansion | None = None
     """Linear expansion of every length with temperature."""
 
-    @model_validator(mode="after")
-    def _usable(self) -> "OpticalData":
+    @check
+    def _usable(self) -> None:
         if (self.formula is None) == (not self.wavelength_nm):
             raise ValueError("give formula with coefficients and range_nm, or wavelength_nm with refractive_index")
         if self.formula is not None and (self.range_nm is None or not self.coefficients):
@@ -98,7 +98,6 @@ class OpticalData(Section):
             self._require_indices()
         except InputError as error:
             raise ValueError(str(error)) from None
-        return self
 
     def _require_indices(self) -> None:
         waves = np.linspace(*self._span, _CHECKED)
@@ -141,29 +140,32 @@ def with_optical_data(content: Any) -> Any:
     if content.get("optical_data") is not None:
         raise ValueError("material_file: material_file and optical_data: give one of the two")
     try:
-        data = read_material(Path(content["material_file"]), content.get("material"))
+        material = read_material(Path(content["material_file"]), content.get("material"))
     except InputError as error:
         raise ValueError(f"material_file: {error}") from None
     rest = {key: value for key, value in content.items() if key != "material_file"}
-    return rest | {"material": data.name, "optical_data": _fields(data)}
+    return rest | {"material": material.name, "optical_data": _fields(material)}
 
 
-def _fields(data: MaterialData) -> dict[str, Any]:
+def _fields(material: Material) -> dict[str, Any]:
     """Fields of :class:`OpticalData`, plain, as a file would have them."""
-    absorption = {"absorption_nm": list(data.absorption_nm), "absorption_per_mm": list(data.absorption_per_mm)}
-    if isinstance(data.index, Formula):
-        index: dict[str, Any] = {"formula": data.index.name, "coefficients": list(data.index.coefficients)}
-        index["range_nm"] = list(data.range_nm)
-    else:
-        index = {"wavelength_nm": list(data.index.wavelengths_nm), "refractive_index": list(data.index.indices)}
-    law, warming = data.temperature, dict[str, Any]()
+    fields: dict[str, Any] = {"source": material.source}
+    match material.dispersion:
+        case Formula(name, coefficients):
+            fields |= {"formula": name, "coefficients": list(coefficients), "range_nm": list(material.range_nm)}
+        case IndexTable(waves, indices):
+            fields |= {"wavelength_nm": list(waves), "refractive_index": list(indices)}
+    if material.absorption is not None:
+        fields["absorption_nm"] = list(material.absorption.wavelengths_nm)
+        fields["absorption_per_mm"] = list(material.absorption.per_mm)
+    law = material.temperature
     if law.reference_c != REFERENCE_C:
-        warming["reference_temperature_c"] = law.reference_c
+        fields["reference_temperature_c"] = law.reference_c
     if law.schott:
-        warming["schott_coefficients"] = list(law.schott)
+        fields["schott_coefficients"] = list(law.schott)
     if law.expansion_per_k is not None:
-        warming["expansion_per_k"] = law.expansion_per_k
-    return {"source": data.source, **index, **(absorption if data.absorption_nm else {}), **warming}
+        fields["expansion_per_k"] = law.expansion_per_k
+    return fields
 
 
 _SHORTEST_NM, _LONGEST_NM = 1.0, 1e7  # of any light
@@ -217,11 +219,11 @@ class LensMaterial(FacesSection):
     def _material_of_the_file(cls, content: Any) -> Any:
         return with_optical_data(content)
 
-    @model_validator(mode="after")
-    def _one_source_of_the_index(self) -> "LensMaterial":
+    @check
+    def _one_source_of_the_index(self) -> None:
         given = self.model_fields_set
         if self.is_opaque:
-            return self
+            return
         known = self._own_or_catalogued
         if known is None:
             if "material" in given and "refractive_index" not in given:
@@ -234,7 +236,7 @@ class LensMaterial(FacesSection):
                 raise ValueError(
                     f"design_wavelength_nm goes with a material of {', '.join(MATERIALS)}, or a coating by wavelength"
                 )
-            return self
+            return
         if self.abbe_number is not None:
             raise ValueError(f"abbe_number: {self.material} has its own dispersion; leave out one of the two")
         if self.absorption_per_mm > 0.0 and known.absorption is not None:
@@ -249,10 +251,9 @@ class LensMaterial(FacesSection):
                 f"{self.design_wavelength_nm:g} nm; leave out refractive_index, or name the material otherwise"
             )
         object.__setattr__(self, "refractive_index", index)
-        return self
 
-    @model_validator(mode="after")
-    def _one_source_of_the_change_with_temperature(self) -> "LensMaterial":
+    @check
+    def _one_source_of_the_change_with_temperature(self) -> None:
         known = UNKNOWN if self.dispersion is None else self.dispersion.temperature
         for name, own in (
             ("index_per_k", known.knows_index),
@@ -261,7 +262,6 @@ class LensMaterial(FacesSection):
         ):
             if own and getattr(self, name) is not None:
                 raise ValueError(f"{name}: {self.material} has its own; leave it out, or name the material otherwise")
-        return self
 
     @property
     def temperature_law(self) -> TemperatureLaw:
@@ -275,15 +275,14 @@ class LensMaterial(FacesSection):
             expansion_per_k=known.expansion_per_k if expansion is None else expansion,
         )
 
-    @model_validator(mode="after")
-    def _glass_is_denser(self) -> "LensMaterial":
+    @check
+    def _glass_is_denser(self) -> None:
         glass = self.cover_glass
         if glass is not None and glass.refractive_index < self.outside_index:
             raise ValueError(
                 f"cover_glass.refractive_index = {glass.refractive_index:g}: must be outside_index = "
                 f"{self.outside_index:g} at least, or it would reflect oblique light totally"
             )
-        return self
 
     @property
     def media(self) -> Media:
@@ -311,14 +310,11 @@ class LensMaterial(FacesSection):
         )
 
     @property
-    def _coatings(self) -> list[CoatingSection | None]:
-        return [face.coating for face in self.faces.values()]
-
-    @property
     def _chromatic(self) -> bool:
         """True where a coating depends on the wavelength."""
+        coatings = [face.coating for face in self.faces.values()]
         glass = None if self.cover_glass is None else self.cover_glass.coating
-        return any(each is not None and each.chromatic for each in (*self._coatings, glass))
+        return any(each is not None and each.chromatic for each in (*coatings, glass))
 
     @property
     def _own_or_catalogued(self) -> Material | None:

@@ -4,13 +4,13 @@ from dataclasses import replace
 from math import degrees
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from lensforge.errors import InputError
 from lensforge.optics.media import FLANGE, MOST_EVENTS, OUTSIDE, FaceCoating, Media, Mirror
 from lensforge.spec.face_section import LensFaces, ReflectorFaces, TirFaces
 from lensforge.spec.lens_material import LensMaterial
-from lensforge.spec.spec_section import FilePath, Label
+from lensforge.spec.spec_section import FilePath, Label, check
 from lensforge.surfaces.imported_face import lens_file
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
@@ -36,10 +36,17 @@ def _kind_of_lens(value: Any) -> str | None:
 class LensShape(LensMaterial):
     """Material of a lens of any kind, and the SRBFs that will shape the faces that are free.
 
-    ``title``: words for a lens of its kind.
+    ``title``: words for a lens of its kind. ``may_be_round``: it has a shape without any level, faces of revolution.
+    ``reflects``: its wall or cup turns light by any angle, and at no loss. ``has_creases``: several faces lie side by
+    side, and meet in creases; there it is widest and highest. ``radius_about_axis``: its radius is its distance from
+    the axis, not from the LED: its exit or mouth is flat, and it lies in a cylinder.
     """
 
     title: ClassVar[str] = ""
+    may_be_round: ClassVar[bool] = False
+    reflects: ClassVar[bool] = False
+    has_creases: ClassVar[bool] = False
+    radius_about_axis: ClassVar[bool] = False
     kind: str
     levels: Levels = "auto"
     """Functions of each level, coarse to fine, that shape each free surface; "auto": as many as they gain."""
@@ -52,8 +59,8 @@ class LensShape(LensMaterial):
     start: Annotated[FilePath, AfterValidator(lens_file)] | None = None
     """Result folder, or its lens.json, from whose lens the search goes on instead of from the hemispheres."""
 
-    @model_validator(mode="after")
-    def _levels_are_some(self) -> "LensShape":
+    @check
+    def _levels_are_some(self) -> None:
         if not (self.levels or self.may_be_round):
             raise ValueError("levels is empty: give at least one count")
         if self.levels and self.levels != "auto":
@@ -61,27 +68,6 @@ class LensShape(LensMaterial):
                 _ = self.basis
             except InputError as error:
                 raise ValueError(str(error)) from None
-        return self
-
-    @property
-    def may_be_round(self) -> bool:
-        """True for a lens that has a shape without any level: faces of revolution."""
-        return False
-
-    @property
-    def reflects(self) -> bool:
-        """True for a lens whose wall turns light by reflection: by any angle, and at no loss."""
-        return False
-
-    @property
-    def has_creases(self) -> bool:
-        """True for a lens of several faces side by side, which meet in creases: there it is widest and highest."""
-        return False
-
-    @property
-    def radius_about_axis(self) -> bool:
-        """True for a lens whose radius is its distance from the axis, not from the LED: it lies in a cylinder."""
-        return False
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -128,6 +114,8 @@ class LensSection(LensShape, LensFaces):
 class ProfiledShape(LensShape):
     """A lens of faces of revolution, which meet in creases; with ``levels`` SRBFs shape them beyond that."""
 
+    may_be_round = reflects = has_creases = radius_about_axis = True
+
     levels: _Numbers = ()
     """Functions of each level, coarse to fine, that shape the free faces beyond their profiles; none: faces of
     revolution.
@@ -136,26 +124,6 @@ class ProfiledShape(LensShape):
     """Coefficients of the profile of each free face."""
     events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = 6
     """Largest number of faces that a ray meets; what goes on then is counted as its own fate."""
-
-    @property
-    def may_be_round(self) -> bool:
-        """True: without levels all faces are of revolution."""
-        return True
-
-    @property
-    def reflects(self) -> bool:
-        """True: by its wall, or its cup."""
-        return True
-
-    @property
-    def has_creases(self) -> bool:
-        """True: of cap and side, and of wall and exit; of cup and mouth, and of back and mouth."""
-        return True
-
-    @property
-    def radius_about_axis(self) -> bool:
-        """True: its exit or mouth is flat, and widest at its rim."""
-        return True
 
     @property
     def is_round(self) -> bool:
@@ -204,14 +172,13 @@ class ReflectorSection(ProfiledShape, ReflectorFaces):
     material: Label = "metallised plastic"
     """Material of the body, a label: no light enters it."""
 
-    @model_validator(mode="after")
-    def _is_open(self) -> "ReflectorSection":
+    @check
+    def _is_open(self) -> None:
         if self.cavity_index != self.outside_index:
             raise ValueError(
                 f"cavity_index = {self.cavity_index:g}: a reflector is open, and has outside_index = "
                 f"{self.outside_index:g} inside, too; give the same for both"
             )
-        return self
 
 
 AnyLens = Annotated[

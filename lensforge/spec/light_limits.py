@@ -14,7 +14,7 @@ from lensforge.errors import RenamedWarning
 from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver, PlaneReceiver, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
-from lensforge.spec.spec_section import Coordinate, Label, Section
+from lensforge.spec.spec_section import Coordinate, Label, Section, check
 from lensforge.spec.target_sections import DegreesOff, InOneUnit, Unit
 
 Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
@@ -71,8 +71,8 @@ class LimitSection(InOneUnit):
         """The quantities that are bounded."""
         yield from (name for name in (*LIGHT_UNITS, *self.others) if any(self.bounds(name)))
 
-    @model_validator(mode="after")
-    def _bounds_something_once(self) -> "LimitSection":
+    @check
+    def _bounds_something_once(self) -> None:
         if (self.unit is None) != (self.at_least is None and self.at_most is None):
             raise ValueError(f"at_least or at_most, and unit go together; unit is one of {', '.join(LIGHT_UNITS)}")
         if self.unit == "relative" and max(self.at_least or 0.0, self.at_most or 0.0) > 1.0:
@@ -85,7 +85,6 @@ class LimitSection(InOneUnit):
             least, most = self.bounds(name)
             if least is not None and most is not None and least > most:
                 raise ValueError(f"at least {least:g} {name} is above at most {most:g}: no light is both")
-        return self
 
 
 class PointsLimit(LimitSection):
@@ -150,16 +149,15 @@ class ZoneLimit(LimitSection):
         """The zone's centre."""
         return () if self.zone is None else (self.zone.centre,)
 
-    @model_validator(mode="after")
-    def _zone_is_a_shape(self) -> "ZoneLimit":
+    @check
+    def _zone_is_a_shape(self) -> None:
         zone = self.zone
         if zone is None:
-            return self
+            return
         for name in _OF_PICTURES:
             field = type(zone).model_fields.get(name)
             if field is not None and getattr(zone, name) != field.default:
                 raise ValueError(f"zone.{name}: a zone is a shape on the limit's receiver; leave it out")
-        return self
 
 
 class GlareLimit(LimitSection):
@@ -176,11 +174,10 @@ class GlareLimit(LimitSection):
         """A direction at that angle."""
         return ((self.from_deg, 0.0),)
 
-    @model_validator(mode="after")
-    def _caps(self) -> "GlareLimit":
+    @check
+    def _caps(self) -> None:
         if self.at_least is not None:
             raise ValueError("glare has a largest intensity, no least one; give at_most")
-        return self
 
 
 class BeamAngleLimit(LimitSection):
@@ -201,11 +198,10 @@ class BeamAngleLimit(LimitSection):
     at_most_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = None
     """Largest full angle."""
 
-    @model_validator(mode="after")
-    def _bounds_the_angle(self) -> "BeamAngleLimit":
+    @check
+    def _bounds_the_angle(self) -> None:
         if self.unit is not None:
             raise ValueError("a beam angle is bounded by at_least_deg and at_most_deg")
-        return self
 
 
 LightLimitSpec = Annotated[

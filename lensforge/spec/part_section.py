@@ -4,7 +4,7 @@ from math import cos, pi, radians, sin, tau
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 
 from lensforge.errors import InputError
 from lensforge.spec.spec_files import read_toml
@@ -15,6 +15,7 @@ from lensforge.spec.spec_section import (
     Millimetres,
     MillimetresOrZero,
     Section,
+    check,
     rounded_up,
     spec_error,
 )
@@ -44,15 +45,14 @@ class FeetSection(Section):
         turns = [first + tau * k / self.number for k in range(self.number)]
         return tuple((radius * cos(turn), radius * sin(turn)) for turn in turns)
 
-    @model_validator(mode="after")
-    def _stand_apart(self) -> "FeetSection":
+    @check
+    def _stand_apart(self) -> None:
         if self.number > 1 and self.circle_diameter_mm * sin(pi / self.number) <= self.diameter_mm:
             raise ValueError(
                 f"number = {self.number} feet of diameter_mm = {self.diameter_mm:g} overlap on a circle of "
                 f"circle_diameter_mm = {self.circle_diameter_mm:g}: must be above "
                 f"{rounded_up(self.diameter_mm / sin(pi / self.number))}"
             )
-        return self
 
 
 class BaseSection(Section):
@@ -91,10 +91,10 @@ class BaseSection(Section):
     feet: FeetSection | None = None
     """Feet below its bottom; by default there are none."""
 
-    @model_validator(mode="after")
-    def _feet_stand_below(self) -> "BaseSection":
+    @check
+    def _feet_stand_below(self) -> None:
         if self.feet is None:
-            return self
+            return
         if self.kind not in ("cylinder", "square"):
             raise ValueError(f'feet go with kind = "cylinder" or "square", not "{self.kind}"; leave them out')
         wide = self.side_mm if self.kind == "square" else self.diameter_mm
@@ -105,10 +105,9 @@ class BaseSection(Section):
                 f"feet.circle_diameter_mm = {self.feet.circle_diameter_mm:g}: with diameter_mm = "
                 f"{self.feet.diameter_mm:g} they reach {reach:g} mm across, and must stand within {room:g}"
             )
-        return self
 
-    @model_validator(mode="after")
-    def _file_is_the_whole_base(self) -> "BaseSection":
+    @check
+    def _file_is_the_whole_base(self) -> None:
         if (self.kind == "step") != (self.file is not None):
             raise ValueError('kind = "step" and file go together: give both, or neither')
         room = ("relief_step_mm", "relief_setback_mm", "bore_setback_mm")
@@ -117,10 +116,9 @@ class BaseSection(Section):
         if self.kind == "step" and given:
             stated = f"{given[0]} = {getattr(self, given[0]):g}"
             raise ValueError(f"{stated} does not go with kind = 'step': the file holds the whole base; leave it out")
-        return self
 
-    @model_validator(mode="after")
-    def _no_length_goes_with_nothing(self) -> "BaseSection":
+    @check
+    def _no_length_goes_with_nothing(self) -> None:
         """A length that is not the default has something to be the length of; a stored spec states defaults too."""
         for width, length in (("pocket_diameter_mm", "pocket_depth_mm"), ("flange_diameter_mm", "flange_height_mm")):
             if getattr(self, width) is None and self._given(length):
@@ -129,18 +127,17 @@ class BaseSection(Section):
             if self.kind == kind and self._given(width):
                 stated = f"{width} = {getattr(self, width):g}"
                 raise ValueError(f'{stated} goes with kind = "{other}", not "{kind}"; leave it out')
-        return self
 
     def _given(self, *names: str) -> list[str]:
         """Names of the fields that are not as when left out."""
         return [name for name in names if getattr(self, name) != type(self).model_fields[name].default]
 
-    @model_validator(mode="after")
-    def _heights_fit(self) -> "BaseSection":
+    @check
+    def _heights_fit(self) -> None:
         flange = 0.0 if self.flange_diameter_mm is None else self.flange_height_mm
         pocket = 0.0 if self.pocket_diameter_mm is None else self.pocket_depth_mm
         if self.kind in ("none", "step"):
-            return self
+            return
         if self.relief_setback_mm and not self.step_mm:
             raise ValueError(
                 f"relief_setback_mm = {self.relief_setback_mm:g} needs a relief_step_mm above 0, not {self.step_mm:g}"
@@ -155,7 +152,6 @@ class BaseSection(Section):
         if self.flange_diameter_mm is not None and self.flange_diameter_mm <= self.widest_mm:
             stated = f"flange_diameter_mm = {self.flange_diameter_mm:g}"
             raise ValueError(f"{stated}: must exceed the width of the base, {self.widest_mm:g}")
-        return self
 
     @property
     def step_mm(self) -> float:
@@ -215,11 +211,10 @@ class ManufactureSection(Section):
     date: CalendarDate | None = None
     """Date of the files for the shop, which never take one from the clock."""
 
-    @model_validator(mode="after")
-    def _only_a_mould_shrinks(self) -> "ManufactureSection":
+    @check
+    def _only_a_mould_shrinks(self) -> None:
         if self.shrinkage > 0.0 and self.make != "insert":
             raise ValueError(f'shrinkage = {self.shrinkage:g} goes with make = "insert"; a lens that is cut has none')
-        return self
 
     @property
     def scale(self) -> float:

@@ -6,12 +6,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lensforge.results.file_bounds import MOST_STEP_MIB, require_small_step
 from lensforge.results.files import MIB, read_file, temporary_folder, write_json
 from lensforge.results.sandbox import ChildLimits, work_in_child
-from lensforge.spec.spec_section import Coordinate, Label, Section
+from lensforge.spec.spec_section import Coordinate, Label, Section, check
 from lensforge.surfaces import step_outline
 from lensforge.surfaces.plane_loop import Loop, Place, area_mm2, circle_of, loop_of
 from lensforge.surfaces.step_outline import DRAWING, FOUND, JOB, MOST_CORNERS, MOST_LOOPS
@@ -36,12 +36,11 @@ class DrawnOutline(Section):
     corner, the tangent of a quarter of its arc's angle, 0 for a line.
     """
 
-    @model_validator(mode="after")
-    def _run_counter_clockwise(self) -> "DrawnOutline":
+    @check
+    def _run_counter_clockwise(self) -> None:
         for number, corners in enumerate(self.loops_mm):
             if area_mm2(loop_of(corners)) <= 0.0:
                 raise ValueError(f"loops_mm.{number}: has no area, or runs clockwise; turn the order of its corners")
-        return self
 
     @property
     def outer(self) -> Loop:

@@ -8,13 +8,13 @@ from math import hypot
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from lensforge.errors import InputError
 from lensforge.spec.lamps_section import EndlessLamps, Lamps, LampsSection, Place, lamps_of
 from lensforge.spec.plate_outline import DrawnOutline, read_outline
 from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, MillimetresOrZero, Section, rounded_up
+from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, MillimetresOrZero, Section, check, rounded_up
 from lensforge.surfaces.plane_loop import box_of_loop, inside_by_mm
 
 _MOST_LENSES, _MOST_MARKS = 400, 200
@@ -66,13 +66,12 @@ class PlateBoss(PlatePin):
     bore_depth_mm: Millimetres
     """Depth of its bore from its end, which may reach into the plate."""
 
-    @model_validator(mode="after")
-    def _has_a_wall(self) -> "PlateBoss":
+    @check
+    def _has_a_wall(self) -> None:
         if self.bore_diameter_mm >= self.diameter_mm:
             raise ValueError(
                 f"bore_diameter_mm = {self.bore_diameter_mm:g}: must be below diameter_mm = {self.diameter_mm:g}"
             )
-        return self
 
 
 class PlateGate(Section):
@@ -130,8 +129,8 @@ class PlateSection(Section):
     gate: PlateGate | None = None
     """The gate of the mould; by default none is drawn."""
 
-    @model_validator(mode="after")
-    def _sizes_go_with_the_outline(self) -> "PlateSection":
+    @check
+    def _sizes_go_with_the_outline(self) -> None:
         """Each size has something to be the size of, and the margin is given once."""
         if (self.kind == "step") != (self.outline is not None):
             raise ValueError('kind = "step" and outline go together: give both, or neither')
@@ -147,7 +146,6 @@ class PlateSection(Section):
             )
         if (self.columns is None) != (self.rows is None):
             raise ValueError("columns and rows go together: give both, or neither")
-        return self
 
     @property
     def marks(self) -> tuple[tuple[str, PlateMark], ...]:
@@ -183,7 +181,7 @@ class PlateSection(Section):
             for j in range(rows)
             for i in range(columns)
         ]
-        return Lamps(tuple(places), (0.0,) * len(places))
+        return Lamps.level(places)
 
     def size_mm(self, lenses: Lamps, lens_mm: float) -> tuple[float, float]:
         """Width and height; of a round plate its diameter twice. ``lens_mm``: radius of a lens."""

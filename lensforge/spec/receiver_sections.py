@@ -6,7 +6,7 @@ A target may imply a receiver. Receivers lie outside the lens and, where it has 
 from math import cos, pi, radians, sin
 from typing import Annotated, ClassVar, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.spec.emitter_section import Degrees, Turn
@@ -21,7 +21,7 @@ from lensforge.spec.shape_targets import (
     RingTarget,
     SpotsTarget,
 )
-from lensforge.spec.spec_section import Coordinate, Millimetres, Section
+from lensforge.spec.spec_section import Coordinate, Millimetres, Section, check
 from lensforge.spec.target_sections import (
     ArrayTarget,
     BatwingTarget,
@@ -86,14 +86,13 @@ class ReceiverSection(Section):
         """Width and height in the unit in which targets are given."""
         return self.size
 
-    @model_validator(mode="after")
-    def _targets_belong_here(self) -> "ReceiverSection":
+    @check
+    def _targets_belong_here(self) -> None:
         for target in self.targets:
             if target.unit != self.unit:
                 where = "degrees" if self.unit == "deg" else "mm"
                 raise ValueError(f"targets: a {target.kind} in {target.unit}, on this receiver lengths are in {where}")
             _require_on_receiver(target, self.extent)
-        return self
 
 
 def _require_on_receiver(target: Target, extent: tuple[float, float]) -> None:
@@ -168,8 +167,8 @@ class PlaneReceiver(ReceiverSection):
         length: float = (x * x + y * y + z * z) ** 0.5
         return (x * self.centre_mm[0] + y * self.centre_mm[1] + z * self.centre_mm[2]) / length
 
-    @model_validator(mode="after")
-    def _is_seen_from_the_lens(self) -> "PlaneReceiver":
+    @check
+    def _is_seen_from_the_lens(self) -> None:
         if self.normal is not None and self.tilt_deg is not None:
             raise ValueError("normal and tilt_deg are both given; leave out one")
         if self.normal is not None and not any(self.normal):
@@ -182,7 +181,6 @@ class PlaneReceiver(ReceiverSection):
                 f"the plane is seen edge-on: it passes the lens origin at {self.distance_mm:.3g} mm, its centre is "
                 f"{away:.4g} mm away; turn its normal, or move its centre"
             )
-        return self
 
     @property
     def place(self) -> str:
@@ -197,6 +195,7 @@ class FarFieldReceiver(ReceiverSection):
 
     unit: ClassVar[Unit] = "deg"
     words: ClassVar[str] = "in the far field, to {0.half_angle_deg:g}°"
+    centre_mm: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 0.0)
 
     kind: Literal["far_field"] = "far_field"
     axis: Direction = (0.0, 0.0, 1.0)
@@ -220,11 +219,10 @@ class FarFieldReceiver(ReceiverSection):
         """Direction of the axis."""
         return self.axis
 
-    @model_validator(mode="after")
-    def _has_an_axis(self) -> "FarFieldReceiver":
+    @check
+    def _has_an_axis(self) -> None:
         if not any(self.axis):
             raise ValueError("axis = (0, 0, 0) is no direction")
-        return self
 
 
 class _CurvedReceiver(ReceiverSection):
@@ -237,11 +235,10 @@ class _CurvedReceiver(ReceiverSection):
     radius_mm: Millimetres
     """Radius of the screen."""
 
-    @model_validator(mode="after")
-    def _faces_somewhere(self) -> "_CurvedReceiver":
+    @check
+    def _faces_somewhere(self) -> None:
         if not any(self.facing):
             raise ValueError("facing = (0, 0, 0) is no direction")
-        return self
 
 
 class CylinderReceiver(_CurvedReceiver):
@@ -264,14 +261,13 @@ class CylinderReceiver(_CurvedReceiver):
         """Length of the arc, and height (mm)."""
         return self.width_mm, self.height_mm
 
-    @model_validator(mode="after")
-    def _goes_round_once(self) -> "CylinderReceiver":
+    @check
+    def _goes_round_once(self) -> None:
         if self.width_mm > 2.0 * pi * self.radius_mm * (1.0 + 1e-9):
             raise ValueError(
                 f"width_mm = {self.width_mm:g} is more than once around a radius_mm of {self.radius_mm:g}, "
                 f"{2.0 * pi * self.radius_mm:.6g}"
             )
-        return self
 
 
 class SphereReceiver(_CurvedReceiver):

@@ -17,19 +17,11 @@ def _bound(name: str, unit: str, value: Any) -> dict[str, object]:
     return {name: value, "unit": unit}
 
 
-def _gone(value: Any) -> dict[str, object]:
-    return {}
-
-
 def _whole_widths(unit: str, value: Any) -> dict[str, object]:
     """Width, and height, of a flat top from its half widths; what is no number is left to its section."""
     halves = value if isinstance(value, list | tuple) else [value]
     sides = [2.0 * half if isinstance(half, int | float) else half for half in halves]
     return dict(zip((f"width_{unit}", f"height_{unit}"), sides, strict=False))
-
-
-def _as(new: str, value: Any) -> dict[str, object]:
-    return {new: value}
 
 
 _OF_ROADS = ("pole_height_m", "pole_spacing_m", "road_width_m", "overhang_m", "maintenance_factor")
@@ -50,20 +42,20 @@ MOVED = {
     **{f"tolerances.outer_{name}": f"lens.outer.{name}" for name in ("shift_mm", "tilt_deg")},
     "tolerances.gap_mm": "lens.outer.gap_mm",
 }
-# By the class of the section, then by the old name.
-RENAMED: dict[str, dict[str, Callable[[Any], dict[str, object]]]] = {
-    "LensFaces": {old: partial(_as, new) for old, new in _OF_LENS.items()},
+# By the class of the section and the old name: the new one, None where none took its place, or a function of the value.
+RENAMED: dict[str, Mapping[str, str | Callable[[Any], dict[str, object]] | None]] = {
+    "LensFaces": _OF_LENS,
     "LimitSection": {
         f"{name}_{unit}": partial(_bound, name, unit)
         for name in ("at_least", "at_most")
         for unit in ("w_per_m2", "lx", "w_per_sr", "cd", "relative")
     },
-    "ManufactureSection": {"stepover_mm": _gone, "slope_limit_mrad": _gone},
-    "OptimiseSection": {"learning_rate": _gone, "uniformity_steps": _gone},
-    "PhotometrySection": dict.fromkeys(_OF_ROADS, _gone),
-    "ReceiverSection": {"pixel_aspect": _gone},
-    "Spec": {old: partial(_as, new) for old, new in MOVED.items()},
-    "TolerancesSection": {"waviness_exponent": _gone},
+    "ManufactureSection": {"stepover_mm": None, "slope_limit_mrad": None},
+    "OptimiseSection": {"learning_rate": None, "uniformity_steps": None},
+    "PhotometrySection": dict.fromkeys(_OF_ROADS),
+    "ReceiverSection": {"pixel_aspect": None},
+    "Spec": MOVED,
+    "TolerancesSection": {"waviness_exponent": None},
     "FlatTopTarget": {f"half_width_{unit}": partial(_whole_widths, unit) for unit in ("mm", "deg")},
 }
 
@@ -78,7 +70,7 @@ def with_new_names(section: str, content: Any) -> Any:
         content, value = _without(content, old)
         if value is None:
             continue
-        new = replacement(value)
+        new = replacement(value) if callable(replacement) else {replacement: value} if replacement else {}
         for name, implied in new.items():
             _, before = _without(content, name)
             if before not in (None, implied):

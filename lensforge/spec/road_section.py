@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 
 from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver
 from lensforge.spec.spec_files import read_toml, resolve_files
-from lensforge.spec.spec_section import FilePath, Label, Section, spec_error
+from lensforge.spec.spec_section import FilePath, Label, Section, check, spec_error
 
 # Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001; of wet ones CIE 47.
 STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07, "W4": 0.247}
@@ -200,8 +200,8 @@ class RoadSection(Section):
         """Place of a lane among all from the right edge; the numbers of both begin with 0."""
         return lane if self.driving_side == "right" else self.lanes - 1 - lane
 
-    @model_validator(mode="after")
-    def _is_a_road(self) -> "RoadSection":
+    @check
+    def _is_a_road(self) -> None:
         if self.lane_m < _LEAST_LANE_M and self.by_luminance:
             raise ValueError(
                 f"lanes = {self.lanes} on width_m = {self.width_m:g} are {self.lane_m:.2f} m each, below "
@@ -238,7 +238,6 @@ class RoadSection(Section):
                 f"wet_uniformity = {self.wet_uniformity:g} is of a wet road; name its wet_surface, or leave it out"
             )
         self._require_fields_of_its_class()
-        return self
 
     def _require_fields_of_its_class(self) -> None:
         of_others = () if self.lighting_class in M_CLASSES else _OF_M if self.by_rp8 else _BY_LUMINANCE

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lensforge.spec.spec_section import (
     LEFT_OUT,
@@ -12,6 +12,7 @@ from lensforge.spec.spec_section import (
     Millimetres,
     MillimetresOrZero,
     Section,
+    check,
     rounded_up,
 )
 from lensforge.surfaces.srbf import MOST_LEVELS
@@ -70,11 +71,11 @@ class ConstraintsSection(Section):
         sizes = ("cavity_height_mm", "cavity_radius_mm", "min_thickness_mm")
         return tuple(name for name in sizes if getattr(self, name) is None)
 
-    @model_validator(mode="after")
-    def _cavity_and_wall_fit(self) -> "ConstraintsSection":
+    @check
+    def _cavity_and_wall_fit(self) -> None:
         """Refuse what no lens keeps: the paraboloid is furthest from the origin at its apex or its rim."""
         if self.missing:
-            return self
+            return
         name = max("cavity_height_mm", "cavity_radius_mm", key=lambda field: float(getattr(self, field)))
         reach: float = getattr(self, name)
         needed = reach + self.min_thickness_mm + 3.0 * self.margin_mm  # one for each of the three limits
@@ -84,16 +85,14 @@ class ConstraintsSection(Section):
                 f"{name} = {reach:g} and min_thickness_mm = {self.min_thickness_mm:g} do not fit into max_radius_mm = "
                 f"{self.max_radius_mm:g}: make it at least {rounded_up(least)}, or lower one of the two"
             )
-        return self
 
-    @model_validator(mode="after")
-    def _margin_is_of_a_keep_out(self) -> "ConstraintsSection":
+    @check
+    def _margin_is_of_a_keep_out(self) -> None:
         if self.keep_out is None and self.keep_out_margin_mm != KEEP_OUT_MARGIN_MM:
             raise ValueError(
                 f"keep_out_margin_mm = {self.keep_out_margin_mm:g} goes with keep_out, a STEP file of what the lens "
                 "stays away from; give both, or neither"
             )
-        return self
 
 
 class OptimiseSection(Section):

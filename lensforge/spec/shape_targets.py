@@ -3,9 +3,9 @@
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from lensforge.spec.spec_section import Coordinate, Millimetres
+from lensforge.spec.spec_section import Coordinate, Millimetres, check
 from lensforge.spec.target_sections import (
     DegreesOff,
     DegreesWide,
@@ -71,14 +71,13 @@ class RingTarget(SoftTarget):
     outer_diameter_deg: DegreesWide | None = None
     inner_diameter_deg: DegreesWide | None = None
 
-    @model_validator(mode="after")
-    def _inner_is_smaller(self) -> "RingTarget":
+    @check
+    def _inner_is_smaller(self) -> None:
         if self.size("inner_diameter") >= self.size("outer_diameter"):
             raise ValueError(
                 f"inner_diameter_{self.unit} = {self.size('inner_diameter'):g} must be smaller than "
                 f"outer_diameter_{self.unit} = {self.size('outer_diameter'):g}"
             )
-        return self
 
 
 class PolygonTarget(SoftTarget):
@@ -96,15 +95,14 @@ class PolygonTarget(SoftTarget):
         """The corners, in the target's unit."""
         return self.corners_mm or self.corners_deg or ()
 
-    @model_validator(mode="after")
-    def _has_an_area(self) -> "PolygonTarget":
+    @check
+    def _has_an_area(self) -> None:
         if len(self.corners) < 3:
             raise ValueError(f"corners_{self.unit}: {len(self.corners)} corners, a polygon has three at least")
         x, y = (np.array(each) - np.mean(each) for each in zip(*self.corners, strict=True))
         xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
         if xx * yy - xy * xy <= _LEAST_SPREAD * (xx + yy) ** 2:
             raise ValueError(f"corners_{self.unit}: all lie on a line; a polygon has an area")
-        return self
 
 
 class CrossTarget(SoftTarget):
@@ -138,11 +136,10 @@ class SpotsTarget(SoftTarget):
     """Distance of neighbouring centres on a surface."""
     pitch_deg: DegreesWide | None = None
 
-    @model_validator(mode="after")
-    def _spots_lie_apart(self) -> "SpotsTarget":
+    @check
+    def _spots_lie_apart(self) -> None:
         if self.size("pitch") < self.size("diameter"):
             raise ValueError(
                 f"pitch_{self.unit} = {self.size('pitch'):g} is less than diameter_{self.unit} = "
                 f"{self.size('diameter'):g}: the spots would overlap"
             )
-        return self

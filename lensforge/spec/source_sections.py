@@ -17,6 +17,7 @@ from lensforge.spec.spec_section import (
     MillimetresOrZero,
     Numbers,
     Section,
+    check,
     numbers_of,
 )
 
@@ -113,8 +114,8 @@ class RaySource(Placement):
             raise ValueError(f"{twice[0]}: rays of {rows.shape[1]} columns hold it already; give one of the two")
         return {key: value for key, value in content.items() if key != "rays"} | columns
 
-    @model_validator(mode="after")
-    def _as_many_of_each(self) -> "RaySource":
+    @check
+    def _as_many_of_each(self) -> None:
         count = len(self.positions_mm)
         for name in ("directions", "ray_flux", "wavelengths_nm"):
             array = getattr(self, name)
@@ -126,7 +127,6 @@ class RaySource(Placement):
             raise ValueError("ray_flux: must be 0 or above, and not 0 for all rays")
         if self.ray_flux is None and self.flux_w is None and self.flux_lm is None:
             raise ValueError("flux_w or flux_lm: of all rays, is needed where ray_flux is not given")
-        return self
 
     @property
     def description(self) -> str:

@@ -28,7 +28,8 @@ def words_of(section: type[BaseModel], name: str) -> str:
     twin = below.get(f"{name.removesuffix('_deg')}_mm", "").replace("on a surface", "in the far field")
     words = below.get(name, "") or twin
     if name == "kind" and not words:
-        words = f"Kind: {_first_line(section)}"
+        first_line = summary_of(section).split("\n\n")[0].replace("\n", " ")
+        words = f"Kind: {first_line}"
     unit = unit_in(name)
     return f"{words} [{unit}]" if unit and words else words
 
@@ -111,10 +112,6 @@ def all_sections(root: type[BaseModel]) -> tuple[type[BaseModel], ...]:
         for field in section.model_fields.values():
             sections += [each for each in sections_in(field.annotation) if each not in sections]
     return tuple(sections)
-
-
-def _first_line(section: type[BaseModel]) -> str:
-    return summary_of(section).split("\n\n")[0].replace("\n", " ")
 
 
 @cache

@@ -6,14 +6,14 @@ nested lists, and written as text without loss.
 
 import base64
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
 from difflib import get_close_matches
 from inspect import Signature
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args, get_origin
 
 import numpy as np
 from pydantic import (
@@ -219,6 +219,19 @@ else:
     _Model = _Checked("_Model", (BaseModel,), {"__module__": __name__})
 
 
+_Section = TypeVar("_Section", bound=BaseModel)
+
+
+def check(method: Callable[[Any], None]) -> Any:
+    """Make ``method`` a check of a whole section, once its fields are valid: it raises ``ValueError`` for its fault."""
+
+    def checked(section: _Section) -> _Section:
+        method(section)
+        return section
+
+    return model_validator(mode="after")(checked)
+
+
 class Section(_Model):
     """Immutable; a field that is not known, or a number that is not finite, is refused: :class:`InputError`."""
 
@@ -233,12 +246,11 @@ class Section(_Model):
             content = with_new_names(base.__name__, content)
         return content
 
-    @model_validator(mode="after")
-    def _kind_is_given(self) -> Self:
+    @check
+    def _kind_is_given(self) -> None:
         """Count the kind as given where it was left to the class: without it a file could not be read again."""
         if "kind" in type(self).model_fields:
             self.model_fields_set.add("kind")
-        return self
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise InputError(f"{type(self).__name__}.{name}: a spec does not change; make another with replace(...)")

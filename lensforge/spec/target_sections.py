@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from lensforge.optics.image import Luminance
 from lensforge.spec.emitter_section import Turn
-from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, Numbers, Section
+from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, Numbers, Section, check
 
 IN_TARGET = 0.1  # of the target's maximum: light counts as in the target where the target is brighter than that
 DegreesWide = Annotated[float, Field(ge=1e-3, le=360.0)]  # a length on the far field; from an arc of 4 seconds
@@ -49,8 +49,8 @@ class InOneUnit(Section):
         """Length ``name`` in ``unit``, by default the section's own; None where it is not given."""
         return getattr(self, f"{name}_{unit or self.in_unit}", None)
 
-    @model_validator(mode="after")
-    def _lengths_have_one_unit(self) -> "InOneUnit":
+    @check
+    def _lengths_have_one_unit(self) -> None:
         unit = self.in_unit
         for name in (*self.needs, *self.takes):
             for other in _UNITS:
@@ -59,7 +59,6 @@ class InOneUnit(Section):
         for name in self.needs:
             if self.length(name) is None:
                 raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
-        return self
 
 
 class TargetSection(InOneUnit):
@@ -93,8 +92,8 @@ class TargetSection(InOneUnit):
     """Side, or width and height, of the rectangle about its centre whose uniformity counts, on a surface."""
     uniform_deg: SideDegrees | None = None
 
-    @model_validator(mode="after")
-    def _fits_its_receiver(self) -> "TargetSection":
+    @check
+    def _fits_its_receiver(self) -> None:
         unit = self.unit
         if self.half_angle_deg is not None and (self.distance_mm, self.receiver_mm) != (None, None):
             raise ValueError("half_angle_deg is the far field, distance_mm and receiver_mm are a plane; give one")
@@ -105,7 +104,6 @@ class TargetSection(InOneUnit):
                 raise ValueError("it is light of the far field; give half_angle_deg, not distance_mm and receiver_mm")
             where = "on the far field lengths are in degrees" if unit == "mm" else "on a plane lengths are in mm"
             raise ValueError(f"{where}; give {', '.join(f'{name}_{self.on_receiver}' for name in self.needs)}")
-        return self
 
     @property
     def in_unit(self) -> Unit:
@@ -198,11 +196,10 @@ class BeamTarget(_FarFieldTarget, SoftTarget):
     ``edge_deg``.
     """
 
-    @model_validator(mode="after")
-    def _only_flat_beams_have_edges(self) -> "BeamTarget":
+    @check
+    def _only_flat_beams_have_edges(self) -> None:
         if self.edge and self.profile != "flat":
             raise ValueError(f'edge_deg = {self.edge:g} goes with profile = "flat"; leave it out')
-        return self
 
 
 class BatwingTarget(_FarFieldTarget, SoftTarget):
@@ -312,13 +309,12 @@ class ArrayTarget(_PictureTarget):
     def __eq__(self, other: object) -> bool:
         return super().__eq__(other)
 
-    @model_validator(mode="after")
-    def _is_light(self) -> "ArrayTarget":
+    @check
+    def _is_light(self) -> None:
         if self.values.size > _MOST_VALUES:
             raise ValueError(f"values: {self.values.size} numbers, must be at most {_MOST_VALUES}; average them")
         if not (self.values.min() >= 0.0 and self.values.max() > 0.0):
             raise ValueError("values: must be 0 or above, and not 0 everywhere")
-        return self
 
 
 class TableTarget(_PictureTarget):

@@ -17,14 +17,14 @@ from math import pi
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_args
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError
 
 from lensforge.errors import InputError
 from lensforge.optics.media import DOUBLE, REFLECTOR, SIDES, TIR
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
-from lensforge.spec.spec_section import Section, spec_error
+from lensforge.spec.spec_section import Section, check, spec_error
 
 TolerancePreset = Literal["precision", "standard", "moulded"]
 
@@ -122,11 +122,10 @@ class ToleranceSpec(Section):
     deviation is half the amount); "truncated", the same without the parts beyond it, which inspection has sorted out.
     """
 
-    @model_validator(mode="after")
-    def _has_a_width(self) -> "ToleranceSpec":
+    @check
+    def _has_a_width(self) -> None:
         if self.amount == 0.0 and "distribution" in self.model_fields_set:
             raise ValueError("amount = 0: a distribution has a width; raise it, or write 0 alone for an exact part")
-        return self
 
 
 def _from_number(value: Any) -> Any:
@@ -165,8 +164,8 @@ def amount_words(name: str, value: float, unit: str) -> str:
 
 
 class _Amounts(Section):
-    @model_validator(mode="after")
-    def _are_small(self) -> "_Amounts":
+    @check
+    def _are_small(self) -> None:
         for name in type(self).model_fields:
             if not isinstance(tolerance := getattr(self, name), ToleranceSpec):
                 continue
@@ -175,7 +174,6 @@ class _Amounts(Section):
             if name.endswith("_um") and "distribution" in tolerance.model_fields_set:
                 words = "a face's error is Gaussian, and its amount the rms over all parts; leave out distribution"
                 raise ValueError(f"{name}: {words}")
-        return self
 
 
 class FaceTolerances(_Amounts):
@@ -244,14 +242,13 @@ class TolerancesSection(_Amounts):
     ripple_period_mm: Annotated[float, Field(ge=1e-3, le=10.0)] = 0.1
     """Distance of the rings that the cutter leaves about the axis."""
 
-    @model_validator(mode="after")
-    def _band_is_a_band(self) -> "TolerancesSection":
+    @check
+    def _band_is_a_band(self) -> None:
         if self.waviness_shortest_mm >= self.waviness_longest_mm:
             raise ValueError(
                 f"waviness_shortest_mm = {self.waviness_shortest_mm:g}: must be below waviness_longest_mm = "
                 f"{self.waviness_longest_mm:g}"
             )
-        return self
 
 
 class FacesTolerances(TolerancesSection):
@@ -259,10 +256,9 @@ class FacesTolerances(TolerancesSection):
 
     names: ClassVar[tuple[str, ...]] = ()
 
-    @model_validator(mode="after")
-    def _first_is_the_reference(self) -> Self:
+    @check
+    def _first_is_the_reference(self) -> None:
         refuse_placement({name: getattr(self, name) for name in self.names})
-        return self
 
     @classmethod
     def of(cls, section: TolerancesSection, faces: Mapping[str, FaceTolerances]) -> Self:

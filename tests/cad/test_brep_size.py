@@ -25,7 +25,6 @@ def as_splines(shape):
     return BRepBuilderAPI_NurbsConvert(shape, True).Shape()
 
 
-@pytest.mark.usefixtures("full_effort")
 @pytest.mark.parametrize("name", SOLIDS)
 def test_size_is_that_of_the_closed_form(name):
     body, volume, area = SOLIDS[name]

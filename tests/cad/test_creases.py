@@ -31,7 +31,6 @@ from lensforge.surfaces.surface import Surface, to_sphere
 
 Centre = tuple[float, float, float]
 NONE = BaseSection(kind="none")
-pytestmark = pytest.mark.usefixtures("full_effort")
 
 
 class Ball(Ellipsoid):
@@ -111,7 +110,7 @@ def proof(free_body: BuiltBody) -> BodyProof:
 
 def test_bodies_of_four_faces_are_joined_by_a_plate(free_body: BuiltBody) -> None:
     plate = PlateSection(thickness_mm=1.5, kind="round", diameter_mm=30.0)
-    layout = PlateLayout(plate, (30.0, 30.0), Lamps(((-7.0, 0.0), (7.0, 1.0)), (20.0, 250.0)))
+    layout = PlateLayout(plate, (30.0, 30.0), Lamps.level(((-7.0, 0.0), (7.0, 1.0)), (20.0, 250.0)))
     read = parse_step(step_bytes(build_plate_solid(free_body.plan, layout), "two bodies"))
     assert read.valid and copies_off_mm(read.faces, free_body.plan, layout) < 1e-9
     opening = opening_of(free_body.plan.cavity)

@@ -7,7 +7,7 @@ from geometry_lenses import make_lens
 
 from lensforge.cad import cutter_room
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.form_error import fit_faces
+from lensforge.cad.form_error import fit_lens
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import make_plan
 from lensforge.scene.lens import Lens
@@ -31,7 +31,7 @@ def test_with_no_least_wall_the_step_leaves_some_of_the_base(diameter_mm: float)
     base = base_with_room(lens)
     assert 0.0 <= base.step_mm <= 0.8 - 0.01
     assert (base.step_mm > 0.0) == (diameter_mm > 2.0 * OUTER_MM)
-    make_plan(*fit_faces(lens), base)
+    make_plan(*fit_lens(lens), base)
 
 
 @pytest.mark.parametrize("pocket_mm", [None, 13.0])
@@ -41,7 +41,7 @@ def test_room_that_ends_at_the_least_wall_is_no_error_of_the_plan(pocket_mm: flo
     lens = cut_lens(1e-6, 0.03, **base)
     found = base_with_room(lens)
     assert found.bore_setback_mm is not None
-    make_plan(*fit_faces(lens), found)
+    make_plan(*fit_lens(lens), found)
 
 
 def test_the_step_s_wall_keeps_off_the_bore_that_the_spec_gives_be_it_0(monkeypatch: pytest.MonkeyPatch) -> None:

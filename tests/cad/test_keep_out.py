@@ -11,7 +11,7 @@ from keep_outs import ball, box, step_file
 
 from lensforge.cad import part_export
 from lensforge.cad.body_export import BuiltBody
-from lensforge.cad.form_error import fit_faces
+from lensforge.cad.form_error import fit_lens
 from lensforge.cad.keep_out import FACET_MM, keep_out_criteria, keep_out_distance, mesh_error_mm, read_keep_out
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.part import KeepOutDistance, Part
@@ -87,7 +87,7 @@ def test_the_error_of_a_coarse_mesh_is_that_of_the_polygon_of_its_base() -> None
 def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_out(tmp_path: Path) -> None:
     path = step_file(tmp_path / "led.step", ball(0.3, (0.0, 0.0, 0.1)))
     lens = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
-    mesh = build_mesh(make_plan(*fit_faces(lens), lens.spec.base), 6)
+    mesh = build_mesh(make_plan(*fit_lens(lens), lens.spec.base), 6)
     assert keep_out_distance(mesh, read_keep_out(path), 1e-3) is not None
     torn = replace(mesh, triangles=mesh.triangles[1:], face=mesh.face[1:])
     assert keep_out_distance(torn, read_keep_out(path), 1e-3) is None

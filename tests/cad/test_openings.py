@@ -31,7 +31,6 @@ from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.reciprocal import ConicFace, PlaneFace
 
 FOCAL, HEIGHT, REACH = 2.0, 8.0, 20.0
-pytestmark = pytest.mark.usefixtures("full_effort")
 
 
 def cup_lens(**lens: Any) -> Lens:

@@ -20,6 +20,7 @@ from lensforge.cad.plan import make_plan
 from lensforge.cad.plate_export import BuiltPlate, build_plate, room_on_plate
 from lensforge.cad.plate_layout import layout_of
 from lensforge.cad.plate_solid import build_plate_solid
+from lensforge.cad.solid import build_solid
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
@@ -53,7 +54,8 @@ def fitted(relative: float = 0.0) -> Any:
 
 def plate_alone(lens: Lens, relative: float = 0.0) -> BuiltPlate:
     """The plate of ``lens`` without the files of one lens, which take twice as long."""
-    plate = build_plate(lens, make_plan(*fitted(relative), BaseSection(kind="none")), 0.5, "AP214", None)
+    plan = make_plan(*fitted(relative), BaseSection(kind="none"))
+    plate = build_plate(lens, plan, build_solid(plan), 0.5, "AP214", None)
     assert plate is not None
     return plate
 

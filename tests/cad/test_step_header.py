@@ -12,7 +12,7 @@ from nightly import first_by_day
 
 from lensforge.cad import step
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.form_error import face_points, fit_faces
+from lensforge.cad.form_error import face_points, fit_lens
 from lensforge.cad.part import Part
 from lensforge.cad.part_export import build_part
 from lensforge.cad.part_limits import FormTolerance
@@ -69,7 +69,7 @@ def test_the_header_states_date_author_and_organisation_of_the_spec(signed):
         "organisation": "Optik λ",
         "date": "2026-03-31",
     }
-    solid = build_solid(make_plan(*fit_faces(lens), base_with_room(lens)))
+    solid = build_solid(make_plan(*fit_lens(lens), base_with_room(lens)))
     assert signed_step(solid, lens.spec, lens.spec.name, "AP214").content == part.step, "no clock in it"
 
 

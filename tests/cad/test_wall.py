@@ -12,7 +12,6 @@ from lensforge.cad.wall import Span, thickest, thinnest
 from lensforge.surfaces.surface import Surface
 
 SMALL, LARGE = 0.8, 2.45
-pytestmark = pytest.mark.usefixtures("full_effort")
 
 
 def span(inner: Surface, outer: Surface) -> Span:

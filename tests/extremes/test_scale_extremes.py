@@ -178,21 +178,20 @@ def light_on(side: float, pixels: int, target: Target) -> np.ndarray:
     return target_light((target,), plane)
 
 
-@pytest.mark.parametrize("pixels", [1, 64, 2048])
 @pytest.mark.parametrize(
-    "target",
+    ("target", "pixels"),
     [
-        FlatTopTarget(kind="flat_top", width_mm=2e-6, exponent=200.0, **PLACE),
-        CrossTarget(kind="cross", length_mm=1e-6, stroke_mm=1e-6, **PLACE),
-        TextTarget(kind="text", text="I", width_mm=1e-6, **PLACE),
+        (FlatTopTarget(kind="flat_top", width_mm=2e-6, exponent=200.0, **PLACE), 2048),
+        (CrossTarget(kind="cross", length_mm=1e-6, stroke_mm=1e-6, **PLACE), 64),
+        (TextTarget(kind="text", text="I", width_mm=1e-6, **PLACE), 1),
     ],
 )
-def test_a_target_too_small_to_see_is_refused(target, pixels: int) -> None:
+def test_a_target_too_small_to_see_is_refused(target: Target, pixels: int) -> None:
     with pytest.raises(InputError, match="dark everywhere on the receiver"):
         light_on(300.0, pixels, target)
 
 
-@pytest.mark.parametrize("ray_count", [1, 2, 15, 16, 17])
+@pytest.mark.parametrize("ray_count", [1, 15, 17])
 def test_a_measured_source_of_a_few_rays(ray_count: int) -> None:
     """Fewer rays than replicates: their flux still adds up to the source's."""
     bundle = SquareEmitter(0.5).sample(ray_count, 1)

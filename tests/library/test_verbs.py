@@ -1,7 +1,10 @@
-"""The library as a script meets it: verbs, results that show themselves, and a folder that comes back to the bit."""
+"""The library as a script meets it: verbs, results that show and plot themselves, folders that come back to the bit."""
 
+import inspect
 import json
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,6 +23,12 @@ from lensforge.results.record import values_of
 from lensforge.verbs import EVALUATE
 
 ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def other() -> lf.Design:
+    """A draft of another lens than that of the runs."""
+    return lf.design(small_spec(), accuracy="draft")
 
 
 LENS = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
@@ -72,13 +81,12 @@ def test_every_kind_of_result_plots_saves_shows_itself_and_is_a_row(whole_run: l
         row = result.row()
         assert row and all(value is None or isinstance(value, float | int | bool | str) for value in row.values())
         result.save(tmp_path / f"{stem}.json")
-        result.save(tmp_path / f"{stem}.png")
-        assert (tmp_path / f"{stem}.png").read_bytes().startswith(b"\x89PNG")
         assert json.loads((tmp_path / f"{stem}.json").read_text())["schema"] == f"lensforge-{result.stage}-3"
         with pytest.raises(lf.InputError, match="saved as one of"):
             result.save(tmp_path / "result.docx")
+    whole_run.design.save(tmp_path / "design.png")  # as every page above has it
+    assert (tmp_path / "design.png").read_bytes().startswith(b"\x89PNG")
     assert seen == {cls.__name__ for cls in (*STAGES, *EXTRAS)}
-    assert all(hasattr(kind, "plot") for kind in results().values())
 
 
 def test_records_name_schema_version_and_inputs(whole_run: lf.Run) -> None:
@@ -94,9 +102,9 @@ def test_records_name_schema_version_and_inputs(whole_run: lf.Run) -> None:
     assert record["results"]["evaluate"] == whole_run.light.sha256
 
 
-def test_results_of_another_lens_count_as_not_run(small_run: lf.Run, tmp_path: Path) -> None:
+def test_results_of_another_lens_count_as_not_run(small_run: lf.Run, other: lf.Design, tmp_path: Path) -> None:
     shutil.copytree(small_run.folder, tmp_path / "run")
-    lf.design(small_spec(), accuracy="draft").lens.save(tmp_path / "run" / "lens.json")
+    other.lens.save(tmp_path / "run" / "lens.json")
     mixed = lf.load(tmp_path / "run")
     assert mixed.missing == ["design", "evaluate", "export", "check", "verify", "photometry"]
     assert "another lens" in mixed.outdated["evaluate"] and small_run.light is not None
@@ -119,7 +127,7 @@ def test_the_solid_is_the_user_s_own(whole_run: lf.Run, tmp_path: Path) -> None:
         assert (tmp_path / f"mine{suffix}").read_bytes() == content
 
 
-def test_a_search_reports_and_stops(tmp_path: Path) -> None:
+def test_a_search_reports_and_stops(other: lf.Design, tmp_path: Path) -> None:
     seen: list[lf.Progress] = []
     with pytest.raises(lf.Cancelled):
         lf.design(
@@ -130,7 +138,7 @@ def test_a_search_reports_and_stops(tmp_path: Path) -> None:
         )
     assert [step.steps_done for step in seen] == [1, 2, 3] and seen[0].steps_total == 8
     resumed = lf.design(small_spec(), accuracy="draft", checkpoint=tmp_path / "search.pt")
-    assert resumed.lens == lf.design(small_spec(), accuracy="draft").lens
+    assert resumed.lens == other.lens
 
 
 @pytest.mark.parametrize(
@@ -167,8 +175,6 @@ def test_a_search_reports_and_stops(tmp_path: Path) -> None:
         (lambda: lf.sweep(small_spec(), "constraints.max_radius", [7.0, 8.0]), "no such field"),
         (lambda: lf.tradeoff(small_spec(), most_rays=3), "most_rays = 3"),
         (lambda: lf.compare("a", on="b"), "compare: give a Light"),
-        (lambda: lf.SquareSource(side_mm=-1.0), "SquareSource: side_mm = -1.0"),
-        (lambda: lf.SquareSource(side=1.0), "SquareSource: side"),
         (lambda: lf.RaySource([[0.0] * 7]), "one of them is (0, 0, 0)"),
     ],
 )
@@ -241,10 +247,9 @@ def test_a_record_is_saved_without_touching_the_files_beside_it(small_run: lf.Ru
     assert (tmp_path / "lens.step").read_bytes() == b"another part's"
 
 
-def test_light_of_another_lens_does_not_verify_a_part(whole_run: lf.Run) -> None:
-    other = lf.evaluate(lf.design(small_spec(), accuracy="draft").lens)
+def test_light_of_another_lens_does_not_verify_a_part(whole_run: lf.Run, other: lf.Design) -> None:
     with pytest.raises(lf.InputError, match="another lens"):
-        lf.verify(whole_run.part, other)
+        lf.verify(whole_run.part, lf.evaluate(other.lens, rays=256))
 
 
 SCRIPT = ROOT / "examples" / "design_to_step.py"
@@ -267,3 +272,54 @@ def test_the_shortest_script_runs(
     exec(compile(SCRIPT.read_text(encoding="utf-8"), SCRIPT, "exec"), {})
     assert {path.name for path in tmp_path.iterdir()} == {"spot.step", "spot.png"}
     assert "every criterion is met" in capsys.readouterr().out
+
+
+PLOTTED = (
+    lf.Design, lf.Light, lf.Part, lf.Check, lf.Proof, lf.StrayLight, lf.Sensitivity, lf.Photometry, lf.PhotoComparison,
+    lf.SurfaceComparison, lf.Correction, lf.Sweep, lf.Tradeoff, lf.RayFileSummary, lf.PhotometricSummary, lf.Yield,
+)  # fmt: skip
+
+_WRONG = """
+import inspect, sys
+import numpy as np
+import lensforge as lf
+
+def refused(result, *args, **choice):
+    try:
+        result.plot(*args, **choice)
+    except lf.InputError as error:
+        return str(error)
+    sys.exit(f"{type(result).__name__} plots {args} {choice}")
+
+for cls in (lf.Design, lf.Light, lf.Part, lf.Check, lf.StrayLight, lf.Sensitivity, lf.PhotoComparison, lf.Sweep,
+            lf.RayFileSummary):
+    for name in set(list(inspect.signature(cls.plot).parameters)[2:]) - {"receiver"}:
+        for value in ("foo", None, ["nmse"]):
+            message = refused(cls.model_construct(), **{name: value})
+            assert message.startswith(f"{name} = {value!r}: must be ") and "\\n" not in message, message
+for result in lf.load(sys.argv[1]).found.values():
+    for axes in ("map", 3, np.zeros(2)):
+        message = refused(result, axes)
+        assert message.startswith(f"axes: is of type {type(axes).__name__}, must be a matplotlib Axes"), message
+    if "receiver" in inspect.signature(result.plot).parameters:
+        assert result.plot(receiver=result.first.name) is not None
+        for value in ("foo", 3, ["nmse"]):
+            message = refused(result, receiver=value)
+            assert message.startswith(f"receiver = {value!r}: must be ") and "\\n" not in message, message
+print("all refused")
+"""
+
+
+def test_every_plot_takes_axes_first_and_choices_by_name() -> None:
+    assert set(results().values()) == set(PLOTTED)
+    for cls in PLOTTED:
+        axes, *choices = list(inspect.signature(cls.plot).parameters.values())[1:]
+        assert (axes.name, axes.kind, axes.default) == ("axes", axes.POSITIONAL_OR_KEYWORD, None), cls
+        for choice in choices:
+            assert choice.kind == choice.KEYWORD_ONLY and choice.default is not choice.empty, (cls, choice)
+
+
+@pytest.mark.nightly("a process with every result")
+def test_what_cannot_be_plotted_is_one_line(whole_run: lf.Run) -> None:
+    run = subprocess.run([sys.executable, "-c", _WRONG, str(whole_run.folder)], capture_output=True, encoding="utf-8")
+    assert (run.returncode, run.stdout) == (0, "all refused\n"), run.stderr

@@ -173,7 +173,7 @@ def test_rays_are_dealt_to_lamps_evenly_and_carry_the_flux_of_all() -> None:
             up = np.tile([0.0, 0.0, 1.0], (len(rays), 1))
             return ExitRays(0.0 * up, up, rays.flux, np.zeros(len(rays)), np.zeros(len(rays), dtype=np.int8))
 
-    lamps, rays = Lamps(((-3.0, 0.0), (1.0, 0.0), (2.0, 5.0)), (0.0, 30.0, 60.0)), bundle_of(12)
+    lamps, rays = Lamps.level(((-3.0, 0.0), (1.0, 0.0), (2.0, 5.0)), (0.0, 30.0, 60.0)), bundle_of(12)
     found = exit_light._of_lamps(object.__new__(Upwards), rays, lamps)
     for x, _ in lamps.places_mm:
         assert np.count_nonzero(found.points[:, 0] == x) == 4

@@ -76,7 +76,7 @@ def test_a_limit_is_decided_beyond_two_standard_errors(
 @pytest.mark.usefixtures("no_table_error")
 def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> None:
     import lensforge as lf
-    from lensforge.report.results import verdict_on
+    from lensforge.report.results import Results
     from lensforge.scene.lens import Lens
     from lensforge.surfaces.asphere import sphere
 
@@ -87,7 +87,7 @@ def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> No
         lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
         light = lf.evaluate(lens, rays=2**14)
         assert [limit.name for limit in light.limits] == ["axis"]
-        verdict = verdict_on(lens, None, light, None, None, None)
+        verdict = Results(lens, {"evaluate": light}).verdict
         assert verdict.light == state, "limits decide, whatever the pattern"
         assert state == "pass" or "axis = " in verdict.reasons.light[0]
     in_candela = spec.replace(limits=[{"kind": "zone", "unit": "cd", "at_most": 1.0}])

@@ -14,7 +14,7 @@ CAD = ["cadquery", "OCP", "trimesh", "manifold3d", "lib3mf"]
 PICTURES = ["pyvista", "matplotlib", "mitsuba"]
 COLOUR = ["colour"]  # colour-science
 SOURCES = ["lensforge.sources.ray_set", "lensforge.sources.rayfiles.ray_file_io"]
-PROOFS = ["lensforge.proof.step_cast", "lensforge.proof.stray_analysis", "lensforge.cad.solid"]
+PROOFS = ["lensforge.proof.step_cast", "lensforge.proof.nonsequential_trace", "lensforge.cad.solid"]
 
 
 def _loaded(*commands: tuple[list[str], list[str]]) -> list[str]:

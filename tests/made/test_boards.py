@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from parts import lens_with
+from parts import few_rays, lens_with
 from scenes import NO_TOLERANCES, small_spec, sphere, tolerance_changes
 
 from lensforge.errors import InputError
 from lensforge.light.lens_light import evaluate
-from lensforge.made.board_light import BoardLight, in_plate
+from lensforge.made.part_light import BoardLight, in_plate
 from lensforge.made.part_study import PartStudy, Recipe, require_bearable
 from lensforge.made.sensitivity import measure_sensitivity
 from lensforge.made.yield_facts import pass_sentence
@@ -50,7 +50,7 @@ def test_lamps_of_other_flux_make_the_sum_of_lamps_that_are_lit_one_by_one(lamps
         one = {"kind": "table", "places_mm": [list(place)], "turns_deg": [turn]}
         lens = study_of({"source_flux": 0.3}, one).recipe.lens
         lit = evaluate(replace(lens, seed=0), rays=N, pixels=16).receivers[0]
-        total += flux * lit.map * study.light.single[0].pixel_measure
+        total += flux * lit.map * study.light.one.receivers[0].pixel_measure
     found = study.light.received(study.part(3))[0]
     np.testing.assert_allclose(found.images.mean(axis=0), total, rtol=1e-3, atol=2e-3 * total.max())
     assert found.emitted_w == pytest.approx(fluxes.mean() * study.light.held.emitted_w, rel=1e-12)
@@ -85,7 +85,7 @@ def test_a_lamp_that_is_moved_as_a_whole_moves_its_own_picture(lamps: dict[str, 
     """Whole pixels: the change is that of the picture as designed, within the noise of the lamp's share of the rays."""
     amounts = {"source_shift_mm": 1.0, "lens_shift_mm": 1.0}
     study = study_of(amounts, lamps, target=PERIOD, evaluate__pixels=10, rays=2**17)
-    light, step = study.light, study.light.single[0].grid.pixel[0]
+    light, step = study.light, study.light.one.receivers[0].grid.pixel[0]
     assert isinstance(light, BoardLight)
     still = {name: np.zeros(2) for name in ("source_shift_mm", "lens_shift_mm")}
     moved = {name: np.array([2.0 * step, -2.0 * step]) for name in still}
@@ -161,8 +161,7 @@ def test_causes_of_boards_are_those_of_a_known_sum() -> None:
 
 def test_yield_and_sensitivity_of_a_board(monkeypatch: pytest.MonkeyPatch) -> None:
     """The scatter of the mean flux; numbers of each lamp are not in the table. All lamps at an end are a lamp there."""
-    for name in ("DESIGNED_RAYS", "_WORST_RAYS"):
-        monkeypatch.setattr(f"lensforge.made.yield_study.{name}", N)
+    few_rays(monkeypatch, N, N)
     limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "at_least": 1.0, "unit": "w_per_m2"}
     tolerances = {"source_flux": {"amount": 0.3, "distribution": "uniform"}, "index": 1e-4}
     lens = study_of(tolerances, ENDLESS, target=PERIOD, limits=[limit]).recipe.lens

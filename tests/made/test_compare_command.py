@@ -87,13 +87,6 @@ def test_measured_points_are_compared(folder: Path) -> None:
     assert content["form_deviation_um"]["pv"] < 1.5
 
 
-def test_points_on_half_of_the_surface_are_refused(folder: Path) -> None:
-    cloud = probed(LENS.inner, 3000)
-    np.savetxt(folder / "half.csv", cloud[cloud[:, 0] > 0.0], delimiter=",")
-    done = run(folder, "--points", folder / "half.csv", "--surface", "inner", "--rays", 1024, "--registration", "none")
-    assert isinstance(done.exception, InputError) and "over all of the face" in str(done.exception)
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

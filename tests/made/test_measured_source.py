@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from measured_lenses import directions, lens
+from nightly import first_by_day
 from second_cuts import measured
 
 import lensforge as lf
@@ -38,12 +39,10 @@ def studies(made, **rays):
     yield lf.sensitivity(design, **rays)
 
 
-@pytest.mark.nightly("three studies; by day they state fewer rays")
-def test_a_study_states_the_rays_of_the_file(made):
-    for found in studies(made, rays=4096):
-        assert found.rays == 0.3 * MEASURED and found.conditions is None, "those that no search has used"
-
-
-def test_fewer_rays_than_the_file_has_are_other_conditions(made):
-    for found in studies(made, rays=64):
-        assert found.rays == found.conditions.rays == 64, found.stage
+@pytest.mark.parametrize(
+    ("rays", "traced"), first_by_day(1, [(64, 64), (4096, 90)], "three studies; by day they state fewer rays")
+)
+def test_a_study_states_the_rays_that_no_search_has_used(made, rays, traced):
+    for found in studies(made, rays=rays):
+        assert found.rays == traced, found.stage
+        assert (found.conditions is None) if rays > traced else (found.conditions.rays == traced)

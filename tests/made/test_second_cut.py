@@ -153,9 +153,3 @@ def test_bad_input_is_one_line(tmp_path, settings, message):
     with pytest.raises(InputError, match=message) as caught:
         lf.correct(LENS, **given)
     assert "\n" not in str(caught.value)
-
-
-def test_few_points_are_refused(tmp_path):
-    np.savetxt(tmp_path / "few.csv", measured(LENS.inner, error_of("inner"), 50), delimiter=",")
-    with pytest.raises(InputError, match=r"few\.csv: 50 points, must be at least 100"):
-        lf.correct(LENS, points=tmp_path / "few.csv", surface="inner")

@@ -57,28 +57,28 @@ def written(folder, name, text):
 def test_a_glass_of_a_catalogue_has_its_formula_range_and_absorption(tmp_path):
     found = read_material(written(tmp_path, "c.agf", AGF), "glass-a")
     waves = np.linspace(310.0, 2400.0, 50)
-    np.testing.assert_allclose(found.index.index(waves), MATERIALS["N-BK7"].index(waves), rtol=1e-14)
+    np.testing.assert_allclose(found.dispersion.index(waves), MATERIALS["N-BK7"].index(waves), rtol=1e-14)
     assert found.name == "GLASS-A" and found.range_nm == (300.0, 2500.0) and found.source == "c.agf: GLASS-A"
-    assert found.absorption_nm == (400.0, 550.0, 700.0)  # the line without a thickness says nothing
-    for per_mm, (transmittance, thickness) in zip(found.absorption_per_mm, [(0.998, 10), (0.9, 5)], strict=False):
+    assert found.absorption.wavelengths_nm == (400.0, 550.0, 700.0)  # the line without a thickness says nothing
+    for per_mm, (transmittance, thickness) in zip(found.absorption.per_mm, [(0.998, 10), (0.9, 5)], strict=False):
         assert exp(-per_mm * thickness) == pytest.approx(transmittance, rel=1e-14)
-    assert exp(-found.absorption_per_mm[2] * 25) == pytest.approx(1e-6)
+    assert exp(-found.absorption.per_mm[2] * 25) == pytest.approx(1e-6)
     again = read_material(written(tmp_path, "wide.AGF", AGF), "GLASS-B")
-    np.testing.assert_allclose(again.index.index(waves), MATERIALS["B270"].dispersion.index(waves), rtol=1e-7)
+    np.testing.assert_allclose(again.dispersion.index(waves), MATERIALS["B270"].dispersion.index(waves), rtol=1e-7)
     (tmp_path / "u.agf").write_text(AGF, encoding="utf-16")
-    assert read_material(tmp_path / "u.agf", "GLASS-A").index == found.index
+    assert read_material(tmp_path / "u.agf", "GLASS-A").dispersion == found.dispersion
 
 
 def test_a_file_of_refractiveindex_info_has_its_index_and_its_absorption(tmp_path):
     found = read_material(written(tmp_path, "e48r.yml", NK), None)
     waves = np.linspace(437.0, 1050.0, 50)
-    np.testing.assert_allclose(found.index.index(waves), MATERIALS["COP"].index(waves), rtol=1e-14)
-    assert found.name == "e48r" and found.absorption_nm == (400.0, 500.0, 600.0)
-    assert found.absorption_per_mm[1] == pytest.approx(4 * pi * 3e-7 / 500e-6)
+    np.testing.assert_allclose(found.dispersion.index(waves), MATERIALS["COP"].index(waves), rtol=1e-14)
+    assert found.name == "e48r" and found.absorption.wavelengths_nm == (400.0, 500.0, 600.0)
+    assert found.absorption.per_mm[1] == pytest.approx(4 * pi * 3e-7 / 500e-6)
     table = "DATA:\n  - type: tabulated nk\n    data: |\n        0.4 1.42 1e-7\n        0.5 1.41 2e-7\n"
     found = read_material(written(tmp_path, "nk.yaml", table), "own")
-    assert (found.name, found.range_nm, found.index.indices) == ("own", (400.0, 500.0), (1.42, 1.41))
-    assert found.absorption_per_mm[0] == pytest.approx(4 * pi * 1e-7 / 400e-6)
+    assert (found.name, found.range_nm, found.dispersion.indices) == ("own", (400.0, 500.0), (1.42, 1.41))
+    assert found.absorption.per_mm[0] == pytest.approx(4 * pi * 1e-7 / 400e-6)
 
 
 def test_the_same_file_by_another_program(tmp_path):
@@ -88,18 +88,18 @@ def test_the_same_file_by_another_program(tmp_path):
     path = written(tmp_path, "e48r.yml", NK.replace("        0.600 1.0E-7\n", "") + "        0.600 1.0E-7\n")
     found, other = read_material(path, None), MaterialFile(str(path))
     for nm in np.linspace(440.0, 590.0, 31):
-        assert found.index.index(np.array([nm]))[0] == pytest.approx(np.asarray(other.n(1e-3 * nm)).item(), rel=1e-12)
+        assert found.index_at(nm) == pytest.approx(np.asarray(other.n(1e-3 * nm)).item(), rel=1e-12)
         wanted = 4 * pi * np.asarray(other.k(1e-3 * nm)).item() / (1e-6 * nm)
-        k = np.interp(nm, found.absorption_nm, np.array(found.absorption_per_mm) * np.array(found.absorption_nm))
-        assert k / nm == pytest.approx(wanted, rel=1e-12)
+        waves, per_mm = np.array(found.absorption.wavelengths_nm), np.array(found.absorption.per_mm)
+        assert np.interp(nm, waves, per_mm * waves) / nm == pytest.approx(wanted, rel=1e-12)
 
 
 def test_a_table_has_index_and_transmittance(tmp_path):
     found = read_material(written(tmp_path, "t.csv", TABLE), None)
-    assert found.index.index(np.array([450.0]))[0] == pytest.approx(1.515)
-    np.testing.assert_allclose(np.exp(-np.array(found.absorption_per_mm)), [0.99, 0.995, 1.0])
+    assert found.dispersion.index(np.array([450.0]))[0] == pytest.approx(1.515)
+    np.testing.assert_allclose(np.exp(-np.array(found.absorption.per_mm)), [0.99, 0.995, 1.0])
     bare = read_material(written(tmp_path, "bare.txt", "# nm n\n700\t1.50\n400\t1.52\n"), "resin")
-    assert bare.absorption_nm == () and bare.index.indices == (1.52, 1.50)
+    assert bare.absorption is None and bare.dispersion.indices == (1.52, 1.50)
 
 
 def spec_file(folder, lens):
@@ -112,10 +112,12 @@ def spec_file(folder, lens):
 def test_a_spec_keeps_the_numbers_and_needs_the_file_no_more(tmp_path):
     written(tmp_path, "c.agf", AGF)
     spec = load_spec(spec_file(tmp_path, 'material = "glass-a"\nmaterial_file = "c.agf"\ndesign_wavelength_nm = 550.0'))
+    glass = read_material(tmp_path / "c.agf", "glass-a")
     (tmp_path / "c.agf").unlink()
     assert spec.lens.material == "GLASS-A" and spec.lens.material_file is None
     assert spec.lens.refractive_index == pytest.approx(MATERIALS["N-BK7"].index_at(550.0), rel=1e-14)
     assert spec.lens.media.body.absorption_per_mm == pytest.approx(-np.log(0.9) / 5)
+    assert spec.lens.dispersion.absorption == glass.absorption
     spec.save(tmp_path / "again.toml")
     again = load_spec(tmp_path / "again.toml")
     assert again == spec and again.lens.dispersion == spec.lens.dispersion
@@ -164,7 +166,11 @@ def test_the_smallest_file_beyond_a_bound_is_refused_and_the_largest_within_is_r
     text = NK.replace("somebody", "x").replace("DATA:", "NUMBER: 1:30\nDATE: 2001-01-01\nDATA:")
     deep = text + "DEEP: " + "[" * 14 + "]" * 14 + "\nLONG: [" + "1, " * 9900 + "1]\n"
     for name, content in {"plain": text, "deep": deep}.items():
-        assert read_material(written(tmp_path, f"{name}.yml", content), None).absorption_nm == (400.0, 500.0, 600.0)
+        assert read_material(written(tmp_path, f"{name}.yml", content), None).absorption.wavelengths_nm == (
+            400.0,
+            500.0,
+            600.0,
+        )
     with (tmp_path / "large.yml").open("w", encoding="utf-8") as file:
         file.truncate(4 * 2**20 + 1)
     for suffix in ("yml", "agf", "csv"):

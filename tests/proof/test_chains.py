@@ -31,15 +31,14 @@ from lensforge.light.simulation import TracedLens
 from lensforge.optics.media import OUTSIDE, FaceCoating, Media, Medium, Mirror, ReflectanceTable
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.mitsuba_cast import send_through_mitsuba
-from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow
+from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow, trace_stray
 from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces, faces_away
 from lensforge.proof.part_comparison import Expected, flux_budget
 from lensforge.proof.part_mesh import part_mesh_of, smooth_faces
 from lensforge.proof.proof_inputs import optical_of
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.sequential_cast import CastFate, LandedRays, send_through, send_through_body
+from lensforge.proof.sequential_cast import CastFate, send_through, send_through_body
 from lensforge.proof.step_body import StepBody
-from lensforge.proof.stray_analysis import trace_stray
 from lensforge.proof.verification import passage_through, verify_part
 from lensforge.scene import body as scene
 from lensforge.sources.ray_bundle import RayBundle
@@ -81,7 +80,7 @@ def test_the_oracle_sees_every_kind_of_chain():
 def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
     """The share of each way, and of all that leaves by the wall, with their errors."""
     faces = (PlaneFace(24.0, 2.5), asphere.sphere(3.0), ConeFace(24.0, 6.0, 1.0), PlaneFace(24.0, 10.0))
-    lens = TracedLens.of_body(body_of(*faces), Media(Medium(INDEX), coatings=coatings), events, 24.0)
+    lens = TracedLens.of_body(body_of(*faces), Media(Medium(INDEX), coatings=coatings), events, 12.0)
     found, shares = FluxByWay.none_yet(lens.scene.chain, 4), Counter()
     for k, rays in enumerate(RAYS.take(slice(first, first + 50)) for first in (0, 50, 100, 150)):
         for half in (0.5, 0.5):
@@ -185,7 +184,7 @@ def test_more_events_are_a_fate_of_their_own_with_its_flux():
     part, grid = part_of("ball", 30, 3)
     media = Media(Medium(INDEX), coatings=SILVERED)
     found = send_through(part, grid, RAYS, media)
-    budget = flux_budget(RAYS, LandedRays.of(found, SCREEN), SCREEN)
+    budget = flux_budget(RAYS, found.landed(SCREEN), SCREEN)
     ends = found.fates == CastFate.MORE_EVENTS
     assert budget.more_events == pytest.approx(found.flux[ends].sum(), rel=1e-12) and budget.more_events > 0.1
     total = found.fates == CastFate.TOTAL_REFLECTION

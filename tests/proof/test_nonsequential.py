@@ -12,7 +12,6 @@ from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.sequential_cast import CastFate, send_through
 from lensforge.sources.ray_bundle import RayBundle
 
 SCREEN = Screen.square(150.0, 300.0, 8)
@@ -125,17 +124,6 @@ def test_all_flux_of_a_lens_is_accounted_for(base, absorption):
     assert budget.leaked < 1e-4
 
 
-def test_the_sequential_share_is_what_the_sequential_cast_lands():
-    rays = lambertian(3000, 2.0, seed=5)
-    passage = send_through(LENS, GRID, rays, Media(Medium(INDEX)))
-    budget = follow(PartBody(LENS, GRID, Media(Medium(INDEX))), rays, Limits())
-    assert landed(budget, Cause.SEQUENTIAL) == pytest.approx(
-        passage.flux[passage.fates == CastFate.LANDED].sum(), rel=1e-9
-    )
-    reflected = passage.flux[passage.fates == CastFate.TOTAL_REFLECTION].sum()
-    assert landed(budget, Cause.TOTAL_REFLECTION) <= reflected * (1 + 1e-9)
-
-
 def test_what_the_cut_off_leaves_out_falls_with_it():
     rays = lambertian(1000, 2.0, seed=6)
     shares = []
@@ -145,6 +133,17 @@ def test_what_the_cut_off_leaves_out_falls_with_it():
     (coarse, few), (fine, more), (finest, most) = shares
     assert finest < 0.1 * fine < 0.01 * coarse
     assert most - few <= coarse and most - more <= fine
+
+
+def test_threads_and_chunks_of_rays_lose_none_and_change_no_bit(monkeypatch):
+    monkeypatch.setattr("lensforge.proof.nonsequential_trace._CHUNK", 150)
+    rays, part = lambertian(400, 2.0, seed=6), PartBody(LENS, GRID, Media(Medium(INDEX, 0.01)), "black")
+    one, two = (follow(part, rays, Limits(), threads) for threads in (1, 2))
+    assert total(one) == pytest.approx(1.0, abs=1e-9) and one.base > 0.0
+    for name in ("absorbed", "base", "cut_off", "leaked"):
+        assert getattr(one, name) == getattr(two, name)
+    for name, values in vars(one.escaped()).items():
+        np.testing.assert_array_equal(values, getattr(two.escaped(), name))
 
 
 def test_light_that_starts_in_the_material_is_no_sequential_light():

@@ -7,16 +7,14 @@ from lensforge.optics.media import Media, Medium
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.refraction import refract
-from lensforge.proof.sequential_cast import CastFate, LandedRays, send_through
+from lensforge.proof.refraction import AtFace, RefractingFace, unpolarised
+from lensforge.proof.sequential_cast import CastFate, send_through
 from lensforge.sources.ray_bundle import RayBundle
 
 
 def send(mesh, rays, index=INDEX, distance=150.0):
     part = part_mesh_of(mesh)
-    return LandedRays.of(
-        send_through(part, Grid(part.mesh), rays, Media(Medium(index))), Screen.square(distance, 300.0, 8)
-    )
+    return send_through(part, Grid(part.mesh), rays, Media(Medium(index))).landed(Screen.square(distance, 300.0, 8))
 
 
 def one_ray(origin, direction):
@@ -30,13 +28,15 @@ def test_refraction_obeys_snell_and_fresnel(ratio):
     directions, normals = rng.normal(size=(2, 5000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    bent, transmitted = refract(directions, normals, ratio)
+    face = RefractingFace(np.full(5000, ratio), np.ones(5000), None, np.full(5000, 550.0), True)
+    found = AtFace.of(face, directions, normals, unpolarised(directions))
     expected, share = snell(directions, normals, ratio)
     passes = share > 0.0
     assert (ratio < 1.0) == passes.all()
-    assert np.array_equal(passes, transmitted > 0.0)
-    np.testing.assert_allclose(bent[passes], expected[passes], atol=1e-9)
-    np.testing.assert_allclose(transmitted, share, atol=1e-8)
+    assert np.array_equal(passes, found.transmittance > 0.0)
+    np.testing.assert_allclose(found.bent[passes], expected[passes], atol=1e-9)
+    np.testing.assert_allclose(found.transmittance, share, atol=1e-8)
+    np.testing.assert_allclose(found.reflectance, 1.0 - share, atol=1e-8)
 
 
 def test_two_ellipsoids_agree_with_their_closed_forms():

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from coarse_part import coarse_part
 from lens_meshes import lambertian
 from scenes import small_spec
 
@@ -21,16 +22,15 @@ from lensforge.optics.media import Media, Medium
 from lensforge.proof.acceptance import proof_criteria
 from lensforge.proof.casts import verify
 from lensforge.proof.facet_casting import Grid
-from lensforge.proof.nonsequential_trace import Base
+from lensforge.proof.nonsequential_trace import Base, trace_stray
 from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
+from lensforge.proof.part_comparison import cast_lamps
 from lensforge.proof.part_mesh import read_part_mesh
-from lensforge.proof.plate_cast import cast_lamps
 from lensforge.proof.proof_facts import proof_facts
 from lensforge.proof.proof_inputs import lamps_on_plate, plate_of
+from lensforge.proof.proof_result import StrayLight
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.sequential_cast import LandedRays, send_through
-from lensforge.proof.stray_analysis import trace_stray
-from lensforge.proof.stray_result import StrayLight
+from lensforge.proof.sequential_cast import send_through
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import BaseSection
@@ -140,7 +140,7 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
         around = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
         points, ways = passage.points @ around + [x, y, 0.0], passage.directions @ around
         own = replace(passage, points=points, directions=ways)
-        landed = LandedRays.of(own, screen)
+        landed = own.landed(screen)
         total += screen.irradiance(landed.landings, np.where(drawn == number, 3.0, 0.0) * landed.flux)
     (found,) = cast_lamps(replace(lamps, designed=[("light", screen, total)]), Media(Medium(INDEX)), 1)
     assert (found.lamps, found.rays) == (3, 6000) and found.nmse_vs_sum < 1e-4 < found.noise_floor_nmse
@@ -149,7 +149,8 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
 
 def test_verify_judges_the_light_of_the_whole_plate() -> None:
     lens = lens_on({}, [[-5.0, 0.0], [5.0, 0.0]], [0.0, 90.0], 0.03)
-    part, light = build_part(lens), evaluate(lens, rays=2**16)
+    with coarse_part():
+        part, light = build_part(lens), evaluate(lens, rays=2**14)
     proof = verify(part, light, rays=4096)
     (found,), name = proof.together, "light: plate_nmse_vs_sum"
     assert found.efficiency == pytest.approx(light.first.efficiency.value, abs=0.02)

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import cadquery as cq
 import numpy as np
 import pytest
-from lens_meshes import lambertian, lens_mesh, oracle, sphere
+from lens_meshes import lambertian, lens_mesh, oracle, snell, sphere
 from nightly import first_by_day
 from own_media import coatings, with_own
 
@@ -19,8 +19,7 @@ from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_comparison import Expected, flux_budget
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.refraction import refract
-from lensforge.proof.sequential_cast import CastFate, LandedRays, send_through, send_through_body
+from lensforge.proof.sequential_cast import CastFate, send_through, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.proof.step_cast import cast_step, judge_brep
 from lensforge.sources.ray_bundle import RayBundle
@@ -110,7 +109,7 @@ def caster(request, lens_step):
 def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
     send, precision = caster
     entered = RAYS.origins + INNER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
-    once = refract(RAYS.directions, INNER.normal(entered), 1.0 / INDEX)[1]
+    once = snell(RAYS.directions, INNER.normal(entered), 1.0 / INDEX)[1]
     rays, body = RAYS, Medium(INDEX, 0.05)
     if own is not None:
         rays, body = with_own(RAYS, body, absorptions=own)
@@ -121,7 +120,7 @@ def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
     absorbed, rough = (RAYS.flux * once * lost)[left], max(1e-4, 10.0 * precision)
     np.testing.assert_allclose(found.absorbed[left], absorbed, rtol=rough, atol=rough * absorbed.max())
     assert not clear.absorbed.any() and not found.absorbed[found.fates == CastFate.BASE].any()
-    assert flux_budget(RAYS, LandedRays.of(found, SCREEN), SCREEN).absorbed == pytest.approx(
+    assert flux_budget(RAYS, found.landed(SCREEN), SCREEN).absorbed == pytest.approx(
         found.absorbed.sum() / RAYS.flux.sum(), rel=1e-12
     )
 
@@ -130,7 +129,7 @@ def test_gel_and_water_bend_the_rays_as_their_indices_say(caster):
     """Gel of the lens's own index: rays go straight on to the outer face, and are refracted there alone."""
     send, precision = caster
     ends = RAYS.origins + OUTER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
-    directions, once = refract(RAYS.directions, OUTER.normal(ends), INDEX / 1.333)
+    directions, once = snell(RAYS.directions, OUTER.normal(ends), INDEX / 1.333)
     found = send(RAYS, Media(Medium(INDEX), cavity_index=INDEX, outside_index=1.333))
     left = found.fates == CastFate.LANDED
     assert left.sum() > 250
@@ -180,7 +179,7 @@ def test_rays_that_cannot_pass_say_why(caster):
 
 
 def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
-    passage = LandedRays.of(send_through_body(StepBody(lens_step), RAYS, Media(Medium(INDEX))), SCREEN)
+    passage = send_through_body(StepBody(lens_step), RAYS, Media(Medium(INDEX))).landed(SCREEN)
     landed = passage.fates == CastFate.LANDED
     np.testing.assert_array_equal(landed, np.isfinite(HITS[:, 0]))
     assert landed.sum() > 250

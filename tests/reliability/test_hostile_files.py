@@ -7,7 +7,8 @@ import io
 import random
 import re
 import shutil
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -34,7 +35,14 @@ from lensforge.sources.rayfiles.ray_file_io import FORMATS, read_rayfile
 from lensforge.sources.source_spectrum import read_spectrum_file
 from lensforge.surfaces.point_cloud import read_cloud
 
-pytestmark = pytest.mark.usefixtures("no_warnings")
+
+@pytest.fixture(autouse=True)
+def no_warnings() -> Iterator[None]:
+    """A warning is an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
 
 Reader = Callable[[Path], object]
 _WORDS = (

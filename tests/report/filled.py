@@ -1,10 +1,12 @@
-"""Records whose numbers do not matter: a builder states the fields that a test reads, and the others are filled."""
+"""Records for tests: filled where numbers do not matter, and with no two numbers alike where each has one source."""
 
+from itertools import count
 from types import UnionType
 from typing import Annotated, Literal, Union, get_args, get_origin
 from zlib import crc32
 
-from lensforge.results import Metric
+from lensforge.results import Metric, Record
+from lensforge.results.record import values_of
 
 
 def filled(record, /, **given):
@@ -36,3 +38,26 @@ def _value(annotation, name):
     if origin is tuple:
         return () if inner[-1] is Ellipsis else tuple(_value(each, f"{name}{k}") for k, each in enumerate(inner))
     return filled(annotation)
+
+
+# Numbers that others are counted by, and those that decide what a sentence says.
+_KEPT = {"level", "parts", "pass_rate", "genus", "disagreements", "c_deg", "part", "scale", "file", "files"}
+
+
+def told_apart(record):
+    """``record`` with every number changed by a part of its own, down to 0.8 of it; zeros, maps and texts are kept."""
+    return _changed(record, count(1))
+
+
+def _changed(value, numbers):
+    if isinstance(value, Record):
+        fields = {name: each for name, each in values_of(value).items() if name not in _KEPT}
+        return value.model_copy(update={name: _changed(each, numbers) for name, each in fields.items()})
+    if isinstance(value, dict):
+        return {key: _changed(each, numbers) for key, each in value.items()}
+    if isinstance(value, tuple):
+        return tuple(_changed(each, numbers) for each in value)
+    if isinstance(value, bool) or not isinstance(value, int | float) or value == 0:
+        return value
+    part = 0.8 + 0.2 * (next(numbers) * 0.6180339887498949 % 1.0)  # the golden ratio: no two alike
+    return max(1, round(value * part)) if isinstance(value, int) else value * part

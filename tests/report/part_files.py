@@ -1,4 +1,4 @@
-"""Results that not every lens has, with numbers that are easy to recognise: stray light, a photograph, a surface."""
+"""Results that not every lens has, easy to recognise: stray light, a photograph, a surface, a second cut."""
 
 import numpy as np
 from filled import filled
@@ -14,16 +14,17 @@ from result_folders import (
     make_results,
 )
 
+from lensforge.cad.part import stamp_of
 from lensforge.made.measurement_result import (
     Alignment,
+    Correction,
     DeviationExtent,
     Evenness,
     Located,
     PhotoComparison,
     SurfaceComparison,
 )
-from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
-from lensforge.proof.stray_result import ReceiverStray, StrayFlux, StrayLight
+from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast, ReceiverStray, StrayFlux, StrayLight
 from lensforge.results import Metric
 from lensforge.scene.receiver_shapes import build_receiver
 
@@ -108,6 +109,23 @@ def make_surface(lens, **changes):
         "irradiance_measured": light["raw_map"],
     }
     return filled(SurfaceComparison, **{**content, **changes})
+
+
+def make_correction(lens):
+    """A correction of the inner face."""
+    surface = make_surface(lens)
+    maps = {f"{name}_map_um": surface.deviation_um for name in ("deviation", "correction", "expected")}
+    return filled(
+        Correction,
+        **{name: getattr(surface, name) for name in ("inputs", "pose", "chart", "area_mm2")},
+        **maps,
+        surface="inner",
+        scale=1.0,
+        wavelength_given=False,
+        nodes={"inner": 33, "outer": 65},
+        file=stamp_of(b"a STEP"),
+        step=b"a STEP",
+    )
 
 
 def verified():

@@ -3,11 +3,10 @@
 from dataclasses import replace
 from pathlib import Path
 
-from made_correction import make_correction
+from filled import told_apart
 from made_yield import make_yield
-from part_files import EXTRAS, make_surface, verified
+from part_files import EXTRAS, make_correction, make_surface, verified
 from result_folders import STAGES, criterion, finding, make_light, make_proof, make_results, small_lens, text_target
-from told_apart import told_apart
 
 from lensforge.cad.part import KeepOutDistance
 from lensforge.light.evaluation_result import FittedLight, LightMetrics, LimitResult, PresetError, TableError

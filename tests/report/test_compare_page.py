@@ -46,14 +46,14 @@ def test_the_page_holds_both_designs_and_needs_nothing_else(designs):
 
 
 def test_numbers_stand_side_by_side_and_the_better_is_marked(designs):
-    lines = {line.name: line.cells for line in number_lines(designs)}
+    lines = {line.title: line.facts for line in number_lines(designs)}
     assert [cell.text for cell in lines["Pattern error (NMSE)"]] == ["0.01230 ± 0.00040", "0.00230 ± 0.00040"]
-    assert [cell.best for cell in lines["Pattern error (NMSE)"]] == [False, True]
+    assert [cell.note for cell in lines["Pattern error (NMSE)"]] == ["", "best"]
     assert [cell.text for cell in lines["Cutting"]] == ["pass", "pass"]
-    assert not any(cell.best for cell in lines["Efficiency"]), "they are the same"
+    assert not any(cell.note for cell in lines["Efficiency"]), "they are the same"
     three = number_lines([designs[index] for index in (0, 1, 1)])
-    assert [cell.best for cell in three[0].cells] == [False, True, True]
-    assert not any(cell.best for cell in lines["Farthest from the LED"]), "no radius is better whatever the spec"
+    assert [cell.note for cell in three[0].facts] == ["", "best", "best"]
+    assert not any(cell.note for cell in lines["Farthest from the LED"]), "no radius is better whatever the spec"
 
 
 def test_none_is_the_better_of_two_targets(designs):
@@ -63,11 +63,11 @@ def test_none_is_the_better_of_two_targets(designs):
         update={"target": spec.target.model_copy(update={"distance_mm": 1.5 * spec.target.distance_mm})}
     )
     other = replace(second, lens=replace(second.lens, spec=wider))
-    assert not any(cell.best for line in number_lines([first, other]) for cell in line.cells)
+    assert not any(cell.note for line in number_lines([first, other]) for cell in line.facts)
 
 
 def test_only_what_differs_in_the_specs_is_listed(designs):
-    assert [(line.name, [cell.text for cell in line.cells]) for line in difference_lines(designs)] == [
+    assert [(line.title, [cell.text for cell in line.facts]) for line in difference_lines(designs)] == [
         ("lens.outer.offset_mm", ["10 mm", "9 mm"])
     ]
 

@@ -6,33 +6,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from nightly import first_by_day
-from page_text import Page, text_of
-from result_folders import make_folder, make_results, page_of, small_lens
+from page_text import Page, text_of, undrawn_page_of
+from result_folders import make_folder, make_results, small_lens
 
 from lensforge.report.stored import load_results
 from lensforge.spec.source_sections import RayfileSource
 
 
 @pytest.fixture(scope="module")
-def results():
-    return make_results()
+def page(drawn_page):
+    return Page(drawn_page.markup)
 
 
-@pytest.fixture(scope="module")
-def markup(results):
-    return page_of(results)
-
-
-@pytest.fixture(scope="module")
-def page(markup):
-    return Page(markup)
-
-
-def test_the_page_needs_nothing_else(page, markup):
+def test_the_page_needs_nothing_else(page, drawn_page):
     assert "script" not in page.tags, "there is no mesh to turn"
-    assert all(reference.startswith(("#", "data:")) for reference in page.references)
-    assert not re.search(r"@import|url\((?!#)", markup)
+    others = {reference for reference in page.references if not reference.startswith(("#", "data:"))}
+    assert others == {"yield.csv"}, "the table of parts, for those who have the folder"
+    assert not re.search(r"@import|url\((?!#)", drawn_page.markup)
 
 
 def test_links_and_ids_agree(page):
@@ -40,7 +30,8 @@ def test_links_and_ids_agree(page):
     assert {reference[1:] for reference in page.references if reference.startswith("#")} <= set(page.ids)
 
 
-def test_all_figures_are_there(page):
+def test_all_figures_are_there():
+    page = Page(undrawn_page_of(make_results()))
     # the first, 3 of light, 3 lines, isolines, circle and flux, 2 sections, 3 per face, 3 of the proof and the gaps,
     # 4 of the search
     assert page.tags.count("svg") == 1 + 3 + 3 + 3 + 2 + 2 + 6 + 4 + 4
@@ -52,24 +43,21 @@ def test_a_lens_alone_makes_a_page():
     assert "No 3-D picture: no part has been exported." in text
 
 
-def test_nothing_is_written(tmp_path, monkeypatch, results):
+def test_nothing_is_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make_folder(tmp_path / "lens", ("evaluate",))
     before = sorted(tmp_path.rglob("*"))
-    page_of(load_results(tmp_path / "lens"), tmp_path / "lens")
+    undrawn_page_of(load_results(tmp_path / "lens"), tmp_path / "lens")
     assert sorted(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.parametrize(
     ("place", "title"),
-    first_by_day(
-        1,
-        [
-            (("inner", "residual_mm"), "Inner face: left uncut by the mill"),
-            (("outer", "sag_mm"), "Outer face: departure from a sphere"),
-            (("inner", "kappa_min"), "Inner face: curvature"),
-        ],
-    ),
+    [
+        (("inner", "residual_mm"), "Inner face: left uncut by the mill"),
+        (("outer", "sag_mm"), "Outer face: departure from a sphere"),
+        (("inner", "kappa_min"), "Inner face: curvature"),
+    ],
 )
 def test_a_map_without_a_number_is_left_out(place, title):
     name, quantity = place
@@ -80,7 +68,7 @@ def test_a_map_without_a_number_is_left_out(place, title):
 
 
 def test_text_of_the_spec_stays_text():
-    page = Page(page_of(make_results((), small_lens(text="<script>$x_</script>"))))
+    page = Page(undrawn_page_of(make_results((), small_lens(text="<script>$x_</script>"))))
     assert "script" not in page.tags, "there is no mesh to turn"
     assert "<script>$x_</script>" in page.text
 

@@ -98,12 +98,12 @@ def test_every_loss_is_told_in_its_own_words():
 
 @pytest.mark.parametrize("quantity", ["nmse", "efficiency", "loss"])
 def test_history_runs_on_from_level_to_level(quantity):
-    levels = make_design(small_lens()).history
-    axes = lens_figures.history(levels, quantity).axes[0]
-    steps = np.concatenate([line.get_xdata() for line in axes.lines])
-    values = np.concatenate([line.get_ydata() for line in axes.lines])
-    assert steps.tolist() == [1, 2, 3, 4, 5, 6, 7]
-    assert values.tolist() == [value for level in levels for value in getattr(level, quantity)]
+    design = make_design(small_lens())
+    axes = lens_figures.history(design.history, quantity).axes[0]
+    for lines in (axes.lines, design.plot(quantity=quantity).lines):
+        assert [list(line.get_xdata()) for line in lines] == [[1, 2, 3], [4, 5, 6, 7]]
+        wanted = [list(getattr(level, quantity)) for level in design.history]
+        assert [line.get_ydata().tolist() for line in lines] == wanted
     assert [text.get_text() for text in axes.texts] == ["9", "34"]
 
 
@@ -202,7 +202,10 @@ def test_svg_is_well_formed_and_takes_the_colour_of_the_page():
     assert all(identifier.startswith("name-") for identifier in re.findall(r'\bid="([^"]+)', svg))
 
 
-def test_the_same_results_make_the_same_picture():
-    draw = light_figures.irradiance_map
-    first, second = (to_svg(draw(plane(16, 0.1, 0.0), CHART, 80.0), "name", "") for _ in range(2))
+def test_the_same_results_make_the_same_picture_in_a_layout_of_its_own():
+    levels = make_design(small_lens()).history
+    figures = [lens_figures.history(levels, "nmse") for _ in range(2)]
+    default = figures[0].axes[0].get_position().bounds
+    first, second = (to_svg(figure, "name", "") for figure in figures)
     assert first == second
+    assert figures[0].axes[0].get_position().bounds == figures[1].axes[0].get_position().bounds != default

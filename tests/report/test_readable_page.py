@@ -1,20 +1,12 @@
 """The report in a browser: short enough to be read, on a screen and on a telephone, in light and dark, by everybody."""
 
-from contextlib import nullcontext
-
 import browser
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from made_yield import make_yield
+from drawn_page import whole_page_results
 from nightly import NIGHTLY, first_by_day
-from part_files import whole_results
-from result_folders import make_light, small_lens
-from shown_folders import SKY, WALL
-from undrawn import without_views
 
 from lensforge.report.lens_page import render_report
-from lensforge.report.results import Results
-from lensforge.results import Conditions
 
 pytestmark = browser.needed
 
@@ -36,14 +28,10 @@ UNFOLD = "document.querySelectorAll('details').forEach(each => each.open = true)
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
-    """A page with every section: two receivers, all tracers, stray light, yield, measurements, another condition."""
-    lens = small_lens(wanted={"receivers": (WALL, SKY)})
-    found = whole_results(lens=lens, **{"yield": make_yield(lens)}).found
-    results = Results(lens, found, {}, {"evaluate_64rays": make_light(lens, conditions=Conditions.of(rays=64))})
+def page(tmp_path_factory, drawn_page):
+    """A page with every section; by night with its three-dimensional views, which take three seconds."""
     path = tmp_path_factory.mktemp("page") / "report.html"
-    with nullcontext() if NIGHTLY else without_views():  # three seconds
-        path.write_text(render_report(results), encoding="utf-8")
+    path.write_text(render_report(whole_page_results()) if NIGHTLY else drawn_page.markup, encoding="utf-8")
     return path
 
 

@@ -11,8 +11,8 @@ from page_text import undrawn_page_of
 from shown_folders import FOLDERS, folder_of, lens_of
 from undrawn import undrawn
 
-from lensforge.cli.conclusion import blocks_of, study_block, summary
-from lensforge.cli.output import print_screen
+from lensforge.cli.conclusion import blocks_of, rows_of, summary
+from lensforge.cli.output import Block, print_screen
 from lensforge.made.tolerance_result import Yield
 from lensforge.made.yield_facts import budget_sentence, drawn_rows, pass_sentence, worst_words
 from lensforge.proof.proof_facts import tracer_groups
@@ -137,7 +137,7 @@ def test_every_number_of_the_tradeoff_is_one_of_a_fact(capsys):
     found = make_tradeoff(lens_of())
     groups = [row.facts for row in found.rows]
     known = {each for text in texts_of(groups) for each in numbers_in(text)}
-    print_screen([study_block("Error of each preset", found.facts)])
+    print_screen([Block("Error of each preset", list(rows_of(found.facts)))])
     assert unknown(capsys.readouterr().out, known) == []
     with undrawn():
         page = tradeoff_page(found)

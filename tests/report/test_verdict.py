@@ -10,7 +10,7 @@ from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
-from lensforge.report.results import Results, verdict_on
+from lensforge.report.results import Results
 from lensforge.results import Metric
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens
@@ -129,11 +129,11 @@ def test_a_changed_file_fails_until_the_verification_has_judged_it_as_it_is() ->
         kept = make_results()
         changed = kept.part.model_copy(update={field: b"other"})
         assert changed.altered == (name,)
-        for proof in (None, kept.proof):
-            verdict = verdict_on(kept.lens, None, None, changed, None, proof)
+        for proof in ({}, {"verify": kept.proof}):
+            verdict = Results(kept.lens, {"export": changed, **proof}).verdict
             assert verdict.files == "fail" and f"{name} is not the file that was exported" in verdict.reasons.files[0]
         judged = kept.proof.model_copy(update={"altered_files": (name,)})
-        after = verdict_on(kept.lens, None, None, changed, None, judged)
+        after = Results(kept.lens, {"export": changed, "verify": judged}).verdict
         assert after.files == ("fail" if field == "threemf" else "pass")
 
 

@@ -107,25 +107,3 @@ def test_files_that_fail_exit_with_1(folder: Path, monkeypatch: pytest.MonkeyPat
         code, _, stderr = lensforge("export", folder)
     assert code == 1 and "form_error = " in stderr.splitlines()[-1], stderr
     assert verdict_in(folder)["files"] == "fail"
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("constraints.cavity_height_mm", 9.0, "cavity_height_mm = 9 and min_thickness_mm = 1 do not fit"),
-        ("target.distance_mm", 100_000.0, "étendue"),
-        ("source.position_mm", [9.0, 0.0, 0.0], "source: "),
-        ("base.diameter_mm", 1.5, "base.diameter_mm = 1.5"),
-    ],
-)
-def test_what_cannot_be_exits_with_2_before_anything_is_written(
-    tmp_path: Path, field: str, value: object, message: str
-) -> None:
-    spec = small_spec(name="bad").to_toml()
-    section, name = field.split(".")
-    lines = [line for line in spec.splitlines() if not line.startswith(f"{name} = ")]
-    lines.insert(lines.index(f"[{section}]") + 1, f"{name} = {json.dumps(value)}")
-    (tmp_path / "bad.toml").write_text("\n".join(lines), encoding="utf-8")
-    code, _, stderr = lensforge("design", tmp_path / "bad.toml", "--out", tmp_path / "out")
-    assert code == 2 and message in stderr.splitlines()[-1], stderr
-    assert "level 1" not in stderr and not (tmp_path / "out" / "lens.json").exists()

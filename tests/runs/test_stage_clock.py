@@ -61,26 +61,17 @@ def test_the_clock_of_a_terminal_goes_on_by_itself_in_60_columns(
     assert "0.0045" in shown[-1], "the line that stays"
 
 
-def test_a_study_is_never_silent_in_a_pipe(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    assert stage_clock._SILENT_SECONDS_OF_STUDY <= 2.0
-    monkeypatch.setattr(stage_clock, "_SILENT_SECONDS_OF_STUDY", 0.05)
-    with StageClock("yield", study=True) as clock:
-        progress = PartsProgress(clock)
-        progress.on_stage("parts")
-        progress.on_parts(3, 40)
-        time.sleep(0.4)
-    lines = capsys.readouterr().err.splitlines()
-    assert len([line for line in lines if line.endswith("3 of 40 parts")]) >= 3
-
-
+@pytest.mark.parametrize(("study", "most"), [(True, 2.0), (False, 120.0)])
 def test_a_long_stage_is_not_silent_in_a_pipe(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    study: bool, most: float, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stage_clock, "_SILENT_SECONDS", 0.05)
-    with StageClock("design") as clock:
-        clock.show("level 3, NMSE 0.0045")
+    name = "_SILENT_SECONDS_OF_STUDY" if study else "_SILENT_SECONDS"
+    assert getattr(stage_clock, name) <= most
+    monkeypatch.setattr(stage_clock, name, 0.05)
+    with StageClock("yield", study=study) as clock:
+        PartsProgress(clock).on_parts(3, 40)
         time.sleep(0.3)
-    assert len([line for line in capsys.readouterr().err.splitlines() if line.endswith("NMSE 0.0045")]) >= 3
+    assert len([line for line in capsys.readouterr().err.splitlines() if line.endswith("3 of 40 parts")]) >= 3
 
 
 def test_the_amounts_of_a_budget_are_one_stage(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,8 +10,8 @@ from lensforge.spec.tolerances_section import FORM_NUMBERS, WAVINESS_NUMBERS
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
-GRID = TableGrid(201)
-U = fibonacci_hemisphere(3000)
+GRID = TableGrid(151)
+U = fibonacci_hemisphere(1500)
 
 
 def _rms_along_normal(tables, surface) -> float:
@@ -77,7 +77,7 @@ def test_what_is_too_fine_counts_by_its_slope() -> None:
 @pytest.mark.nightly("two seconds")
 def test_tables_hold_a_wave_that_counts_as_fitting() -> None:
     """The narrowest field that a table takes, against its values between the nodes: by a table twice as fine."""
-    surface, grid, finer = sphere(5.0), TableGrid(101), GRID
+    surface, grid, finer = sphere(5.0), TableGrid(101), TableGrid(201)
     limit = 2.0 * 2.0 * grid.step * 5.0 * 2.0 * np.pi / np.sqrt(2.0)  # wavelength of the limiting width
     own = waviness(FaceNodes.of(grid, surface), limit * 1.001, limit * 1.01, 0).tables[0]
     true = waviness(FaceNodes.of(finer, surface), limit * 1.001, limit * 1.01, 0).tables[0]

@@ -1,6 +1,10 @@
-"""Light of lamps together: the sum over rays moved one lamp after another, closed forms, and one lamp as it was."""
+"""Light of lamps together: the sum over rays moved one lamp after another, closed forms, and one lamp as it was.
+
+Rays of lamps with heights and aims are moved by rotation matrices written out here.
+"""
 
 from dataclasses import replace
+from math import atan2, cos, hypot, sin
 from typing import Any
 
 import numpy as np
@@ -13,14 +17,14 @@ from lensforge.light.lens_light import evaluate
 from lensforge.light.photometry_export import measure_photometry
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.lamp_pictures import LampPictures
+from lensforge.scene.lamp_pictures import LampPictures, seen_by
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import bin_flux, splat_flux
-from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
 from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS
 
-N = 4000
 GRID = {"kind": "grid", "columns": 4, "rows": 3, "pitch_mm": 20.0}
 RING = {"kind": "ring", "count": 5, "diameter_mm": 60.0}
 DISC = [{"kind": "disc", "diameter_mm": 40.0}]
@@ -28,6 +32,15 @@ PATTERN = {"kind": "rectangle", "width_mm": 30.0, "height_mm": 30.0}
 SHEET = {"kind": "plane", "centre_mm": [10.0, 5.0, 60.0], "width_mm": 150.0, "height_mm": 120.0, "targets": DISC}
 FAR = {"kind": "far_field", "half_angle_deg": 60.0, "targets": [{"kind": "disc", "diameter_deg": 40.0}]}
 CURVED = {"kind": "cylinder", "radius_mm": 90.0, "width_mm": 150.0, "height_mm": 120.0, "targets": DISC}
+POLES = {  # the second one is aimed straight along z
+    "kind": "table",
+    "places_mm": [[-70.0, 20.0, 10.0], [60.0, 45.0, -15.0], [5.0, -50.0, 0.0]],
+    "aims_mm": [[30.0, 0.0, 90.0], [60.0, 45.0, 100.0], [-20.0, 10.0, 60.0]],
+    "turns_deg": [0.0, 25.0, -70.0],
+}
+HIGH = {**SHEET, "centre_mm": [10.0, 5.0, 80.0]}
+WIDE = {**CURVED, "radius_mm": 130.0}
+DOME = {"kind": "sphere", "radius_mm": 140.0, "half_angle_deg": 80.0, "targets": DISC}
 SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], int]] = {  # lamps, receiver, pictures that it takes
     "grid": (GRID, SHEET, 1),
     "grid without a common measure": ({**GRID, "pitch_mm": [20.0, 19.913]}, SHEET, 3),
@@ -40,14 +53,46 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], int]] = {  # lamps, rece
     "ring from afar": (RING, FAR, 5),
     "row": ({"kind": "table", "places_mm": [[-20.0, 0.0], [0.0, 0.0], [40.0, 0.0]]}, SHEET, 1),
     "table": ({"kind": "table", "places_mm": [[3.0, 40.0]], "turns_deg": [30.0]}, SHEET, 1),
+    "poles": (POLES, HIGH, 3),
+    "poles before a tilted plane": (POLES, {**HIGH, "tilt_deg": [15.0, -20.0], "rotation_deg": 30.0}, 3),
+    "poles in a cylinder": (POLES, WIDE, 3),
+    "poles in a sphere": (POLES, DOME, 3),
+    "poles from afar": (POLES, {**FAR, "half_angle_deg": 80.0}, 3),
 }
+
+
+def together(lamps: dict[str, Any], receiver: dict[str, Any]) -> Spec:
+    return small_spec(lamps=lamps, target=None, receivers=[receiver], base={"kind": "none"})
 
 
 def exits() -> ExitRays:
     rng = np.random.default_rng(0)
-    directions = hemisphere_directions(N)
-    points = 5.0 * directions + 0.1 * rng.normal(size=(N, 3))
-    return ExitRays(points, directions, rng.random(N), np.zeros(N), np.full(N, Fate.LEFT_LENS, dtype=np.int8))
+    directions = hemisphere_directions(4000)
+    points = 5.0 * directions + 0.1 * rng.normal(size=(4000, 3))
+    return ExitRays(points, directions, rng.random(4000), np.zeros(4000), np.full(4000, Fate.LEFT_LENS, dtype=np.int8))
+
+
+def about_z(angle: float) -> np.ndarray:
+    return np.array([[cos(angle), -sin(angle), 0.0], [sin(angle), cos(angle), 0.0], [0.0, 0.0, 1.0]])
+
+
+def panned_and_tilted(place: np.ndarray, aim: list[float] | None, turn_deg: float) -> np.ndarray:
+    """From the axes of a lamp to those of the scene: its own turn, a tilt of its +x downwards, and a pan."""
+    x, y, z = (0.0, 0.0, 1.0) if aim is None else np.subtract(aim, place)
+    pan, tilt = atan2(y, x) if hypot(x, y) > 0.0 else 0.0, atan2(hypot(x, y), z)
+    tilted = np.array([[cos(tilt), 0.0, sin(tilt)], [0.0, 1.0, 0.0], [-sin(tilt), 0.0, cos(tilt)]])
+    return about_z(pan) @ tilted @ about_z(np.radians(turn_deg))
+
+
+def moved_by_hand(lamps: dict[str, Any], found: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Place of each lamp, and its axes in the scene: by its aim where it has one, else by its turn alone."""
+    if "aims_mm" in lamps:
+        places = [np.array(each) for each in lamps["places_mm"]]
+        poses = zip(places, lamps["aims_mm"], lamps["turns_deg"], strict=True)
+    else:
+        places = [np.array([*each, 0.0]) for each in found.lamps.places_mm]
+        poses = zip(places, [None] * len(places), found.lamps.turns_deg, strict=True)
+    return [(pose[0], panned_and_tilted(*pose)) for pose in poses]
 
 
 @pytest.mark.parametrize("deposit", [bin_flux, splat_flux])
@@ -55,33 +100,38 @@ def exits() -> ExitRays:
 def test_the_sum_is_that_of_rays_moved_one_lamp_after_another(
     lamps: dict[str, Any], receiver: dict[str, Any], pictures: int, deposit: Any
 ) -> None:
-    spec = small_spec(lamps=lamps, target=None, receivers=[receiver], base={"kind": "none"})
-    found, rays = receivers_of(spec, 32)[0], exits()
+    found, rays = receivers_of(together(lamps, receiver), 32)[0], exits()
     board = LampPictures.of(found)
     assert len(board.rasters) == pictures
     total = np.zeros(found.grid.shape)
-    for (x, y), degrees in zip(found.lamps.places_mm, found.lamps.turns_deg, strict=True):
-        turn = np.exp(1j * np.radians(degrees))
-        points, directions = rays.points.copy(), rays.directions.copy()
-        for moved, place in ((points, x + 1j * y), (directions, 0.0)):
-            flat = (moved[:, 0] + 1j * moved[:, 1]) * turn + place
-            moved[:, 0], moved[:, 1] = flat.real, flat.imag
-        landings = found.land(replace(rays, points=points, directions=directions))
+    for place, axes in moved_by_hand(lamps, found):
+        points = rays.points @ axes.T + (0.0 if receiver["kind"] == "far_field" else place)
+        landings = found.land(replace(rays, points=points, directions=rays.directions @ axes.T))
         total += deposit(landings.hits, landings.flux, found.grid)
     own = [deposit(each.hits, each.flux, r.grid) for r in board.receivers for each in [r.land(rays)]]
-    np.testing.assert_allclose(len(found.lamps) * board.added(own), total, atol=1e-12 * total.max())
+    np.testing.assert_allclose(len(found.lamps) * board.added(own), total, atol=1e-9 * total.max())
     rng = np.random.default_rng(1)
     forth, back = [rng.random(each.shape) for each in own], rng.random(total.shape)
     moved_back = sum(np.vdot(a, b) for a, b in zip(forth, board.spread(back), strict=True))
     assert np.vdot(board.added(forth), back) == pytest.approx(moved_back, rel=1e-12)
 
 
+@pytest.mark.parametrize("receiver", [receiver for lamps, receiver, _ in SCENES.values() if lamps is POLES])
+def test_a_lamp_on_a_pole_sees_the_receiver_as_its_raster_does(receiver: dict[str, Any]) -> None:
+    """As a yield draws each lamp, and the proof casts one."""
+    spec = together(POLES, receiver)
+    (found,) = receivers_of(spec, 32)
+    for number, raster in enumerate(LampPictures.of(found).rasters):
+        assert seen_by(found, number).pose == raster.receiver.pose
+        (alone,) = receivers_of(seen_by_lamp(spec, number), 32)
+        np.testing.assert_allclose(alone.corners(), raster.receiver.corners(), atol=1e-9)
+
+
 def test_a_period_holds_all_light_and_moves_round() -> None:
     """No flux is lost at its edge, and rays from three pixels further make the same picture three pixels further."""
     period = {**SHEET, "centre_mm": [0.0, 0.0, 60.0], "width_mm": 20.0, "height_mm": 20.0 * 3.0**0.5, "targets": DISC}
     lamps = {"kind": "endless", "lattice": "hexagon", "pitch_mm": 20.0}
-    spec = small_spec(lamps=lamps, target=None, receivers=[period], base={"kind": "none"})
-    found, rays = receivers_of(spec, 32)[0], exits()
+    found, rays = receivers_of(together(lamps, period), 32)[0], exits()
     board, (width, height) = LampPictures.of(found), found.grid.pixel
     pictures = []
     for move in (0.0, 3.0):
@@ -90,6 +140,15 @@ def test_a_period_holds_all_light_and_moves_round() -> None:
         pictures.append(board.added(own))
     assert pictures[0].sum() == pytest.approx(rays.flux.sum(), rel=1e-12)
     np.testing.assert_allclose(np.roll(pictures[0], (3, 3), axis=(0, 1)), pictures[1], atol=1e-9)
+    half = found.grid.rows // 2, found.grid.columns // 2  # where the second lamp stands: the lattice is the same there
+    np.testing.assert_allclose(np.roll(pictures[0], half, axis=(0, 1)), pictures[0], atol=1e-9)
+
+
+def test_the_receiver_of_a_target_alone_is_seen_by_a_lamp() -> None:
+    spec = small_spec(lamps=POLES, base={"kind": "none"})
+    (seen,), (straight,) = (seen_by_lamp(spec, number).all_receivers for number in (0, 1))
+    x, y, z = straight.centre_mm  # turned by 25 degrees
+    assert (hypot(x, y), z) == pytest.approx((75.0, 115.0)) and seen.name == straight.name == "light"
 
 
 ABOVE = {"target": {**PATTERN, "distance_mm": 20.0, "receiver_mm": 30.0}}
@@ -161,7 +220,7 @@ def test_lamps_from_afar_have_so_many_times_the_candela_and_turn() -> None:
     alone, two = (
         measure_photometry(
             Lens.double(sphere(3.0), sphere(6.0), each, seed=0, accuracy="draft"),
-            build_source(each.source, None), PRESETS["draft"], rays=2**18,
+            build_source(each.source, None), PRESETS["draft"], rays=2**17,
         )
         for each in (spec, spec.replace({"lamps": pair}))
     )  # fmt: skip
@@ -171,3 +230,75 @@ def test_lamps_from_afar_have_so_many_times_the_candela_and_turn() -> None:
     cut = slice(*np.searchsorted(alone.gamma_deg, [30.0, 50.0]))
     np.testing.assert_allclose(two.candela[:-1, cut].mean(axis=1), 2.0 * turned[:, cut].mean(axis=1), rtol=0.04)
     assert np.ptp(alone.candela[:-1, cut].mean(axis=1)) > 0.5 * alone.candela[:, cut].mean()
+
+
+DIRECT: dict[str, Any] = {"rays": 2**17, "pixels": 5, "target": None, "evaluate__filter_variance": 0.0}
+
+
+def irradiance(place: list[float], aim: list[float], height: float, centres: np.ndarray) -> np.ndarray:
+    """That of a Lambertian lamp of 1 W, W/m^2, on pixels of the plane z = height: I cos(a) cos(b) / r^2."""
+    x, y = np.meshgrid(centres, centres)
+    way = np.stack([x - place[0], y - place[1], np.full_like(x, height - place[2])], axis=-1)
+    axis = np.subtract(aim, place) / np.linalg.norm(np.subtract(aim, place))
+    far = np.linalg.norm(way, axis=-1)
+    return 1e6 / np.pi * np.maximum(way @ axis, 0.0) * way[..., 2] / far**4
+
+
+def test_aimed_lambertian_lamps_light_a_plane_as_their_closed_form_says() -> None:
+    """Two floodlights at heights of their own, aimed across: the sum, against the same lens straight above."""
+    sheet = {"kind": "plane", "centre_mm": [0.0, 0.0, 80.0], "width_mm": 100.0, "height_mm": 100.0, "targets": DISC}
+    places, aims = [[-90.0, 10.0, 20.0], [60.0, -60.0, -10.0]], [[20.0, 0.0, 80.0], [-30.0, 40.0, 80.0]]
+    lamps = {"kind": "table", "places_mm": places, "aims_mm": aims}
+    lit, above = (light_of(**DIRECT, receivers=[sheet], **each) for each in ({"lamps": lamps}, {}))
+    centres = 100.0 * ((np.arange(50) + 0.5) / 50.0 - 0.5)
+
+    def on_pixels(place: list[float], aim: list[float]) -> np.ndarray:
+        return irradiance(place, aim, 80.0, centres).reshape(5, 10, 5, 10).mean(axis=(1, 3))
+
+    one = on_pixels([0.0, 0.0, 0.0], [0.0, 0.0, 80.0])
+    wanted = sum(on_pixels(*each) for each in zip(places, aims, strict=True))
+    passed = above.map.sum() / one.sum()
+    np.testing.assert_allclose(lit.map, passed * wanted, rtol=0.02)
+    assert wanted.max() > 2.5 * wanted.min()
+    share = lit.map.sum() / 2.0 / above.map.sum()
+    assert lit.efficiency.value == pytest.approx(share * above.efficiency.value, rel=1e-9)
+    assert lit.efficiency.value <= lit.possible.efficiency < above.possible.efficiency
+
+
+def test_a_lamp_aimed_along_z_is_the_lens_moved() -> None:
+    """Straight aims change nothing, to the bit; a plane takes light on its lit side alone."""
+    sheet = {**SHEET, "centre_mm": [0.0, 0.0, 60.0]}
+    row = {"kind": "table", "places_mm": [[-20.0, 0.0], [20.0, 0.0]]}
+    aimed = light_of(
+        2**12, 5, target=None, receivers=[sheet], lamps={**row, "aims_mm": [[-20.0, 0.0, 9.0], [20.0, 0.0, 70.0]]}
+    )
+    assert aimed == light_of(2**12, 5, target=None, receivers=[sheet], lamps=row)
+    up, down = (
+        light_of(
+            2**12,
+            5,
+            target=None,
+            receivers=[sheet],
+            lamps={"kind": "table", "places_mm": [[0.0, 0.0, 9.0]], "aims_mm": [[3.0, 0.0, z]]},
+        )
+        for z in (90.0, -90.0)
+    )
+    assert up.efficiency.value > 0.3 and down.efficiency.value == 0.0
+
+
+def test_the_photometry_of_lamps_on_poles_is_that_of_one() -> None:
+    one, poles = (
+        small_spec(source={"kind": "square", "side_mm": 1.0, "flux_lm": 100.0}, base={"kind": "none"}, **changes)
+        for changes in ({}, {"lamps": POLES})
+    )
+    found = [
+        measure_photometry(
+            Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"),
+            build_source(spec.source, None),
+            PRESETS["draft"],
+            rays=2**12,
+        )
+        for spec in (one, poles)
+    ]
+    np.testing.assert_array_equal(found[0].candela, found[1].candela)
+    assert [each.source_lm for each in found] == [100.0, 100.0] and any("those of one" in w for w in found[1].warnings)

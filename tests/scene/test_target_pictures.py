@@ -1,4 +1,4 @@
-"""Irradiance of targets from pictures, text and arrays, against the numbers that were put into them."""
+"""Irradiance of targets from pictures, text, arrays and tables, against the numbers that were put into them."""
 
 import unicodedata
 
@@ -10,7 +10,7 @@ from lensforge.errors import InputError
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
-from lensforge.scene.target_pattern import drawn_text, target_light
+from lensforge.scene.target_pattern import drawn_text, read_table, target_light
 from lensforge.spec import ImageTarget, TextTarget
 
 PLANE = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))
@@ -80,3 +80,52 @@ def test_letters_with_marks_and_from_right_to_left(monkeypatch):
     for text in ("e\u0301", "שלום", "سلام"):
         with pytest.raises(InputError, match="needs the FriBiDi library"):
             drawn_text(text)
+
+
+def test_text_stands_upright_and_has_its_width() -> None:
+    image = target_light((TextTarget(text="L", width_mm=100.0, **PLACE),), PLANE)
+    _, columns = np.nonzero(image > 0.5 * image.max())
+    axis = PLANE.grid.x()
+    assert np.ptp(axis[columns]) == pytest.approx(100.0, abs=2 * PLANE.grid.pixel[0])
+    bar = image[: len(image) // 2].sum() > image[len(image) // 2 :].sum()
+    assert bar, "the foot of an L is at small y, which is row 0"
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        (TextTarget(text=" ", width_mm=10.0, **PLACE), "nothing to draw"),
+        (TextTarget(text="W", width_mm=400.0, **PLACE), "must fit into receiver_mm"),
+        (ImageTarget(file="nowhere.png", width_mm=10.0, **PLACE), "no such file"),
+    ],
+)
+def test_impossible_targets_are_named(target, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        target_light((target,), PLANE)
+
+
+ROWS = np.array([[1.0, 0.5, 0.0], [2.5e1, 3.0, 4.0]])
+
+
+@pytest.mark.parametrize(
+    "text", ["1,0.5,0\n2.5e1,3,4\n", "1;0.5;0\n2.5e1;3;4", "1\t.5\t0\n25\t3\t4", "1 0.5 0 # a\n25 3 4"]
+)
+def test_numbers_are_read_whatever_stands_between_them(tmp_path, text):
+    path = tmp_path / "light.csv"
+    path.write_text(text, encoding="utf-8")
+    np.testing.assert_array_equal(read_table(path), ROWS)
+
+
+def test_one_array_of_an_archive_is_a_table(tmp_path):
+    np.savez(tmp_path / "light.npz", ROWS)
+    np.testing.assert_array_equal(read_table(tmp_path / "light.npz"), ROWS)
+    np.savez(tmp_path / "two.npz", ROWS, ROWS)
+    with pytest.raises(InputError, match="holds 2 arrays"):
+        read_table(tmp_path / "two.npz")
+
+
+def test_what_is_no_table_is_refused_with_its_place_and_not_its_words(tmp_path) -> None:
+    (tmp_path / "light.csv").write_text("1," + 1000 * "x")
+    with pytest.raises(InputError, match=r"no table of numbers \(no number at row 0, column 2\.\);") as refusal:
+        read_table(tmp_path / "light.csv")
+    assert "xx" not in str(refusal.value)

@@ -20,7 +20,8 @@ from lensforge.scene.lens import Lens
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.merit import MeritFunction
-from lensforge.search.profiles import ProfileParameters, start_faces
+from lensforge.search.profiles import ProfileParameters
+from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
 

@@ -19,7 +19,8 @@ from lensforge.search.feasibility import measure_constraints
 from lensforge.search.light_path import SearchParts
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import settled_symmetry
-from lensforge.search.profiles import ProfileParameters, start_faces
+from lensforge.search.profiles import ProfileParameters
+from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
 from lensforge.surfaces.bicubic_table import evaluate_table, tabulate

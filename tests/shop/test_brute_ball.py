@@ -1,7 +1,7 @@
 """The check against a ball that is tried at every contact: against all points of the mesh of the part."""
 
 import tomllib
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +10,15 @@ import trimesh
 from nightly import NIGHTLY, first_by_day
 from scenes import small_spec
 from scipy.spatial import cKDTree
+from shop_lenses import few_nodes
 
 import lensforge as lf
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.form_error import fit_faces
+from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.plan import make_plan
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
-from lensforge.shop.face_check import check_face
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.surface import to_sphere
 
@@ -38,10 +38,10 @@ CUT = [path for path in sorted(EXAMPLES.glob("*.toml")) if _required(path)]
 
 
 @pytest.fixture(autouse=True)
-def fewer_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+def fewer_nodes() -> Iterator[None]:
     """By day the check takes a quarter of its nodes: shares of a face are compared to 2 %."""
-    if not NIGHTLY:
-        monkeypatch.setattr("lensforge.shop.check.check_face", partial(check_face, nodes=81))
+    with few_nodes(161 if NIGHTLY else 81):
+        yield
 
 
 def designed_for_the_ball(**base: float) -> Lens:
@@ -78,7 +78,7 @@ def tried(lens: Lens, mesh: trimesh.Trimesh) -> dict[str, float]:
 
 
 def part_mesh(lens: Lens) -> trimesh.Trimesh:
-    mesh = build_mesh(make_plan(*fit_faces(lens), base_with_room(lens)), 96)
+    mesh = build_mesh(make_plan(*fit_lens(lens), base_with_room(lens)), 96)
     return trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False)
 
 

@@ -1,13 +1,12 @@
 import re
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 from known_shapes import exported, random_surface
 from scenes import hemisphere_directions, sphere
 from scipy.spatial import cKDTree
-from shop_lenses import small_lens
+from shop_lenses import few_nodes, small_lens
 
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import INNER, OUTER, lay_out
@@ -35,8 +34,7 @@ def lens(inner, outer, cutter_mm=1.0, wall_mm=0.5, base="cylinder"):
 @pytest.fixture(scope="module", autouse=True)
 def fewer_nodes():
     """Checks of 61 x 61 nodes, where a command takes 161: what is said of them does not ask for more."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.shop.check.check_face", partial(check_face, nodes=61))
+    with few_nodes(61):
         yield
 
 

@@ -13,7 +13,7 @@ from ezdxf.entitydb import EntityDB
 from matplotlib.figure import Figure
 from shop_lenses import BASE, quick_check, small_lens
 
-from lensforge.cad.form_error import fit_faces
+from lensforge.cad.form_error import fit_lens
 from lensforge.cad.part import Faces
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import make_plan
@@ -21,11 +21,12 @@ from lensforge.cad.solid import build_solid
 from lensforge.cad.step import signed_step
 from lensforge.errors import InputError
 from lensforge.shop.dimensions import datum_scheme, dimensions
-from lensforge.shop.drawing import SCALES, SIZES, drawing_content, make_sheet
+from lensforge.shop.drawing import SIZES, drawing_content, make_sheet
 from lensforge.shop.sheet import Words, box_of, shown
 from lensforge.shop.sheet_marks import strokes_of, words_of_dimension
 from lensforge.shop.sheet_tables import index_wavelength, tolerance_table
 from lensforge.shop.sheet_writers import _write_words, sheet_dxf, sheet_pdf
+from lensforge.shop.view_drawing import SCALES
 from lensforge.spec.part_section import read_drawing
 from lensforge.spec.tolerances_section import PartTolerances
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -62,7 +63,7 @@ def part_of(exported):
     """Parts as ``build_part`` makes them, as far as a drawing shows it: faces, author, tolerances."""
 
     def made(lens, schema="AP214"):
-        solid = build_solid(make_plan(*fit_faces(lens), lens.spec.base))
+        solid = build_solid(make_plan(*fit_lens(lens), lens.spec.base))
         signed = signed_step(solid, lens.spec, "shop", schema)
         faces = Faces(count=len(solid.faces), names=tuple(sorted(solid.faces)))
         written = {"faces": faces, "signature": signed.signature, "form_tolerances": signed.tolerances}

@@ -1,10 +1,9 @@
 """The check of a lens for total internal reflection made of spheres: draft from both halves of a mould, edges, base."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from known_shapes import sphere
+from shop_lenses import OfSpheres, few_nodes
 from tir_lenses import spot, spot_lens
 
 from lensforge.optics.media import TIR
@@ -14,7 +13,6 @@ from lensforge.search.profiles import ProfileParameters
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import check_facts
 from lensforge.shop.check_result import Check
-from lensforge.shop.face_check import check_face
 from lensforge.shop.findings import edge_criteria
 
 # Spheres by radius and height of their centre, and the height at which wall and exit meet. One wall widens all the way
@@ -22,13 +20,6 @@ from lensforge.shop.findings import edge_criteria
 CAVITY = ((2.0, -0.5), (1.8, 0.0))
 OPEN, OPEN_MM = ((12.0, 6.0), (40.0, -35.0)), 267.0 / 82.0
 SHUT, SHUT_MM = ((5.0, 2.0), (12.0, -6.0)), 87.0 / 16.0
-
-
-class OfSpheres(Lens):
-    """A lens that is told from others by itself: no lens file holds its surfaces."""
-
-    __hash__ = object.__hash__
-    sha256 = "0" * 64
 
 
 def checked(envelope: tuple, **sections: object) -> tuple[Check, Lens]:
@@ -41,8 +32,7 @@ def checked(envelope: tuple, **sections: object) -> tuple[Check, Lens]:
 
 
 def on_few_nodes(lens: Lens) -> Check:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.shop.check.check_face", partial(check_face, nodes=81))
+    with few_nodes(81):
         return check_lens(lens, dict.fromkeys(TIR, 61))
 
 

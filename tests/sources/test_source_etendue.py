@@ -49,7 +49,7 @@ def test_known_radiances_integrate_to_the_flux_and_agree_with_cells_of_rays(spec
     )
     for share in (0.2, 0.5, 0.8):
         etendue = float(np.interp(share, known.share, known.etendue_mm2_sr))
-        assert cells.share_within(etendue) == pytest.approx(share, rel=0.2)
+        assert cells.shares_within(etendue) == pytest.approx(share, rel=0.2)
 
 
 def test_the_whole_etendue_of_uniform_emitters_is_pi_times_their_area() -> None:
@@ -63,8 +63,8 @@ def test_a_luminance_image_has_the_radiance_of_its_pixels(tmp_path: Path) -> Non
     Image.fromarray(np.array([[200, 100], [0, 50]], dtype=np.uint8)).save(tmp_path / "chip.png")
     source = build_source(LuminanceSource(file=tmp_path / "chip.png", width_mm=2.0))
     known = EtendueCurve.of_source(source, source.sample(RAYS, 3), 3)
-    assert known.share_within(pi) == pytest.approx(200.0 / 350.0, rel=0.01)
-    assert known.share_within(2.0 * pi) == pytest.approx(300.0 / 350.0, rel=0.01)
+    assert known.shares_within(pi) == pytest.approx(200.0 / 350.0, rel=0.01)
+    assert known.shares_within(2.0 * pi) == pytest.approx(300.0 / 350.0, rel=0.01)
     assert known.etendue_mm2_sr[-1] == pytest.approx(3.0 * pi, rel=0.01)
 
 
@@ -78,7 +78,7 @@ def test_a_curve_of_etendue_begins_with_the_brightest_cells() -> None:
     np.testing.assert_allclose(found.etendue_mm2_sr, [0.0, 1.0, 1.5, 3.5, 6.5])
     np.testing.assert_allclose(found.share, np.array([2.0, 6.0, 7.0, 9.0, 9.0]) / 9.0)
     assert found.estimated
-    assert found.share_within(0.25) == pytest.approx(3.0 / 9.0) and found.share_within(99.0) == 1.0
+    assert found.shares_within(0.25) == pytest.approx(3.0 / 9.0) and found.shares_within(99.0) == 1.0
     np.testing.assert_allclose(found.shares_within(np.array([[0.25, 1.25]])), [[3.0 / 9.0, 6.5 / 9.0]])
 
 

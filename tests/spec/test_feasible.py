@@ -66,7 +66,7 @@ def test_limits_that_no_lens_keeps_are_named_in_one_line(changes: dict[str, obje
 def test_the_least_lens_that_is_accepted_exists() -> None:
     """Two hemispheres, each a margin of the search beyond its limit, keep all three limits by that margin."""
     rng = np.random.default_rng(4)
-    for height, radius, wall in rng.uniform(0.1, 5.0, (20, 3)):
+    for height, radius, wall in rng.uniform(0.1, 5.0, (6, 3)):
         limits = {"cavity_height_mm": height, "cavity_radius_mm": radius, "min_thickness_mm": wall}
         least = (max(height, radius) + wall) / (1.0 - 9e-4)
         start = {"lens__inner__offset_mm": 0.5 * least, "lens__outer__offset_mm": 0.9 * least}
@@ -92,8 +92,8 @@ def test_the_smallest_cavity_with_a_draft_is_the_paraboloid_with_the_steepest_al
     """By brute force: of all heights of the paraboloid, each falls by cot(draft) per mm at most."""
     limits = {"cavity_height_mm": height, "cavity_radius_mm": radius, "min_thickness_mm": 0.1, "max_radius_mm": 20.0}
     spec = small_spec(constraints=limits, lens__inner__draft_deg=draft or None)
-    found = smallest_cavity_mm(spec.lens, spec.constraints)
-    r, z = found * np.sin(POLAR), found * np.cos(POLAR)
+    found, polar = smallest_cavity_mm(spec.lens, spec.constraints)[::4], POLAR[::4]
+    r, z = found * np.sin(polar), found * np.cos(polar)
     source = np.linspace(0.0, radius, 20_001)
     paraboloid = height * (1.0 - (source / radius) ** 2)
     steepest = 1.0 / np.tan(np.deg2rad(draft)) if draft else np.inf

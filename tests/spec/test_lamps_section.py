@@ -30,11 +30,11 @@ def test_lamps_on_poles_have_heights_and_aims() -> None:
     poles = lamps_of(
         {"kind": "table", "places_mm": [[0, 0, 5], [30, 0]], "aims_mm": [[0, -4, 8], [30, 0, 9]], "turns_deg": [5, 6]}
     )
-    assert poles.places_mm == ((0.0, 0.0), (30.0, 0.0)) and poles.heights_mm == (5.0, 0.0)
+    assert poles.places_mm == ((0.0, 0.0), (30.0, 0.0)) and [each.place_mm[2] for each in poles.stands] == [5.0, 0.0]
     assert poles.posed and poles.turns_deg == (5.0 - 90.0, 6.0)
-    np.testing.assert_allclose(poles.axes, [(0.0, -0.8, 0.6), (0.0, 0.0, 1.0)], atol=1e-15)
+    np.testing.assert_allclose([each.axis for each in poles.stands], [(0.0, -0.8, 0.6), (0.0, 0.0, 1.0)], atol=1e-15)
     assert poles.nearest_mm() == pytest.approx(925.0**0.5) and poles.reach_mm == 30.0
-    assert poles.from_afar.axes == poles.axes and not poles.from_afar.heights_mm
+    assert poles.from_afar.stands == tuple(each._replace(place_mm=(0.0, 0.0, 0.0)) for each in poles.stands)
     assert not lamps_of({"kind": "table", "places_mm": [[0, 0], [19, 0, 0]], "aims_mm": [[0, 0, 8], [19, 0, 1]]}).posed
 
 
@@ -78,7 +78,7 @@ def test_lamps_have_the_mirrors_that_move_each_onto_another_one(lamps: dict[str,
 
 
 def test_a_lattice_has_the_mirrors_of_its_cell() -> None:
-    hexagons = Lamps(((0.0, 0.0), (10.0, 10.0 * 3.0**0.5)), (0.0, 0.0), (20.0, 20.0 * 3.0**0.5))
+    hexagons = Lamps.level(((0.0, 0.0), (10.0, 10.0 * 3.0**0.5)), (0.0, 0.0), (20.0, 20.0 * 3.0**0.5))
     assert hexagons.has_mirrors("rectangle") and not hexagons.has_mirrors("square")
     assert Lamps(period_mm=(20.0, 20.0)).has_mirrors("square") and not Lamps(period_mm=(20.0, 30.0)).has_mirrors(
         "square"

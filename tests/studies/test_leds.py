@@ -41,6 +41,11 @@ def designed(spec: lf.Spec, folder: Path, resume: bool) -> None:
     evaluate(found.lens).write(folder)
 
 
+def copied(made: Path, folder: Path) -> None:
+    """The files of a design of the study in the place of others, for tests that do not look at the lens."""
+    shutil.copytree(made, folder, dirs_exist_ok=True)
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Sweep]:
     folder = tmp_path_factory.mktemp("leds")
@@ -106,7 +111,7 @@ def test_workers_get_all_options_and_their_designs_are_in_the_order_of_the_leds(
     monkeypatch.setattr("lensforge.report.sweep_runs.runs_on_workers", backwards)
     there = run_sweep(
         found.spec, sources_of(found.spec.sources, found.spec), tmp_path, pytest.fail, accuracy="draft", seed=2,
-        scheduler="tcp://host:8786", further={"force": True, "seed": 9},
+        scheduler="tcp://host:8786", force=True,
     )  # fmt: skip
     assert asked == {"accuracy": "draft", "seed": 2, "force": True, "scheduler": "tcp://host:8786"}
     assert there.values == found.values and there.failed == {"failing": "cannot be"}
@@ -188,7 +193,9 @@ def test_sources_of_a_spec_that_cannot_be_are_one_line(changes: dict, message: s
         small_spec(**{"source": None, **changes})
 
 
-def test_several_specs_are_designed_in_one_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_several_specs_are_designed_in_one_call(
+    study: tuple[Path, Sweep], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     made = []
 
@@ -196,7 +203,7 @@ def test_several_specs_are_designed_in_one_call(tmp_path: Path, monkeypatch: pyt
         if spec.name == "b":
             raise InputError("target: too far")
         made.append((spec.name, str(folder)))
-        designed(spec, folder, False)
+        copied(study[0] / "small-small", folder)
         return lf.load(folder)
 
     monkeypatch.setattr("lensforge.cli.design.run_with_progress", run)
@@ -218,13 +225,15 @@ def test_several_specs_are_designed_in_one_call(tmp_path: Path, monkeypatch: pyt
 
 
 def test_a_design_for_each_led_is_a_study_of_its_own_folder(
-    examples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    study: tuple[Path, Sweep], examples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        "lensforge.cli.studies.run_with_progress",
-        lambda spec, folder, _clock, *, resume, **_options: designed(spec, folder, resume),
-    )
+
+    def run(spec: lf.Spec, folder: Path, *_args: object, **_options: object) -> None:
+        made = study[0] / spec.name
+        copied(made if made.exists() else study[0] / "small-small", folder)
+
+    monkeypatch.setattr("lensforge.cli.studies.run_with_progress", run)
     SPEC.save("lens.toml")
     ended = lensforge("design", "lens.toml", "--sources", "lens.toml", "--accuracy", "draft")
     assert ended.code in (0, 1) and "small in one lens for all" in ended.stdout
@@ -252,19 +261,20 @@ def test_a_lens_for_another_led_begins_at_the_old_one(monkeypatch: pytest.Monkey
 
 
 def test_a_change_of_the_led_is_compared_with_a_lens_made_for_it(
-    examples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    study: tuple[Path, Sweep], examples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    old, source = small_spec(optimise=STEPS, base={"kind": "none"}), examples / "led.tm25ray"
-    designed(old, Path("old"), False)
+    source, asked = examples / "led.tm25ray", []
+    copied(study[0] / "small-small", Path("old"))
 
-    def renewed(_lens: lf.Lens, file: Path, **_options: object) -> lf.Design:
-        return design(old.replace(source=lf.RayfileSource(file=file, origin="virtual_focus")), accuracy="draft")
+    def renewed(lens: lf.Lens, file: Path, **_options: object) -> lf.Design:
+        asked.append((lens.spec.name, file))
+        return load_results(study[0] / "small-wide").design
 
     monkeypatch.setattr("lensforge.cli.studies.redesign", renewed)
     ended = lensforge("evaluate", "old", "--source", source, "--compare", "--json")
     content = json.loads(ended.stdout)
-    assert ended.code == 0 and content["renewed"]["folder"] == "old-led"
+    assert ended.code == 0 and content["renewed"]["folder"] == "old-led" and asked == [("small-small", source)]
     before, after = content["evaluate_led"]["efficiency"], content["renewed"]["evaluate"]["efficiency"]
     assert before["value"] != after["value"] and lf.load("old-led").light.efficiency.value == after["value"]
     shown = lensforge("evaluate", "old", "--source", source, "--compare")

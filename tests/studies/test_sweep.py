@@ -12,7 +12,7 @@ from lensforge.errors import InputError
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
 from lensforge.report.sweep import Sweep, sweep_of
-from lensforge.report.sweep_runs import resumable, run_sweep, sweep_figure
+from lensforge.report.sweep_runs import files_of_run, resumable, run_sweep, sweep_figure, write_run
 from lensforge.report.variation import parse_variation, variation_of
 from lensforge.results.criteria import require
 from lensforge.scene.lens import load_lens
@@ -225,3 +225,34 @@ def test_a_folder_that_holds_another_lens_is_not_kept(swept, tmp_path):
     variation = parse_variation("constraints.max_radius_mm=8,6.5", SCALED)
     with pytest.raises(InputError, match=r"small-6_5: not the design that sweep\.json lists"):
         run_sweep(SPEC, variation, made, Designer(), **SETTINGS, resume=True)
+
+
+def test_what_a_worker_returns_is_the_files_of_its_run_or_why_there_are_none(tmp_path, monkeypatch):
+    def run(spec, folder, *, seed, warn):
+        if seed == 0:
+            raise InputError("it cannot be")
+        folder.mkdir()
+        for name in ("lens.json", "run.json", ".lensforge-lock"):
+            (folder / name).write_text(name, encoding="utf-8")
+
+    monkeypatch.setattr("lensforge.report.pipeline.run", run)
+    files = files_of_run({"seed": 3}, SPEC)
+    assert files == {"lens.json": b"lens.json", "run.json": b"run.json"}
+    assert files_of_run({"seed": 0}, SPEC) == "it cannot be"
+    write_run(files, tmp_path / "made")
+    assert {path.name: path.read_bytes() for path in (tmp_path / "made").iterdir()} == files
+
+
+@pytest.mark.nightly("processes that each load everything, and two whole runs")
+def test_a_real_cluster_makes_the_same_lenses(tmp_path):
+    variation = parse_variation("constraints.max_radius_mm=7,8")
+    there = run_sweep(SPEC, variation, tmp_path, pytest.fail, **SETTINGS, scheduler="local:2")
+    for variant, row in zip(variation.variants(SPEC), there.designs, strict=True):
+        assert load_lens(tmp_path / row.folder / "lens.json").inner == design(variant.spec, **SETTINGS).lens.inner
+        assert (tmp_path / row.folder / "report.html").exists()
+
+
+def test_an_address_that_is_none_is_one_line(tmp_path):
+    variation = parse_variation("constraints.max_radius_mm=7,8")
+    with pytest.raises(InputError, match="address of a Dask scheduler"):
+        run_sweep(SPEC, variation, tmp_path, pytest.fail, **SETTINGS, scheduler="nowhere")

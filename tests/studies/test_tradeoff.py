@@ -9,8 +9,8 @@ from PIL import Image
 from scenes import random_surface, small_spec
 
 import lensforge as lf
-from lensforge.cli.conclusion import study_block
-from lensforge.cli.output import print_screen
+from lensforge.cli.conclusion import rows_of
+from lensforge.cli.output import Block, print_screen
 from lensforge.errors import InputError
 from lensforge.report import tradeoff_study
 from lensforge.report.folder import RunFolder
@@ -63,7 +63,7 @@ def test_the_stages_of_a_search_are_those_of_the_search(folder, monkeypatch):
 def test_page_and_screen_show_every_setting(folder, capsys):
     found, page = Tradeoff.read(folder), (folder / "tradeoff.html").read_text(encoding="utf-8")
     assert not re.search(r'(src|href)="(?!data:|#)', page) and page.count("<svg") == 2
-    print_screen([study_block("Error of each preset on this scene", found.facts)])
+    print_screen([Block("Error of each preset on this scene", list(rows_of(found.facts)))])
     screen = capsys.readouterr().out
     for row in found.rows:
         assert f"<td>{row.setting}</td>" in page

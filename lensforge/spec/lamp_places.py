@@ -1,4 +1,4 @@
-"""Kinds of lens by place: in the middle of the lamps, along their rim, and at its corners.
+"""Stands of lamps: place, aim and turn of each; and kinds of lens by place: in the middle, at the rim, at its corners.
 
 A lamp at the rim is turned to face outwards, with its LED and lens, and its lens is its own mirror image: about its x
 axis along a side, about the diagonal at the corner of a grid. So the mirror image of a place takes the same moulded
@@ -8,6 +8,34 @@ lens, only turned; no lens is made left-handed and right-handed.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import atan2, degrees, hypot, inf
+from typing import NamedTuple
+
+Vector = tuple[float, float, float]
+ALONG_Z: Vector = (0.0, 0.0, 1.0)
+
+
+class Stand(NamedTuple):
+    """Stand of a lamp: the place (mm) of its origin, the direction of its axis, and its turn (degrees).
+
+    It is turned about z, from x towards y, and then tilted the shortest way.
+    """
+
+    place_mm: Vector = (0.0, 0.0, 0.0)
+    axis: Vector = ALONG_Z
+    turn_deg: float = 0.0
+
+
+_SAME = 1e-9  # relative: an axis as near to z is along it
+
+
+def aimed_from(place_mm: Vector, aim_mm: Vector) -> tuple[Vector, float]:
+    """Unit vector from a place to its aim, and the azimuth (degrees) of the side to which that is tilted, 0 along z."""
+    x, y, z = (to - start for start, to in zip(place_mm, aim_mm, strict=True))
+    length = hypot(x, y, z)
+    if hypot(x, y) <= _SAME * length:
+        return (0.0, 0.0, 1.0 if z > 0.0 else -1.0), 0.0
+    return (x / length, y / length, z / length), degrees(atan2(y, x))
+
 
 MIDDLE, EDGE, CORNER = "middle", "edge", "corner"
 _ALONG_X, _DIAGONAL = "mirror_y", "diagonal"
