@@ -41,6 +41,8 @@ def test_the_light_has_its_colours_and_the_map_their_distances() -> None:
 def test_rings_have_the_colour_of_their_light(chart: Chart, reach: float) -> None:
     radii, uv = colour_of_rings(rings(), chart)
     assert radii[-1] == pytest.approx(reach, rel=0.06)
+    whole, _ = colour_of_rings(np.ones((3, 40, 40)), chart)
+    assert whole[-1] == pytest.approx(1.25 * reach, rel=0.06), "to the edge of the chart"
     np.testing.assert_allclose(uv[0], uv_of(COOL))
     np.testing.assert_allclose(uv[np.searchsorted(radii, 0.75 * reach)], uv_of(WARM))
     axes = colour_over_angle(rings(), beam(rings()), chart).axes[0]

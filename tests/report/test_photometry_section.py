@@ -90,6 +90,15 @@ def test_isolux_lines_of_a_lamp_lie_where_its_illuminance_is():
     assert f"{0.2 * 24 * 1000.0 / np.pi / 64.0:.2g} lx" in words
 
 
+def test_isolux_lines_reach_towards_the_street():
+    """The file counts C the other way than the lens its azimuth: a street at 90 degrees is at C 270."""
+    found = make_photometry(road_lens())
+    towards = 1.0 + 0.5 * np.cos(np.deg2rad(found.c_deg - 270.0))[:, None]
+    axes = ground_diagram(found.model_copy(update={"candela": found.candela * towards}), 90.0, 24, 8.0).axes[0]
+    along, across = axes.collections[2].get_paths()[0].vertices.T
+    assert abs(along.mean()) < 0.05 and across.mean() > 0.1
+
+
 ON_A_ROAD = {"width_m": 7.0, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "lamp_lm": 5000.0, "maintenance_factor": 0.8}
 
 

@@ -135,6 +135,7 @@ def test_lights_under_other_conditions_have_a_row_and_a_picture_for_each_receive
     assert [row.title for row in other_lights(results)] == [
         "the lens’s own, wall", "the lens’s own, sky", "64rays, wall", "64rays, sky",
     ]  # fmt: skip
+    assert [row.fact("pixels").text for row in other_lights(results)][:2] == ["16 × 8", "16 × 16"]
     pictures = other_pictures(results)
     assert [picture.title for picture in pictures][2:] == ["64rays, wall", "64rays, sky"]
     ids = Page(page_of(results)).ids

@@ -39,6 +39,11 @@ def test_a_table_holds_what_the_json_file_holds_and_no_more(stem):
     assert {"schema": written["schema"], **result.plain()} == written
 
 
+def test_files_under_other_conditions_have_names_of_their_own():
+    own, other = (RESULTS["photometry"].contents(stem) for stem in ("photometry", "photometry_64rays"))
+    assert not set(own) & set(other) and "lens.ies" in own and "lens_64rays.ies" in other
+
+
 def test_a_metric_is_one_row_in_its_own_unit():
     (row,) = rows({"exit_w": Metric(value=0.75, unit="lm", standard_error=0.0025).model_dump()})
     assert (row.path, row.value, row.unit) == ("exit_w", "0.7500 ± 0.0025", "lm")

@@ -65,7 +65,7 @@ def test_every_percentile_and_bound_is_on_the_page(page, found):
         assert [fact.value for fact in row.facts] == [factor * value for value in wanted]
         for words in (row.title, *(fact.text for fact in row.facts)):
             assert folded(words) in page.text, words
-    assert "≤ 0.0985" in page.text
+    assert "≤ 0.0985" in page.text and "outweighs the spread of the parts" not in page.text
 
 
 def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):

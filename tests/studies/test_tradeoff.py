@@ -60,6 +60,21 @@ def test_the_stages_of_a_search_are_those_of_the_search(folder, monkeypatch):
     assert any(row.efficiency.value == pytest.approx(efficiency, abs=1e-3) for row in rows)
 
 
+def test_a_stage_has_the_seconds_of_the_search_so_far(monkeypatch):
+    def search(_spec, _source, *, accuracy, progress):
+        for done in (1, 2):
+            progress(
+                lf.Progress(
+                    level=0, step=done, steps_done=done, steps_total=done, nmse=0.1, efficiency=0.9, functions=9,
+                    level_done=True, seconds=100.0 * done, accuracy=accuracy, lens=small_lens,
+                )
+            )  # fmt: skip
+
+    monkeypatch.setattr(tradeoff_study, "search", search)
+    rows = tradeoff_study._search_rows(SPEC, build_source(SPEC.source), 2**12)
+    assert [row.seconds for row in rows] == [100.0, 200.0]
+
+
 def test_page_and_screen_show_every_setting(folder, capsys):
     found, page = Tradeoff.read(folder), (folder / "tradeoff.html").read_text(encoding="utf-8")
     assert not re.search(r'(src|href)="(?!data:|#)', page) and page.count("<svg") == 2
