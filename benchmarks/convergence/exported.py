@@ -19,7 +19,7 @@ from lensforge.cad.step import step_bytes
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_mesh import PartMesh, part_mesh_of
 from lensforge.proof.proof_inputs import screens_of
-from lensforge.proof.sequential_cast import LandedRays, send_through
+from lensforge.proof.sequential_cast import send_through
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 
@@ -130,7 +130,7 @@ def casting_study(
         for series, kind in ((CURVED, PartMesh), (FLAT, FlatPart)):
             seen = kind(part.mesh, part.faces, part.corners, part.fit)
             with Meter() as meter:
-                landed = LandedRays.of(send_through(seen, grid, reference.rays, lens.media), screen)
+                landed = send_through(seen, grid, reference.rays, lens.media).landed(screen)
             lost = np.isnan(landed.landings[:, 0])
             errors = reference.light_errors(
                 np.where(lost[:, None], 0.0, landed.landings), np.where(lost, 0.0, landed.flux)

@@ -13,12 +13,10 @@ from lensforge.proof.proof_result import (
     BrepCast,
     IndependentRays,
     MitsubaCast,
-    PlainCast,
     Proof,
     ReceiverProof,
     SizedFile,
     Sizes,
-    StrayFlux,
     StrayLight,
 )
 from lensforge.proof.remedies import FINER, Evidence, form_of_mesh
@@ -36,14 +34,7 @@ _ERRORS = 4.0  # standard errors: of 100,000 right samplers 6 would be taken for
 # Of 27 means and products of a right sampler one is that many standard errors off in 1 of 975,000 verifications.
 MOST_APART = 5.5
 _WRONG = "the design's source is sampled wrongly, please report it"
-
-
-def emission_criterion(apart: float) -> Criterion:
-    """Acceptance criterion of the design's rays as they leave the source, against those that verification has drawn."""
-    remedy = (
-        f"the design's rays leave the source elsewhere, or in other directions, than its description says: {_WRONG}"
-    )
-    return at_most("own_rays_emission", apart, MOST_APART, "standard errors", remedy)
+_EMITTED = f"the design's rays leave the source elsewhere, or in other directions, than its description says: {_WRONG}"
 
 
 def independent_rays_criteria(independent: IndependentRays) -> list[Criterion]:
@@ -191,13 +182,15 @@ def noise_limit(floor: float) -> float:
 
 def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
     """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name."""
+    broken = "do not trust this verification, its casting is broken: please report it"
     criteria = [
         at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
-        plain_criterion(proof.plain_cast),
+        at_most("plain_cast_disagreements", proof.plain_cast.disagreements, 0.0, "casts", broken),
         *([at_most("far_facets", proof.far_facets, 0.0, "facets", _ELSEWHERE)] if proof.far_facets else []),
         *size_criteria(proof.sizes),
-        *([] if proof.emission_apart is None else [emission_criterion(proof.emission_apart)]),
     ]
+    if proof.emission_apart is not None:
+        criteria.append(at_most("own_rays_emission", proof.emission_apart, MOST_APART, "standard errors", _EMITTED))
     for number, receiver in enumerate(proof.receivers):
         of_receiver = _receiver_criteria(proof, receiver)
         criteria += of_receiver if number == 0 else [_named(each, receiver.name) for each in of_receiver]
@@ -258,12 +251,6 @@ def _cast_criteria(prefix: str, evidence: Evidence) -> list[Criterion]:
     ]
 
 
-def plain_criterion(plain: PlainCast) -> Criterion:
-    """Acceptance criterion of the grid's first hits against trimesh's own."""
-    remedy = "do not trust this verification, its casting is broken: please report it"
-    return at_most("plain_cast_disagreements", plain.disagreements, 0.0, "casts", remedy)
-
-
 def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Criterion]:
     """Acceptance criteria of a STEP file; ``reach_mm``: of the receiver's light, ``fault``: recognised in the file."""
     seen = brep_evidence(cast, reach_mm, fault)
@@ -291,11 +278,6 @@ def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fin
     seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form, fault, fine)
     nmse = at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels())
     return [nmse, *_cast_criteria("mitsuba_", seen)]
-
-
-def balance_error(flux: StrayFlux) -> float:
-    """Distance of the sum of all shares of flux from 1."""
-    return float(abs(sum(flux.model_dump().values()) - 1.0))
 
 
 def stray_criteria(stray: StrayLight) -> tuple[Criterion, ...]:

@@ -25,7 +25,6 @@ from lensforge.proof.receiver_screen import nmse
 from lensforge.proof.refraction import LitRays
 from lensforge.proof.sequential_cast import (
     CastFate,
-    LandedRays,
     Passage,
     SurfaceHits,
     absorb,
@@ -58,7 +57,7 @@ def cast_mitsuba(
     version, passage = send_through_mitsuba(part, some, media)
     seconds, casts = perf_counter() - start, []
     for receiver in expected:
-        landed, design, screen = LandedRays.of(passage, receiver.screen), receiver.take(rows), receiver.screen
+        landed, design, screen = passage.landed(receiver.screen), receiver.take(rows), receiver.screen
         # The irradiance of the drawn rays is scaled to the flux of all of them.
         flux, design_flux = landed.flux / share(rays, some.flux), design.flux / share(rays, some.flux)
         image, off, noise_floor = screen.against(landed.landings, flux, receiver.irradiance)

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.media import Media
-from lensforge.proof.acceptance import balance_error, stray_criteria
+from lensforge.proof.acceptance import stray_criteria
 from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import Grid, Leg
 from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
@@ -28,7 +28,6 @@ from lensforge.proof.receiver_screen import Screen, nmse
 from lensforge.proof.refraction import AtFace, LitRays
 from lensforge.proof.sequential_cast import (
     SKIN_MM,
-    LandedRays,
     MeshBody,
     Passage,
     SurfaceHits,
@@ -272,7 +271,7 @@ def _on_receiver(
     name: str, screen: Screen, budget: FluxBudget, passage: Passage, emitted: float, media: Media
 ) -> ReceiverStray:
     """Stray light on one receiver, of ``emitted`` (W)."""
-    sequential, landed = LandedRays.of(passage, screen), _ReceivedLight.of(budget, screen, media)
+    sequential, landed = passage.landed(screen), _ReceivedLight.of(budget, screen, media)
     reference, flux = screen.irradiance(sequential.landings, sequential.flux), _flux(budget, landed, media, emitted)
     direct, stray = (
         screen.irradiance(landed.points[rows], landed.flux[rows]) for rows in (~landed.stray, landed.stray)
@@ -284,7 +283,7 @@ def _on_receiver(
         height=screen.height,
         far_field=screen.kind == "far_field",
         flux=flux,
-        balance_error=balance_error(flux),
+        balance_error=abs(sum(flux.model_dump().values()) - 1.0),
         detected_stray_by_cause=_by_cause(landed, emitted),
         misplaced_flux=float(np.abs(whole - reference).sum()) * screen.pixel_measure / emitted,
         nmse_vs_sequential=nmse(whole, reference) if reference.any() else None,

@@ -194,7 +194,7 @@ def judge_independent_rays(
     rays: RayBundle, passage: Passage, expected: Expected, design: tuple[Metric, float | None]
 ) -> IndependentRays:
     """Light of ``rays``, all of the same flux, on the screen of ``expected``, against its picture and ``design``."""
-    landed, screen = LandedRays.of(passage, expected.screen), expected.screen
+    landed, screen = passage.landed(expected.screen), expected.screen
     flux = flux_budget(rays, landed, screen)
     detected = np.where(screen.in_window(landed.landings), landed.flux, 0.0) / rays.flux.sum() * len(rays)
     error = float(np.std(detected, ddof=1)) / np.sqrt(len(rays)) if len(rays) > 1 else None
@@ -251,7 +251,7 @@ def cast_lamps(lamps: LampsOnPlate, media: Media, threads: int) -> tuple[LampsTo
     passage, together = send_through(part, Grid(part.mesh), lamps.rays, media, threads), []
     count = len(lamps.optical.plate.places) if lamps.optical.plate is not None else 1
     for name, screen, designed in lamps.designed:
-        landed = LandedRays.of(passage, screen)
+        landed = passage.landed(screen)
         _, off, noise_floor = screen.against(landed.landings, count * landed.flux, designed)
         together.append(
             LampsTogether(

@@ -81,6 +81,14 @@ class Passage:
             in_bodies=np.zeros(len(rays)),
         )
 
+    def landed(self, screen: Screen) -> "LandedRays":
+        """Land the rays that left the lens."""
+        landings, fates = np.full((len(self.flux), 2), np.nan), self.fates.copy()
+        left = np.nonzero(self.fates == CastFate.LANDED)[0]
+        landings[left] = screen.land(self.points[left], self.directions[left])
+        fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
+        return LandedRays(**{**vars(self), "fates": fates}, landings=landings)
+
 
 def behind_lens(passage: Passage, rays: RayBundle, media: Media) -> Passage:
     """Take the rays that left the lens through the cover glass, or the further bodies, one after the other."""
@@ -94,29 +102,10 @@ def behind_lens(passage: Passage, rays: RayBundle, media: Media) -> Passage:
 
 
 @dataclass(frozen=True)
-class LandedRays:
-    """Rays of a passage on a screen: places on its chart (NaN if lost), flux (W) left in the ray, fate.
-
-    ``absorbed``, ``in_glass``, ``in_bodies``, ``met``: as of the passage.
-    """
+class LandedRays(Passage):
+    """A passage and where its rays land on the chart of a screen, NaN if lost; some may have missed the receiver."""
 
     landings: Float[np.ndarray, "n 2"]
-    flux: Float[np.ndarray, " n"]
-    absorbed: Float[np.ndarray, " n"]
-    in_glass: Float[np.ndarray, " n"]
-    fates: Int[np.ndarray, " n"]
-    met: Int[np.ndarray, "n events"]
-    in_bodies: Float[np.ndarray, " n"]
-
-    @staticmethod
-    def of(passage: Passage, screen: Screen) -> "LandedRays":
-        """Land the rays that left the lens."""
-        landings, fates = np.full((len(passage.flux), 2), np.nan), passage.fates.copy()
-        left = np.nonzero(passage.fates == CastFate.LANDED)[0]
-        landings[left] = screen.land(passage.points[left], passage.directions[left])
-        fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
-        lost = passage.absorbed, passage.in_glass
-        return LandedRays(landings, passage.flux, *lost, fates, passage.met, passage.in_bodies)
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:

@@ -15,7 +15,7 @@ from lensforge.proof.acceptance import BREP_RAYS
 from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles
 from lensforge.proof.proof_result import BrepCast, Gaps
-from lensforge.proof.sequential_cast import LandedRays, Passage, send_through_body
+from lensforge.proof.sequential_cast import Passage, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.results import BodySize
 from lensforge.results.second_process import IN_TURN, SecondProcess
@@ -74,7 +74,7 @@ def judge_brep(
     rows, judged = cast.rows, []
     some = rays.take(rows)
     for receiver in expected:
-        landed, by_mesh = LandedRays.of(cast.passage, receiver.screen), LandedRays.of(mesh, receiver.screen)
+        landed, by_mesh = cast.passage.landed(receiver.screen), mesh.landed(receiver.screen)
         design, names = receiver.take(rows), by_mesh.fate_names[rows]
         met = None if receiver.met is None else by_mesh.met[rows]
         reference = Expected(

@@ -41,7 +41,7 @@ from lensforge.proof.proof_result import (
     Sizes,
 )
 from lensforge.proof.receiver_screen import nmse
-from lensforge.proof.sequential_cast import LandedRays, Passage, send_through, send_through_body
+from lensforge.proof.sequential_cast import Passage, send_through, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.proof.step_cast import StepCast, cast_step, judge_brep
 from lensforge.proof.trimesh_cast import cast_plain
@@ -168,7 +168,7 @@ def _on_receiver(
 ) -> ReceiverProof:
     """The rays of ``passage`` on one receiver against the design's; ``others``: the other casts there."""
     brep, mitsuba, own_rays = others
-    screen, landed = expected.screen, LandedRays.of(passage, expected.screen)
+    screen, landed = expected.screen, passage.landed(expected.screen)
     image, off, noise_floor = screen.against(landed.landings, landed.flux, expected.irradiance)
     flux = flux_budget(rays, landed, screen)
     return ReceiverProof(

@@ -1,5 +1,6 @@
-"""A small lens with tolerances of a test's own, and the study of its parts."""
+"""A small lens with tolerances of a test's own, the study of its parts, and fewer rays than a command takes."""
 
+import pytest
 from scenes import NO_TOLERANCES, random_surface, small_spec, tolerance_changes
 
 from lensforge.made.part_study import PartStudy, Recipe
@@ -14,6 +15,12 @@ def lens_with(
     own = {} if tolerances is None else tolerance_changes({**NO_TOLERANCES, **tolerances})
     own |= {} if target is None else {"target": target}
     return Lens.double(inner, outer, small_spec(**own).replace(**sections), 0, "draft")
+
+
+def few_rays(patch: pytest.MonkeyPatch, designed: int = 2**12, worst: int = 2**12) -> None:
+    """Of the lens as designed, and of the maps of the worst parts: a million each, of which most tests read nothing."""
+    patch.setattr("lensforge.made.yield_study.DESIGNED_RAYS", designed)
+    patch.setattr("lensforge.made.yield_study._WORST_RAYS", worst)
 
 
 def study_of(tolerances: dict | None = None, parts: int = 64, rays: int = 4096, seed: int = 0) -> PartStudy:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from parts import lens_with
+from parts import few_rays, lens_with
 from scenes import NO_TOLERANCES, small_spec, sphere, tolerance_changes
 
 from lensforge.errors import InputError
@@ -161,8 +161,7 @@ def test_causes_of_boards_are_those_of_a_known_sum() -> None:
 
 def test_yield_and_sensitivity_of_a_board(monkeypatch: pytest.MonkeyPatch) -> None:
     """The scatter of the mean flux; numbers of each lamp are not in the table. All lamps at an end are a lamp there."""
-    for name in ("DESIGNED_RAYS", "_WORST_RAYS"):
-        monkeypatch.setattr(f"lensforge.made.yield_study.{name}", N)
+    few_rays(monkeypatch, N, N)
     limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "at_least": 1.0, "unit": "w_per_m2"}
     tolerances = {"source_flux": {"amount": 0.3, "distribution": "uniform"}, "index": 1e-4}
     lens = study_of(tolerances, ENDLESS, target=PERIOD, limits=[limit]).recipe.lens

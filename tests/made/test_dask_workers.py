@@ -12,7 +12,7 @@ from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
-from parts import lens_with
+from parts import few_rays, lens_with
 from scenes import small_spec
 
 import lensforge as lf
@@ -40,9 +40,9 @@ def cluster():
 
 
 @pytest.fixture
-def few_rays(monkeypatch):
-    for name, value in {"DESIGNED_RAYS": 2**12, "_WORST_RAYS": 2**12}.items():
-        monkeypatch.setattr(f"lensforge.made.yield_study.{name}", value)
+def short(monkeypatch):
+    """Studies of few rays, and tasks of one part."""
+    few_rays(monkeypatch)
     monkeypatch.setattr("lensforge.made.measured_parts._CHUNK", 1)
 
 
@@ -66,7 +66,7 @@ def one_killed(cluster):
 
 
 @pytest.mark.nightly("workers that are killed")
-def test_one_worker_four_and_one_killed_give_the_bits_of_this_process(cluster, few_rays):
+def test_one_worker_four_and_one_killed_give_the_bits_of_this_process(cluster, short):
     here, address = study(), cluster.scheduler_address
     assert study(scheduler=address) == here
     cluster.scale(4)
@@ -86,7 +86,7 @@ def test_searches_from_several_starts_have_the_bits_of_this_process(cluster):
     ]
 
 
-def test_a_worker_with_other_versions_is_named_in_one_line(cluster, few_rays, monkeypatch):
+def test_a_worker_with_other_versions_is_named_in_one_line(cluster, short, monkeypatch):
     other = {**versions(), "numba": "0.1"}
     monkeypatch.setattr("lensforge.results.cluster.versions", lambda: other)
     with pytest.raises(InputError, match=r"worker tcp://.*: numba .*, here is 0\.1, which may round differently"):
@@ -94,7 +94,7 @@ def test_a_worker_with_other_versions_is_named_in_one_line(cluster, few_rays, mo
 
 
 @pytest.mark.nightly("a scheduler that is killed")
-def test_parts_that_were_measured_outlive_a_lost_scheduler(few_rays, tmp_path, monkeypatch):
+def test_parts_that_were_measured_outlive_a_lost_scheduler(short, tmp_path, monkeypatch):
     monkeypatch.setattr("lensforge.made.measured_parts._SAVE_SECONDS", 0.0)
     kept = tmp_path / "parts.npz"
     lost = distributed.LocalCluster(

@@ -1,12 +1,14 @@
 """Parts of a lens for total internal reflection: faces out of place against bodies in closed form, names, refusals."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from chains import REACH, clear, upwards
 from known_shapes import Ellipsoid
+from parts import few_rays
 from tir_lenses import spot, spot_lens
 
 import lensforge as lf
@@ -23,6 +25,7 @@ from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import evaluate_table
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
 
 
 class Ball(Ellipsoid):
@@ -49,12 +52,20 @@ MOVED = {
 }
 
 
+def faces_with(wall: Surface) -> dict[str, Surface]:
+    return {"cap": sphere(4.0), "side": ConeFace(REACH, 3.2, 0.02), "wall": wall, "exit": PlaneFace(REACH, 8.0)}
+
+
+@cache
+def traced(wall: Surface) -> TracedLens:
+    return TracedLens.of_body(Body.of(faces_with(wall)), clear(), 6, 12.0)
+
+
 @pytest.mark.parametrize("name", MOVED)
 def test_the_light_of_a_face_out_of_place_is_that_of_the_moved_body(name: str) -> None:
     deviation, wall, moved = MOVED[name]
-    faces = {"cap": sphere(4.0), "side": ConeFace(REACH, 3.2, 0.02), "wall": wall, "exit": PlaneFace(REACH, 8.0)}
-    media, rays, spec = clear(), upwards(2000, 1, 0.5), spot()
-    designed, other = (TracedLens.of_body(Body.of({**faces, **each}), media, 6, 12.0) for each in ({}, moved))
+    faces, rays, spec = faces_with(wall), upwards(2000, 1, 0.5), spot()
+    designed, other = traced(wall), TracedLens.of_body(Body.of({**faces, **moved}), clear(), 6, 12.0)
     factors = tuple(factor for factor in factors_of(spec.part_tolerances) if factor.name == name)
     part = PartMaker.of(spec, faces, designed.scene.grid, factors).part({name: np.array(deviation)})
     found = trace_tables(part.tables(designed.tables), replace(designed.scene, made=part.made), rays)
@@ -92,7 +103,8 @@ def test_a_form_error_has_its_rms_over_the_part_of_the_face_that_light_meets() -
         assert np.sqrt(np.mean(along**2)) == pytest.approx(1e-3, rel=0.03), name
 
 
-def test_sensitivity_and_yield_know_every_face() -> None:
+def test_sensitivity_and_yield_know_every_face(monkeypatch: pytest.MonkeyPatch) -> None:
+    few_rays(monkeypatch)
     smooth = {name: {"waviness_um": 0.0, "ripple_um": 0.0, "form_um": 0.0} for name in ("cap", "side", "exit")}
     lens = spot_lens(spot(**smooth))
     rows = {row.name for row in measure_sensitivity(lens, rays=1024).rows}

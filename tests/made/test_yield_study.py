@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from nightly import scaled
-from parts import lens_with, study_of
+from parts import few_rays, lens_with, study_of
 
 from lensforge.errors import InputError
 from lensforge.light.judged_limits import limit_value
@@ -26,11 +26,9 @@ SMALL = {
 
 
 @pytest.fixture(scope="module", autouse=True)
-def few_rays() -> Iterator[None]:
-    """Of the lens as designed, and of the maps of the worst parts: these tests ask for neither."""
+def short() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("DESIGNED_RAYS", "_WORST_RAYS"):
-            patch.setattr(f"lensforge.made.yield_study.{name}", 2**13)
+        few_rays(patch, 2**13)
         yield
 
 
@@ -306,13 +304,12 @@ def test_the_class_of_a_road_is_held_by_the_parts_whose_source_is_bright_enough(
 
     def study(*means: float) -> PartStudy:
         roads = [ROAD | easy | {"mean_cd_per_m2": mean} for mean in means]
-        return PartStudy(
-            Recipe(lens_with({"source_flux": 0.05, "index": 1e-9}, target=FAR, roads=roads), 64, 4096, 0, 2**13)
-        )
+        lens = lens_with({"source_flux": 0.05, "index": 1e-9}, target=FAR, roads=roads)
+        return PartStudy(Recipe(lens, 64, 2048, 0, 2**13))
 
     means = [limit.value.value for limit in study(1.0).designed_light.limits if "mean lum" in limit.name]
     lens = study(1.01 * min(means), 2.0 * min(means)).recipe.lens
-    found = measure_yield(lens, parts=64, rays=4096, with_budget=False)
+    found = measure_yield(lens, parts=64, rays=2048, with_budget=False)
     held, none = found.roads
     assert held.pass_rate.value == np.mean(1.0 + found.column("source_flux") >= 1.01) > 0.0
     assert (none.pass_rate.value, none.name, none.lighting_class) == (0.0, "road 2", "M6")

@@ -14,8 +14,6 @@ from lens_meshes import band, rings
 from lensforge.cad.solid import Solid
 from lensforge.cad.step import step_bytes
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE
-from lensforge.proof.optical_faces import OpticalFaces
-from lensforge.proof.proof_inputs import optical_of
 from lensforge.scene.body import Body, Face
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.surface import Surface
@@ -150,10 +148,6 @@ def solid_of(body, names):
 
 
 OPTICAL = {name: f"OPTICAL_{name.upper()}" for name in ("cap", "side", "wall", "exit")}
-
-
-def optical(body, events=3) -> OpticalFaces:
-    return optical_of(body, events)
 
 
 def rays_from(count, side, seed=0, height=0.0):

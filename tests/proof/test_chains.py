@@ -37,7 +37,7 @@ from lensforge.proof.part_comparison import Expected, flux_budget
 from lensforge.proof.part_mesh import part_mesh_of, smooth_faces
 from lensforge.proof.proof_inputs import optical_of
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.sequential_cast import CastFate, LandedRays, send_through, send_through_body
+from lensforge.proof.sequential_cast import CastFate, send_through, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.proof.verification import passage_through, verify_part
 from lensforge.scene import body as scene
@@ -184,7 +184,7 @@ def test_more_events_are_a_fate_of_their_own_with_its_flux():
     part, grid = part_of("ball", 30, 3)
     media = Media(Medium(INDEX), coatings=SILVERED)
     found = send_through(part, grid, RAYS, media)
-    budget = flux_budget(RAYS, LandedRays.of(found, SCREEN), SCREEN)
+    budget = flux_budget(RAYS, found.landed(SCREEN), SCREEN)
     ends = found.fates == CastFate.MORE_EVENTS
     assert budget.more_events == pytest.approx(found.flux[ends].sum(), rel=1e-12) and budget.more_events > 0.1
     total = found.fates == CastFate.TOTAL_REFLECTION

@@ -12,7 +12,7 @@ from lensforge.proof.mitsuba_cast import cast_mitsuba, send_through_mitsuba
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.sequential_cast import CastFate, LandedRays
+from lensforge.proof.sequential_cast import CastFate
 from lensforge.proof.verification import verify_part
 
 mitsuba = pytest.importorskip("mitsuba")
@@ -32,7 +32,7 @@ def converged():
 
 
 def deviation(rings):
-    passage = LandedRays.of(send_through_mitsuba(part(rings), RAYS, Media(Medium(INDEX)))[1], SCREEN)
+    passage = send_through_mitsuba(part(rings), RAYS, Media(Medium(INDEX)))[1].landed(SCREEN)
     landed = (passage.fates == CastFate.LANDED) & np.isfinite(HITS[:, 0])
     assert np.mean(landed == np.isfinite(HITS[:, 0])) > 0.995
     np.testing.assert_allclose(passage.flux[landed], FLUX[landed], rtol=0.02)

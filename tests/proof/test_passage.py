@@ -8,15 +8,13 @@ from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.refraction import AtFace, RefractingFace, unpolarised
-from lensforge.proof.sequential_cast import CastFate, LandedRays, send_through
+from lensforge.proof.sequential_cast import CastFate, send_through
 from lensforge.sources.ray_bundle import RayBundle
 
 
 def send(mesh, rays, index=INDEX, distance=150.0):
     part = part_mesh_of(mesh)
-    return LandedRays.of(
-        send_through(part, Grid(part.mesh), rays, Media(Medium(index))), Screen.square(distance, 300.0, 8)
-    )
+    return send_through(part, Grid(part.mesh), rays, Media(Medium(index))).landed(Screen.square(distance, 300.0, 8))
 
 
 def one_ray(origin, direction):

@@ -30,7 +30,7 @@ from lensforge.proof.proof_facts import proof_facts
 from lensforge.proof.proof_inputs import lamps_on_plate, plate_of
 from lensforge.proof.proof_result import StrayLight
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.sequential_cast import LandedRays, send_through
+from lensforge.proof.sequential_cast import send_through
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import BaseSection
@@ -140,7 +140,7 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
         around = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
         points, ways = passage.points @ around + [x, y, 0.0], passage.directions @ around
         own = replace(passage, points=points, directions=ways)
-        landed = LandedRays.of(own, screen)
+        landed = own.landed(screen)
         total += screen.irradiance(landed.landings, np.where(drawn == number, 3.0, 0.0) * landed.flux)
     (found,) = cast_lamps(replace(lamps, designed=[("light", screen, total)]), Media(Medium(INDEX)), 1)
     assert (found.lamps, found.rays) == (3, 6000) and found.nmse_vs_sum < 1e-4 < found.noise_floor_nmse

@@ -10,7 +10,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.proof.proof_inputs import screens_of
 from lensforge.proof.receiver_screen import Screen, nmse, squared_norm
 from lensforge.proof.refraction import unpolarised
-from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage
+from lensforge.proof.sequential_cast import CastFate, Passage
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import bin_flux, gaussian3
 from lensforge.scene.receiver_shapes import receivers_of
@@ -153,7 +153,7 @@ def test_landed_rays_have_the_fates_of_the_passage_and_miss_the_receiver_where_t
     ends = np.array(fates, dtype=np.int64)
     fields, met = unpolarised(np.nan_to_num(ways)), np.arange(10).reshape(5, 2)
     passage = Passage(points, ways, flux, lost, lost.copy(), ends, facets, fields, met, lost)
-    landed = LandedRays.of(passage, Screen.square(100.0, 10.0, 4))
+    landed = passage.landed(Screen.square(100.0, 10.0, 4))
     names = ["landed", "missed_receiver", "total_reflection", "no_hit", "missed_receiver"]
     assert landed.fate_names.tolist() == names
     np.testing.assert_allclose(landed.landings[0], [0.0, 71.25])  # off the pixels, and yet landed
@@ -161,7 +161,7 @@ def test_landed_rays_have_the_fates_of_the_passage_and_miss_the_receiver_where_t
     np.testing.assert_array_equal(landed.flux, flux)
     assert landed.met.tolist() == met.tolist()
     assert passage.fates.tolist() == fates  # other screens see the same passage
-    by_direction = LandedRays.of(passage, built("far field")[0])
+    by_direction = passage.landed(built("far field")[0])
     assert by_direction.fate_names.tolist() == ["landed", "landed", "total_reflection", "no_hit", "landed"]
 
 

@@ -19,7 +19,7 @@ from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_comparison import Expected, flux_budget
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.sequential_cast import CastFate, LandedRays, send_through, send_through_body
+from lensforge.proof.sequential_cast import CastFate, send_through, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.proof.step_cast import cast_step, judge_brep
 from lensforge.sources.ray_bundle import RayBundle
@@ -120,7 +120,7 @@ def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
     absorbed, rough = (RAYS.flux * once * lost)[left], max(1e-4, 10.0 * precision)
     np.testing.assert_allclose(found.absorbed[left], absorbed, rtol=rough, atol=rough * absorbed.max())
     assert not clear.absorbed.any() and not found.absorbed[found.fates == CastFate.BASE].any()
-    assert flux_budget(RAYS, LandedRays.of(found, SCREEN), SCREEN).absorbed == pytest.approx(
+    assert flux_budget(RAYS, found.landed(SCREEN), SCREEN).absorbed == pytest.approx(
         found.absorbed.sum() / RAYS.flux.sum(), rel=1e-12
     )
 
@@ -179,7 +179,7 @@ def test_rays_that_cannot_pass_say_why(caster):
 
 
 def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
-    passage = LandedRays.of(send_through_body(StepBody(lens_step), RAYS, Media(Medium(INDEX))), SCREEN)
+    passage = send_through_body(StepBody(lens_step), RAYS, Media(Medium(INDEX))).landed(SCREEN)
     landed = passage.fates == CastFate.LANDED
     np.testing.assert_array_equal(landed, np.isfinite(HITS[:, 0]))
     assert landed.sum() > 250
