@@ -73,8 +73,11 @@ def test_a_size_that_is_drawn_ends_where_the_part_does():
     ]),
 )  # fmt: skip
 def test_the_sizes_of_the_base_are_those_of_the_spec(base, wanted):
-    found = sizes(small_lens(base))
-    assert {name: found[name] for name in wanted} == pytest.approx(wanted)
+    drawn = {each.name: each for each in dimensions(small_lens(base))}
+    assert {name: drawn[name].value_mm for name in wanted} == pytest.approx(wanted)
+    for name, width in (("depth of the pocket", "pocket"), ("height of the flange", "flange")):
+        if name in wanted:  # at its wall, on the far side of the axis
+            assert {across for _, across in drawn[name].ends} == {-0.5 * wanted[f"diameter of the {width}"]}
 
 
 @pytest.mark.parametrize(
