@@ -7,24 +7,29 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Int
+
 from lensforge.cad.boundary import Pair, boundaries
 from lensforge.cad.custom_base import CustomBase, join_base, join_mesh
 from lensforge.cad.facets import CHORD_MM
-from lensforge.cad.feet import with_feet
 from lensforge.cad.flange import FlangeRing
 from lensforge.cad.form_error import FormError, face_error, fit_boundaries
 from lensforge.cad.mesh import BodyMesh, Closure, build_mesh, check_closed, mesh_error, rings_for
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import Plan, make_plan
+from lensforge.cad.plan import BORE, BOTTOM, FLANGE_SIDE, FOOT_END, FOOT_SIDE, POCKET_SIDE, SIDE, Plan, make_plan
+from lensforge.cad.plate_mesh import MeshParts, prism
 from lensforge.cad.solid import Solid, build_solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.optics.media import FLANGE
 from lensforge.scene.body import Body
 from lensforge.spec import BaseSection
+from lensforge.surfaces.plane_loop import circle_at
 from lensforge.surfaces.surface import Surface
 
 _BARE = BaseSection(kind="none")
+_FOOT_CHORD_MM = 2e-3  # of the circles of feet
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +89,38 @@ def on_base(
     mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
     reached_mm = mesh_error(mesh, plan)
     solid = solid_on_base(plan, custom)
-    mesh = with_feet(mesh, plan)
+    mesh = _with_feet(mesh, plan)
     if custom is not None:
         mesh = join_mesh(mesh, custom, reached_mm)
     return BuiltBody(surfaces, plan, mesh, reached_mm, solid)
+
+
+def _with_feet(mesh: BodyMesh, plan: Plan[Patch]) -> BodyMesh:
+    """The mesh of a body on the base of ``plan`` with its feet: the plane of the bottom is cut out around them."""
+    feet, height_mm = plan.base.feet, plan.base.height_mm
+    if feet is None:
+        return mesh
+    parts = MeshParts()
+    parts.add_points(mesh.vertices)
+    for name in mesh.names:
+        if name != BOTTOM:
+            parts.add_facets(name, mesh.part(name))
+    outline, opening = (_loop(mesh, names) for names in ((FLANGE_SIDE, SIDE), (POCKET_SIDE, BORE)))
+    tops = []
+    for place in feet.places_mm:
+        circle = circle_at(place, feet.diameter_mm / 2.0)
+        top, end = prism(parts, FOOT_SIDE, circle, _FOOT_CHORD_MM, height_mm, feet.height_mm, outwards=True)
+        parts.add_plane(FOOT_END, end, [], up=False)
+        tops.append(top)
+    parts.add_plane(BOTTOM, outline, [opening, *tops], up=False)
+    return parts.mesh(mesh.rings)
+
+
+def _loop(mesh: BodyMesh, names: tuple[str, str]) -> Int[np.ndarray, " n"]:
+    """Vertices of the bottom on the first of some faces that the mesh has, counter-clockwise."""
+    beside = next(name for name in names if name in mesh.names)
+    ids = np.intersect1d(mesh.part(BOTTOM), mesh.part(beside))
+    return ids[np.argsort(np.arctan2(mesh.vertices[ids, 1], mesh.vertices[ids, 0]), kind="stable")]
 
 
 def solid_on_base(plan: Plan[Patch], base: CustomBase | None) -> Solid:
@@ -105,3 +138,14 @@ def prove(body: BuiltBody, step: bytes, stl: bytes, threemf: bytes) -> BodyProof
         )
         form = dict(zip((face.name for face in faces), errors, strict=True))
     return BodyProof(solid, check_closed(*parse_stl(stl)), check_closed(*parse_3mf(threemf)), form)
+
+
+def figures_as_read(solid: Solid, stl: Closure, threemf: Closure, volume_mm3: float) -> dict[str, float]:
+    """Figures of files as read back, by the names of their criteria; ``volume_mm3``: that their meshes should have."""
+    return {
+        "step_valid": float(solid.valid),
+        "watertight": float(stl.watertight),
+        "watertight_3mf": float(threemf.watertight),
+        "genus_difference": float(abs(stl.genus - solid.genus)),
+        "mesh_volume_change": abs(stl.volume_mm3 / volume_mm3 - 1.0),
+    }

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from lensforge.cad.boundary import optical_name
 from lensforge.cad.mesh import BodyMesh, manifold_of
+from lensforge.cad.mesh_files import merged_rows
 from lensforge.cad.plan import RIM
 from lensforge.cad.solid import Solid, uniquely_named
 from lensforge.errors import InputError
@@ -183,5 +184,5 @@ def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"],
         vertices, triangles = face.tessellate(chord_mm, _ANGLE_RAD)
         corners.append(np.array(triangles, dtype=np.int64) + len(points))
         points += [vertex.toTuple() for vertex in vertices]
-    merged, index = np.unique(np.round(np.array(points), 9), axis=0, return_inverse=True)
-    return merged, index.reshape(-1)[np.concatenate(corners)]
+    merged, index = merged_rows(np.round(np.array(points), 9))
+    return merged, index[np.concatenate(corners)]

@@ -7,7 +7,7 @@ shop cuts a mould, must keep the limits of the faces of the part.
 
 import time
 
-from lensforge.cad.body_export import BodyProof, BuiltBody, on_base, prove
+from lensforge.cad.body_export import BodyProof, BuiltBody, figures_as_read, on_base, prove
 from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
@@ -195,16 +195,12 @@ def _untrimmed(
 
 def _criteria(body: BuiltBody, proof: BodyProof, form: FormError) -> tuple[Criterion, ...]:
     """The criteria that the files must meet before they go to a shop."""
-    solid, stl = proof.solid, proof.stl
+    solid = proof.solid
     measured = {
         "form_error": form.form_max_nm,
         "normal_error": form.normal_max_mrad,
-        "step_valid": float(solid.valid),
         "step_volume_change": abs(solid.default_volume_mm3 / body.solid.default_volume_mm3 - 1.0),
-        "watertight": float(stl.watertight),
-        "watertight_3mf": float(proof.threemf.watertight),
-        "genus_difference": float(abs(stl.genus - solid.genus)),
-        "mesh_volume_change": abs(stl.volume_mm3 / solid.volume_mm3 - 1.0),
+        **figures_as_read(solid, proof.stl, proof.threemf, solid.volume_mm3),
     }
     limit = mesh_volume_limit(body.mesh.area(), body.chord_mm, solid.volume_mm3)
     return part_criteria(measured, limit, solid.faults)

@@ -5,15 +5,16 @@ are no farther apart than their poles. The volume is compared with its closed fo
 """
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.body_export import figures_as_read
 from lensforge.cad.boundary import Boundary, Pair
-from lensforge.cad.mesh import BodyMesh, Closure, check_closed, manifold_of, mesh_error
+from lensforge.cad.mesh import BodyMesh, check_closed, manifold_of, mesh_error
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.outline import sampled_azimuths
 from lensforge.cad.part_limits import mass_g, mesh_volume_limit
@@ -70,10 +71,12 @@ def build_plate(
     step = signed_step(solid, lens.spec, product, schema, date).content
     _require_readable(step, len(layout.lenses))
     mesh = build_plate_mesh(bare, layout, facets, chord_mm)
-    files = dict(zip(PLATE_FILES, (step, stl_bytes(mesh), threemf_bytes(mesh, product)), strict=True))
-    lens_mm3 = (one if plan.base == _BARE else build_solid(bare)).volume_mm3
+    stl, threemf = stl_bytes(mesh), threemf_bytes(mesh, product)
+    files = dict(zip(PLATE_FILES, (step, stl, threemf), strict=True))
+    lens_mm3 = (one if plan.base.kind == "none" else build_solid(bare)).volume_mm3
     volume = layout.volume_mm3(lens_mm3, float(np.pi * np.mean(np.sum(opening**2, axis=1))))
-    read, closed = parse_step(step), _closures(files)
+    read, closed = parse_step(step), check_closed(*parse_stl(stl, PLATE_FILES[1]))
+    in_3mf = check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
     form_nm = form_error_nm + copies_off_mm(read.faces, bare, layout) * _NM_PER_MM
     measured = {
         "form_error": form_nm,
@@ -85,31 +88,19 @@ def build_plate(
         gap_mm=gap_mm,
         form_error_nm=form_nm,
         volume_mm3=volume,
-        volume_mesh_mm3=closed[0].volume_mm3,
+        volume_mesh_mm3=closed.volume_mm3,
         mass_g=mass_g(lens.spec, volume),
         bounds_mm=mesh.bounds_mm,
-        watertight=closed[0].watertight,
-        genus=closed[0].genus,
+        watertight=closed.watertight,
+        genus=closed.genus,
         faces=len(read.shape.Faces()),
         triangles=len(mesh.triangles),
         chord_error_um=1e3 * mesh_error(facets, bare),
         seconds=round(time.perf_counter() - start, 3),
     )
     limit = mesh_volume_limit(mesh.area(), chord_mm, volume)
-    criteria = plate_criteria({**measured, **_of_files(read, closed, volume)}, limit, read.faults)
+    criteria = plate_criteria({**measured, **figures_as_read(read, closed, in_3mf, volume)}, limit, read.faults)
     return BuiltPlate(figures, criteria, files)
-
-
-def _of_files(read: Solid, closed: tuple[Closure, Closure], volume_mm3: float) -> dict[str, float]:
-    """Figures of the files as read back, by the names of their criteria."""
-    stl, threemf = closed
-    return {
-        "step_valid": float(read.valid),
-        "watertight": float(stl.watertight),
-        "watertight_3mf": float(threemf.watertight),
-        "genus_difference": float(abs(stl.genus - read.genus)),
-        "mesh_volume_change": abs(stl.volume_mm3 / volume_mm3 - 1.0),
-    }
 
 
 def opening_of(cavity: Boundary[Patch]) -> Float[np.ndarray, "n 2"]:
@@ -134,12 +125,6 @@ def _require_readable(step: bytes, lenses: int) -> None:
             f"{PLATE_STEP_FILE}: {len(step) // MIB} MiB for {lenses} lenses, at most {MOST_FILE_BYTES // MIB} MiB "
             "are read; take fewer lenses on a plate, or export with fewer --nodes"
         )
-
-
-def _closures(files: Mapping[str, bytes]) -> tuple[Closure, Closure]:
-    """Closures of the STL and of the 3MF as read back."""
-    stl, threemf = (files[name] for name in PLATE_FILES[1:])
-    return check_closed(*parse_stl(stl, PLATE_FILES[1])), check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
 
 
 def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWall | None]:

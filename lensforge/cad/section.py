@@ -4,6 +4,7 @@ Lens and built-in bases are cut in closed form, a base from a STEP file by its m
 """
 
 from collections.abc import Iterator
+from math import sqrt
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +12,6 @@ from jaxtyping import Float
 from lensforge.cad.boundary import Boundary
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import lens_plan
-from lensforge.cad.feet import cut_feet
 from lensforge.cad.flange import ring_of
 from lensforge.cad.plan import Corner, Plan, base_corners, rim_directions
 from lensforge.scene.lens import Lens
@@ -41,7 +41,22 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     if base.file is not None:
         return [np.concatenate([outer, inner[::-1]]), *of_file]
     right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
-    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)]), *cut_feet(base, azimuth_deg)]
+    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)]), *_cut_feet(base, azimuth_deg)]
+
+
+def _cut_feet(base: BaseSection, azimuth_deg: float) -> list[Float[np.ndarray, "4 2"]]:
+    """The feet in the section through the axis at ``azimuth_deg``: (position across, z) in mm of their corners."""
+    if base.feet is None:
+        return []
+    turn, found = np.radians(azimuth_deg), list[np.ndarray]()
+    top, end, radius = -base.height_mm, -base.seat_mm, base.feet.diameter_mm / 2.0
+    for x, y in base.feet.places_mm:
+        across, away = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+        if abs(away) < radius:
+            half = sqrt(radius**2 - away**2)
+            left, right = across - half, across + half
+            found.append(np.array([(left, top), (right, top), (right, end), (left, end)]))
+    return found
 
 
 def _around_opening(plan: Plan[Surface], corners: list[Corner], azimuth: float) -> Iterator[Curve]:

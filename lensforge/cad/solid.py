@@ -223,15 +223,15 @@ class Solid:
     shape: Any
     faces: Shapes
 
-    @property
+    @cached_property
     def valid(self) -> bool:
         """True where the CAD kernel finds one closed, outward-facing solid with consistent wires, edges, tolerances."""
         return bool(self.shape.isValid()) and len(self.shape.Shells()) == 1 and self.default_volume_mm3 > 0.0
 
     @property
     def faults(self) -> list[str]:
-        """Names of the faces that the CAD kernel finds invalid, each tested on its own."""
-        return [name for name, face in self.faces.items() if not face.isValid()]
+        """Names of the faces that the CAD kernel finds invalid, each tested on its own; none of a valid solid."""
+        return [] if self.valid else [name for name, face in self.faces.items() if not face.isValid()]
 
     @property
     def volume_mm3(self) -> float:

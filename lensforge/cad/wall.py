@@ -6,7 +6,7 @@ but the wall: from whichever face the lines along the normal start, none that en
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product, starmap
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -39,15 +39,17 @@ class Span:
 
 def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch]) -> Span:
     """The shortest line between the boundaries above z = 0; where they cross, the deepest place along a ray."""
+    from scipy.spatial import cKDTree
+
     inwards, outwards = as_pair(cavity, envelope)
     crossing = _radial(inwards, outwards, -1.0)
     if crossing.thickness_mm <= 0.0:
         return crossing
-    sampled = [[_Sampled.of(face) for face in each.faces if not face.is_open] for each in (inwards, outwards)]
-    pairs = sorted(starmap(_Between.of, product(*sampled)), key=lambda each: float(each.distance.min()))
-    found = pairs[0].sampled
-    for pair in pairs:
-        found = pair.shorter(found)
+    samples = [[_Samples.of(face) for face in each.faces if not face.is_open] for each in (inwards, outwards)]
+    pairs = [(one, other, *cKDTree(other.points).query(one.points)) for one, other in product(*samples)]
+    found = Span(np.inf, np.zeros(3), np.zeros(3))
+    for pair in sorted(pairs, key=lambda each: float(each[2].min())):
+        found = _shorter(found, *pair)
     return found
 
 
@@ -64,7 +66,7 @@ def thickest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
 
 
 @dataclass(frozen=True, eq=False)
-class _Sampled:
+class _Samples:
     """Samples of a face: chart points, points (mm), and how far (mm) a place of the face may be from the nearest."""
 
     face: TrimmedFace[Patch]
@@ -73,55 +75,39 @@ class _Sampled:
     reach_mm: Float[np.ndarray, " k"]
 
     @staticmethod
-    def of(face: TrimmedFace[Patch]) -> "_Sampled":
+    def of(face: TrimmedFace[Patch]) -> "_Samples":
         """Samples all over a face; none is farther off than half of the diagonal of a cell, at most at its edge."""
         places = _samples(face.domain)
         points, *tangents = face.shape.tangents(places)
-        return _Sampled(face, places, points, _STEP * np.linalg.norm(tangents, axis=-1).max(axis=0))
+        return _Samples(face, places, points, _STEP * np.linalg.norm(tangents, axis=-1).max(axis=0))
 
 
-@dataclass(frozen=True, eq=False)
-class _Between:
-    """Two faces; of each sample of ``one`` the ``nearest`` of the ``other``, and its distance (mm)."""
+def _shorter(
+    known: Span, one: _Samples, other: _Samples, distance: Float[np.ndarray, " k"], nearest: Int[np.ndarray, " k"]
+) -> Span:
+    """The shortest line between two faces, or the ``known`` one where that is as short.
 
-    one: _Sampled
-    other: _Sampled
-    distance: Float[np.ndarray, " k"]
-    nearest: Int[np.ndarray, " k"]
+    ``distance`` (mm), ``nearest``: of each sample of ``one`` to the nearest of the ``other``. A line has samples beside
+    both of its ends, which are beside it by their reach, and across it, since the shortest is normal to both faces, or
+    to the edges on which it ends: where a line would be longer than the shortest so far even so, none is sought.
+    """
+    best, places, far = int(distance.argmin()), one.places, other.places[nearest]
+    least = distance**2 - (one.reach_mm + other.reach_mm[nearest]) ** 2
+    found = min(known, Span(float(distance[best]), one.points[best], other.points[nearest[best]]), key=_thickness)
+    for _ in range(_STARTS):
+        if not (least[np.isfinite(distance)] < found.thickness_mm**2).any():
+            break
+        k = int(distance.argmin())
+        if least[k] < found.thickness_mm**2:
+            found = min(
+                found, _shortest_near(one.face, other.face, np.concatenate([places[k], far[k]])), key=_thickness
+            )
+        distance[np.linalg.norm(places - places[k], axis=1) < _APART * _STEP] = np.inf
+    return found
 
-    @staticmethod
-    def of(one: _Sampled, other: _Sampled) -> "_Between":
-        """The distances from one face to another."""
-        from scipy.spatial import cKDTree
 
-        return _Between(one, other, *cKDTree(other.points).query(one.points))
-
-    @property
-    def sampled(self) -> Span:
-        """The shortest line between two samples."""
-        best = int(self.distance.argmin())
-        ends = self.one.points[best], self.other.points[self.nearest[best]]
-        return Span(float(self.distance[best]), *ends)
-
-    def shorter(self, known: Span) -> Span:
-        """The shortest line between the faces, or the ``known`` one where that is as short.
-
-        It is sought from several pairs of samples. A line has samples beside both of its ends, which are beside it by
-        their reach, and across it, since the shortest is normal to both faces, or to the edges on which it ends: where
-        a line would be longer than the shortest so far even so, none is sought.
-        """
-        across = self.one.reach_mm + self.other.reach_mm[self.nearest]
-        least, distance, places, found = self.distance**2 - across**2, self.distance.copy(), self.one.places, known
-        for _ in range(_STARTS):
-            if not (least[np.isfinite(distance)] < found.thickness_mm**2).any():
-                break
-            k = int(distance.argmin())
-            if least[k] < found.thickness_mm**2:
-                start = np.concatenate([places[k], self.other.places[self.nearest[k]]])
-                line = _shortest_near(self.one.face, self.other.face, start)
-                found = min(found, line, key=lambda each: each.thickness_mm)
-            distance[np.linalg.norm(places - places[k], axis=1) < _APART * _STEP] = np.inf
-        return found
+def _thickness(span: Span) -> float:
+    return span.thickness_mm
 
 
 def _samples(domain: Domain = WHOLE) -> Float[np.ndarray, "k 2"]:

@@ -97,17 +97,15 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     yield Dimension("highest point above z = 0", float(highest_point_mm(envelope)[2]), "largest")
     yield from on_axis[1:]
     yield _circle("width of the dome", widest_mm(envelope), "largest")
-    second_deg = other_section_deg(lens)
+    second_deg, sections = other_section_deg(lens), list[tuple[float, ViewName]]([(0.0, "S")])
+    if second_deg is not None:
+        sections.append((second_deg, "T"))
     for name, boundary in (("outer rim", envelope), ("opening of the cavity", cavity)):
-        yield _rim_in_section(name, boundary, 0.0, "S")
-        if second_deg is not None:
-            yield _rim_in_section(name, boundary, second_deg, "T")
+        yield from (_rim_in_section(name, boundary, *section) for section in sections)
     for boundary in (envelope, cavity):
         for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
-            name = f"crease of {one.name} and {other.name}"
-            yield from _crease_in_section(name, crease, 0.0, "S")
-            if second_deg is not None:
-                yield from _crease_in_section(name, crease, second_deg, "T")
+            for section in sections:
+                yield from _crease_in_section(f"crease of {one.name} and {other.name}", crease, *section)
 
 
 def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface]) -> Iterator[Dimension]:
@@ -223,14 +221,13 @@ def _depths(plan: Plan[Surface]) -> Iterator[Dimension]:
     if plan.relief_mm > 0.0:
         ends = (-plan.relief_mm, -half), (0.0, -half)
         yield Dimension("depth of the relief step below z = 0", plan.relief_mm, "base", ends)
-    if base.pocket_diameter_mm is not None:
-        side = -base.pocket_diameter_mm / 2.0
-        ends = (bottom, side), (bottom + base.pocket_depth_mm, side)
-        yield Dimension("depth of the pocket", base.pocket_depth_mm, "base", ends)
-    if base.flange_diameter_mm is not None:
-        side = -base.flange_diameter_mm / 2.0
-        ends = (bottom, side), (bottom + base.flange_height_mm, side)
-        yield Dimension("height of the flange", base.flange_height_mm, "base", ends)
+    for name, length_mm, diameter_mm in (
+        ("depth of the pocket", base.pocket_depth_mm, base.pocket_diameter_mm),
+        ("height of the flange", base.flange_height_mm, base.flange_diameter_mm),
+    ):
+        if diameter_mm is not None:
+            side = -diameter_mm / 2.0
+            yield Dimension(name, length_mm, "base", ((bottom, side), (bottom + length_mm, side)))
 
 
 def _feet(base: BaseSection) -> Iterator[Dimension]:

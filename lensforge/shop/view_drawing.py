@@ -157,17 +157,17 @@ def draw_views(content: ViewContent, view: PaperView) -> Marks:
     views, (gap, level) = Marks(), (_GAP * view.unit, view.origin[1])
     top = level + view.scale * content.half_height
     first, *others = content.sections
+
+    def at(x: float) -> PaperView:
+        return replace(view, origin=(x, level))
+
     views.add(_section_marks(content, first, view, top))
-    _, lowest, right, _ = room_of(views)
-    left = room_of(views)[0] - gap - view.scale * content.dome_box[2]
-    views.add(
-        _base_marks(content, replace(view, origin=(right + gap - view.scale * content.base_box[0], level)), top, lowest)
-    )
+    left, lowest, right, _ = room_of(views)
+    views.add(_base_marks(content, at(right + gap - view.scale * content.base_box[0]), top, lowest))
     for section in others:
-        drawn = _section_marks(content, section, replace(view, origin=(0.0, level)), top)
-        at = room_of(views)[2] + gap - room_of(drawn)[0]
-        views.add(_section_marks(content, section, replace(view, origin=(at, level)), top))
-    views.add(_dome_marks(content, replace(view, origin=(left, level)), top))
+        beside = room_of(views)[2] + gap - room_of(_section_marks(content, section, at(0.0), top))[0]
+        views.add(_section_marks(content, section, at(beside), top))
+    views.add(_dome_marks(content, at(left - gap - view.scale * content.dome_box[2]), top))
     return views
 
 

@@ -94,15 +94,10 @@ def _creases(lens: Lens, azimuth: float) -> list[ViewLine]:
     return found
 
 
-def _creases_along(boundary: Boundary[Surface], turn: Float[np.ndarray, " n"]) -> list[Points]:
-    """(y, x) of the creases of a boundary."""
-    return [crease.points(turn)[:, 1::-1] for crease in boundary.creases]
-
-
-def _flange(lens: Lens, turn: Float[np.ndarray, " n"]) -> list[Points]:
-    """(y, x) of the outer circle of a flange at the rim."""
-    ring = ring_of(lens)
-    return [] if ring is None else [_loop(turn, np.full_like(turn, ring.outer_mm))]
+def _inner_lines(lens: Lens, boundary: Boundary[Surface], turn: Float[np.ndarray, " n"]) -> list[ViewLine]:
+    """(y, x) of the creases of a boundary, and of the outer circle of a flange at the rim."""
+    found, ring = [ViewLine(crease.points(turn)[:, 1::-1]) for crease in boundary.creases], ring_of(lens)
+    return found if ring is None else [*found, ViewLine(_loop(turn, np.full_like(turn, ring.outer_mm)))]
 
 
 def end_lines(lens: Lens) -> list[ViewLine]:
@@ -111,7 +106,7 @@ def end_lines(lens: Lens) -> list[ViewLine]:
     base = plan.base
     opening, rim = (_loop(turn, rim_radius(boundary)(turn)) for boundary in lens_boundaries(lens))
     dome = dome_radius(lens, turn)
-    inside = [ViewLine(each) for each in [*_creases_along(lens_boundaries(lens)[0], turn), *_flange(lens, turn)]]
+    inside = _inner_lines(lens, plan.cavity, turn)
     if base.kind == "none":
         return [ViewLine(opening), ViewLine(rim), ViewLine(_loop(turn, dome)), *inside]
     outlines = _base_outlines(plan)
@@ -131,7 +126,7 @@ def dome_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen along -z, as (-y, x): the dome, and of the base what it does not cover."""
     plan, turn = lens_plan(lens), np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     found = [ViewLine(_loop(turn, dome_radius(lens, turn)))]
-    found += [ViewLine(each) for each in [*_creases_along(lens_boundaries(lens)[1], turn), *_flange(lens, turn)]]
+    found += _inner_lines(lens, plan.envelope, turn)
     for loop in [] if plan.base.kind == "none" else _base_outlines(plan):
         closed = np.vstack([loop, loop[:1]])
         covered = dome_radius(lens, np.arctan2(closed[:, 0], closed[:, 1]))

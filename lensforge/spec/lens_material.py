@@ -31,7 +31,7 @@ from lensforge.optics.material import (
 )
 from lensforge.optics.material_files import read_material
 from lensforge.optics.media import CAVITY, OUTSIDE, SIDES, FaceCoating, Media, Medium, Mirror
-from lensforge.spec.coating_section import CoatingSection, CoverGlassSection
+from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
 from lensforge.spec.spec_section import FilePath, Label, Section, check
 
@@ -310,14 +310,11 @@ class LensMaterial(FacesSection):
         )
 
     @property
-    def _coatings(self) -> list[CoatingSection | None]:
-        return [face.coating for face in self.faces.values()]
-
-    @property
     def _chromatic(self) -> bool:
         """True where a coating depends on the wavelength."""
+        coatings = [face.coating for face in self.faces.values()]
         glass = None if self.cover_glass is None else self.cover_glass.coating
-        return any(each is not None and each.chromatic for each in (*self._coatings, glass))
+        return any(each is not None and each.chromatic for each in (*coatings, glass))
 
     @property
     def _own_or_catalogued(self) -> Material | None:

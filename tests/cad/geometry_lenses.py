@@ -4,9 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from lensforge.cad.patch import Patch, fit_patch
+from lensforge.cad.plan import Plan, make_plan
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection, parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.surface import Surface
 
 PAPER_SCALES = [(0.8, 2.45), (6.0, 13.7)]
 ALL_LEVELS = (9, 25, 81, 289)
@@ -45,6 +48,11 @@ def make_lens(
         "base": base or {},
     }
     return Lens.double(*surfaces, parse_spec(content, "test"), seed, "draft")
+
+
+def plan_of(inner: Surface, outer: Surface, base: BaseSection | None = None, nodes: int | None = None) -> Plan[Patch]:
+    """The plan of the body between splines of two surfaces, by default on a base of one inch."""
+    return make_plan(fit_patch(inner, nodes), fit_patch(outer, nodes), base or BaseSection())
 
 
 def exact_volume(inner: SrbfSurface, outer: SrbfSurface, base: BaseSection) -> float:

@@ -1,19 +1,22 @@
+"""Bases of every kind: closed forms of their bodies, arcs of the seat, and what is refused."""
+
 import re
 
 import numpy as np
 import pytest
-from geometry_lenses import exact_volume, random_surface
+from geometry_lenses import exact_volume, plan_of, random_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nightly import first_by_day, scaled
 
 from lensforge.cad.mesh import build_mesh, check_closed
-from lensforge.cad.patch import fit_patch
-from lensforge.cad.plan import make_plan, rim_directions
+from lensforge.cad.outline import FULL_TURN
+from lensforge.cad.plan import rim_directions
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.errors import InputError
 from lensforge.spec import BaseSection
+from lensforge.surfaces.srbf import SrbfSurface
 
 DISC = np.pi * 25.4**2 / 4.0
 SEGMENT = 12.7**2 * np.arccos(11.0 / 12.7) - 11.0 * np.sqrt(12.7**2 - 11.0**2)
@@ -35,10 +38,6 @@ BASES = {
         1.5 * 26.0**2 + 0.5 * np.pi * 20.0**2 - np.pi * 8.0**2,
     ),
 }
-
-
-def plan_of(inner, outer, base):
-    return make_plan(fit_patch(inner), fit_patch(outer), base)
 
 
 def _whole(name):
@@ -185,3 +184,26 @@ def test_heights_and_widths_that_contradict_each_other_are_refused(keys, line):
     with pytest.raises(InputError, match=r"^BaseSection: ") as caught:
         BaseSection(**keys)
     assert line in str(caught.value)
+
+
+def sphere(radius):
+    return random_surface(radius, 0.0, seed=0)
+
+
+def test_arcs_go_once_around_and_change_over_exactly_on_the_cylinder():
+    plan = plan_of(sphere(6.0), random_surface(12.65, 0.02, seed=2))
+    starts, ends = np.array([[arc.start, arc.end] for arc in plan.arcs]).T
+    assert len(plan.arcs) >= 2
+    np.testing.assert_array_equal(ends, [*starts[1:], starts[0] + FULL_TURN])
+    np.testing.assert_allclose(plan.envelope.radius(rim_directions(plan.crossings)), 12.7, atol=1e-11)
+    for arc in plan.arcs:
+        radius = plan.envelope.radius(rim_directions(np.linspace(arc.start, arc.end, 50)[1:-1]))
+        assert ((radius > 12.7) == (arc.relation == "overhang")).all()
+
+
+def test_surfaces_that_cross_are_refused_with_the_place():
+    outer = sphere(2.45)
+    weights = outer.weights_mm.copy()
+    weights[0] = -1.8  # the first centre is the nearest to the axis
+    with pytest.raises(InputError, match=r"wall = -0\.\d+ mm in the direction \(0\.\d+"):
+        plan_of(sphere(0.8), SrbfSurface(outer.basis, weights, 2.45))

@@ -2,15 +2,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from geometry_lenses import exact_volume, make_lens
+from geometry_lenses import exact_volume, make_lens, plan_of
 from nightly import first_by_day
 
 from lensforge.cad.custom_base import join_base, join_mesh, read_custom_base
 from lensforge.cad.mesh import build_mesh, check_closed
 from lensforge.cad.mesh_files import parse_3mf
 from lensforge.cad.part_export import build_part
-from lensforge.cad.patch import fit_patch
-from lensforge.cad.plan import INNER, OUTER, make_plan
+from lensforge.cad.plan import INNER, OUTER
 from lensforge.cad.solid import Solid, build_solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.errors import InputError
@@ -42,7 +41,7 @@ def written(shape, path):
 
 def bare(relative=0.01):
     lens = make_lens(INNER_MM, OUTER_MM, relative)
-    return lens, make_plan(fit_patch(lens.inner), fit_patch(lens.outer), BaseSection(kind="none"))
+    return lens, plan_of(lens.inner, lens.outer, BaseSection(kind="none"))
 
 
 @pytest.fixture(scope="module")

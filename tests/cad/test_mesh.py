@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from geometry_lenses import exact_volume, random_surface
+from geometry_lenses import exact_volume, plan_of, random_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nightly import first_by_day, scaled
@@ -14,10 +14,6 @@ from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import to_chart
 
 NONE = BaseSection(kind="none")
-
-
-def plan_of(inner, outer, base):
-    return make_plan(fit_patch(inner), fit_patch(outer), base)
 
 
 def edges_pair_up(triangles):

@@ -6,13 +6,11 @@ import zipfile
 import numpy as np
 import pytest
 import trimesh
-from geometry_lenses import make_lens
+from geometry_lenses import make_lens, plan_of
 from nightly import first_by_day
 
 from lensforge.cad.mesh import BodyMesh, build_mesh, check_closed
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
-from lensforge.cad.patch import fit_patch
-from lensforge.cad.plan import make_plan
 from lensforge.errors import InputError
 
 BOX = trimesh.creation.box()
@@ -57,7 +55,7 @@ def test_stl_round_trip_keeps_the_body():
 @pytest.fixture(scope="module")
 def mesh():
     lens = make_lens(6.0, 12.7, 0.02, seed=3)
-    return build_mesh(make_plan(fit_patch(lens.inner), fit_patch(lens.outer), lens.spec.base), 24)
+    return build_mesh(plan_of(lens.inner, lens.outer, lens.spec.base), 24)
 
 
 def test_the_mesh_comes_back_with_its_sharing_unit_and_names(mesh):

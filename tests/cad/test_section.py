@@ -1,12 +1,10 @@
 import numpy as np
 import pytest
 import trimesh
-from geometry_lenses import make_lens
+from geometry_lenses import make_lens, plan_of
 
 from lensforge.cad.custom_base import join_mesh, read_custom_base
 from lensforge.cad.mesh import build_mesh
-from lensforge.cad.patch import fit_patch
-from lensforge.cad.plan import make_plan
 from lensforge.cad.section import body_outlines
 
 BASES = {
@@ -42,7 +40,7 @@ def cut_area(mesh, azimuth_deg):
 @pytest.mark.parametrize("name", BASES)
 def test_the_outline_is_the_cut_of_the_body(name):
     lens = make_lens(6.0, 10.2, 0.01, 3, base=BASES[name])
-    mesh = build_mesh(make_plan(fit_patch(lens.inner), fit_patch(lens.outer), lens.spec.base), 64)
+    mesh = build_mesh(plan_of(lens.inner, lens.outer, lens.spec.base), 64)
     for azimuth_deg in (0.0, 38.0, 90.0, 200.0):
         outlines = body_outlines(lens, azimuth_deg)
         assert area(outlines) == pytest.approx(cut_area(mesh, azimuth_deg), rel=1e-3)
@@ -57,7 +55,7 @@ def test_a_base_from_a_file_is_cut_where_it_is(tmp_path):
     plate = plate.cut(cq.Workplane("XY").circle(7.0).extrude(-3.0))
     cq.exporters.export(plate, str(tmp_path / "clamp.step"))
     lens = make_lens(6.0, 10.2, 0.01, 3, base={"kind": "step", "file": str(tmp_path / "clamp.step")})
-    plan = make_plan(fit_patch(lens.inner), fit_patch(lens.outer), lens.spec.base)
+    plan = plan_of(lens.inner, lens.outer, lens.spec.base)
     mesh = join_mesh(build_mesh(plan, 64), read_custom_base(tmp_path / "clamp.step"), 1e-3)
     outlines = body_outlines(lens, 0.0)
     assert area(outlines) == pytest.approx(cut_area(mesh, 0.0), rel=1e-3)

@@ -2,11 +2,9 @@ import re
 
 import numpy as np
 import pytest
-from geometry_lenses import exact_volume, make_lens, random_surface
+from geometry_lenses import exact_volume, make_lens, plan_of, random_surface
 from nightly import first_by_day
 
-from lensforge.cad.patch import fit_patch
-from lensforge.cad.plan import make_plan
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.errors import InputError
@@ -18,7 +16,7 @@ BASE = {"BASE_SIDE", "BASE_BOTTOM", "BASE_BORE"}
 
 
 def solid_of(inner, outer, base, nodes=None):
-    return build_solid(make_plan(fit_patch(inner, nodes), fit_patch(outer, nodes), base))
+    return build_solid(plan_of(inner, outer, base, nodes))
 
 
 @pytest.mark.parametrize(

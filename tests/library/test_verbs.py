@@ -1,7 +1,10 @@
-"""The library as a script meets it: verbs, results that show themselves, and a folder that comes back to the bit."""
+"""The library as a script meets it: verbs, results that show and plot themselves, folders that come back to the bit."""
 
+import inspect
 import json
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -78,13 +81,12 @@ def test_every_kind_of_result_plots_saves_shows_itself_and_is_a_row(whole_run: l
         row = result.row()
         assert row and all(value is None or isinstance(value, float | int | bool | str) for value in row.values())
         result.save(tmp_path / f"{stem}.json")
-        result.save(tmp_path / f"{stem}.png")
-        assert (tmp_path / f"{stem}.png").read_bytes().startswith(b"\x89PNG")
         assert json.loads((tmp_path / f"{stem}.json").read_text())["schema"] == f"lensforge-{result.stage}-3"
         with pytest.raises(lf.InputError, match="saved as one of"):
             result.save(tmp_path / "result.docx")
+    whole_run.design.save(tmp_path / "design.png")  # as every page above has it
+    assert (tmp_path / "design.png").read_bytes().startswith(b"\x89PNG")
     assert seen == {cls.__name__ for cls in (*STAGES, *EXTRAS)}
-    assert all(hasattr(kind, "plot") for kind in results().values())
 
 
 def test_records_name_schema_version_and_inputs(whole_run: lf.Run) -> None:
@@ -270,3 +272,54 @@ def test_the_shortest_script_runs(
     exec(compile(SCRIPT.read_text(encoding="utf-8"), SCRIPT, "exec"), {})
     assert {path.name for path in tmp_path.iterdir()} == {"spot.step", "spot.png"}
     assert "every criterion is met" in capsys.readouterr().out
+
+
+PLOTTED = (
+    lf.Design, lf.Light, lf.Part, lf.Check, lf.Proof, lf.StrayLight, lf.Sensitivity, lf.Photometry, lf.PhotoComparison,
+    lf.SurfaceComparison, lf.Correction, lf.Sweep, lf.Tradeoff, lf.RayFileSummary, lf.PhotometricSummary, lf.Yield,
+)  # fmt: skip
+
+_WRONG = """
+import inspect, sys
+import numpy as np
+import lensforge as lf
+
+def refused(result, *args, **choice):
+    try:
+        result.plot(*args, **choice)
+    except lf.InputError as error:
+        return str(error)
+    sys.exit(f"{type(result).__name__} plots {args} {choice}")
+
+for cls in (lf.Design, lf.Light, lf.Part, lf.Check, lf.StrayLight, lf.Sensitivity, lf.PhotoComparison, lf.Sweep,
+            lf.RayFileSummary):
+    for name in set(list(inspect.signature(cls.plot).parameters)[2:]) - {"receiver"}:
+        for value in ("foo", None, ["nmse"]):
+            message = refused(cls.model_construct(), **{name: value})
+            assert message.startswith(f"{name} = {value!r}: must be ") and "\\n" not in message, message
+for result in lf.load(sys.argv[1]).found.values():
+    for axes in ("map", 3, np.zeros(2)):
+        message = refused(result, axes)
+        assert message.startswith(f"axes: is of type {type(axes).__name__}, must be a matplotlib Axes"), message
+    if "receiver" in inspect.signature(result.plot).parameters:
+        assert result.plot(receiver=result.first.name) is not None
+        for value in ("foo", 3, ["nmse"]):
+            message = refused(result, receiver=value)
+            assert message.startswith(f"receiver = {value!r}: must be ") and "\\n" not in message, message
+print("all refused")
+"""
+
+
+def test_every_plot_takes_axes_first_and_choices_by_name() -> None:
+    assert set(results().values()) == set(PLOTTED)
+    for cls in PLOTTED:
+        axes, *choices = list(inspect.signature(cls.plot).parameters.values())[1:]
+        assert (axes.name, axes.kind, axes.default) == ("axes", axes.POSITIONAL_OR_KEYWORD, None), cls
+        for choice in choices:
+            assert choice.kind == choice.KEYWORD_ONLY and choice.default is not choice.empty, (cls, choice)
+
+
+@pytest.mark.nightly("a process with every result")
+def test_what_cannot_be_plotted_is_one_line(whole_run: lf.Run) -> None:
+    run = subprocess.run([sys.executable, "-c", _WRONG, str(whole_run.folder)], capture_output=True, encoding="utf-8")
+    assert (run.returncode, run.stdout) == (0, "all refused\n"), run.stderr

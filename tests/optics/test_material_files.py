@@ -112,10 +112,12 @@ def spec_file(folder, lens):
 def test_a_spec_keeps_the_numbers_and_needs_the_file_no_more(tmp_path):
     written(tmp_path, "c.agf", AGF)
     spec = load_spec(spec_file(tmp_path, 'material = "glass-a"\nmaterial_file = "c.agf"\ndesign_wavelength_nm = 550.0'))
+    glass = read_material(tmp_path / "c.agf", "glass-a")
     (tmp_path / "c.agf").unlink()
     assert spec.lens.material == "GLASS-A" and spec.lens.material_file is None
     assert spec.lens.refractive_index == pytest.approx(MATERIALS["N-BK7"].index_at(550.0), rel=1e-14)
     assert spec.lens.media.body.absorption_per_mm == pytest.approx(-np.log(0.9) / 5)
+    assert spec.lens.dispersion.absorption == glass.absorption
     spec.save(tmp_path / "again.toml")
     again = load_spec(tmp_path / "again.toml")
     assert again == spec and again.lens.dispersion == spec.lens.dispersion

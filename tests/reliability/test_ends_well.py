@@ -203,16 +203,9 @@ def test_the_end_of_a_file_is_no_interrupt(
     assert capfd.readouterr().err.startswith(f"lensforge: {said}")
 
 
-COMMANDS = [
-    "check",
-    "photometry --rays 4096",
-    "evaluate",
-    "export",
-    "verify",
-    "handover",
-    "report",
-    "sensitivity --rays 1024",
-]
+COMMANDS = (
+    "evaluate", "check", "photometry --rays 4096", "export", "verify", "handover", "report", "sensitivity --rays 1024",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("command", first_by_day(1, COMMANDS, "ten seconds each"))

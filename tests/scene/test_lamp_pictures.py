@@ -140,6 +140,8 @@ def test_a_period_holds_all_light_and_moves_round() -> None:
         pictures.append(board.added(own))
     assert pictures[0].sum() == pytest.approx(rays.flux.sum(), rel=1e-12)
     np.testing.assert_allclose(np.roll(pictures[0], (3, 3), axis=(0, 1)), pictures[1], atol=1e-9)
+    half = found.grid.rows // 2, found.grid.columns // 2  # where the second lamp stands: the lattice is the same there
+    np.testing.assert_allclose(np.roll(pictures[0], half, axis=(0, 1)), pictures[0], atol=1e-9)
 
 
 def test_the_receiver_of_a_target_alone_is_seen_by_a_lamp() -> None:

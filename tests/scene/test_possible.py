@@ -1,7 +1,8 @@
-"""Upper bounds of the light in a region: closed forms of both laws, and a source whose étendue has three corners."""
+"""Upper bounds of the light in a region: closed forms of both laws, other solvers, and lenses of shipped scenes."""
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,15 +10,19 @@ from known_refraction import normal_transmittance
 from own_media import with_own
 from scipy.optimize import minimize
 
+import lensforge as lf
 from lensforge.optics.coatings import least_reflectances, whole_span
 from lensforge.optics.fundamental_limits import best_transmittance
 from lensforge.optics.media import CoverGlass, Media, Medium
+from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane
+from lensforge.search.scene_check import starting_surfaces
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec import Spec, load_spec
 
 SQUARE = SquareEmitter(2.0)
 RAYS = SQUARE.sample(2**14, 0)
@@ -228,3 +233,31 @@ def test_the_radius_for_a_share_is_that_whose_etendue_holds_it() -> None:
         math.sqrt(9.0 / (math.pi * angle))
     )
     assert physics.radius_for(PIXELS, transmittance * (1.0 + 2e-9)) == math.inf
+
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
+SCENES = [path for path in EXAMPLES if "rayfile" not in path.read_text() and "osram" not in path.read_text()]
+KINDS = ("batwing", "curved_screen", "coated_cover_glass", "two_distances")  # the others with the drafts, nightly
+
+
+def require_possible(light: lf.Light) -> None:
+    for each in light.receivers:
+        for name in ("efficiency", "share_in_target"):
+            found, most = getattr(each, name), getattr(each.possible, name)
+            assert found.value <= most + 3.0 * (found.standard_error or 0.0), f"{each.name}: {name}"
+        assert each.nmse.value >= each.possible.nmse - 3.0 * (each.nmse.standard_error or 0.0), each.name
+
+
+def starting_lens(spec: Spec) -> Lens:
+    return Lens(starting_surfaces(spec), spec, 0, "draft")
+
+
+@pytest.mark.parametrize("path", [path for path in SCENES if path.stem in KINDS], ids=lambda path: path.stem)
+def test_the_starting_lens_of_each_kind_of_scene_keeps_the_bounds(path: Path) -> None:
+    require_possible(lf.evaluate(starting_lens(load_spec(path)), rays=2**13, pixels=32))
+
+
+@pytest.mark.nightly("drafts of all shipped specs take half an hour")
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_a_draft_of_each_shipped_scene_keeps_the_bounds(path: Path) -> None:
+    require_possible(lf.evaluate(lf.design(load_spec(path), accuracy="draft").lens))

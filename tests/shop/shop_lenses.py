@@ -1,5 +1,6 @@
 """A small lens with any base, for the tests of drawing and handover."""
 
+import re
 from contextlib import contextmanager
 from functools import partial
 
@@ -10,6 +11,7 @@ from scenes import random_surface, small_spec
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_part
 from lensforge.shop.face_check import check_face
+from lensforge.shop.point_tables import COLUMNS
 
 BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, "pocket_diameter_mm": 7.0}
 
@@ -43,7 +45,41 @@ def quick_check(part):
         return check_part(part)
 
 
-def lagrange(fraction, count):
+def rows_of(grid):
+    """Lines of the head of a dense table as one text, its columns, and its rows, as a reader of the file has them."""
+    lines = grid.content.decode().splitlines()
+    head = [line for line in lines if line.startswith("#")]
+    rows = np.array([[float(value) for value in line.split(",")] for line in lines[len(head) + 1 :]])
+    assert len(rows) == grid.points and lines[len(head)] == COLUMNS and grid.file == f"grid_{grid.face}.csv"
+    return "\n".join(head), rows
+
+
+def between_nodes(head, rows, count):
+    """Points at 400 places of a face by the polynomials through ``count`` nodes of its dense table, as its head says.
+
+    Its rings on the face are returned, too: [ring, azimuth, column], of a face at the axis without the apex.
+    """
+    turns, rim = (
+        int(re.search(words, head).group(1))
+        for words in (r"; (\d+) azimuths", r"ring (\d+) (?:is|reaches its crease,)")
+    )
+    begin = int(found.group(1)) if (found := re.search(r"from ring (\d+),", head)) else 0
+    rings, shift = (rows if begin else rows[1:]).reshape(-1, turns, 8), 0 if begin else 1
+    on_face = rings[begin : rim + 1 - shift]
+    if not begin:  # the apex, and the first ring from the other side before it
+        rings = np.concatenate([np.roll(rings[:1], turns // 2, axis=1), np.tile(rows[0], (1, turns, 1)), rings])
+    values = np.stack([np.linalg.norm(rings[..., :2], axis=-1), rings[..., 2]], axis=-1)
+    values[0] *= 1.0 if begin else np.array([-1.0, 1.0])
+    rng, around = np.random.default_rng(4), np.arange(count) - (count // 2 - 1)
+    t, turn = begin + (rim - begin) * rng.random(400) ** 0.5, turns * rng.random(400)
+    cell, sector = np.minimum(np.floor(t).astype(int), rim - 1), np.floor(turn).astype(int)
+    near = values[(cell[:, None] + around + shift)[:, :, None], ((sector[:, None] + around) % turns)[:, None, :]]
+    r, z = np.einsum("nabc,na,nb->cn", near, _lagrange(t - cell, count), _lagrange(turn - sector, count))
+    azimuth = 2.0 * np.pi / turns * turn
+    return np.column_stack([r * np.cos(azimuth), r * np.sin(azimuth), z]), on_face
+
+
+def _lagrange(fraction, count):
     """Weights of the polynomial through ``count`` nodes at -1, 0, 1, 2 (or 0, 1), written out by its definition."""
     nodes = np.arange(count) - (count // 2 - 1)
     return np.stack([np.prod([(fraction - o) / (n - o) for o in nodes if o != n], axis=0) for n in nodes], axis=-1)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from nightly import first_by_day
 from scenes import random_surface, sphere
-from shop_lenses import lagrange, small_lens
+from shop_lenses import between_nodes, rows_of, small_lens
 
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.shop.point_tables import COLUMNS, FaceToCut, GridRequest, dense_tables, faces_to_cut, make_table
+from lensforge.shop.point_tables import FaceToCut, GridRequest, dense_tables, faces_to_cut, make_table
 
 ROUGH = random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25))
 
@@ -21,16 +21,8 @@ def lens_of(inner, outer, **manufacture):
 
 
 def written(lens, request):
-    """Head and rows of every table by the name of its face, as a reader has them."""
-    found = {}
-    for grid in dense_tables(lens, ["lens: dense"], request):
-        lines = grid.content.decode().splitlines()
-        head = [line for line in lines if line.startswith("#")]
-        assert lines[len(head)] == COLUMNS and grid.file == f"grid_{grid.face}.csv"
-        rows = np.array([[float(value) for value in line.split(",")] for line in lines[len(head) + 1 :]])
-        assert len(rows) == grid.points
-        found[grid.face] = "\n".join(head), rows
-    return found
+    """Head and rows of every table by the name of its face."""
+    return {grid.face: rows_of(grid) for grid in dense_tables(lens, ["lens: dense"], request)}
 
 
 def stated_nm(head):
@@ -61,30 +53,16 @@ def test_a_table_read_back_and_interpolated_is_within_its_stated_error_down_to_t
     for name, (head, rows) in written(lens, GridRequest(error_nm=error_nm, interpolation=scheme)).items():
         assert stated_nm(head) <= error_nm
         surface = getattr(lens, name)
-        turns, rim = int(re.search(r"; (\d+) azimuths", head).group(1)), int(re.search(r"ring (\d+) is", head).group(1))
         assert rows[0, :2].tolist() == [0.0, 0.0] and rows[0, 6:].tolist() == [0.0, 0.0] and rows[1, 6] > 0.0, "once"
-        rings = rows[1:].reshape(-1, turns, 8)
-        on_face = rings[:rim].reshape(-1, 8)
+        between, rings = between_nodes(head, rows, {"bicubic": 4, "linear": 2}[scheme])
+        on_face = rings.reshape(-1, 8)
         assert off_surface_nm(on_face[:, :3], surface).max() < 2e-3
         across = np.linalg.norm(on_face[:, :2], axis=1)
         assert np.abs(np.degrees(np.arctan2(across, on_face[:, 2])) - on_face[:, 6]).max() < 1e-6
         turned = np.degrees(np.arctan2(on_face[:, 1], on_face[:, 0])) - on_face[:, 7]
         assert np.abs((turned + 180.0) % 360.0 - 180.0).max() < 1e-5
-        assert rings[rim - 1, 0, 6] == 90.0 and np.abs(rings[rim - 1, :, 2]).max() < 1e-9
-        values = np.stack([np.linalg.norm(rings[..., :2], axis=-1), rings[..., 2]], axis=-1)
-        apex = np.tile([0.0, rows[0, 2]], (1, turns, 1))
-        through = np.roll(values[:1], turns // 2, axis=1) * [-1.0, 1.0]
-        table = np.concatenate([through, apex, values])  # its second ring is the apex
-        rng, count = np.random.default_rng(4), {"bicubic": 4, "linear": 2}[scheme]
-        t, turn = rim * rng.random(400) ** 0.5, turns * rng.random(400)
-        cell, sector = np.minimum(np.floor(t).astype(int), rim - 1), np.floor(turn).astype(int)
-        around = np.arange(count) - (count // 2 - 1)
-        near = table[(cell[:, None] + around + 1)[:, :, None], ((sector[:, None] + around) % turns)[:, None, :]]
-        r, z = np.einsum("nabc,na,nb->cn", near, lagrange(t - cell, count), lagrange(turn - sector, count))
-        azimuth = 2.0 * np.pi / turns * turn
-        between = np.column_stack([r * np.cos(azimuth), r * np.sin(azimuth), z])
-        found = off_surface_nm(between, surface).max()
-        assert 0.2 * stated_nm(head) < found <= 1.05 * stated_nm(head)
+        assert rings[-1, 0, 6] == 90.0 and np.abs(rings[-1, :, 2]).max() < 1e-9
+        assert 0.2 * stated_nm(head) < off_surface_nm(between, surface).max() <= 1.05 * stated_nm(head)
 
 
 @pytest.mark.nightly("two seconds; by day tables are within their errors")

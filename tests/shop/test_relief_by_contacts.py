@@ -5,10 +5,10 @@ from math import hypot, inf, sqrt
 
 import numpy as np
 import pytest
-from known_shapes import exported, sphere
+from known_shapes import exported, sampled, sphere
 
 from lensforge.cad.plan import lay_out
-from lensforge.shop.ball_clearance import check_ball_clearance, wall_retreat_mm
+from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh, wall_retreat_mm
 from lensforge.shop.face_check import FaceCheck, check_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.spec import BaseSection
@@ -156,3 +156,31 @@ def test_of_a_face_that_the_ball_does_not_reach_nothing_is_known(faces) -> None:
     plan = lay_out(INNER.patch, OUTER.patch, BaseSection(height_mm=3.0))
     found = check_ball_clearance(plan, None, by_name(both)).faces["inner"]
     assert (found.bore_clearance_mm, found.pocket_diameter_mm, found.flush_fraction) == (None, None, 0.0)
+
+
+DOME = 2.45
+
+
+def plate(tmp_path, bore, step=0.0):
+    """A wide plate under the dome: its ring at the bore rises to z = 0, the rest lies ``step`` lower."""
+    import cadquery as cq
+
+    body = cq.Workplane("XY").workplane(offset=-3.0).rect(30.0, 30.0).extrude(3.0 - step)
+    body = body.union(cq.Workplane("XY").circle(DOME - 0.2).extrude(-3.0))
+    body = body.cut(cq.Workplane("XY").circle(bore / 2.0).extrude(-3.0))
+    cq.exporters.export(body, str(tmp_path / "clamp.step"))
+    return read_base_mesh(tmp_path / "clamp.step")
+
+
+def test_a_narrow_bore_is_in_the_ball_s_way_in_the_cavity(tmp_path):
+    # At the rim of a hemisphere the ball's centre is in z = 0, R inside the cavity; the bore's edge is 0.2 closer.
+    samples = sampled(sphere(1.5), AirSide.INSIDE, 41)
+    retreat = plate(tmp_path, 2.0 * (1.5 - 0.2)).retreat_mm(samples, 0.5)
+    assert retreat.max() == pytest.approx(0.2, abs=1e-3)  # the chord of the base's mesh
+    assert (plate(tmp_path, 3.0).retreat_mm(samples, 0.5) < 1e-3).all()
+
+
+def test_obstacles_lie_on_the_base(tmp_path):
+    points = plate(tmp_path, 2.0, step=1.0).points()
+    assert points.shape == (4000, 3)
+    assert (points[:, 2].max(), points[:, 2].min()) == pytest.approx((0.0, -3.0), abs=1e-9)

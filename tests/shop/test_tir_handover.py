@@ -10,7 +10,7 @@ import ezdxf
 import numpy as np
 import pytest
 from known_shapes import sphere
-from shop_lenses import OfSpheres, lagrange, quick_check, small_lens
+from shop_lenses import OfSpheres, between_nodes, quick_check, rows_of, small_lens
 from tir_lenses import spot, spot_lens
 
 from lensforge.cad.part_export import build_part
@@ -48,13 +48,6 @@ def domain_of(lens, name, polar):
     return radii[name] <= np.min(list(radii.values()), axis=0) + 1e-9
 
 
-def rows_of(grid):
-    lines = grid.content.decode().splitlines()
-    head = "\n".join(line for line in lines if line.startswith("#"))
-    count = head.count("\n") + 2
-    return head, np.array([[float(value) for value in line.split(",")] for line in lines[count:]])
-
-
 def test_points_to_measure_lie_on_their_face_up_to_the_crease(handed):
     lens, made = handed
     lines = [line.split(",") for line in made.points_csv.decode().splitlines() if not line.startswith("#")][1:]
@@ -72,31 +65,10 @@ def test_a_table_from_crease_to_rim_read_back_and_interpolated_is_within_its_sta
     lens, made = handed
     for name, grid in zip(TIR, made.grids, strict=True):
         (head, rows), surface = rows_of(grid), lens.surfaces[name]
-        assert (grid.face, grid.points) == (name, len(rows))
-        turns, rim = (
-            int(re.search(words, head).group(1))
-            for words in (r"; (\d+) azimuths", r"ring (\d+) (?:is|reaches its crease,)")
-        )
-        begin = int(found.group(1)) if (found := re.search(r"from ring (\d+),", head)) else 0
-        assert (begin > 0) == (name in ("side", "wall"))
-        rings = (rows if begin else rows[1:]).reshape(-1, turns, 8)
-        if not begin:  # the apex, and the first ring from the other side before it
-            through = np.roll(rings[:1], turns // 2, axis=1)
-            rings = np.concatenate([through, np.tile(rows[0], (1, turns, 1)), rings])
-        values = np.stack([np.linalg.norm(rings[..., :2], axis=-1), rings[..., 2]], axis=-1)
-        values[0] *= 1.0 if begin else np.array([-1.0, 1.0])
-        shift = 0 if begin else 1
-        polar = np.radians(rings[:, 0, 6])
-        own = domain_of(lens, name, np.linspace(polar[begin + shift], polar[rim + shift], 400))
-        assert own[1:-1].all() and (name in ("side", "wall") or polar[rim + shift] < 1.5)
-        rng = np.random.default_rng(3)
-        t, turn = begin + (rim - begin) * rng.random(300), turns * rng.random(300)
-        cell, sector = np.minimum(np.floor(t).astype(int), rim - 1), np.floor(turn).astype(int)
-        around = np.arange(4) - 1
-        near = values[(cell[:, None] + around + shift)[:, :, None], ((sector[:, None] + around) % turns)[:, None, :]]
-        r, z = np.einsum("nabc,na,nb->cn", near, lagrange(t - cell, 4), lagrange(turn - sector, 4))
-        azimuth = 2.0 * np.pi / turns * turn
-        between = np.column_stack([r * np.cos(azimuth), r * np.sin(azimuth), z])
+        between, rings = between_nodes(head, rows, 4)
+        begin, rim = np.radians(rings[[0, -1], 0, 6])
+        own = domain_of(lens, name, np.linspace(begin if name in ("side", "wall") else 0.0, rim, 400))
+        assert own[1:-1].all() and (("from ring" in head) == (name in ("side", "wall")) == (rim > 1.5))
         radius = np.linalg.norm(between, axis=1, keepdims=True)
         u = between / radius
         off = (radius[:, 0] - surface.radius(u)) * np.sum(surface.normal(u) * u, axis=1)

@@ -1,13 +1,20 @@
-"""The plate of a spec: its size, its lenses, and what is refused."""
+"""The plate of a spec: its size, its lenses, its outline from a STEP file as drawn, and what is refused in one line."""
 
+import json
+from math import pi, tan
+from pathlib import Path
 from typing import Any
 
+import cadquery as cq
 import numpy as np
 import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.spec import Spec
+from lensforge.spec import Spec, load_spec
+from lensforge.spec.plate_outline import DrawnOutline
+from lensforge.surfaces.plane_loop import area_mm2, box_of_loop
+from lensforge.surfaces.step_outline import DRAWING, FOUND, JOB, _write_loops
 
 GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 30.0]}
 ENDLESS = {"kind": "endless", "pitch_mm": 200.0}
@@ -112,3 +119,155 @@ def test_a_plate_that_cannot_be_is_refused_in_one_line(
     with pytest.raises(InputError, match=words) as caught:
         plated(plate, lamps)
     assert "\n" not in str(caught.value)
+
+
+QUARTER = tan(pi / 8.0)
+LAMPS = {"kind": "table", "places_mm": [[0.0, 0.0], [24.0, -1.0], [-1.0, 17.0]]}
+
+
+def l_shape(height_mm: float = 5.0) -> cq.Workplane:
+    """A flat L off the origin, an arc in its inner corner and on an outer one, with a round hole and a slot."""
+    inner, outer = 4.0 * (1.0 - 0.5**0.5), 6.0 * (1.0 - 0.5**0.5)
+    around = cq.Workplane("XY").workplane(offset=height_mm).moveTo(-12, -10).lineTo(40, -10).lineTo(40, 8).lineTo(14, 8)
+    around = around.threePointArc((10 + inner, 8 + inner), (10, 12)).lineTo(10, 36).lineTo(-6, 36)
+    flat = around.threePointArc((-12 + outer, 36 - outer), (-12, 30)).close().extrude(-2.0)
+    above = flat.faces(">Z").workplane(origin=(0, 0, height_mm))
+    drilled = above.pushPoints([(34, 4)]).hole(4.0).faces(">Z").workplane(origin=(0, 0, height_mm))
+    return drilled.pushPoints([(-2, 29)]).slot2D(8, 3, 30).cutThruAll()
+
+
+AREA = 52.0 * 18.0 + 22.0 * 28.0 + (4.0**2 - 6.0**2) * (1.0 - pi / 4.0) - 4.0 * pi - (5.0 * 3.0 + pi * 1.5**2)
+
+
+def step(shape: Any, path: Path) -> Path:
+    cq.exporters.export(shape if isinstance(shape, cq.Workplane) else cq.Workplane(obj=shape), str(path))
+    return path
+
+
+def read_here(shape: Any, folder: Path) -> DrawnOutline:
+    """The outline as the child finds it, here."""
+    step(shape, folder / DRAWING)
+    (folder / JOB).write_text(json.dumps({"origin": "plate.step", "remedy": "export it again"}))
+    _write_loops(folder)
+    return DrawnOutline(loops_mm=json.loads((folder / FOUND).read_text()))
+
+
+def wires_of(flat: cq.Workplane) -> cq.Compound:
+    return cq.Compound.makeCompound(flat.faces(">Z").val().Wires())
+
+
+@pytest.mark.parametrize("kind", ["solid", "face", "wires", "from below", "mirrored"])
+def test_an_outline_is_read_as_it_is_drawn(kind: str, tmp_path: Path) -> None:
+    flat, mirror = l_shape(), 1.0
+    shape: Any = {"solid": flat, "face": flat.faces(">Z"), "wires": wires_of(flat)}.get(kind, flat)
+    if kind == "from below":
+        shape = flat.faces("<Z")
+    if kind == "mirrored":
+        shape, mirror = flat.mirror("YZ"), -1.0
+    outline = read_here(shape, tmp_path)
+    assert [len(corners) for corners in outline.loops_mm] == [8, 4, 2] and len(outline.slots) == 1
+    openings = sum(pi * radius**2 for _, radius in outline.circles) + sum(map(area_mm2, outline.slots))
+    assert area_mm2(outline.outer) - openings == pytest.approx(AREA, rel=1e-12)
+    ((centre, radius),) = outline.circles
+    assert (*centre, radius) == pytest.approx((mirror * 34.0, 4.0, 2.0), abs=1e-9)
+    (low, high), x = box_of_loop(outline.outer), sorted((mirror * -12.0, mirror * 40.0))
+    assert (*low, *high) == pytest.approx((x[0], -10.0, x[1], 36.0), abs=1e-9)
+
+
+def test_a_spec_has_the_outline_itself_and_needs_the_file_no_more(tmp_path: Path) -> None:
+    """Read in the child process; its name counts from the folder of the spec."""
+    file = step(l_shape(), tmp_path / "plate.step")
+    spec = small_spec(lamps=LAMPS, plate={"kind": "step", "outline": str(file), "thickness_mm": 2.0})
+    spec.save(tmp_path / "kept.toml")
+    file.unlink()
+    again = load_spec(tmp_path / "kept.toml")
+    assert again.plate == spec.plate
+    assert spec.plate is not None and isinstance(spec.plate.outline, DrawnOutline)
+    assert (spec.plate.outline.origin, len(spec.plate.outline.sha256)) == ("plate.step", 64)
+    assert [name for name, _ in spec.plate.marks] == ["hole 1 of plate.outline"]
+    assert spec.plate.size_mm(spec.all_lamps, 7.0) == (52.0, 46.0)
+
+
+def _tilted() -> cq.Workplane:
+    return l_shape().rotate((0, 0, 0), (1, 0, 0), 10.0)
+
+
+def circle_at(x: float) -> cq.Wire:
+    return cq.Wire.makeCircle(4.0, cq.Vector(x, 0.0, 0.0), cq.Vector(0.0, 0.0, 1.0))
+
+
+REFUSED: dict[str, tuple[Any, str]] = {
+    "tilted": (_tilted, "none of its .* faces is a plane of one z; draw the outline in the x-y plane, and export"),
+    "bodies": (lambda: cq.Workplane().pushPoints([(0, 0), (20, 0)]).rect(9, 9).extrude(1), "2 bodies, an outline is"),
+    "steps": (
+        lambda: cq.Workplane().rect(30, 9).extrude(2).faces(">Z").workplane().rect(5, 9).cutBlind(-1),
+        "2 plane faces at its top, z = 2 mm, an outline is one",
+    ),
+    "faces": (lambda: l_shape().faces("|Z"), "2 plane faces of one z, an outline is one"),
+    "spline": (
+        lambda: cq.Workplane().spline([(0, 0), (9, 2), (8, 9)], periodic=True).close().extrude(1),
+        "a curve that is no line or arc .BSplineCurve. from .* draw it by lines and arcs",
+    ),
+    "open": (
+        lambda: cq.Workplane().polyline([(0, 0), (9, 0), (9, 9), (0, 8)]).wire(),
+        r"its outline is not closed: it ends 8 mm .* at \(.*, 8\) mm; close it",
+    ),
+    "wires": (
+        lambda: cq.Compound.makeCompound([circle_at(0.0), circle_at(9.0)]),
+        "holds several outlines, one of them at",
+    ),
+    "crossing": (lambda: cq.Workplane().polyline([(0, 0), (9, 9), (9, 0), (0, 7)]).close(), "crosses itself"),
+    "upright": (lambda: cq.Workplane("XZ").rect(9, 9), "between z = -4.5 and 4.5 mm, must have one z"),
+    "point": (lambda: cq.Vertex.makeVertex(1, 2, 3), "holds no face and no wire"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_outline_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
+    make, words = REFUSED[name]
+    with pytest.raises(InputError, match=words) as caught:
+        read_here(make(), tmp_path)
+    assert "\n" not in str(caught.value) and str(caught.value).startswith("plate.step: ")
+
+
+def drawn(loops: list[Any], **plate: Any) -> Spec:
+    outline = {"origin": "plate.step", "loops_mm": loops}
+    return small_spec(lamps=LAMPS, plate={"kind": "step", "outline": outline, "thickness_mm": 2.0, **plate})
+
+
+L_LOOP = [
+    [-12, -10, 0], [40, -10, 0], [40, 8, 0], [14, 8, -QUARTER], [10, 12, 0],
+    [10, 36, 0], [-6, 36, QUARTER], [-12, 30, 0],
+]  # fmt: skip
+PIN = {"diameter_mm": 3.0, "height_mm": 1.0}
+HOLE = [[36, 4, 1], [32, 4, 1]]
+SLOT = [[10, -9, 0], [14, -9, 0], [14, 7, 0], [10, 7, 0]]  # between two lenses
+
+
+@pytest.mark.parametrize(
+    ("loops", "plate", "words"),
+    [
+        ([L_LOOP], {"kind": "round"}, 'kind = "step" and outline go together'),
+        ([L_LOOP], {"outline": None}, 'kind = "step" and outline go together'),
+        ([L_LOOP], {"margin_mm": 2.0}, 'margin_mm = 2 does not go with kind = "step"'),
+        ([L_LOOP], {"width_mm": 9.0}, 'width_mm = 9 does not go with kind = "step"'),
+        ([L_LOOP[::-1]], {}, "loops_mm.0: has no area, or runs clockwise"),
+        ([[*L_LOOP[:4], [3, 12, 0], [3, 36, 0], *L_LOOP[6:]]], {}, r"\(-1, 17\) mm ends 3 mm outside that"),
+        ([L_LOOP, [[x - 5, y, b] for x, y, b in SLOT]], {}, r"\(0, 0\) mm ends 2 mm outside that of plate.step"),
+        ([L_LOOP, [[x - 12, y, b] for x, y, b in HOLE]], {}, r"hole 1 of plate.outline: .* meets a lens of 7 mm"),
+        ([L_LOOP], {"pins": [{**PIN, "place_mm": [12, 10]}]}, r"pins.0: .* crosses the edge"),
+        ([L_LOOP, SLOT], {"pins": [{**PIN, "place_mm": [9, 0]}]}, r"pins.0: .* crosses the edge"),
+        ([L_LOOP], {"gate": {"place_mm": [20, 7], "width_mm": 3}}, r"gate.place_mm = \(20, 7\): 1 mm inside"),
+    ],
+)  # fmt: skip
+def test_what_does_not_go_with_an_outline_is_refused(loops: list[Any], plate: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        drawn(loops, **plate)
+    assert "\n" not in str(caught.value)
+
+
+def test_distances_from_a_drawn_edge_are_those_by_hand() -> None:
+    spec = drawn([L_LOOP, HOLE, SLOT])
+    assert spec.plate is not None
+    found = [spec.plate.to_edge_mm(place, (0.0, 0.0)) for place in [(9.0, 7.0), (24.0, -1.0), (0.0, 0.0), (-13.0, 0.0)]]
+    np.testing.assert_allclose(found, [1.0, 9.0, 10.0, -1.0], atol=1e-12)
