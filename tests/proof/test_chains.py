@@ -174,7 +174,7 @@ def test_all_flux_is_accounted_for_and_the_path_of_the_cast_is_no_stray_light(na
     budget = follow(PartBody(part, grid, media), RAYS, Limits(cut_off=1e-6, depth=40))
     escaped, passage = budget.escaped(), send_through(part, grid, RAYS, media)
     total = escaped.flux.sum() + budget.absorbed + budget.base + budget.cut_off + budget.leaked
-    assert total == pytest.approx(1.0, abs=1e-12)
+    assert total == pytest.approx(1.0, abs=1e-12) and budget.base == 0.0
     sequential = escaped.flux[escaped.causes == Cause.SEQUENTIAL].sum()
     assert sequential == pytest.approx(passage.flux[passage.fates == CastFate.LANDED].sum(), rel=1e-9)
     assert sequential > 0.25 and (escaped.causes == Cause.OUTER_REFLECTION).any()

@@ -156,6 +156,7 @@ def test_their_light_is_among_what_every_proof_is_judged_by(small_run: lf.Run) -
     assert own is not None and own.nmse_less_noise is not None
     second = first.model_copy(update={"name": "wall"})
     limits = {each.name: each.limit for each in proof.criteria}
+    assert limits["own_rays_emission"] == MOST_APART
     for factor, passed in ((0.99, True), (1.01, False)):
         light = own.efficiency_design.value + factor * limits["own_rays_efficiency"]
         worse = {
