@@ -27,6 +27,7 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
 from lensforge.shop.findings import plate_findings
 from lensforge.spec import BaseSection
+from lensforge.spec.lamps_section import Lamps
 from lensforge.surfaces.plane_loop import area_mm2
 
 INNER, OUTER = 0.8, 2.45  # mm; constraints.max_radius_mm is twice the outer
@@ -154,7 +155,7 @@ def test_the_least_gap_is_that_of_the_spheres() -> None:
 def test_a_lens_beside_its_place_fails(ring: Part, monkeypatch: pytest.MonkeyPatch, shift_mm: float) -> None:
     def shifted(plan: Any, layout: Any) -> Any:
         (x, y), *others = layout.lenses.places_mm
-        moved = replace(layout.lenses, places_mm=((x + shift_mm, y), *others))
+        moved = Lamps.level([(x + shift_mm, y), *others])
         return build_plate_solid(plan, replace(layout, lenses=moved))
 
     monkeypatch.setattr(plate_export, "build_plate_solid", shifted)

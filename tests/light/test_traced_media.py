@@ -293,10 +293,11 @@ def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray, n
     """Points and directions behind lens and glass, and flux, of the spheres, by the sums of the verification."""
     radii, flux, fields = (0.8, 2.45), rays.flux, unpolarised(rays.directions)
     points, directions = rays.origins, rays.directions
-    light = LitRays.of(rays, media)
+    light, count = LitRays.of(rays, media), len(rays)
+    waves = light.wavelengths_nm
     faces = (
-        RefractingFace.of(light, media.cavity_index, media.coating("inner"), inside=False),
-        RefractingFace.of(light, media.outside_index, media.coating("outer"), inside=True),
+        RefractingFace(np.full(count, media.cavity_index), light.indices, media.coating("inner"), waves, True),
+        RefractingFace(light.indices, np.full(count, media.outside_index), media.coating("outer"), waves, False),
     )
     for radius, face in zip(radii, faces, strict=True):
         along = np.sum(points * directions, axis=1)
