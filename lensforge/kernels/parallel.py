@@ -12,6 +12,9 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 CHUNKS = 8
 _asked: list[int] = []  # by the blocks of ``kernel_threads`` that are open
 
@@ -27,6 +30,23 @@ def kernel_threads(threads: int | None) -> Iterator[None]:
         yield
     finally:
         _asked.pop()
+
+
+@contextmanager
+def torch_on_one_thread() -> Iterator[None]:
+    """Let torch use one thread inside the block, and the kernels as many as they had.
+
+    Products and sums of torch have other bits on another number of threads.
+    """
+    import torch
+
+    before = torch.get_num_threads()
+    with kernel_threads(thread_count()):
+        torch.set_num_threads(1)
+        try:
+            yield
+        finally:
+            torch.set_num_threads(before)
 
 
 def thread_count() -> int:
@@ -46,6 +66,11 @@ def in_chunks(work: Callable[[int, slice], Any], count: int) -> None:
     """Run ``work(chunk number, slice of rays)`` for every chunk on as many threads as the kernels may use."""
     edges = [count * i // CHUNKS for i in range(CHUNKS + 1)]
     in_parallel(lambda i: work(i, slice(edges[i], edges[i + 1])), CHUNKS)
+
+
+def part_of(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " i"]:
+    """Values of some of the rays, where there is one for each; the one for all, or none, where there is not."""
+    return values if len(values) <= 1 else values[part]
 
 
 def in_parallel(work: Callable[[int], Any], count: int) -> None:

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.kernels.fresnel import behind_plate, behind_plate_adjoint
-from lensforge.kernels.parallel import in_chunks
+from lensforge.kernels.parallel import in_chunks, part_of
 from lensforge.optics.arrays import Array, like, module_of
 from lensforge.optics.coatings import GLASS, coated_faces, coating_tables, whole_span
 from lensforge.optics.dielectric import (
@@ -88,11 +88,6 @@ class RayCoatings:
     def part(self, part: slice) -> Float[np.ndarray, " i"]:
         """Rows of some of the rays."""
         return part_of(self.rows, part)
-
-
-def part_of(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " i"]:
-    """Values of some of the rays, where there is one for each; the one for all, or none, where there is not."""
-    return values if len(values) <= 1 else values[part]
 
 
 def _compiled(table: Float[np.ndarray, "k m 2"] | None) -> _Compiled:

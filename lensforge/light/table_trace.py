@@ -12,9 +12,9 @@ from lensforge.kernels.bicubic import FaceBounds, SurfaceBounds, surface_bounds
 from lensforge.kernels.chain_adjoint import empty_chain
 from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.nearly_convex import chain_bounds
-from lensforge.kernels.parallel import CHUNKS, in_chunks
+from lensforge.kernels.parallel import CHUNKS, in_chunks, part_of
 from lensforge.kernels.trace import trace
-from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass, part_of
+from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
 from lensforge.light.further_bodies import TWO_FACES, BodyPassage, fields_of_two_faces, polarised, through_bodies
 from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.as_made import AsMade, Placed, Rough, rough_part

@@ -22,17 +22,15 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.metrics import Images
 from lensforge.light.receiver_light import bounds_on
 from lensforge.light.simulation import TracedLens
-from lensforge.made.part_light import (
+from lensforge.made.board_light import (
     BoardLight,
-    HeldLight,
-    MeasuredPart,
-    PartLight,
     common_to_lamps,
     designed_pictures,
     in_plate,
     periods_of,
     pictures_of,
 )
+from lensforge.made.part_light import HeldLight, MeasuredPart, PartLight
 from lensforge.made.tolerance_result import MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Metric

@@ -18,8 +18,9 @@ from jaxtyping import Bool, Float
 
 from lensforge.light.metrics import jackknife_error
 from lensforge.light.simulation import REPLICATES
+from lensforge.made.board_light import periods_of
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress, Workers, by_threads
-from lensforge.made.part_light import HeldLight, periods_of
+from lensforge.made.part_light import HeldLight
 from lensforge.made.part_study import PartStudy, Recipe, require_bearable
 from lensforge.made.tolerance_budget import budget
 from lensforge.made.tolerance_result import (

@@ -1,41 +1,29 @@
-"""Non-sequential trace of the part, and the stray light that it shows: its flux, its causes, and where it lands.
+"""Non-sequential trace of the part: rays split at every surface and are absorbed in the bulk until all light has left.
 
-Every ray splits at every surface into a transmitted and a reflected one, and is absorbed in the bulk, until all light
-has left. Nothing is drawn at random, so the flux budget closes to rounding. The polarisation of each ray goes with it.
-
-Stray light is what the sequential trace of the same rays through the same mesh leaves out: reflections and the base.
-The board and the chip under the lens are not modelled: they absorb all light that comes back to them.
+Every ray splits into a transmitted and a reflected one; nothing is drawn at random, so the flux budget closes to
+rounding. The polarisation of each ray goes with it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from time import perf_counter
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.media import Media
-from lensforge.proof.acceptance import stray_criteria
-from lensforge.proof.body_cast import behind_optics
-from lensforge.proof.facet_casting import Grid, Leg
-from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
-from lensforge.proof.part_mesh import read_part_mesh
-from lensforge.proof.proof_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight
-from lensforge.proof.receiver_screen import Screen, nmse
+from lensforge.proof.facet_casting import Leg
+from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.refraction import AtFace, LitRays
 from lensforge.proof.sequential_cast import (
     SKIN_MM,
     MeshBody,
-    Passage,
     SurfaceHits,
     at_faces,
     outside_leg,
-    send_through,
 )
-from lensforge.results.arguments import require_choice
 from lensforge.sources.ray_bundle import RayBundle
 
 # A polished base is as clear as the lens; a black one absorbs all light that meets it, as a holder may.
@@ -219,136 +207,3 @@ def _causes(
     reflection = np.where(on_path, Cause.SEQUENTIAL, reflection)
     reflected = np.where(transmitted == Cause.SEQUENTIAL, reflection, transmitted)
     return np.where(light.stray, light.causes, transmitted), np.where(light.stray, light.causes, reflected)
-
-
-def trace_stray(
-    stl: bytes,
-    *,
-    rays: RayBundle,
-    media: Media,
-    screens: Sequence[Screen],
-    names: Sequence[str] = ("light",),
-    base: Base = "polished",
-    optical: OpticalFaces = USUAL_LENS,
-    limits: Limits | None = None,
-    threads: int = 1,
-    inputs: Mapping[str, str] | None = None,
-) -> StrayLight:
-    """Follow ``rays`` through the part in the bytes of an STL file (mm) until all light has left it.
-
-    Shares are of the emitted flux; "detected" is what lands in the window of each of ``screens``, of ``names``.
-    ``optical``: the faces of the part, and the events of its light. The result does not depend on ``threads``.
-    ``inputs``: hashes of the inputs, by name. Raises :class:`InputError` for bytes that hold no mesh, and for an
-    unknown ``base``.
-    """
-    require_choice("base", base, get_args(Base))
-    start = perf_counter()
-    limits = limits or Limits()
-    part = read_part_mesh(stl, optical)
-    grid = Grid(part.mesh)
-    budget = follow(PartBody(part, grid, media, base), rays, limits, threads)
-    passage, emitted = send_through(part, grid, rays, media, threads), float(rays.flux.sum())
-    result = StrayLight(
-        inputs=dict(inputs or {}),
-        receivers=tuple(
-            _on_receiver(name, screen, budget, passage, emitted, media)
-            for name, screen in zip(names, screens, strict=True)
-        ),
-        rays=len(rays),
-        base=base,
-        lenses=1 if optical.plate is None else len(optical.plate.places),
-        neighbours=budget.neighbours / emitted,
-        absorption_per_mm=media.body.absorption_per_mm,
-        cut_off=limits.cut_off,
-        depth=limits.depth,
-        criteria=(),
-        seconds=perf_counter() - start,
-    )
-    return result.model_copy(update={"criteria": stray_criteria(result)})
-
-
-def _on_receiver(
-    name: str, screen: Screen, budget: FluxBudget, passage: Passage, emitted: float, media: Media
-) -> ReceiverStray:
-    """Stray light on one receiver, of ``emitted`` (W)."""
-    sequential, landed = passage.landed(screen), _ReceivedLight.of(budget, screen, media)
-    reference, flux = screen.irradiance(sequential.landings, sequential.flux), _flux(budget, landed, media, emitted)
-    direct, stray = (
-        screen.irradiance(landed.points[rows], landed.flux[rows]) for rows in (~landed.stray, landed.stray)
-    )
-    whole = direct + stray
-    return ReceiverStray(
-        name=name,
-        width=screen.width,
-        height=screen.height,
-        far_field=screen.kind == "far_field",
-        flux=flux,
-        balance_error=abs(sum(flux.model_dump().values()) - 1.0),
-        detected_stray_by_cause=_by_cause(landed, emitted),
-        misplaced_flux=float(np.abs(whole - reference).sum()) * screen.pixel_measure / emitted,
-        nmse_vs_sequential=nmse(whole, reference) if reference.any() else None,
-        peak_of_mean=float(stray.max() / reference.mean()) if reference.any() else None,
-        efficiency=flux.detected_direct + flux.detected_stray,
-        efficiency_sequential=float(sequential.flux[screen.in_window(sequential.landings)].sum()) / emitted,
-        sequential=reference,
-        direct=direct,
-        stray=stray,
-    )
-
-
-@dataclass(frozen=True)
-class _ReceivedLight:
-    """Light on the receiver's surface: places on its chart, flux (W), causes, in the window; and what missed it (W).
-
-    ``optics_w``: what a cover glass, or further bodies, took of the light that came to them.
-    """
-
-    points: Float[np.ndarray, "n 2"]
-    flux: Float[np.ndarray, " n"]
-    causes: Int[np.ndarray, " n"]
-    in_window: Bool[np.ndarray, " n"]
-    missed_w: float
-    optics_w: float
-
-    @staticmethod
-    def of(budget: FluxBudget, screen: Screen, media: Media) -> "_ReceivedLight":
-        """Land the light that has left the part."""
-        escaped = budget.escaped()
-        ends = escaped.points, escaped.directions
-        points, directions, through = behind_optics(*ends, media, escaped.wavelengths_nm, escaped.fields)
-        places, left = screen.land(points, directions), escaped.flux * through
-        reached = ~np.isnan(places[:, 0])
-        missed_w, optics_w = float(left[~reached].sum()), float((escaped.flux - left).sum())
-        places, flux, causes = places[reached], left[reached], escaped.causes[reached]
-        return _ReceivedLight(places, flux, causes, screen.in_window(places), missed_w, optics_w)
-
-    @property
-    def stray(self) -> Bool[np.ndarray, " n"]:
-        """True for light off the sequential path."""
-        stray: Bool[np.ndarray, " n"] = self.causes != Cause.SEQUENTIAL
-        return stray
-
-
-def _flux(budget: FluxBudget, landed: _ReceivedLight, media: Media, emitted: float) -> StrayFlux:
-    lost = {"bodies" if media.bodies else "cover_glass": landed.optics_w / emitted}
-    flux, inside, stray = landed.flux, landed.in_window, landed.stray
-    return StrayFlux(
-        detected_direct=float(flux[inside & ~stray].sum()) / emitted,
-        detected_stray=float(flux[inside & stray].sum()) / emitted,
-        outside_direct=float(flux[~inside & ~stray].sum()) / emitted,
-        outside_stray=float(flux[~inside & stray].sum()) / emitted,
-        backward=landed.missed_w / emitted,
-        absorbed=budget.absorbed / emitted,
-        **lost,
-        base=budget.base / emitted,
-        too_dim=budget.cut_off / emitted,
-        leaked=budget.leaked / emitted,
-    )
-
-
-def _by_cause(landed: _ReceivedLight, emitted: float) -> StrayByCause:
-    inside = landed.in_window
-    stray = [cause for cause in Cause if cause != Cause.SEQUENTIAL]
-    return StrayByCause.model_validate(
-        {cause.name.lower(): float(landed.flux[inside & (landed.causes == cause)].sum()) / emitted for cause in stray}
-    )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.light.evaluation_result import Light
-from lensforge.made.part_light import periods_of
+from lensforge.made.board_light import periods_of
 from lensforge.made.tolerance_result import Yield
 from lensforge.made.yield_facts import (
     bound_words,

@@ -15,6 +15,7 @@ import torch
 
 from lensforge import seeds
 from lensforge.errors import Cancelled, remedy
+from lensforge.kernels.parallel import torch_on_one_thread
 from lensforge.scene.body import radii
 from lensforge.scene.lens import Lens
 from lensforge.search.automatic_schedule import AutomaticSchedule
@@ -278,6 +279,7 @@ def _with_step(
 _SIZE_DIRECTIONS = 20_000  # over the hemisphere, at which radius and height are sampled
 
 
+@torch_on_one_thread()
 def search(
     spec: Spec,
     source: Source,

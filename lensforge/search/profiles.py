@@ -5,10 +5,8 @@ origin. The side of a cavity stays the cone that its draft asks for, a mouth or 
 move. The back of a reflector follows its cup: it has the cup's parameters, and an offset of its own beside.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
@@ -16,7 +14,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.errors import remedy
-from lensforge.results.arguments import threads_of_torch
 from lensforge.scene.body import Body, Face, nearest
 from lensforge.scene.lens import Lens
 from lensforge.search.parameters import Parametrisation, mirror_mean, sums_of
@@ -59,24 +56,6 @@ class FaceParameters:
             return np.array(surface.coefficients)
         basis, reach_mm = self.basis, self.start.reach_mm
         return np.array(ProfileFace.fitted(surface, basis.low, basis.high, basis.count, reach_mm).coefficients)
-
-
-class _OnOneThread(torch.autograd.Function):
-    """A function and its derivative by one thread: torch's products and sums have other bits on another number."""
-
-    @staticmethod
-    def forward(ctx: Any, function: Callable[..., Tensor], *inputs: Tensor) -> Tensor:
-        with threads_of_torch(1), torch.enable_grad():
-            ctx.inputs = [each.detach().requires_grad_() for each in inputs]
-            ctx.value = function(*ctx.inputs)
-        return torch.Tensor.detach(ctx.value)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        if not ctx.value.requires_grad:  # every face is given
-            return None, *[None for _ in ctx.inputs]
-        with threads_of_torch(1):
-            return None, *torch.autograd.grad([ctx.value], ctx.inputs, list(gradients), allow_unused=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,10 +118,6 @@ class ProfileParameters(Parametrisation):
 
     def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
         """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
-        tables: Tensor = _OnOneThread.apply(self._tables, weights, offsets)  # type: ignore[no-untyped-call]
-        return tables
-
-    def _tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
         weights, offsets = self._of_each(weights, offsets)
         found, sums = [], self._sums(weights[self.profile :])
         for face, own in enumerate(self.own):

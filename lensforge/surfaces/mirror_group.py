@@ -1,6 +1,6 @@
 """Mirror groups about the optical axis, by name: the 3x3 matrices under which a scene looks the same."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from itertools import product
 
 import numpy as np
@@ -52,7 +52,7 @@ def contains(larger: str, smaller: str) -> bool:
     return all(any(np.array_equal(a, b) for b in group(larger)) for a in group(smaller))
 
 
-def shared_symmetry(names: Iterable[str], allowed: Callable[[str], bool] = lambda _: True) -> str:
+def shared_symmetry(names: Sequence[str], allowed: Callable[[str], bool] = lambda _: True) -> str:
     """Largest mirror group that all groups of these ``names`` contain, of those ``allowed``."""
     shared = (each for each in reversed(NAMES) if all(contains(larger, each) for larger in names))
     return next(each for each in shared if allowed(each))

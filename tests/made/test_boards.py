@@ -10,7 +10,7 @@ from scenes import NO_TOLERANCES, small_spec, sphere, tolerance_changes
 
 from lensforge.errors import InputError
 from lensforge.light.lens_light import evaluate
-from lensforge.made.part_light import BoardLight, in_plate
+from lensforge.made.board_light import BoardLight, in_plate
 from lensforge.made.part_study import PartStudy, Recipe, require_bearable
 from lensforge.made.sensitivity import measure_sensitivity
 from lensforge.made.yield_facts import pass_sentence

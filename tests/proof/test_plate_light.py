@@ -22,7 +22,7 @@ from lensforge.optics.media import Media, Medium
 from lensforge.proof.acceptance import proof_criteria
 from lensforge.proof.casts import verify
 from lensforge.proof.facet_casting import Grid
-from lensforge.proof.nonsequential_trace import Base, trace_stray
+from lensforge.proof.nonsequential_trace import Base
 from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import cast_lamps
 from lensforge.proof.part_mesh import read_part_mesh
@@ -31,6 +31,7 @@ from lensforge.proof.proof_inputs import lamps_on_plate, plate_of
 from lensforge.proof.proof_result import StrayLight
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.sequential_cast import send_through
+from lensforge.proof.stray_analysis import trace_stray
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import BaseSection

@@ -5,9 +5,10 @@ from lens_meshes import DISTANCE, INDEX, INNER, OUTER, lambertian, oracle, right
 from lensforge.errors import InputError
 from lensforge.optics.media import CoverGlass, Media, Medium
 from lensforge.proof.acceptance import BALANCE, stray_criteria
-from lensforge.proof.nonsequential_trace import Limits, trace_stray
+from lensforge.proof.nonsequential_trace import Limits
 from lensforge.proof.proof_result import StrayLight
 from lensforge.proof.receiver_screen import Screen
+from lensforge.proof.stray_analysis import trace_stray
 
 SIDE, PIXELS = 300.0, 32
 RAYS = lambertian(1500, 2.0, seed=7)

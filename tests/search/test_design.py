@@ -5,9 +5,12 @@ import pytest
 from nightly import NIGHTLY
 from scenes import hemisphere_directions, small_spec
 from search_scenes import require_same_bits_after
+from tir_lenses import spot
 
+from lensforge.errors import Cancelled
+from lensforge.results.arguments import threads_of_torch
 from lensforge.scene.lens import Lens
-from lensforge.search.design_result import limits_of
+from lensforge.search.design_result import Progress, limits_of
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import fit_surface
 from lensforge.search.schedule import fixed_schedule
@@ -70,3 +73,19 @@ def test_a_lens_of_other_functions_is_fitted_as_a_start() -> None:
     u = hemisphere_directions(2000, 5)
     assert np.abs(fitted.radius(u) - source.radius(u)).max() < 2e-3
     assert np.abs(source.radius(u) - 5.0).max() > 3e-2
+
+
+def test_a_search_has_the_same_bits_on_any_number_of_threads() -> None:
+    """Of a lens whose tables torch multiplies and adds up."""
+    spec, found = spot(), set[str]()
+    source = build_source(spec.source)
+
+    def keep_third(step: Progress) -> bool:
+        if step.steps_done == 3:
+            found.add(step.lens().sha256)
+        return step.steps_done < 3
+
+    for threads in (1, 2):
+        with threads_of_torch(threads), pytest.raises(Cancelled):
+            search(spec, source, accuracy="draft", progress=keep_third)
+    assert len(found) == 1

@@ -13,7 +13,6 @@ import lensforge as lf
 from lensforge.cad.boundary import boundaries, sharpest_edges
 from lensforge.kernels.chain import REFLECTED
 from lensforge.light.table_trace import TracedBundle
-from lensforge.results.arguments import threads_of_torch
 from lensforge.scene.body import Body
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.feasibility import measure_constraints
@@ -60,21 +59,6 @@ def test_tables_are_those_of_the_faces_in_the_record(levels: list[int]) -> None:
     lens = parameters.lens(weights, offsets, spot(levels=levels), 0, "draft")
     again = parameters.tables(*parameters.parameters_of(lens))
     assert np.allclose(again.numpy(), tables.numpy(), rtol=0.0, atol=1e-6)
-
-
-@pytest.mark.parametrize("levels", [[], [25]])
-def test_tables_and_their_derivative_have_the_same_bits_on_any_number_of_threads(levels: list[int]) -> None:
-    parameters, found = ProfileParameters.of(spot(levels=levels), 2.5), set()
-    by_tables = torch.from_numpy(np.random.default_rng(2).normal(size=(4, parameters.grid.side, parameters.grid.side)))
-    for threads in (1, 2, 3):
-        with threads_of_torch(threads):
-            weights, offsets = (each.requires_grad_() for each in moved(parameters, 0.01))
-            tables = parameters.tables(weights, offsets)
-            tables.backward(by_tables)
-            assert torch.get_num_threads() == threads
-        assert weights.grad is not None and offsets.grad is not None
-        found.add(tuple(each.detach().numpy().tobytes() for each in (tables, weights.grad, offsets.grad)))
-    assert len(found) == 1
 
 
 def oval(width_deg: float, **lens: Any) -> Spec:

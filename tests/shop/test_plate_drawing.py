@@ -19,7 +19,9 @@ from lensforge.shop.sheet import Sheet, box_of
 from lensforge.shop.sheet_marks import words_of_dimension
 from lensforge.shop.sheet_writers import sheet_dxf
 from lensforge.shop.shop_files import make_handover
+from lensforge.shop.view_lines import front_line
 from lensforge.spec.lamps_section import GridLamps, HexagonLamps, RingLamps, TableLamps
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 PLATE = {"thickness_mm": 2.5, "margin_mm": 3.0}
 MARKS: dict[str, Any] = {
@@ -176,3 +178,17 @@ def test_a_drawn_outline_stands_as_it_is_drawn(part: Part) -> None:
     assert (sizes["width of the plate"], sizes["height of the plate"]) == pytest.approx((52.0, 43.0))
     notes = " ".join(each.text for each in sheet.marks.words)
     assert "from the origin of drawn.step" in " ".join(notes.split())
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 70.0])
+def test_the_front_of_a_turned_lens_is_its_silhouette(turn_deg: float) -> None:
+    """By all points of the dome, turned: the farthest of them in each direction of the plane across the view."""
+    lens, (c, s) = small_lens(), (np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg)))
+    u = fibonacci_hemisphere(400_000)
+    x, y, z = (lens.surfaces["outer"].radius(u)[:, None] * u).T
+    seen, drawn = np.stack([c * x - s * y, z]), front_line(lens, turn_deg).T
+    farthest = [np.zeros(90), np.zeros(90)]
+    for found, (across, up) in zip(farthest, (seen, drawn), strict=True):
+        sector = np.clip((np.degrees(np.arctan2(across, up)) + 90.0) // 2.0, 0, 89).astype(int)
+        np.maximum.at(found, sector, np.hypot(across, up))
+    np.testing.assert_allclose(farthest[1], farthest[0], rtol=0.0, atol=2e-3)

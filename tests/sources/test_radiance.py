@@ -190,6 +190,8 @@ def test_files_that_are_no_table_are_refused_in_one_line(tmp_path: Path) -> None
         (named, "no array 'c_deg'"),
         *((good(radiance=each), "not readable as a NumPy archive") for each in words),
         (good(gamma_deg=np.array([0.0, 120.0])), r"led\.npz: gamma_deg = 0 to 120: within 0 to 90"),
+        (good(radiance=np.zeros((2, 1, 1, 2))), "its flux is 0 W: radiances must not be all dark"),
+        (good(radiance=np.full((2, 1, 1, 2), 9e19)), "W: radiances must not be all dark, or huge"),
     ):
         if arrays is not None:
             np.savez(path, **arrays)

@@ -1,0 +1,201 @@
+"""Light of lamps together, each with errors of its own: of a board or a plate, or of a patch of an endless lattice.
+
+The picture of a board is the sum over its lamps of that of the lens as designed, by many rays, times the flux of each
+lamp, and of the change that the errors of each lamp make to its picture. For the change every lamp is traced by its
+share of the rays, which are added where they land and taken off where the lens as designed would send them. So the flux
+of the lamps adds no noise, rays that an error does not move add none, and a board takes as many rays as one lamp.
+
+Of a lattice without an end a patch of some periods is drawn, and repeated without an end: its light is measured over
+all of the patch, its limits in each of its periods.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import radians
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import sparse
+
+from lensforge.errors import InputError
+from lensforge.kernels.image_sums import add_to_bins
+from lensforge.light.metrics import Images
+from lensforge.light.simulation import REPLICATES, TracedLens, bundles
+from lensforge.made.part_light import HeldLight, PartLight, ReceivedImages
+from lensforge.scene.lamp_pictures import LampPictures, patch_pictures, seen_by
+from lensforge.scene.limit_readings import LightLimit
+from lensforge.scene.made_part import MadePart
+from lensforge.scene.perturbations import Deviations
+from lensforge.scene.pixel_grid import bin_flux, gaussian3
+from lensforge.scene.receiver import Landings, PosedReceiver
+from lensforge.scene.target_pattern import DrawnTarget
+from lensforge.sources.ray_bundle import Source
+from lensforge.spec import Spec
+from lensforge.spec.lamps_section import Place
+
+_PERIODS = 3  # along x and along y, of a lattice without a plate
+_MOST_PIXELS = 2**20  # of a patch, of which a study keeps sixteen pictures at a time
+COMMON = frozenset({"index", "shrinkage"})  # of the batch
+OF_PLATE = ("lens_shift_mm", "lens_height_mm", "lens_tilt_deg")  # of one piece
+
+
+def common_to_lamps(spec: Spec) -> frozenset[str]:
+    """Tolerances that all lamps of a board have alike: those of the batch, and the place of the plate, if any."""
+    return COMMON if spec.plate is None else COMMON.union(OF_PLATE)
+
+
+def periods_of(spec: Spec) -> tuple[int, int]:
+    """Columns and rows of the patch of a lattice that is drawn: those of its plate, else three of each; else (1, 1)."""
+    lamps = spec.all_lamps
+    if lamps.period_mm is None:
+        return 1, 1
+    if spec.plate is None:
+        return _PERIODS, _PERIODS
+    return spec.plate.columns or 1, -(-(spec.plate.rows or 1) // len(lamps))
+
+
+def pictures_of(receiver: PosedReceiver, periods: tuple[int, int]) -> LampPictures:
+    """The rasters of a receiver, of an endless lattice those of a patch of so many ``periods``.
+
+    Raises :class:`InputError` for a patch of too many pixels.
+    """
+    if receiver.lamps.period_mm is None:
+        return LampPictures.of(receiver)
+    columns, rows = periods
+    pixels = columns * rows * receiver.grid.columns * receiver.grid.rows
+    if pixels > _MOST_PIXELS:
+        raise InputError(
+            f"yield: a patch of {columns} x {rows} periods would have {pixels} pixels, at most {_MOST_PIXELS}; take "
+            "fewer evaluate.pixels, or a smaller plate"
+        )
+    return patch_pictures(receiver, columns, rows)
+
+
+def designed_pictures(
+    lens: TracedLens, source: Source, boards: Sequence[LampPictures], rays: int, seed: int
+) -> list[list[Images]]:
+    """Flux (W) of one lamp as designed on the rasters of each receiver, in replicates."""
+    count = min(REPLICATES, rays, source.ray_count or rays)
+    found = [[np.zeros((count, *each.grid.shape)) for each in board.receivers] for board in boards]
+    for replicate, share, bundle in bundles(source, rays, count, seed):
+        exits = lens.trace(bundle)
+        for board, pictures in zip(boards, found, strict=True):
+            for receiver, picture in zip(board.receivers, pictures, strict=True):
+                landings = receiver.land(exits)
+                picture[replicate] += bin_flux(landings.hits, landings.flux * share, receiver.grid)
+    return found
+
+
+def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int]) -> LightLimit:
+    """The ``limit`` on a period of (rows, columns) of pixels in every period of a patch.
+
+    Pictures hold the mean flux of all lamps of the patch, of which a period has but its part.
+    """
+    (height, width), (columns, rows) = grid, periods
+    own = sparse.coo_array(limit.readings)
+    y, x = np.divmod(own.col, width)
+    shape = own.shape[0], columns * rows * height * width
+    times = 1.0 if limit.quantity == "share" else float(columns * rows)
+    each = [
+        sparse.csr_array((times * own.data, (own.row, (y + j * height) * columns * width + x + i * width)), shape=shape)
+        for j in range(rows)
+        for i in range(columns)
+    ]
+    return replace(limit, readings=sparse.csr_array(sparse.vstack(each)))
+
+
+@dataclass(frozen=True, eq=False)
+class BoardLight(PartLight):
+    """Simulation of boards of ``spec``: the ``receivers`` are those of ``boards``, the ``limits`` those of one period.
+
+    ``designed``: pictures by :func:`designed_pictures`, in as many replicates as the rays that are held; ``one``: the
+    light of one lamp, or of one period.
+    """
+
+    boards: tuple[LampPictures, ...]
+    periods: tuple[int, int]
+    designed: list[list[Images]]
+    one: PartLight
+
+    @staticmethod
+    def of(light: PartLight, boards: Sequence[LampPictures], designed: list[list[Images]]) -> "BoardLight":
+        """Boards on the receivers, and with the limits, of the spec. Raises :class:`InputError` for too few rays."""
+        periods, lamps, rays = periods_of(light.spec), len(boards[0].receiver.lamps), len(light.held)
+        if rays < REPLICATES * lamps:
+            least = REPLICATES * lamps
+            raise InputError(f"yield: {rays} rays for {lamps} lamps: {REPLICATES} each at least; give {least}")
+        receivers, limits = tuple(board.receiver for board in boards), light.limits
+        if periods != (1, 1):
+            limits = tuple(on_patch(each, light.receivers[each.receiver].grid.shape, periods) for each in limits)
+        return BoardLight(
+            light.spec, light.nominal, receivers, limits, light.held, tuple(boards), periods, designed, light
+        )
+
+    @cached_property
+    def _shares(self) -> list[HeldLight]:
+        return self.held.shared_out(len(self.receivers[0].lamps))
+
+    @cached_property
+    def _seen(self) -> list[list[PosedReceiver]]:
+        """Each receiver as each lamp sees it."""
+        return [[seen_by(receiver, number) for receiver in self.receivers] for number in range(len(self._shares))]
+
+    @cached_property
+    def _landed(self) -> list[list[Landings]]:
+        """Landings of the rays of each lamp behind the lens as designed."""
+        every = zip(self._shares, self._seen, strict=True)
+        return [[each.land(self.exit_rays(None, own.rays)) for each in seen] for own, seen in every]
+
+    def received(self, parts: Sequence[MadePart] | None) -> tuple[ReceivedImages, ...]:
+        """Light of a board on each receiver, by the lens of each of its lamps; None: of the lens as designed."""
+        fluxes = np.ones(len(self._shares)) if parts is None else np.array([part.flux for part in parts])
+        pairs = zip(self.boards, self.designed, strict=True)
+        raw = [board.added(pictures, fluxes) for board, pictures in pairs]
+        taken = [np.zeros_like(image) for image in raw]
+        for number, part in enumerate(parts or ()):
+            own = self._shares[number]
+            exits = self.exit_rays(part, own.rays)
+            for k, receiver in enumerate(self._seen[number]):
+                for landings, images in ((receiver.land(exits), raw), (self._landed[number][k], taken)):
+                    flux = part.flux * landings.flux
+                    add_to_bins(landings.hits, flux, receiver.grid.size, own.replicate, images[k])
+        raw = [image - less for image, less in zip(raw, taken, strict=True)]
+        emitted_w = float(fluxes.mean()) * self.held.emitted_w
+        return tuple(self._received(number, image, emitted_w) for number, image in enumerate(raw))
+
+    def _received(self, number: int, raw: Images, emitted_w: float) -> ReceivedImages:
+        columns, rows = self.periods
+        receiver, target = self.receivers[number], self.one.targets[0][number]
+        of_period = raw.reshape(len(raw), rows, -1, columns, raw.shape[2] // columns).sum(axis=(1, 3))
+        window = (raw * receiver.window.pixels(receiver.grid)).sum(axis=(1, 2))
+        lit = (of_period * target.coverage).sum(axis=(1, 2))
+        smooth = gaussian3(raw, self.spec.evaluate.filter_variance)
+        return ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w)
+
+    @cached_property
+    def targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
+        """Target and region of one period, again in every period of a patch."""
+        times, (targets, masks) = self.periods[::-1], self.one.targets
+        return [replace(each, light=np.tile(each.light, times)) for each in targets], [
+            None if mask is None else np.tile(mask, times) for mask in masks
+        ]
+
+
+def in_plate(found: Deviations, place: Place, turn_deg: float) -> Deviations:
+    """Deviations of one lens of a plate, in its own frame, from those of the plate about its middle.
+
+    A plate that shrinks or tilts moves its lenses, each as far as it stands from the middle.
+    """
+    none = np.zeros(2)
+    (x, y), (about_x, about_y) = place, found.get("lens_tilt_deg", none).tolist()
+    moved = found.get("lens_shift_mm", none) + float(found.get("shrinkage", none)[0]) * np.array(place)
+    raised = float(found.get("lens_height_mm", none)[0]) + about_x * y - about_y * x
+    turn = np.exp(-1j * radians(turn_deg))
+    shift, tilt = complex(*moved) * turn, complex(about_x, about_y) * turn
+    own: dict[str, Float[np.ndarray, " k"]] = {
+        "lens_shift_mm": np.array([shift.real, shift.imag]),
+        "lens_height_mm": np.array([raised]),
+        "lens_tilt_deg": np.array([tilt.real, tilt.imag]),
+    }
+    return {**found, **own}
