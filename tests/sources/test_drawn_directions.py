@@ -160,6 +160,11 @@ def test_each_number_is_in_the_cell_that_a_walk_through_the_cells_finds() -> Non
     np.testing.assert_allclose(rest, [part for _, part in expected], atol=1e-12)
 
 
+def test_a_distribution_without_any_share_draws_numbers() -> None:
+    assert np.isfinite(choose(np.zeros(3), SHARES)[1]).all()
+    assert np.isfinite(choose_each(lambda cell: np.zeros(len(cell)), 5, SHARES)[1]).all()
+
+
 def test_each_number_may_have_a_distribution_of_its_own() -> None:
     rows = [CELLS, CELLS[::-1], [3.0, 1.0, 0.5, 0.25, 7.0], [0.0, 0.0, 4.0, 0.0, 4.0]]
     for numbers in (SHARES[:4], SHARES[4:]):
