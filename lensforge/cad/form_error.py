@@ -20,6 +20,7 @@ from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
+from lensforge.seeds import sobol
 from lensforge.surfaces.surface import Surface, to_chart
 
 SAMPLES = 4096
@@ -50,10 +51,8 @@ def worst(errors: list[FormError]) -> FormError:
 
 def chart_samples(count: int = SAMPLES, seed: int = 0, domain: Domain = WHOLE) -> Float[np.ndarray, "n 2"]:
     """Chart points of ``count`` directions, at each azimuth uniform over ``domain``, and a quarter more on its edge."""
-    from scipy.stats import qmc  # a quarter of a second
-
     rim = count // _RIM_SHARE
-    inside = qmc.Sobol(2, seed=seed).random(count)
+    inside = sobol(count, 2, np.random.default_rng(seed))
     share, azimuth = inside[:, 0], FULL_TURN * inside[:, 1]
     top, bottom = ((1.0 - radius**2) / (1.0 + radius**2) for radius in domain.radii(azimuth))
     height = bottom + (top - bottom) * share

@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
+from lensforge.seeds import sobol
 from lensforge.sources.dispersion import ColouredSource
-from lensforge.sources.emitting_area import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, aimed
 from lensforge.sources.ray_colours import TristimulusSource, tristimulus_of_spectrum
 from lensforge.sources.source_flux import chip_fluxes, emitter_flux
