@@ -162,7 +162,7 @@ ABSENT = [
     {"lensforge.report.lens_page": ["torch", "cadquery", "trimesh", "pyvista"]},
     {
         "lensforge.search.optimiser": [
-            "cadquery", "trimesh", "pyvista", "matplotlib", "skimage", "lensforge.sources.rayfiles",
+            "cadquery", "trimesh", "pyvista", "matplotlib", "skimage", "scipy.stats", "lensforge.sources.rayfiles",
         ],
     },
 ]  # fmt: skip

@@ -108,11 +108,11 @@ def fit_to_form(surface: Surface, nodes: int | None = None, domain: Domain = WHO
 def face_points(
     face: Any, chart: Float[np.ndarray, "n 2"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Points (mm) and unit normals of a ``cadquery.Face`` at its parameters ``chart``, by the CAD kernel itself."""
+    """Points (mm) and unit normals of a face (TopoDS_Face) at its parameters ``chart``, by the CAD kernel itself."""
     from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Pnt, gp_Vec
 
-    surface = BRep_Tool.Surface_s(face.wrapped)
+    surface = BRep_Tool.Surface_s(face)
     point, along_x, along_y = gp_Pnt(), gp_Vec(), gp_Vec()
     points, normals = np.empty((len(chart), 3)), np.empty((len(chart), 3))
     for k, (x, y) in enumerate(chart.tolist()):
