@@ -190,6 +190,12 @@ def test_a_part_loads_only_what_it_needs(group: int, module: str) -> None:
     assert _loaded_too_early(group)[module] == []
 
 
+def test_cadquery_is_loaded_for_the_user_s_own_solids_alone() -> None:
+    """With all that it loads it takes 1.6 s more than the CAD kernel."""
+    users = {_name(path) for path in MODULES if "cadquery" in _imports(_tree(path))}
+    assert users == {"lensforge.cad.part", "lensforge.cad.custom_base"}
+
+
 @pytest.mark.parametrize(("given", "kept"), [(None, "PASSIVE"), ("ACTIVE", "ACTIVE")])
 def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | None, kept: str) -> None:
     others = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
