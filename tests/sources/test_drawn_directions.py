@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import quad
 
 from lensforge.errors import InputError
+from lensforge.seeds import sobol
 from lensforge.sources.build_source import SquareEmitter
-from lensforge.sources.emitting_area import Rectangles, sobol
+from lensforge.sources.emitting_area import Rectangles
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
 from lensforge.sources.planar_emitter import PlanarEmitter, planar_emitter
