@@ -12,7 +12,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from pathlib import Path
 from typing import Any, SupportsFloat, cast
 
@@ -58,17 +58,18 @@ class KernelCache:
         return str(self._line)
 
 
-def kernel(function: Function) -> Function:
+def kernel(function: Function, **options: Any) -> Function:
     """Compile ``function`` with numba, without the interpreter's lock, contracted to fused multiply-adds."""
     before = numba.config.CACHE_LOCATOR_CLASSES
     numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCache.__name__}"
     try:
-        compiled: Function = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+        compiled: Function = numba.njit(nogil=True, cache=True, **{**_OPTIONS, **options})(function)
         return compiled
     finally:
         numba.config.CACHE_LOCATOR_CLASSES = before
 
 
+as_written = partial(kernel, fastmath=False)  # nothing contracted: the bits of the operations as they stand
 inline = numba.njit(forceinline=True, **_OPTIONS)
 
 
