@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import stl_corners
@@ -35,6 +34,7 @@ _MARGIN = 1.1  # of a picture over the part that it frames
 MOST_TRIANGLES = 12_000  # about 110 kB: too coarse to measure on, fine enough to look at
 _EDGE_DEG = 35.0  # sharper edges keep two normals
 _CANDIDATES = 8
+_FLAT = 1.3e-4  # of the size: 5 um of a lens of 39 mm
 
 
 @dataclass(frozen=True)
@@ -100,67 +100,155 @@ def _render(folder: Path) -> None:
     """Work of the child process: one PNG per view, mesh.bin and bounds.json. Raises :class:`InputError` for no mesh."""
     optics_radius_mm = float(json.loads((folder / _RADIUS).read_text(encoding="utf-8")))
     corners = stl_corners((folder / _MESH).read_bytes(), "lens.stl", _AGAIN)  # before a renderer is loaded
-
-    import pyvista as pv
-
     mesh = _merged(corners)
-    for name, view in VIEWS.items():
-        plotter = pv.Plotter(off_screen=True, window_size=list(_PIXELS))
-        for part, colour in _parts(mesh, view.cut):
-            plotter.add_mesh(
-                part, color=colour, smooth_shading=True, split_sharp_edges=True, feature_angle=35.0, specular=0.35,
-                specular_power=25.0, ambient=0.12, lighting=colour != _CUT,
-            )  # fmt: skip
-        plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))  # else the underside is dark
-        _aim(plotter, mesh, view, optics_radius_mm)
-        plotter.screenshot(folder / f"{name}.png", transparent_background=True, return_img=False)
-        plotter.close()
+    shaded = _with_normals(mesh)
+    _draw_views(folder, mesh, shaded, optics_radius_mm)
     half_height, centre_z = _frame(mesh, VIEWS["above"], optics_radius_mm)
-    (folder / "mesh.bin").write_bytes(small_mesh(mesh, half_height, centre_z))
-    (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.bounds]), encoding="utf-8")
+    (folder / "mesh.bin").write_bytes(small_mesh(mesh, half_height, centre_z, shaded))
+    (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.GetBounds()]), encoding="utf-8")
 
 
 def _merged(corners: Float[np.ndarray, "t 3 3"]) -> Any:
-    """Triangles as a pyvista mesh, equal corners merged; without those that lose an area by it."""
-    import pyvista as pv
+    """Triangles as a ``vtkPolyData``, equal corners merged; without those that lose an area by it."""
+    from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
 
-    rows = np.arange(3 * len(corners)).reshape(-1, 3)
-    points: Any = corners.reshape(-1, 3).astype(np.float32)  # as the file has them
-    mesh: Any = pv.PolyData(points, np.insert(rows, 0, 3, axis=1).ravel()).clean()
-    if mesh.n_cells == 0 or not mesh.is_all_triangles:
-        mesh = mesh.triangulate()
-    if mesh.n_cells == 0 or not mesh.length > 0.0:
+    points = corners.reshape(-1, 3).astype(np.float32)  # as the file has them
+    mesh = _output(vtkCleanPolyData(), _triangle_mesh(points, np.arange(len(points)).reshape(-1, 3)))
+    if mesh.GetNumberOfCells() != mesh.GetNumberOfPolys():
+        of_polygons = vtkTriangleFilter()
+        of_polygons.PassVertsOff()
+        of_polygons.PassLinesOff()
+        mesh = _output(of_polygons, mesh)
+    if mesh.GetNumberOfCells() == 0 or not mesh.GetLength() > 0.0:
         raise InputError(f"lens.stl: none of its triangles has an area; {_AGAIN}")
     return mesh
 
 
-def _parts(mesh: Any, cut: bool) -> list[tuple[Any, str]]:
-    """The mesh, or its half behind y = 0, with the cut face in its own flat colour."""
-    if not cut:
-        return [(mesh, _GLASS)]
-    half = mesh.clip_closed_surface(normal="y", origin=(0.0, 0.0, 0.0))
-    cap = abs(half.cell_centers().points[:, 1]) < _ON_PLANE * mesh.length
-    return [(half.remove_cells(cap), _GLASS), (half.remove_cells(~cap), _CUT)]
+def _triangle_mesh(points: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "m 3"]) -> Any:
+    """A ``vtkPolyData`` of these points and numbers of points."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+
+    places, cells, mesh = vtkPoints(), vtkCellArray(), vtkPolyData()
+    places.SetData(numpy_to_vtk(points, deep=True))
+    ends = np.arange(0, triangles.size + 1, 3, dtype=np.int64)
+    cells.SetData(*(numpy_to_vtkIdTypeArray(each, deep=True) for each in (ends, triangles.astype(np.int64).ravel())))
+    mesh.SetPoints(places)
+    mesh.SetPolys(cells)
+    return mesh
+
+
+def _output(step: Any, mesh: Any) -> Any:
+    """The output of a VTK filter for ``mesh``."""
+    step.SetInputData(mesh)
+    step.Update()
+    return step.GetOutput()
+
+
+def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float) -> None:
+    """One PNG per view of ``mesh``, ``shaded`` by its normals: a window and its shaders serve all of them."""
+    from PIL import Image
+    from vtkmodules.vtkCommonDataModel import vtkPlane
+    from vtkmodules.vtkRenderingCore import vtkRenderWindow, vtkWindowToImageFilter
+
+    renderer, window, plane = _renderer(), vtkRenderWindow(), vtkPlane()
+    plane.SetNormal(0.0, 1.0, 0.0)
+    window.SetMultiSamples(0)
+    window.SetAlphaBitPlanes(1)
+    window.SetOffScreenRendering(1)
+    window.SetSize(*_PIXELS)
+    window.AddRenderer(renderer)
+    solid = _actor(shaded, _GLASS)
+    renderer.AddActor(solid)
+    for name, view in VIEWS.items():
+        cut = [_actor(_cap(mesh, plane), _CUT)] if view.cut else []
+        for each in cut:
+            each.GetProperty().LightingOff()
+            renderer.AddActor(each)
+            solid.GetMapper().AddClippingPlane(plane)
+        _aim(renderer, mesh, view, optics_radius_mm)
+        window.Render()
+        shown = vtkWindowToImageFilter()
+        shown.SetInputBufferTypeToRGBA()
+        shown.ShouldRerenderOff()
+        shown.ReadFrontBufferOff()
+        shown.SetInput(window)
+        shown.Update()
+        pixels = _array(shown.GetOutput().GetPointData().GetScalars()).reshape(*_PIXELS[::-1], 4)
+        Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(folder / f"{name}.png")
+        solid.GetMapper().RemoveAllClippingPlanes()
+        for each in cut:
+            renderer.RemoveActor(each)
+
+
+def _renderer() -> Any:
+    """A renderer with a transparent ground, a kit of lights and a parallel projection, averaging 4 x 4 per pixel."""
+    from vtkmodules.vtkRenderingCore import vtkLight, vtkLightKit, vtkRenderer
+    from vtkmodules.vtkRenderingOpenGL2 import vtkRenderStepsPass, vtkSSAAPass
+
+    renderer, smooth, light = vtkRenderer(), vtkSSAAPass(), vtkLight()
+    vtkLightKit().AddLightsToRenderer(renderer)
+    light.SetLightTypeToHeadlight()
+    light.SetIntensity(0.15)  # else the underside is dark
+    renderer.AddLight(light)
+    renderer.SetBackground(1.0, 1.0, 1.0)
+    renderer.SetBackgroundAlpha(0.0)
+    renderer.GetActiveCamera().ParallelProjectionOn()
+    smooth.SetDelegatePass(vtkRenderStepsPass())
+    renderer.SetPass(smooth)
+    return renderer
+
+
+def _actor(mesh: Any, colour: str) -> Any:
+    from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+    mapper, actor = vtkPolyDataMapper(), vtkActor()
+    mapper.SetInputData(mesh)
+    mapper.ScalarVisibilityOff()
+    actor.SetMapper(mapper)
+    look = actor.GetProperty()
+    look.SetInterpolationToPhong()
+    look.SetColor(*(share / 255.0 for share in bytes.fromhex(colour[1:])))
+    look.SetAmbient(0.12)
+    look.SetSpecular(0.35)
+    look.SetSpecularColor(look.GetColor())
+    look.SetSpecularPower(25.0)
+    return actor
+
+
+def _cap(mesh: Any, plane: Any) -> Any:
+    """The face in which ``plane`` cuts a closed mesh."""
+    from vtkmodules.vtkCommonDataModel import vtkPlaneCollection
+    from vtkmodules.vtkFiltersGeneral import vtkClipClosedSurface
+
+    planes, cut = vtkPlaneCollection(), vtkClipClosedSurface()
+    planes.AddItem(plane)
+    cut.SetClippingPlanes(planes)
+    half = _output(cut, mesh)
+    points, triangles = _points(half), _triangles(half)
+    flat = (np.abs(points[:, 1]) < _ON_PLANE * mesh.GetLength())[triangles].all(axis=1)
+    return _triangle_mesh(points, triangles[flat])
 
 
 def _frame(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float, float]:
     """Half the height of a picture (mm) and the z of its centre (mm), for the part, or for its optics if small."""
-    whole, close = _WHOLE * mesh.length, _CLOSE * optics_radius_mm
+    whole, close = _WHOLE * mesh.GetLength(), _CLOSE * optics_radius_mm
     if view.close and close < whole:
         return close, 0.4 * optics_radius_mm
-    return whole, mesh.center[2]
+    return whole, mesh.GetCenter()[2]
 
 
 def _framed(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float, tuple[float, float, float]]:
     """Half the height of a picture and its centre (mm): close, but with room to turn in the one that readers turn."""
     half_height, centre_z = _frame(mesh, view, optics_radius_mm)
-    if view is VIEWS["above"] or half_height < _WHOLE * mesh.length:
+    if view is VIEWS["above"] or half_height < _WHOLE * mesh.GetLength():
         return half_height, (0.0, 0.0, centre_z)
     camera = np.array(view.camera) / np.linalg.norm(view.camera)
     right = np.cross((0.0, 0.0, 1.0), camera)
     right /= np.linalg.norm(right)
     up = np.cross(camera, right)
-    points = np.asarray(mesh.points, dtype=np.float64)
+    points = _points(mesh)
     seen = points[points[:, 1] >= 0.0] if view.cut else points
     across, along = seen @ right, seen @ up
     reach = max(np.ptp(along), np.ptp(across) * _PIXELS[1] / _PIXELS[0])
@@ -168,26 +256,43 @@ def _framed(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float
     return 0.5 * _MARGIN * float(reach), (float(x), float(y), float(z))
 
 
-def _aim(plotter: Any, mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> None:
-    """Set a parallel projection from the direction of ``view``."""
+def _aim(renderer: Any, mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> None:
+    """Point the camera from the direction of ``view``."""
     half_height, centre = _framed(mesh, view, optics_radius_mm)
-    distance = 3.0 * mesh.length
-    position = tuple(c + distance * d for c, d in zip(centre, view.camera, strict=True))
-    plotter.camera_position = [position, centre, (0.0, 0.0, 1.0)]
-    plotter.enable_parallel_projection()
-    plotter.camera.parallel_scale = half_height
-    plotter.enable_anti_aliasing("ssaa")
+    distance, camera = 3.0 * mesh.GetLength(), renderer.GetActiveCamera()
+    camera.SetPosition(*(c + distance * d for c, d in zip(centre, view.camera, strict=True)))
+    camera.SetFocalPoint(*centre)
+    camera.SetViewUp(0.0, 0.0, 1.0)
+    camera.SetParallelScale(half_height)
+    renderer.ResetCameraClippingRange()
 
 
-def small_mesh(mesh: Any, half_height_mm: float, centre_z_mm: float) -> bytes:
-    """Pack a triangle mesh (pyvista) for the page; the normals are those of the full mesh."""
-    coarse = mesh
-    if mesh.n_cells > MOST_TRIANGLES:
-        coarse = mesh.decimate(1.0 - MOST_TRIANGLES / mesh.n_cells)
-    coarse, fine = _with_normals(coarse), _with_normals(mesh)
-    normals = _nearest_normals(coarse, fine)
-    triangles = np.asarray(coarse.faces).reshape(-1, 4)[:, 1:]
-    return _pack(np.asarray(coarse.points, dtype=np.float64), triangles, normals, half_height_mm, centre_z_mm)
+def small_mesh(mesh: Any, half_height_mm: float, centre_z_mm: float, shaded: Any = None) -> bytes:
+    """Pack a triangle mesh (``vtkPolyData``) for the page; the normals are those of the full mesh.
+
+    ``shaded``: the same with its normals, where they are known.
+    """
+    coarse = _with_normals(_reduced(mesh))
+    normals = _nearest_normals(coarse, shaded or _with_normals(mesh))
+    return _pack(_points(coarse), _triangles(coarse), normals, half_height_mm, centre_z_mm)
+
+
+def _reduced(mesh: Any) -> Any:
+    """``mesh`` with at most ``MOST_TRIANGLES``: first of a closed one all that bends less than a part of a pixel."""
+    from manifold3d import Error, Manifold, Mesh
+    from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
+
+    if mesh.GetNumberOfPolys() <= MOST_TRIANGLES:
+        return mesh
+    closed = Manifold(Mesh(_points(mesh).astype(np.float32), _triangles(mesh).astype(np.uint32)))
+    if closed.status() is Error.NoError:
+        fewer = closed.simplify(_FLAT * mesh.GetLength()).to_mesh()
+        mesh = _triangle_mesh(fewer.vert_properties[:, :3], fewer.tri_verts)
+    if (count := mesh.GetNumberOfPolys()) <= MOST_TRIANGLES:
+        return mesh
+    decimation = vtkQuadricDecimation()
+    decimation.SetTargetReduction(1.0 - MOST_TRIANGLES / count)
+    return _output(decimation, mesh)
 
 
 def _pack(
@@ -212,17 +317,44 @@ def _pack(
 
 
 def _with_normals(mesh: Any) -> Any:
-    return mesh.compute_normals(split_vertices=True, feature_angle=_EDGE_DEG, consistent_normals=False)
+    """``mesh`` with the normals of its vertices, of which those on sharp edges are several."""
+    from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
+
+    normals = vtkPolyDataNormals()
+    normals.SetFeatureAngle(_EDGE_DEG)
+    normals.ConsistencyOff()
+    return _output(normals, mesh)
 
 
 def _nearest_normals(coarse: Any, fine: Any) -> Float[np.ndarray, "n 3"]:
     """Normal of the nearby vertices of the full mesh that agrees best: at an edge there are two."""
-    own, full = np.asarray(coarse.point_data["Normals"]), np.asarray(fine.point_data["Normals"])
-    count = min(_CANDIDATES, fine.n_points)
-    _, nearest = cKDTree(fine.points).query(coarse.points, k=count)
-    candidates = full[np.reshape(nearest, (-1, count))]
+    from vtkmodules.vtkCommonCore import vtkIdList
+    from vtkmodules.vtkCommonDataModel import vtkStaticPointLocator
+
+    own, full = (_array(each.GetPointData().GetNormals()) for each in (coarse, fine))
+    count, found, near = min(_CANDIDATES, len(full)), vtkIdList(), vtkStaticPointLocator()
+    near.SetDataSet(fine)
+    near.BuildLocator()
+    candidates = np.empty((len(own), count, 3))
+    for row, point in enumerate(_points(coarse).tolist()):
+        near.FindClosestNPoints(count, point, found)
+        candidates[row] = full[[found.GetId(number) for number in range(count)]]
     best = np.argmax(np.einsum("nkc,nc->nk", candidates, own), axis=1)
-    return np.asarray(candidates[np.arange(len(own)), best], dtype=np.float64)
+    return np.asarray(candidates[np.arange(len(own)), best])
+
+
+def _points(mesh: Any) -> Float[np.ndarray, "n 3"]:
+    return _array(mesh.GetPoints().GetData()).astype(np.float64)
+
+
+def _triangles(mesh: Any) -> Int[np.ndarray, "m 3"]:
+    return _array(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+
+
+def _array(values: Any) -> np.ndarray:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    return np.asarray(vtk_to_numpy(values))
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import base64
 import io
 import re
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -67,6 +68,9 @@ def test_the_part_is_shown_from_three_sides(tmp_path, monkeypatch):
         pytest.skip("no off-screen renderer here")
     pictures = re.findall(r'src="data:image/png;base64,([^"]+)', markup)
     assert len(pictures) == 3
+    flat = [np.asarray(Image.open(io.BytesIO(base64.b64decode(each)))).reshape(-1, 4) for each in pictures]
+    faces = [Counter(map(tuple, each[each[:, 3] == 255].tolist())).most_common(1)[0][1] / len(each) for each in flat]
+    assert faces[1] > 0.1 > max(faces[0], faces[2]), "the face of the cut, in a colour without shades"
     for picture in pictures:
         alpha = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))))[..., 3]
         assert 0.05 < (alpha > 0).mean() < 0.95, "a part before a transparent ground"
