@@ -105,7 +105,8 @@ class Patch:
 
     def points(self, chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
         """Points (mm) at chart coordinates inside the square of half width ``HALF_WIDTH``."""
-        return self._derivatives(chart, slice(1))[0]
+        points: Float[np.ndarray, "*n 3"] = self._derivatives(chart, slice(1))[0]
+        return points
 
     def tangents(self, chart: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n 3"], ...]:
         """Points (mm) and their first derivatives by X and by Y."""

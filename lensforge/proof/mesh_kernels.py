@@ -149,7 +149,7 @@ _STEEPEST = 0.999  # height of the farthest neighbours over their distance: a do
 _SIZE, _FITS = 6, 7  # rows of a frame, behind its two vectors
 
 
-def fit_space(neighbours):
+def fit_space(neighbours: int) -> list[np.ndarray]:
     """Workspace of :func:`fit_polynomials`: frames, places, products, sums, moments and coefficients of all lanes."""
     sizes = (8,), (3, neighbours), (2,), (2, _SUMS, _SUMS), (_TERMS, _TERMS), (_TERMS,)
     return [np.empty((*size, LANES)) for size in sizes]

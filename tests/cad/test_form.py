@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from geometry_lenses import ALL_LEVELS, off_grid_chart, random_surface
+from scipy.interpolate import NdBSpline
 
 from lensforge.cad.edges import geom_surface
 from lensforge.cad.form_error import chart_samples, face_error, fit_to_form, form_error, largest_errors
-from lensforge.cad.patch import MAX_NODES, Patch, default_nodes, fit_patch, node_axis
+from lensforge.cad.patch import _JET_ORDERS, DEGREE, MAX_NODES, Patch, default_nodes, fit_patch, node_axis
 from lensforge.errors import InputError
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import HALF_WIDTH, to_sphere
@@ -18,6 +19,14 @@ def face_of(patch):
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 
     return BRepBuilderAPI_MakeFace(geom_surface(patch), 1e-7).Face()
+
+
+def test_a_patch_has_the_bits_of_scipys_spline():
+    rng, knots = np.random.default_rng(0), np.repeat(np.linspace(-1.2, 1.2, 26), [6, *[1] * 24, 6])
+    patch = Patch(rng.normal(size=(30, 30, 3)), knots)
+    chart = np.concatenate([rng.uniform(-1.3, 1.3, (500, 2)), knots[[[4, 9], [30, 7]]], [[np.nan, 0.0]]])
+    for found, order in zip(vars(patch.jet(chart)).values(), _JET_ORDERS, strict=True):
+        np.testing.assert_array_equal(found, NdBSpline((knots, knots), patch.control, DEGREE)(chart, nu=order))
 
 
 def test_an_offset_is_reported_along_the_normal():
