@@ -10,6 +10,7 @@
 - ``image_sums``: flux on pixels, and its adjoint
 - ``sparse.SparseMatrix``: a sparse matrix times a column for each face, for the search
 - ``clearance``: a ball along a face
+- ``face_shape``: curvature and draft of a face, and their adjoint
 - ``fate.Fate``: what became of a ray
 - ``parallel.in_chunks``: work on several threads, summed in one order
 """
