@@ -11,6 +11,7 @@
 - ``spline_patch``: points of a spline in space, for CAD
 - ``sparse.SparseMatrix``: a sparse matrix times a column for each face, for the search
 - ``clearance``: a ball along a face
+- ``face_shape``: curvature and draft of a face, and their adjoint
 - ``fate.Fate``: what became of a ray
 - ``parallel.in_chunks``: work on several threads, summed in one order
 """

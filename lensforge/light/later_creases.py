@@ -11,15 +11,17 @@ Left out, as there: the edge of total reflection, the rim, and rays that only ju
 """
 
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 
+from lensforge.kernels.bicubic import FaceBounds
 from lensforge.kernels.chain import FROM_BEHIND, REFLECTED
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.nearest_face import BODY
-from lensforge.light.crease import BESIDE, OnFaces, Worth, in_lens, polished
-from lensforge.light.table_trace import Scene, Tables, TracedBundle
+from lensforge.light.crease import BESIDE, OnFaces, Trace, Worth, in_lens, polished
+from lensforge.light.table_trace import Scene, Tables, TracedBundle, face_bounds
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
@@ -35,25 +37,28 @@ _Numbers = Int[np.ndarray, " k"]
 
 
 def later_crease_gradients(
-    tables: Tables, scene: Scene, source: Source, worth: Worth, fans: int = 2**8, rays: int = 48, seed: int = 0
-) -> Tables:
+    tables: Tables, scene: Scene, source: Source, worth: Worth, fans: int = 2**8, rays: int = 48, seed: int = 0,
+    bounds: FaceBounds | None = None,
+) -> Tables:  # fmt: skip
     """Gradients of a merit by all ``tables`` for light that crosses creases at its second event and later.
 
     ``fans``: their number, of ``rays`` each, from start points of ``source`` that are drawn by ``seed``; ``worth`` as
-    in :func:`~lensforge.light.crease.crease_gradients`, with the same errors.
+    in :func:`~lensforge.light.crease.crease_gradients`, with the same errors. ``bounds``: of the faces, where they are
+    known: some twenty bundles are traced.
     """
     scene = polished(scene)
     total: Tables = np.zeros(tables.shape)
     if scene.chain is None:
         return total
+    trace = partial(TracedBundle.of, tables, scene, bounds=face_bounds(tables, scene) if bounds is None else bounds)
     drawn = Fans.of(source, float(tables[0].max()), fans, rays, seed)
-    changes = _changes(drawn, tables, scene)
+    changes = _changes(drawn, trace)
     changes = changes.take(changes.later)
     beside = [drawn.rays(changes.fan, changes.middle + sign * BESIDE) for sign in (-1.0, 1.0)]
-    creases = _at_creases(changes, *(TracedBundle.of(tables, scene, each) for each in beside))
+    creases = _at_creases(changes, *map(trace, beside))
     if not creases.any():
         return total
-    changes, low, high = changes.take(creases), *(TracedBundle.of(tables, scene, each.take(creases)) for each in beside)
+    changes, low, high = changes.take(creases), *(trace(each.take(creases)) for each in beside)
     flux = drawn.flux(changes.fan, changes.middle) * (worth(low) - worth(high))
     return _gradients(changes, low, high, flux)
 
@@ -145,13 +150,13 @@ class _Changes:
         """Select some."""
         return _Changes(*(getattr(self, each.name)[rows] for each in fields(self)))
 
-    def narrowed(self, fans: Fans, tables: Tables, scene: Scene) -> "_Changes":
+    def narrowed(self, fans: Fans, trace: Trace) -> "_Changes":
         """Narrow each interval down to the first change in it."""
         closer, rows = self, np.arange(len(self.fan))
         for _ in range(_TIMES):
             angles = closer.low + (closer.high - closer.low) * np.arange(_PARTS + 1)[:, None] / _PARTS
             inner = fans.rays(np.tile(closer.fan, _PARTS - 1), angles[1:-1].ravel())
-            met = TracedBundle.of(tables, scene, inner).met
+            met = trace(inner).met
             assert met is not None
             met = np.concatenate([closer.met_low, met, closer.met_high]).reshape(_PARTS + 1, len(rows), -1)
             first = np.argmax((met[1:] != met[:-1]).any(axis=2), axis=0)
@@ -160,18 +165,18 @@ class _Changes:
         return closer
 
 
-def _changes(fans: Fans, tables: Tables, scene: Scene) -> _Changes:
+def _changes(fans: Fans, trace: Trace) -> _Changes:
     """All places in fans where rays change their way, each narrowed down; several in one interval, too."""
     count, steps = len(fans.azimuths), len(fans.angles)
     rays = fans.rays(np.tile(np.arange(count), steps), np.repeat(fans.angles, count))
-    met = TracedBundle.of(tables, scene, rays).met
+    met = trace(rays).met
     assert met is not None
     met = met.reshape(steps, count, -1)
     step, fan = np.nonzero((met[1:] != met[:-1]).any(axis=2))
     wide = _Changes(fan, fans.angles[step], fans.angles[step + 1], met[step, fan], met[step + 1, fan])
     narrowed: list[_Changes] = []
     while len(wide.fan) and len(narrowed) < _ROUNDS:
-        narrowed.append(wide.narrowed(fans, tables, scene))
+        narrowed.append(wide.narrowed(fans, trace))
         rest = _Changes(wide.fan, narrowed[-1].high, wide.high, narrowed[-1].met_high, wide.met_high)
         wide = rest.take((rest.met_low != rest.met_high).any(axis=1))
     every = [*narrowed, wide]

@@ -102,10 +102,15 @@ class TracedBundle:
     passages: tuple[BodyPassage, ...] = ()
 
     @staticmethod
-    def of(tables: Tables | Iterable[Table], scene: Scene, rays: RayBundle) -> "TracedBundle":
-        """Trace ``rays`` through the faces of these tables; see :func:`trace_tables`."""
+    def of(
+        tables: Tables | Iterable[Table], scene: Scene, rays: RayBundle, bounds: FaceBounds | None = None
+    ) -> "TracedBundle":
+        """Trace ``rays`` through the faces of these tables; see :func:`trace_tables`.
+
+        ``bounds``: of the faces, for several bundles through the same; by default they are computed.
+        """
         tables = tables if isinstance(tables, np.ndarray) else np.stack(list(tables))
-        bounds = FaceBounds.of(checked_bounds(tables, scene))
+        bounds = face_bounds(tables, scene) if bounds is None else bounds
         count, body = len(rays), scene.body(rays)
         indices, absorptions = body
         points, directions = np.zeros((count, 3)), np.zeros((count, 3))
@@ -114,8 +119,6 @@ class TracedBundle:
         placed = None if scene.made is None else scene.made.placed
         rough = None if scene.made is None else scene.made.rough(count)
         chain = None if scene.traced_chain is None else scene.traced_chain.packed(scene.media)
-        if chain is not None:
-            bounds = chain_bounds(tables, bounds, chain[0], scene.grid.origin, scene.grid.step)
         met = None if chain is None else np.full((count, scene.events), -1, dtype=np.int8)
         lengths, fates = np.empty((count, scene.events)), np.empty(count, dtype=np.int8)
         flux, sin2_exit = np.empty(count), np.empty(count)
@@ -186,6 +189,14 @@ def checked_bounds(tables: Tables | Sequence[Table], scene: Scene) -> list[Surfa
         if not (bound.least > 0.0 and np.isfinite(bound.most) and np.isfinite(bound.tiles).all()):
             raise InputError(f"{name} surface: its radius falls to {bound.least:.3g} mm; it must stay above 0")
     return bounds
+
+
+def face_bounds(tables: Tables, scene: Scene) -> FaceBounds:
+    """The bounds of all tables together, in a chain with what it needs; raises as :func:`checked_bounds`."""
+    bounds = FaceBounds.of(checked_bounds(tables, scene))
+    if scene.traced_chain is None:
+        return bounds
+    return chain_bounds(tables, bounds, scene.traced_chain.packed(scene.media)[0], scene.grid.origin, scene.grid.step)
 
 
 def trace_tables(tables: Tables | Iterable[Table], scene: Scene, rays: RayBundle) -> ExitRays:

@@ -9,6 +9,7 @@
 - ``merit.MeritFunction``: what is minimised
 - ``limit_terms``: its part of the limits on the light
 - ``constraints``: limits of shape, by sequential unconstrained minimisation
+- ``face_fields``: curvature, draft and wall, with their derivatives
 - ``feasibility``: projection onto the constraints
 - ``schedule``: levels and stages as data
 - ``automatic_schedule``: levels and stages that a search chooses

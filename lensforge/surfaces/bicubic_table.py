@@ -11,7 +11,7 @@ hundreds: each covers few nodes, and broad functions do not fill a fine grid.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import accumulate
 
 import numpy as np
@@ -108,8 +108,13 @@ def evaluate_table(
 
 def cubic_basis(f: Float[np.ndarray, " k"], order: int = 0) -> list[Float[np.ndarray, " k"]]:
     """The four uniform cubic B-splines of a cell, or their derivatives of ``order`` per step, at the fraction ``f``."""
+    return [piece(f) for piece in _cubic_pieces(order)]
+
+
+@lru_cache
+def _cubic_pieces(order: int) -> list[np.poly1d]:
     pieces = [np.poly1d(p) / 6.0 for p in ([-1, 3, -3, 1], [3, -6, 0, 4], [-3, 3, 3, 1], [1, 0, 0, 0])]
-    return [piece.deriv(order)(f) if order else piece(f) for piece in pieces]
+    return [piece.deriv(order) for piece in pieces] if order else pieces
 
 
 def table_error(
