@@ -1,7 +1,13 @@
-"""Seeds of all rays in the program, from disjoint ranges: no lens is evaluated by the rays that designed it.
+"""Seeds of all rays in the program, from disjoint ranges, and the sequences that they scramble.
 
-They follow from the seed of a run, ``seed`` from 0 to ``MOST``; a range is 2^40 wide, room for every seed of a run.
+No lens is evaluated by the rays that designed it. Seeds follow from that of a run, ``seed`` from 0 to ``MOST``; a range
+is 2^40 wide, room for every seed of a run.
 """
+
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float, UInt32
 
 MOST = 2**20  # the largest seed of a run
 _STEPS = 1_000_003  # at most, of a search: every step has a seed of its own, resumed or not
@@ -11,6 +17,9 @@ _EVALUATION, _VERIFICATION, _FAR_FIELD, _PRESET, _VALIDATION, _OWN, _PARTS = (
     k * _RANGE for k in (1, 2, 4, 32, 64, 128, 256)
 )
 _PARTS_OF_STEPS, _VALIDATION_PARTS, OF_FILE = (k * _RANGE for k in (512, 1024, 2048))  # OF_FILE: divides a file's rays
+_BITS = 30  # of a number of a sequence
+# For each dimension the coefficients of a primitive polynomial, and the first direction numbers: Joe, Kuo 2008.
+_DIMENSIONS = ((1,), (3, 1), (7, 1, 3), (11, 1, 3, 1), (13, 1, 1, 1), (19, 1, 1, 3, 3))
 
 
 def of_step(seed: int, step: int) -> int:
@@ -71,3 +80,41 @@ def of_validation_parts(seed: int) -> int:
 def of_choice(seed: int) -> int:
     """Seed of the evaluation that chooses the best of several lenses: that of no run, which would judge them, too."""
     return MOST + 1 + seed
+
+
+def sobol(count: int, dimensions: int, seed: int | np.random.Generator) -> Float[np.ndarray, "n d"]:
+    """Draw ``count`` points of the unit cube, scrambled by ``seed``; a power of two is best balanced.
+
+    Scrambled Sobol sequences (Owen 1998; Matousek's linear scramble) in at most six ``dimensions``. They are those of
+    ``scipy.stats.qmc.Sobol``, bit for bit, without the second that scipy.stats takes to load.
+    """
+    rng = seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed).spawn(1)[0]
+    places = 1 << np.arange(_BITS, dtype=np.uint32)
+    shift = rng.integers(2, size=(dimensions, _BITS), dtype=np.uint32) @ places
+    scramble = np.tril(rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint32), -1) + np.eye(_BITS)
+    digits = _direction_numbers()[:dimensions, None, :] >> np.arange(_BITS)[::-1, None] & 1  # the highest first
+    steps = places[::-1] @ ((scramble @ digits).astype(np.uint32) & 1)
+    points, drawn = np.empty((count, dimensions)), np.empty(count, np.uint32)
+    for dimension in range(dimensions):
+        drawn[0] = shift[dimension]
+        for bit in range((count - 1).bit_length()):  # in Gray's order: what there is, from its end, and one bit changed
+            new = drawn[2**bit : 2 ** (bit + 1)]
+            np.bitwise_xor(drawn[2**bit - len(new) : 2**bit][::-1], steps[dimension, bit], out=new)
+        np.multiply(drawn, 0.5**_BITS, out=points[:, dimension])
+    return points
+
+
+@cache
+def _direction_numbers() -> UInt32[np.ndarray, "d bits"]:
+    """Direction numbers of every dimension by the recurrence of its polynomial (Bratley, Fox 1988)."""
+    rows = []
+    for polynomial, *numbers in _DIMENSIONS:
+        degree = len(numbers)
+        while len(numbers) < _BITS:
+            taken = [k for k in range(1, degree + 1) if polynomial >> (degree - k) & 1]
+            following = numbers[-degree] if degree else 1
+            for k in taken:
+                following ^= numbers[-k] << k
+            numbers.append(following)
+        rows.append([number << (_BITS - 1 - k) for k, number in enumerate(numbers)])
+    return np.array(rows, np.uint32)

@@ -1,6 +1,10 @@
-"""The ranges of the seeds are disjoint for every seed that a run may have."""
+"""The ranges of the seeds are disjoint for every seed that a run may have, and sequences are those of scipy."""
 
 from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
 
 from lensforge import seeds
 from lensforge.light.exit_light import _ROUNDS, PARTS
@@ -37,3 +41,13 @@ def test_every_step_of_every_seed_has_a_scramble_of_its_own() -> None:
     assert seeds.of_step(seeds.MOST - 1, 10**6) < seeds.of_step(seeds.MOST, 0)
     assert seeds.of_replicate(3, 16, 15, 4, 3) + 1 == seeds.of_replicate(4, 16, 0, 4, 0)
     assert seeds.of_preset_error(3, 8, 7) + 1 == seeds.of_preset_error(4, 8, 0)
+
+
+@pytest.mark.parametrize("dimensions", range(1, 7))
+@pytest.mark.filterwarnings("ignore:The balance properties of Sobol")
+def test_sequences_have_the_bits_of_scipy(dimensions: int) -> None:
+    for count, seed in ((1, 0), (2, 1), (3, 1), (1000, 2**40), (2**15, 7)):
+        points = qmc.Sobol(dimensions, rng=seed).random(count)
+        np.testing.assert_array_equal(seeds.sobol(count, dimensions, seed), points)
+        points = qmc.Sobol(dimensions, seed=seed).random(count)
+        np.testing.assert_array_equal(seeds.sobol(count, dimensions, np.random.default_rng(seed)), points)

@@ -20,7 +20,7 @@ from lensforge.cad.solid import Solid, uniquely_named
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import MOST_STEP_MIB
 from lensforge.results.files import MIB, read_file
-from lensforge.surfaces.step_file import parse_apart
+from lensforge.surfaces.step_file import parse_apart, parts_of
 
 BASE = "BASE"
 
@@ -62,7 +62,7 @@ def solids_in(content: bytes, path: Path) -> list[Solid]:
     parts = parse_apart(
         content, str(path), "repair it in CAD, and export it as AP203, AP214 or AP242", to_be_joined=True
     )
-    return [Solid(solid, part.faces) for part in parts for solid in part.shape.Solids()]
+    return [Solid(solid, part.faces) for part in parts for solid in parts_of(part.shape, "SOLID")]
 
 
 def join_base(body: Solid, base: CustomBase) -> Solid:
@@ -70,19 +70,17 @@ def join_base(body: Solid, base: CustomBase) -> Solid:
 
     Raises :class:`InputError` where the base does not touch the lens, or covers or closes the cavity.
     """
-    import cadquery as cq
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
 
     _require_placement(body, base)
     added = base.solid
-    union = BRepAlgoAPI_Fuse(body.shape.wrapped, added.shape.wrapped)
-    solids = cq.Shape.cast(union.Shape()).Solids() if union.IsDone() else []
+    union = BRepAlgoAPI_Fuse(body.shape, added.shape)
+    solids = parts_of(union.Shape(), "SOLID") if union.IsDone() else []
     if len(solids) != 1:
         raise InputError(f"{base.path}: makes {len(solids)} solids with the lens, not one; inspect where the two touch")
-    if len(solids[0].Shells()) != 1:
+    if len(parts_of(solids[0], "SHELL")) != 1:
         raise InputError(f"{base.path}: closes the cavity; it must leave an opening below for the LED")
-    names = {face: name for name, face in added.faces.items()}
-    sources = [*body.faces.items(), *((names.get(face, BASE), face) for face in added.shape.Faces())]
+    sources = [*body.faces.items(), *((_name_of(face, added), face) for face in parts_of(added.shape, "FACE"))]
     faces = [(name, piece) for name, face in sources for piece in _pieces(union, face)]
     joined = Solid(solids[0], uniquely_named(faces))
     optical = {name for name in body.faces if name.startswith(optical_name(""))}
@@ -94,12 +92,16 @@ def join_base(body: Solid, base: CustomBase) -> Solid:
     return joined
 
 
+def _name_of(face: Any, base: Solid) -> str:
+    return next((name for name, each in base.faces.items() if each.IsSame(face)), BASE)
+
+
 def _pieces(union: Any, face: Any) -> list[Any]:
     """Pieces of ``face`` in the union: the face itself, parts of it, or none where the two solids touch."""
-    import cadquery as cq
+    from OCP.TopoDS import TopoDS
 
-    changed = [cq.Face(piece) for piece in union.Modified(face.wrapped)]
-    if changed or union.IsDeleted(face.wrapped):
+    changed = [TopoDS.Face_s(piece) for piece in union.Modified(face)]
+    if changed or union.IsDeleted(face):
         return changed
     return [face]
 
@@ -108,16 +110,16 @@ def _require_placement(body: Solid, base: CustomBase) -> None:
     """Require that the base leaves the cavity open in z = 0, and touches the ring between the rims."""
     import cadquery as cq
 
-    ring = body.faces[RIM]
+    ring = cq.Face(body.faces[RIM])
     (mouth,) = ring.innerWires()
     opening = cq.Face.makeFromWires(mouth)
-    covered = _common_area(opening, base.solid) / opening.Area()
+    covered = _common_area(opening.wrapped, base.solid) / opening.Area()
     if covered > _COVERED_SHARE:
         raise InputError(
             f"{base.path}: covers {100.0 * covered:.3g} % of the cavity's opening; "
             f"it must leave free a circle of {2.0 * _largest_radius_mm(mouth):.4g} mm diameter about the axis in z = 0"
         )
-    if _common_area(ring, base.solid) <= _COVERED_SHARE * opening.Area():
+    if _common_area(ring.wrapped, base.solid) <= _COVERED_SHARE * opening.Area():
         raise InputError(
             f"{base.path}: does not meet the lens, whose rim lies in z = 0 between {_largest_radius_mm(mouth):.4g} and "
             f"{_largest_radius_mm(ring.outerWire()):.4g} mm from the axis"
@@ -129,7 +131,7 @@ def _top_mm(base: Solid) -> float:
     from OCP.BRepBndLib import BRepBndLib
 
     box = Bnd_Box()
-    BRepBndLib.AddOptimal_s(base.shape.wrapped, box, False, False)
+    BRepBndLib.AddOptimal_s(base.shape, box, False, False)
     return float(box.CornerMax().Z())
 
 
@@ -138,7 +140,7 @@ def _common_area(face: Any, base: Solid) -> float:
     import cadquery as cq
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
 
-    common = BRepAlgoAPI_Common(face.wrapped, base.shape.wrapped)
+    common = BRepAlgoAPI_Common(face, base.shape)
     return float(sum(piece.Area() for piece in cq.Shape.cast(common.Shape()).Faces()))
 
 
@@ -175,12 +177,13 @@ def mesh_of_base(path: Path, chord_mm: float = 1e-2) -> tuple[Float[np.ndarray, 
 
 def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
     """Vertices and triangles by the CAD kernel, face by face, equal vertices on shared edges merged."""
+    import cadquery as cq
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
-    BRepMesh_IncrementalMesh(base.shape.wrapped, chord_mm, False, _ANGLE_RAD)
+    BRepMesh_IncrementalMesh(base.shape, chord_mm, False, _ANGLE_RAD)
     points: list[tuple[float, float, float]] = []
     corners = []
-    for face in base.shape.Faces():
+    for face in cq.Shape.cast(base.shape).Faces():
         vertices, triangles = face.tessellate(chord_mm, _ANGLE_RAD)
         corners.append(np.array(triangles, dtype=np.int64) + len(points))
         points += [vertex.toTuple() for vertex in vertices]

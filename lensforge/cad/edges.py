@@ -202,10 +202,21 @@ def moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:
 
 
 def face_at(face: Any, there: Any) -> Any:
-    """A ``cadquery.Face`` at a location."""
-    import cadquery as cq
+    """A face at a location."""
+    from OCP.TopoDS import TopoDS
 
-    return cq.Face(face.wrapped.Moved(there))
+    return TopoDS.Face_s(face.Moved(there))
+
+
+def normal_at(face: Any, place: tuple[float, float] | None = None) -> tuple[Any, Any]:
+    """Point (gp_Pnt) and normal (gp_Vec, of any length) of a face at its parameters, by default in their middle."""
+    from OCP.BRepGProp import BRepGProp_Face
+    from OCP.BRepTools import BRepTools
+    from OCP.gp import gp_Pnt, gp_Vec
+
+    point, normal, (u_low, u_high, v_low, v_high) = gp_Pnt(), gp_Vec(), BRepTools.UVBounds_s(face)
+    BRepGProp_Face(face).Normal(*(place or ((u_low + u_high) / 2.0, (v_low + v_high) / 2.0)), point, normal)
+    return point, normal
 
 
 def wire_at(boundary: Any, there: Any) -> Any:

@@ -20,6 +20,7 @@ from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
+from lensforge.seeds import sobol
 from lensforge.surfaces.surface import Surface, to_chart
 
 SAMPLES = 4096
@@ -50,10 +51,8 @@ def worst(errors: list[FormError]) -> FormError:
 
 def chart_samples(count: int = SAMPLES, seed: int = 0, domain: Domain = WHOLE) -> Float[np.ndarray, "n 2"]:
     """Chart points of ``count`` directions, at each azimuth uniform over ``domain``, and a quarter more on its edge."""
-    from scipy.stats import qmc  # a quarter of a second
-
     rim = count // _RIM_SHARE
-    inside = qmc.Sobol(2, seed=seed).random(count)
+    inside = sobol(count, 2, np.random.default_rng(seed))
     share, azimuth = inside[:, 0], FULL_TURN * inside[:, 1]
     top, bottom = ((1.0 - radius**2) / (1.0 + radius**2) for radius in domain.radii(azimuth))
     height = bottom + (top - bottom) * share
@@ -109,11 +108,11 @@ def fit_to_form(surface: Surface, nodes: int | None = None, domain: Domain = WHO
 def face_points(
     face: Any, chart: Float[np.ndarray, "n 2"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Points (mm) and unit normals of a ``cadquery.Face`` at its parameters ``chart``, by the CAD kernel itself."""
+    """Points (mm) and unit normals of a face (TopoDS_Face) at its parameters ``chart``, by the CAD kernel itself."""
     from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Pnt, gp_Vec
 
-    surface = BRep_Tool.Surface_s(face.wrapped)
+    surface = BRep_Tool.Surface_s(face)
     point, along_x, along_y = gp_Pnt(), gp_Vec(), gp_Vec()
     points, normals = np.empty((len(chart), 3)), np.empty((len(chart), 3))
     for k, (x, y) in enumerate(chart.tolist()):

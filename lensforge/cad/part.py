@@ -191,10 +191,11 @@ class Part(StageResult):
     @cached_property
     def solid(self) -> "cadquery.Solid":
         """The part as a ``cadquery.Solid`` (mm), read from the STEP: cut it, fuse it, save it with cadquery."""
+        import cadquery
+
         from lensforge.cad.step import parse_step
 
-        solid: cadquery.Solid = parse_step(self.step).shape
-        return solid
+        return cadquery.Solid(parse_step(self.step).shape)
 
     @cached_property
     def mesh(self) -> "trimesh.Trimesh":

@@ -50,7 +50,7 @@ from lensforge.optics.media import FLANGE
 from lensforge.results import Extent
 from lensforge.results.criteria import Criterion, at_most
 from lensforge.scene.lens import Lens
-from lensforge.surfaces.step_file import Schema
+from lensforge.surfaces.step_file import Schema, parts_of
 from lensforge.surfaces.surface import scaled
 
 
@@ -118,7 +118,7 @@ def build_part(
         bounds_mm=body.mesh.bounds_mm,
         watertight=proof.stl.watertight,
         genus=proof.stl.genus,
-        faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),
+        faces=Faces(count=len(parts_of(proof.solid.shape, "FACE")), names=tuple(sorted(proof.solid.faces))),
         nodes={face.name: face.shape.nodes for face in (*body.plan.cavity.faces, *body.plan.envelope.faces)},
         step_schema=schema,
         form_tolerances=signed.tolerances,

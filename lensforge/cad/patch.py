@@ -18,11 +18,10 @@ spherical cavity ``-1/r``, whichever face of the lens it is.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import BSpline, NdBSpline, make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from lensforge.errors import InputError
 from lensforge.surfaces.surface import HALF_WIDTH, Surface, to_chart, to_sphere
@@ -85,7 +84,7 @@ MIN_NODES, MAX_NODES = 72, 240
 NODES_PER_SIGMA = 5.0
 _APRON = 8  # nodes beyond each edge: the ends' error decays by 0.43 a node
 _ANGLE_SPAN = 4.0 * np.arctan(HALF_WIDTH)  # rad, from edge to edge of the chart's square along an axis
-_JET_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+_JET_ORDERS = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
 _FILLED, _SMOOTH, _AROUND = 0.8, 6.0, 64  # of the hole in a ring: the part that is filled, and how smoothly
 _WHOLE = (0.0, 1.0)
 Extent = tuple[float, float]
@@ -106,22 +105,21 @@ class Patch:
 
     def points(self, chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
         """Points (mm) at chart coordinates inside the square of half width ``HALF_WIDTH``."""
-        points: Float[np.ndarray, "*n 3"] = self._spline(chart)
-        return points
+        return self._derivatives(chart, slice(1))[0]
 
     def tangents(self, chart: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n 3"], ...]:
         """Points (mm) and their first derivatives by X and by Y."""
-        return tuple(self._spline(chart, nu=order) for order in _JET_ORDERS[:3])
+        return tuple(self._derivatives(chart, slice(3)))
 
     def normals(self, chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
         """Unit normals pointing away from the origin."""
-        along: Float[np.ndarray, "*n 3"] = np.cross(self._spline(chart, nu=(1, 0)), self._spline(chart, nu=(0, 1)))
+        along: Float[np.ndarray, "*n 3"] = np.cross(*self._derivatives(chart, slice(1, 3)))
         normals: Float[np.ndarray, "*n 3"] = along / np.linalg.norm(along, axis=-1, keepdims=True)
         return normals
 
     def jet(self, chart: Float[np.ndarray, "n 2"]) -> Jet:
         """Points and the first and second derivatives of the spline."""
-        return Jet(*(self._spline(chart, nu=order) for order in _JET_ORDERS))
+        return Jet(*self._derivatives(chart, slice(6)))
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin in unit ``directions``, down to a little below z = 0.
@@ -144,9 +142,14 @@ class Patch:
         control[~bound, 2] = np.maximum(control[~bound, 2], control[bound, 2].min())
         return Patch(control, self.knots)
 
-    @cached_property
-    def _spline(self) -> NdBSpline:
-        return NdBSpline((self.knots, self.knots), self.control, DEGREE)
+    def _derivatives(self, chart: Float[np.ndarray, "*n 2"], chosen: slice) -> Float[np.ndarray, "k *n 3"]:
+        """The ``chosen`` derivatives of ``_JET_ORDERS``."""
+        from lensforge.kernels.spline_patch import spline_points
+
+        orders, places = _JET_ORDERS[chosen], np.ascontiguousarray(chart, dtype=np.float64).reshape(-1, 2)
+        basis, found = np.empty((2, 1 + orders.max(), DEGREE + 1)), np.empty((len(orders), len(places), 3))
+        spline_points(self.knots, np.ascontiguousarray(self.control), DEGREE, orders, places, basis, found)
+        return found.reshape(len(orders), *chart.shape[:-1], 3)
 
 
 def default_nodes(detail_rad: float) -> int:

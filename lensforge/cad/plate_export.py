@@ -34,7 +34,7 @@ from lensforge.results.record import MOST_FILE_BYTES
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.spec.lamps_section import Lamps
-from lensforge.surfaces.step_file import Schema
+from lensforge.surfaces.step_file import Schema, parts_of
 
 _BARE = BaseSection(kind="none")
 _NEIGHBOURS = 1.5  # of the distance of the nearest two axes: lenses this close may be the closest two
@@ -93,7 +93,7 @@ def build_plate(
         bounds_mm=mesh.bounds_mm,
         watertight=closed.watertight,
         genus=closed.genus,
-        faces=len(read.shape.Faces()),
+        faces=len(parts_of(read.shape, "FACE")),
         triangles=len(mesh.triangles),
         chord_error_um=1e3 * mesh_error(facets, bare),
         seconds=round(time.perf_counter() - start, 3),
@@ -142,7 +142,18 @@ def volume_of_mm3(faces: Shapes, layout: PlateLayout, lens_mm3: float) -> float:
     ``lens_mm3``: through the faces of one lens, the same at each place. All other faces stand upright or lie in z = 0.
     """
     levels = [face for name, face in faces.items() if name.startswith((PLATE_BOTTOM, PIN_END, BOSS_ROOF))]
-    return len(layout.lenses) * lens_mm3 - sum(float(face.Area() * face.Vertices()[0].Z) for face in levels)
+    return len(layout.lenses) * lens_mm3 - sum(map(_flux_mm3, levels))
+
+
+def _flux_mm3(level: Any) -> float:
+    """Area of a level face, times its height."""
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    area = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(level, area)
+    return float(area.Mass() * BRep_Tool.Pnt_s(parts_of(level, "VERTEX")[0]).Z())
 
 
 def copies_off_mm(faces: Shapes, plan: Plan[Patch], layout: PlateLayout) -> float:
@@ -168,7 +179,7 @@ def _poles_of(face: Any) -> Float[np.ndarray, "n n 3"] | None:
     from OCP.BRep import BRep_Tool
     from OCP.Geom import Geom_BSplineSurface
 
-    surface = BRep_Tool.Surface_s(face.wrapped)
+    surface = BRep_Tool.Surface_s(face)
     return spline_poles(surface) if isinstance(surface, Geom_BSplineSurface) else None
 
 

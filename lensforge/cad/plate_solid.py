@@ -6,7 +6,7 @@ is closed as it is made, without a boolean operation, whatever the number of len
 
 from typing import Any
 
-from lensforge.cad.edges import face_at, moved, wire, wire_at
+from lensforge.cad.edges import face_at, moved, normal_at, wire, wire_at
 from lensforge.cad.outline import FULL_TURN, Arc
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
@@ -86,12 +86,10 @@ def _walls(name: str, loop: Loop, depth_mm: float, length_mm: float, *, outwards
 
 def _wall_facing(side: Any, edge: LoopEdge, outwards: bool) -> Any:
     """The wall below an edge, its normal to the right of the edge, or to the left."""
-    import cadquery as cq
-    from OCP.BRepTools import BRepTools
+    from OCP.TopoDS import TopoDS
 
-    u_low, u_high, v_low, v_high = BRepTools.UVBounds_s(side)
-    normal, (x, y) = cq.Face(side).normalAt((u_low + u_high) / 2.0, (v_low + v_high) / 2.0)[0], edge.right
-    return cq.Face(side if (normal.x * x + normal.y * y > 0.0) == outwards else side.Reversed())
+    (_, normal), (x, y) = normal_at(side), edge.right
+    return side if (normal.X() * x + normal.Y() * y > 0.0) == outwards else TopoDS.Face_s(side.Reversed())
 
 
 def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:

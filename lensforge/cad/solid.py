@@ -25,6 +25,7 @@ from lensforge.cad.edges import (
     face_at,
     geom_surface,
     moved,
+    normal_at,
     outline_edges,
     rim_edges,
     wire,
@@ -55,6 +56,7 @@ from lensforge.cad.plan import (
 )
 from lensforge.optics.media import FLANGE
 from lensforge.results.brep_size import volume_and_area
+from lensforge.surfaces.step_file import parts_of
 
 FLAT = "CLOCKING_FLAT"
 
@@ -96,10 +98,10 @@ def _outside(plan: Plan[Patch], envelope_rim: list[Chain], whole_rim: Chain) -> 
         if plan.ring is not None:
             ring = _circle(plan.ring, 0.0)
             walls, seat_wire = walls_below(RELIEF, ring, plan.relief_mm)
-            faces, seat = [(RIM, planar_face(wire(whole_rim), wire(ring))), *walls], [_edges(seat_wire)]
+            faces, seat = [(RIM, planar_face(wire(whole_rim), wire(ring))), *walls], [parts_of(seat_wire, "EDGE")]
         elif plan.relief_mm > 0.0:
             faces, seat_wire = walls_below(RELIEF, whole_rim, plan.relief_mm)
-            seat = [_edges(seat_wire)]
+            seat = [parts_of(seat_wire, "EDGE")]
         outline = outline_edges(plan.outline, plan.relief_mm, envelope_rim, plan.arcs)
         side_faces, foot = _prism(outline, plan.shoulder_mm - plan.relief_mm)
         faces += [(_side_name(plan, edge), face) for edge, face in zip(outline, side_faces, strict=True)]
@@ -191,18 +193,12 @@ def _prism(edges: Chain, depth_mm: float) -> tuple[list[Any], Any]:
     return faces, TopoDS.Wire_s(prism.LastShape())
 
 
-def _edges(boundary: Any) -> Chain:
-    import cadquery as cq
-
-    return [edge.wrapped for edge in cq.Shape.cast(boundary).Edges()]
-
-
 def planar_face(boundary: Any, *holes: Any) -> Any:
     """The horizontal face, its normal up, within a horizontal wire, without ``holes``."""
-    import cadquery as cq
+    from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
 
-    height = cq.Shape.cast(boundary).Vertices()[0].Z
+    height = BRep_Tool.Pnt_s(parts_of(boundary, "VERTEX")[0]).Z()
     return _within(gp_Pln(gp_Pnt(0.0, 0.0, height), gp_Dir(0.0, 0.0, 1.0)), boundary, *holes)
 
 
@@ -218,7 +214,7 @@ _OUTWARD = {
 
 @dataclass(frozen=True)
 class Solid:
-    """A ``cadquery.Solid`` (mm) and its faces (``cadquery.Face``) by name."""
+    """A solid (TopoDS_Solid, mm) and its faces (TopoDS_Face) by name."""
 
     shape: Any
     faces: Shapes
@@ -226,12 +222,12 @@ class Solid:
     @cached_property
     def valid(self) -> bool:
         """True where the CAD kernel finds one closed, outward-facing solid with consistent wires, edges, tolerances."""
-        return bool(self.shape.isValid()) and len(self.shape.Shells()) == 1 and self.default_volume_mm3 > 0.0
+        return _is_valid(self.shape) and len(parts_of(self.shape, "SHELL")) == 1 and self.default_volume_mm3 > 0.0
 
     @property
     def faults(self) -> list[str]:
         """Names of the faces that the CAD kernel finds invalid, each tested on its own; none of a valid solid."""
-        return [] if self.valid else [name for name, face in self.faces.items() if not face.isValid()]
+        return [] if self.valid else [name for name, face in self.faces.items() if not _is_valid(face)]
 
     @property
     def volume_mm3(self) -> float:
@@ -245,7 +241,7 @@ class Solid:
 
     @cached_property
     def _size(self) -> tuple[float, float]:
-        return volume_and_area(self.shape.wrapped)
+        return volume_and_area(self.shape)
 
     @cached_property
     def default_volume_mm3(self) -> float:
@@ -258,7 +254,7 @@ class Solid:
         from OCP.GProp import GProp_GProps
 
         properties = GProp_GProps()
-        BRepGProp.VolumeProperties_s(self.shape.wrapped, properties)
+        BRepGProp.VolumeProperties_s(self.shape, properties)
         return float(properties.Mass())
 
     @property
@@ -266,10 +262,16 @@ class Solid:
         """Handles of the boundary, by Euler and Poincaré: ``V - E + F - (L - F) = 2 (S - G)``, L: loops, S: shells."""
         from OCP.BRep import BRep_Tool
 
-        faces, shape = self.shape.Faces(), self.shape
-        edges = sum(not BRep_Tool.Degenerated_s(edge.wrapped) for edge in shape.Edges())
-        loops = sum(len(face.Wires()) for face in faces)
-        return len(shape.Shells()) - (len(shape.Vertices()) - edges + 2 * len(faces) - loops) // 2
+        faces, vertices, shells = (parts_of(self.shape, kind) for kind in ("FACE", "VERTEX", "SHELL"))
+        edges = sum(not BRep_Tool.Degenerated_s(edge) for edge in parts_of(self.shape, "EDGE"))
+        loops = sum(len(parts_of(face, "WIRE")) for face in faces)
+        return len(shells) - (len(vertices) - edges + 2 * len(faces) - loops) // 2
+
+
+def _is_valid(shape: Any) -> bool:
+    from OCP.BRepCheck import BRepCheck_Analyzer
+
+    return bool(BRepCheck_Analyzer(shape).IsValid())
 
 
 def build_solid(plan: Plan[Patch]) -> Solid:
@@ -336,7 +338,7 @@ def _with_ring(face: TrimmedFace[Patch], surface: Any, ends: tuple[Any, Any], ri
 
 
 def untrimmed_faces(patches: dict[str, Patch], envelope: Collection[str] = (OUTER,)) -> Shapes:
-    """A ``cadquery.Face`` over the whole of each patch, its normal out of the material of a lens.
+    """A face (TopoDS_Face) over the whole of each patch, its normal out of the material of a lens.
 
     ``envelope``: names of those that bound the body outwards.
     """
@@ -359,35 +361,29 @@ def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
 
 def facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
     """``face`` with the orientation that makes its normal point outwards, judged in the middle or in its ``domain``."""
-    import cadquery as cq
-    from OCP.BRepTools import BRepTools
+    from OCP.TopoDS import TopoDS
 
-    u_low, u_high, v_low, v_high = BRepTools.UVBounds_s(face)
-    place = ((u_low + u_high) / 2.0, (v_low + v_high) / 2.0)
-    if domain is not None:
-        place = (sum(float(each[0]) for each in domain.radii(np.zeros(1))) / 2.0, 0.0)
-    shape = cq.Face(face)
-    normal, point = shape.normalAt(*place)
-    radial = normal.x * point.x + normal.y * point.y
-    ahead = radial + normal.z * point.z
-    along = {UP: normal.z, DOWN: -normal.z, AWAY: radial, TOWARDS: -radial, FROM_ORIGIN: ahead, TO_ORIGIN: -ahead}
-    return shape if along[outward] > 0.0 else cq.Face(face.Reversed())
+    inside = None if domain is None else (sum(float(each[0]) for each in domain.radii(np.zeros(1))) / 2.0, 0.0)
+    (x, y, z), normal = (each.Coord() for each in normal_at(face, inside))
+    radial = normal[0] * x + normal[1] * y
+    ahead, up = radial + normal[2] * z, normal[2]
+    along = {UP: up, DOWN: -up, AWAY: radial, TOWARDS: -radial, FROM_ORIGIN: ahead, TO_ORIGIN: -ahead}
+    return face if along[outward] > 0.0 else TopoDS.Face_s(face.Reversed())
 
 
 def assembled(faces: Named) -> Solid:
     """The solid within ``faces``, which share their edges."""
-    import cadquery as cq
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
 
     builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
     builder.MakeShell(shell)
     for _, face in faces:
-        builder.Add(shell, face.wrapped)
+        builder.Add(shell, face)
     shell.Closed(True)
     builder.MakeSolid(solid)
     builder.Add(solid, shell)
-    return Solid(cq.Solid(solid), uniquely_named(faces))
+    return Solid(solid, uniquely_named(faces))
 
 
 def uniquely_named(faces: list[tuple[str, Any]]) -> Shapes:

@@ -27,6 +27,7 @@ from lensforge.surfaces.step_file import (
     configure,
     new_document,
     parse_apart,
+    parts_of,
     products_in,
 )
 from lensforge.version import __version__
@@ -179,7 +180,12 @@ def _faces_of(label: Any) -> list[str]:
 
 def _lies_in_datum(face: Any) -> bool:
     """True for a plane face in z = 0."""
-    return face.geomType() == "PLANE" and all(abs(corner.Z) < _IN_PLANE_MM for corner in face.Vertices())
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.GeomAbs import GeomAbs_SurfaceType
+
+    plane = BRepAdaptor_Surface(face).GetType() == GeomAbs_SurfaceType.GeomAbs_Plane
+    return plane and all(abs(BRep_Tool.Pnt_s(corner).Z()) < _IN_PLANE_MM for corner in parts_of(face, "VERTEX"))
 
 
 _UNSIGNED = Signature(author="", organisation="", date=None)
@@ -233,7 +239,7 @@ def signed_step(solid: Solid, spec: Spec, product: str, schema: Schema, date: st
 
 
 def surfaces_bytes(faces: Shapes, product: str, schema: Schema = "AP214", *, header: Signature = _UNSIGNED) -> bytes:
-    """A STEP file of loose faces (``cadquery.Face``), each a product under its name."""
+    """A STEP file of loose faces (TopoDS_Face), each a product under its name."""
     return _bytes(faces, {}, product, schema, header, ())
 
 
@@ -269,15 +275,16 @@ def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
     Raises :class:`InputError` for anything else; ``origin`` names the file in the message.
     """
     parts = _parse(content, origin)
-    solids = [solid for part in parts for solid in part.shape.Solids()]
+    solids = [solid for part in parts for solid in parts_of(part.shape, "SOLID")]
     if len(solids) != 1:
         raise InputError(f"{origin}: holds {len(solids)} solids, a lens is one; {_EXPORT_AGAIN}")
     return Solid(solids[0], parts[0].faces)
 
 
 def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> Shapes:
-    """The loose faces (``cadquery.Face``) of a STEP file's bytes by name. Raises :class:`InputError`."""
-    return {part.name: part.shape.Faces()[0] for part in _parse(content, origin) if len(part.shape.Faces()) == 1}
+    """The loose faces (TopoDS_Face) of a STEP file's bytes by name. Raises :class:`InputError`."""
+    faces = {part.name: parts_of(part.shape, "FACE") for part in _parse(content, origin)}
+    return {name: each[0] for name, each in faces.items() if len(each) == 1}
 
 
 def _parse(content: bytes, origin: str) -> list[Product]:
@@ -296,10 +303,10 @@ def _document(parts: Shapes, faces: Shapes, tolerances: tuple[FormTolerance, ...
     document, labels = new_document(), {}
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     for product, shape in parts.items():
-        part = shapes.AddShape(shape.wrapped, False)
+        part = shapes.AddShape(shape, False)
         TDataStd_Name.Set_s(part, TCollection_ExtendedString(product))
     for name, face in faces.items():
-        labels[name] = shapes.AddSubShape(part, face.wrapped)
+        labels[name] = shapes.AddSubShape(part, face)
         TDataStd_Name.Set_s(labels[name], TCollection_ExtendedString(name))
     attach(document, labels, tolerances)
     return document

@@ -22,6 +22,7 @@ from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import DOUBLE
 from lensforge.results.files import replacing, require_writable
 from lensforge.shop.findings import GOOD_DRAFT_DEG
+from lensforge.sources.build_source import cavity_around
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, new_text, source_in, target_in
@@ -152,7 +153,6 @@ def _content(name: str, sections: Tables, radius_mm: float, material: str, made_
 def _checked_text(content: Tables, folder: Path, force: bool) -> str:
     """TOML of ``content`` with derived values, after the check of what is possible. Raises :class:`InputError`."""
     from lensforge.search.scene_check import SceneCheck
-    from lensforge.sources.build_source import cavity_around
 
     resolved = deepcopy(content)
     resolve_files(resolved, Path())

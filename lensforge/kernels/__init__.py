@@ -8,6 +8,7 @@
 - ``fresnel``: refraction, transmittance, coatings
 - ``landing``: receivers, and their adjoint
 - ``image_sums``: flux on pixels, and its adjoint
+- ``spline_patch``: points of a spline in space, for CAD
 - ``sparse.SparseMatrix``: a sparse matrix times a column for each face, for the search
 - ``clearance``: a ball along a face
 - ``fate.Fate``: what became of a ray

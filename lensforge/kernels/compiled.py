@@ -11,12 +11,13 @@ import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial, reduce
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsFloat, cast
 
 import numba
+import numba.extending
 
 from lensforge.errors import InputError
 
@@ -57,18 +58,49 @@ class KernelCache:
         return str(self._line)
 
 
-def kernel(function: Function) -> Function:
+def kernel(function: Function, **options: Any) -> Function:
     """Compile ``function`` with numba, without the interpreter's lock, contracted to fused multiply-adds."""
     before = numba.config.CACHE_LOCATOR_CLASSES
     numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCache.__name__}"
     try:
-        compiled: Function = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+        compiled: Function = numba.njit(nogil=True, cache=True, **{**_OPTIONS, **options})(function)
         return compiled
     finally:
         numba.config.CACHE_LOCATOR_CLASSES = before
 
 
+as_written = partial(kernel, fastmath=False)  # nothing contracted: the bits of the operations as they stand
 inline = numba.njit(forceinline=True, **_OPTIONS)
+
+
+_CHAIN = 6  # steps of a polynomial in turn: with 11 or 22 a sum of basis functions takes 1.1 or 1.4 times as long
+
+
+def polynomial(terms: Sequence[SupportsFloat]) -> Function:
+    """A function of kernels: the polynomial with coefficients ``terms``, the constant one first, of a float64.
+
+    It is a straight line of instructions. The compiler unrolls a loop over coefficients for some numbers of them only,
+    and makes no vector instructions of a loop around one that it does not unroll.
+    """
+    from llvmlite import ir
+    from numba.core import types
+
+    def code(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
+        def plus(term: Any, power: Any, higher: Any) -> Any:
+            return builder.fadd(builder.fmul(power, higher, flags=("contract",)), term, flags=("contract",))
+
+        def total(terms: Sequence[Any], power: Any) -> Any:
+            if len(terms) > _CHAIN:
+                square = builder.fmul(power, power)
+                return plus(total(terms[::2], square), power, total(terms[1::2], square))
+            return reduce(lambda higher, term: plus(term, power, higher), reversed(terms))
+
+        return total([ir.Constant(ir.DoubleType(), float(term)) for term in terms], arguments[0])
+
+    def typed(_: Any, x: Any) -> Any:
+        return types.float64(types.float64), code
+
+    return cast(Function, numba.extending.intrinsic(typed))
 
 
 @cache

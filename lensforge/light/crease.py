@@ -28,7 +28,7 @@ from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.optics.media import CAVITY
 from lensforge.scene.as_made import through_frame
 from lensforge.scene.receiver import PosedReceiver
-from lensforge.sources.emitting_area import sobol
+from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.surfaces.bicubic_table import TableGrid, cubic_basis, evaluate_table
 from lensforge.surfaces.surface import gradient_on_sphere, to_sphere

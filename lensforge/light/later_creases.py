@@ -21,7 +21,7 @@ from lensforge.kernels.nearest_face import BODY
 from lensforge.light.crease import BESIDE, OnFaces, Worth, in_lens, polished
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
-from lensforge.sources.emitting_area import sobol
+from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.surfaces.surface import to_chart
 

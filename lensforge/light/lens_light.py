@@ -13,6 +13,7 @@ from lensforge.results.arguments import count_of, number_of, require
 from lensforge.results.record import MOST_PIXELS
 from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import at_temperature
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import SeveralSources
@@ -43,7 +44,6 @@ def evaluate(
     warnings on another source; ``name``: theirs, by default made from what differs.
     """
     from lensforge.light.evaluation import evaluate_lens
-    from lensforge.sources.build_source import build_source, summarise
 
     require(lens, Lens, "evaluate")
     other = None if source is None else other_source(lens.spec, source)
@@ -75,7 +75,6 @@ def evaluate(
 def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[LedLight]:
     """The light of every further LED that ``lens`` is for."""
     from lensforge.light.evaluation import evaluate_lens
-    from lensforge.sources.build_source import build_source, summarise
 
     for led in lens.spec.sources[1:]:
         emitter = build_source(led.source, lens.dispersion, coloured=lens.spec.colour is not None)
@@ -115,7 +114,6 @@ _Value = TypeVar("_Value")
 
 def source_of(spec: Spec) -> Source:
     """The source of ``spec``, with the dispersion of the lens material, and colours where these are asked for."""
-    from lensforge.sources.build_source import build_source
 
     return build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None)
 
@@ -158,7 +156,6 @@ def photometry_conditions(lens: Lens, source: Source, rays: int | None, lumens: 
     Any ``rays`` that are given: by default their number follows the noise. ``lumens`` are among them only where the
     spec knows its own.
     """
-    from lensforge.sources.build_source import summarise
 
     known_lm = summarise(source, lens.spec.source).flux_lm
     own = known_lm is None or lumens is None or isclose(lumens, known_lm)

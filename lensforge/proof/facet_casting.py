@@ -5,7 +5,6 @@ lens, and traces a few hundred rays per second. Here a compiled walk through the
 triangles of the cells that each ray visits until the first hit.
 """
 
-import itertools
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -19,7 +18,6 @@ from lensforge.errors import InputError
 
 CELL_EDGES = 1.0  # edge of a cell in typical triangle edges
 MAX_CELLS = 4e6  # about this many cells at most: bounds the memory
-_BLOCK = 2**18  # cells of boxes tested together: they stay in the cache
 # Bounds for meshes that somebody has changed, whose triangles may span the whole part. The boxes of all triangles of a
 # usual mesh have 3 million cells, and a triangle shares its cells with 70 others; of a lens on a plate of a hundred
 # times its width, with 1,000.
@@ -83,7 +81,6 @@ class Grid:
             self.cell *= 1.26  # twice the volume
         self.corner = low.min(axis=0) - 0.5 * self.cell
         self.shape = np.ceil((extent + self.cell) / self.cell).astype(np.int64)
-        self.strides = np.array([self.shape[1] * self.shape[2], self.shape[2], 1])
         self._sort_into_cells(low, high)
         count = np.diff(self.starts).astype(np.float64)
         together = float(count @ count / count.sum())
@@ -94,43 +91,23 @@ class Grid:
             )
 
     def _sort_into_cells(self, low: Float[np.ndarray, "t 3"], high: Float[np.ndarray, "t 3"]) -> None:
-        """List the cells of each triangle's box that its plane crosses, then sort the triangles by cell."""
+        """List the triangles by the cells of their boxes that their planes cross: counted first, then sorted."""
+        from lensforge.proof.mesh_kernels import sort_into_cells
+
         pad = 1e-6 * self.cell
         first = np.floor((low - self.corner - pad) / self.cell).astype(np.int64)
         span = np.floor((high - self.corner + pad) / self.cell).astype(np.int64) - first + 1
-        upto = np.cumsum(span.prod(axis=1))
         reach = 0.5 * self.cell * np.abs(self.normals).sum(axis=1) + pad
-        blocks = np.unique([0, *np.searchsorted(upto, np.arange(_BLOCK, upto[-1], _BLOCK)), len(upto)])
-        crossed = [self._crossed(np.arange(*ends), first, span, reach) for ends in itertools.pairwise(blocks)]
-        keys, owner = (np.concatenate(column) for column in zip(*crossed, strict=True))
-        self.members = owner[np.argsort(keys, kind="stable")]
-        self.starts = np.concatenate([[0], np.cumsum(np.bincount(keys, minlength=int(self.shape.prod())))])
-
-    def _crossed(
-        self,
-        triangles: Int[np.ndarray, " k"],
-        first: Int[np.ndarray, "t 3"],
-        span: Int[np.ndarray, "t 3"],
-        reach: Float[np.ndarray, " t"],
-    ) -> tuple[Int[np.ndarray, " c"], Int[np.ndarray, " c"]]:
-        """Cells that the planes of some triangles cross within their boxes, and the triangle of each.
-
-        The boxes begin at the cells ``first`` and are ``span`` cells wide; ``reach`` (mm): largest distance of a plane
-        from the centre of a cell that it crosses.
-        """
-        count = span[triangles].prod(axis=1)
-        owner = np.repeat(triangles, count)
-        rank = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        plane, depth = np.divmod(rank, span[owner, 2])
-        cells = first[owner] + np.stack([*np.divmod(plane, span[owner, 1]), depth], axis=1)
-        centres = self.corner + (cells + 0.5) * self.cell
-        height = np.sum((centres - self.triangles[owner, 0]) * self.normals[owner], axis=1)
-        crossed = np.abs(height) <= reach[owner]
-        return (cells @ self.strides)[crossed], owner[crossed]
+        grid = self.triangles, self.normals, first, span, reach, self.corner, self.cell, self.shape
+        counts = np.zeros(int(self.shape.prod()), dtype=np.int64)
+        sort_into_cells(*grid, counts, np.empty(0, dtype=np.int64))
+        self.starts = np.concatenate([[0], np.cumsum(counts)])
+        self.members = np.empty(self.starts[-1], dtype=np.int64)
+        sort_into_cells(*grid, self.starts[:-1].copy(), self.members)
 
     def first_hits(self, leg: Leg) -> FacetHits:
         """First hit of each ray."""
-        from lensforge.proof.grid_walk import walk
+        from lensforge.proof.mesh_kernels import walk
 
         numbers, distances = np.empty(len(leg.origins), dtype=np.int64), np.empty(len(leg.origins))
         rays = (np.ascontiguousarray(each, dtype=np.float64) for each in (leg.origins, leg.directions, leg.beyond))

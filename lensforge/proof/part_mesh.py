@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -27,18 +27,7 @@ from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, stl_corners
 # Facets that meet at a larger angle belong to different faces; a mesh of a lens bends by a few degrees at most.
 CREASE_RAD = np.deg2rad(30.0)
 LEVEL_MM = 1e-4  # what is nearer to z = 0 lies there, in single precision too
-# Degree of the polynomial fitted around a vertex. It limits what the verification can see: on the smallest shipped
-# lenses the normals of a cubic are wrong by 130 urad rms at the vertices, which lands rays 0.027 mm off at 150 mm,
-# nearly twice what the criterion allows; those of a quintic land them 0.003 mm off on the same mesh, as do exact ones.
-_DEGREE = 5
 NEIGHBOURS = 48  # for 20 terms: fewer leave an irregular mesh undetermined, more reach over the surface's own detail
-_STEEPEST = 0.999  # height of the farthest neighbours over their distance: a dome's are at a tenth
-_CHUNK = 2048  # vertices fitted at a time: bounds the memory, and stays in the cache
-_POWERS = [(degree - k, k) for degree in range(1, _DEGREE + 1) for k in range(degree + 1)]
-# A term that the neighbours do not determine goes to the lower degree: the ridge grows with the degree. At a rim 48
-# neighbours are five rows deep; with 1e-7 for the fifth degree the normals there are wrong by 1 mrad.
-_RIDGE_OF_DEGREE = (0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3)
-_RIDGE = np.diag([_RIDGE_OF_DEGREE[i + j] for i, j in _POWERS])
 
 
 @dataclass(frozen=True)
@@ -69,7 +58,9 @@ class PartMesh:
     def open_edges(self) -> int:
         """Edges that do not join exactly two triangles of the same sense; 0 for a closed body."""
         edges, count = self.mesh.edges, len(self.mesh.vertices)
-        forth, back = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
+        forth, back = (np.sort(edges[:, i] * count + edges[:, 1 - i]) for i in (0, 1))
+        if (forth == back).all() and (forth[1:] != forth[:-1]).all():
+            return 0  # of one in ten of the time
         senses, times = np.unique(forth, return_counts=True)
         return int(np.sum(times > 1) + np.sum(~np.isin(senses, back)))
 
@@ -145,30 +136,16 @@ def fit_vertices(
 
     ``faces`` numbers the smooth face of each vertex; neighbours are taken from the same face only.
     """
-    count = len(vertices)
-    fit = VertexFit(facet_average(vertices, triangles), np.zeros((count, 3, 3)))
+    from lensforge.proof.mesh_kernels import fit_polynomials, fit_space
+
+    fit = VertexFit(facet_average(vertices, triangles), np.zeros((len(vertices), 3, 3)))
+    places, space = np.ascontiguousarray(vertices, dtype=np.float64), fit_space(NEIGHBOURS)
     for members in np.split(np.argsort(faces, kind="stable"), np.cumsum(np.bincount(faces))[:-1]):
         if len(members) < NEIGHBOURS:
             continue  # a few facets, such as those of a box: the facet average stays
-        tree = cKDTree(vertices[members])
-        for rows in np.split(members, range(_CHUNK, len(members), _CHUNK)):
-            near = members[tree.query(vertices[rows], k=NEIGHBOURS)[1]]
-            offsets = vertices[near] - vertices[rows, None]
-            fitted = _fittable(offsets, fit.normals[rows])
-            rows, offsets = rows[fitted], offsets[fitted]
-            fit.normals[rows], fit.bends[rows] = _quintic(offsets, fit.normals[rows])
+        near = members[cKDTree(places[members]).query(places[members], k=NEIGHBOURS)[1]]
+        fit_polynomials(places, members, near, fit.normals, fit.bends, *space)
     return fit
-
-
-def _fittable(offsets: Float[np.ndarray, "n m 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-    """True for vertices with a normal and neighbours that spread across it; the others keep their facet average.
-
-    A mesh of the program's own has no others. One that somebody has changed may: points on a line or in a heap.
-    """
-    lengths = np.linalg.norm(offsets, axis=2).max(axis=1)
-    heights = np.abs(np.einsum("nmi,ni->nm", offsets, normals)).max(axis=1)
-    fittable: Bool[np.ndarray, " n"] = (np.abs(normals).max(axis=1) > 0.0) & (heights < _STEEPEST * lengths)
-    return fittable
 
 
 def facet_average(vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray, "t 3"]) -> Float[np.ndarray, "k 3"]:
@@ -177,49 +154,17 @@ def facet_average(vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray,
     N. Max, "Weights for computing vertex normals from facet normals", J. Graphics Tools 4 (1999).
     """
     corners = vertices[triangles]
-    total = np.zeros_like(vertices)
+    weighted = np.empty_like(corners)
     for corner in range(3):
         left = corners[:, (corner + 1) % 3] - corners[:, corner]
         right = corners[:, (corner + 2) % 3] - corners[:, corner]
         lengths = np.sum(left * left, axis=1) * np.sum(right * right, axis=1)
-        weighted = np.cross(left, right) / np.maximum(lengths, np.finfo(float).tiny)[:, None]
-        np.add.at(total, triangles[:, corner], weighted)
+        weighted[:, corner] = np.cross(left, right) / np.maximum(lengths, np.finfo(float).tiny)[:, None]
+    columns, rows = weighted.transpose(2, 1, 0).reshape(3, -1), triangles.T.ravel()
+    total = np.stack([np.bincount(rows, column, len(vertices)) for column in columns], axis=1)
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
     average: Float[np.ndarray, "k 3"] = total / np.maximum(lengths, np.finfo(float).tiny)
     return average
-
-
-def _quintic(
-    offsets: Float[np.ndarray, "n m 3"], normals: Float[np.ndarray, "n 3"]
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3 3"]]:
-    """Least-squares quintic through each vertex, as a height over the plane across ``normals``: normals and bends."""
-    axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = np.cross(normals, axis)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    frame = np.stack([first, np.cross(normals, first), normals], axis=2)
-    scale = np.sqrt(np.mean(np.sum(offsets * offsets, axis=2), axis=1))
-    x, y, height = np.moveaxis(offsets @ frame / scale[:, None, None], 2, 0)
-    terms = _monomials(x, y)
-    moments = terms @ np.swapaxes(terms, 1, 2) + _RIDGE
-    coefficients = np.linalg.solve(moments, terms @ height[..., None])[..., 0]
-
-    slopes, (xx, xy, yy) = coefficients[:, :2], coefficients[:, 2:5].T
-    tilted = normals - (frame[:, :, :2] @ slopes[..., None])[..., 0]
-    curvature = np.stack([np.stack([2.0 * xx, xy], 1), np.stack([xy, 2.0 * yy], 1)], 1) / scale[:, None, None]
-    bends = -frame[:, :, :2] @ curvature @ np.swapaxes(frame[:, :, :2], 1, 2)
-    return tilted / np.linalg.norm(tilted, axis=1, keepdims=True), bends
-
-
-def _monomials(x: Float[np.ndarray, "n m"], y: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n terms m"]:
-    """All monomials of ``_POWERS``, by products: a power of an array costs as much as the rest of the fit."""
-    of_x, of_y = [np.ones_like(x)], [np.ones_like(y)]
-    for _ in range(_DEGREE):
-        of_x.append(of_x[-1] * x)
-        of_y.append(of_y[-1] * y)
-    terms = np.empty((len(x), len(_POWERS), x.shape[1]))
-    for number, (i, j) in enumerate(_POWERS):
-        np.multiply(of_x[i], of_y[j], out=terms[:, number])
-    return terms
 
 
 def as_box(corners: Float[np.ndarray, "2 3"]) -> Box:

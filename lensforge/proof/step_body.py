@@ -121,7 +121,8 @@ _FAR_MM = 1e6
 _FLAT = 1e-12  # component of a direction, for boxes only
 _SKIN_MM = 1e-4  # hits nearer than this are the point just left
 # The kernel looks for hits between 50 samples along u and v at most. Where a face of several on one side is steep, they
-# lie so far apart that a ray takes 40 ms; in pieces of so many knots, cast where it meets their boxes, 1 ms.
+# lie so far apart that a ray takes 40 ms; in pieces of so many knots, cast where it meets their boxes, 1 ms. On a usual
+# lens, hit at the same places to 1e-15 mm, 15 or 60 knots take 1.2 times as long, and a face as a whole 1.3 times.
 _KNOTS_OF_PIECE = 30
 _MOST_FACES = 10_000  # every ray is cast at each of them: a lens has 6, one on a clamp with screw holes some hundred
 
@@ -139,14 +140,14 @@ class _Pieces:
     trims: list[Any]
 
     @staticmethod
-    def of(faces: Sequence[Any], *, cut: bool) -> "_Pieces":
-        """All of ``faces`` (TopoDS_Face), each as a whole, or splines ``cut`` into pieces of some knots."""
+    def of(faces: Sequence[Any]) -> "_Pieces":
+        """All of ``faces`` (TopoDS_Face), splines cut into pieces of some knots."""
         from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
         from OCP.IntCurvesFace import IntCurvesFace_Intersector
 
         numbers, boxes, cast, trims = list[int](), list[Any](), list[Any](), list[Any]()
         for number, face in enumerate(faces):
-            pieces = _cut(face) if cut else [face]
+            pieces = _cut(face)
             trims.append(BRepTopAdaptor_FClass2d(face, _TOLERANCE_MM) if len(pieces) > 1 else None)
             numbers += [number] * len(pieces)
             boxes += map(_around, pieces)
@@ -214,12 +215,11 @@ class StepBody:
 
         self.optical = optical
         numbers = {f"OPTICAL_{name.upper()}": number for number, name in enumerate(optical.names)}
-        several = optical.inverse_radii is not None
-        self._solid, faces, names = _only_solid(step, named=several)
+        self._solid, faces, names = _only_solid(step, named=optical.inverse_radii is not None)
         self._numbers = np.array([numbers.get(name, NO_FACE) for name in names])
         self._faces = [TopoDS.Face_s(face) for face in faces]
         self._surfaces = [BRepAdaptor_Surface(face) for face in self._faces]
-        self._pieces = _Pieces.of(self._faces, cut=several)
+        self._pieces = _Pieces.of(self._faces)
 
     def size(self) -> BodySize:
         """Volume, area and box of the solid, by integrals over its faces and by points on them; takes a second."""

@@ -19,7 +19,7 @@ from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
 
 _BALLS, _ROUNDING = 1.0 + 1e-6, 1e-12  # of the radii, and of the size of the mesh, both squared
-_BLOCK = 256  # triangles near each other, around which a ball is looked at first
+_BLOCK = 64  # triangles near each other, around which a ball is looked at first: of 256 a cast takes half longer
 AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
 
 
@@ -69,8 +69,9 @@ class PlainCaster:
     """
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
-        self.mesh, self._centres = mesh, mesh.triangles.mean(axis=1)
-        self._reach = np.linalg.norm(mesh.triangles - self._centres[:, None], axis=2).max(axis=1)
+        self._triangles, self._normals = np.asarray(mesh.triangles), np.asarray(mesh.face_normals)
+        self._bounds, self._centres = mesh.bounds, self._triangles.mean(axis=1)
+        self._reach = np.linalg.norm(self._triangles - self._centres[:, None], axis=2).max(axis=1)
         order = cKDTree(self._centres).indices  # neighbours stand together
         self._blocks = np.pad(order, (0, -len(order) % _BLOCK), mode="edge").reshape(-1, _BLOCK)
         self._middles = self._centres[self._blocks].mean(axis=1)
@@ -84,8 +85,8 @@ class PlainCaster:
             origin, direction = leg.origins[row : row + 1], leg.directions[row : row + 1]
             near = self._blocks[self._met(self._middles, self._around, origin, direction)].ravel()
             near = near[self._met(self._centres[near], self._reach[near], origin, direction)]
-            corners, normals = self.mesh.triangles[near], self.mesh.face_normals[near]
-            points = ray_triangle_id(corners, origin, direction, normals, _Listed(near, self.mesh.bounds))[2]
+            listed = _Listed(near, self._bounds)
+            points = ray_triangle_id(self._triangles[near], origin, direction, self._normals[near], listed)[2]
             distance = (np.reshape(points, (-1, 3)) - origin) @ direction[0]
             nearest[row] = distance[distance > leg.beyond[row]].min(initial=np.inf)
         return nearest
@@ -99,7 +100,7 @@ class PlainCaster:
     ) -> Bool[np.ndarray, " k"]:
         """True for the balls that a line goes through."""
         away = centres - origin
-        most = (_BALLS * reach) ** 2 + _ROUNDING * float(np.sum(self.mesh.extents**2))
+        most = (_BALLS * reach) ** 2 + _ROUNDING * float(np.sum((self._bounds[1] - self._bounds[0]) ** 2))
         met: Bool[np.ndarray, " k"] = np.einsum("ti,ti->t", away, away) - (away @ direction[0]) ** 2 <= most
         return met
 

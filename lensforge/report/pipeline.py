@@ -212,7 +212,7 @@ def _process_for_later_stages() -> Iterator[SecondProcess]:
 
 
 def _load_cad_kernel() -> None:
-    import cadquery  # noqa: F401  two seconds
+    import OCP.gp  # noqa: F401  two seconds
 
     import lensforge.cad.part_export  # noqa: F401
 

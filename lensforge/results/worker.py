@@ -76,6 +76,7 @@ def answer_calls(calls: IO[bytes], answers: IO[bytes]) -> None:
             function, arguments = pickle.load(calls)
         except EOFError:
             return
+        gc.freeze()  # the libraries are no garbage: a search among their 400,000 objects takes 0.25 s
         try:
             answer = True, function(*arguments)
         except Exception:  # the parent calls the function itself, and raises what it raises there

@@ -13,13 +13,13 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import norm, qmc
+from scipy.special import ndtr, ndtri
 
 from lensforge import seeds
 from lensforge.spec.tolerances_section import Factor
 
 _PER_AMOUNT = 2.0  # standard deviations of a normal distribution: 95 % of the parts lie within the amount
-_TAIL = float(norm.cdf(-_PER_AMOUNT))
+_TAIL = float(ndtr(-_PER_AMOUNT))
 _QUADRATURE = 200  # Gauss points over the width of a distribution: moments to degree 8 are exact
 _WIDEST = 10.0  # standard deviations of a normal distribution: beyond, no part is ever drawn
 
@@ -30,13 +30,13 @@ def quantiles(factor: Factor, levels: Float[np.ndarray, "*n"]) -> Float[np.ndarr
     Of a one-sided factor the distribution of the absolute value.
     """
     if factor.kind == "field":
-        return np.asarray(norm.ppf(levels))
+        return np.asarray(ndtri(levels))
     share = 0.5 + 0.5 * levels if factor.kind == "one-sided" else levels
     if factor.distribution == "uniform":
         return 2.0 * share - 1.0
     if factor.distribution == "truncated":
         share = _TAIL + (1.0 - 2.0 * _TAIL) * share
-    return np.asarray(norm.ppf(share) / _PER_AMOUNT)
+    return np.asarray(ndtri(share) / _PER_AMOUNT)
 
 
 def orthonormal(factor: Factor, values: Float[np.ndarray, "*n"], degree: int) -> Float[np.ndarray, "*n d"]:
@@ -54,7 +54,8 @@ def _quadrature(factor: Factor) -> tuple[Float[np.ndarray, " q"], Float[np.ndarr
     low = 0.0 if factor.kind == "one-sided" else -high
     points, weights = _gauss()
     values = low + 0.5 * (high - low) * (points + 1.0)
-    density = np.ones(_QUADRATURE) if factor.distribution == "uniform" else norm.pdf(_PER_AMOUNT * values)
+    normal = np.exp(-((_PER_AMOUNT * values) ** 2) / 2.0) / np.sqrt(2.0 * np.pi)
+    density = np.ones(_QUADRATURE) if factor.distribution == "uniform" else normal
     shares = weights * density
     return values, shares / shares.sum()
 
@@ -146,6 +147,8 @@ def _sobol(dimensions: int, count: int, seed: int) -> Float[np.ndarray, "n d"]:
     """Scrambled points, never 0 or 1."""
     if dimensions == 0:
         return np.zeros((count, 0))
+    from scipy.stats import qmc  # a second, which only studies of parts need
+
     sequence = qmc.Sobol(dimensions, scramble=True, bits=52, rng=np.random.default_rng(seed))
     points: Float[np.ndarray, "n d"] = sequence.random_base2(int(np.ceil(np.log2(max(count, 1)))))[:count]
     return _inside(points)

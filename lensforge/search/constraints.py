@@ -30,13 +30,11 @@ from lensforge.search.constraint_points import (
     KeepOutExtent,
     RadiusJet,
     constraint_points,
-    draft_sine,
-    least_curvature,
     meridian_points,
     nearest_of,
-    wall_mm,
 )
 from lensforge.search.design_result import CURVATURE, DRAFT, EDGE, FLANGE_ROOM, Limit, limits_of
+from lensforge.search.face_fields import draft_sine, least_curvature, wall_mm
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -160,7 +158,7 @@ def _curvature_left(air: int, curvature: float, face: RadiusJet, points: ChartPo
 
 def _draft_left(limit_deg: float, sense: int, face: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
     """Draft (deg) beyond the limit; ``sense``: -1 for a face that the lower half of the mould makes."""
-    sine = torch.clamp(sense * draft_sine(face, points), -1.0 + 1e-6, _STEEP)
+    sine = torch.clamp(draft_sine(face, points, sense), -1.0 + 1e-6, _STEEP)
     return torch.rad2deg(torch.asin(sine)) - limit_deg
 
 

@@ -227,6 +227,7 @@ def fit_surface(basis: SrbfBasis, surface: Surface) -> SrbfSurface:
 
 _SAME = 1e-9  # of a mirrored frame, and of a centre relative to its distance
 
+_Turns = tuple[tuple[bool, tuple[int, ...]], ...]
 ChartMirrors = tuple[tuple[tuple[int, int], tuple[int, int]], ...]  # signed permutations of the chart's coordinates
 
 
@@ -311,20 +312,51 @@ def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
     return tuple(mirrors)
 
 
+class _MirrorMean(torch.autograd.Function):
+    """Mean over mirror images of a square of numbers, or a picture: one after another by each of some ``turns``.
+
+    A turn: True where rows and columns change places, and the axes that are then reversed.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, values: Tensor, turns: _Turns) -> Tensor:
+        ctx.turns, mean = turns, values.detach().numpy()
+        for swapped, axes in turns:
+            mean = 0.5 * (mean + np.flip(mean.T if swapped else mean, axes))
+        return torch.from_numpy(mean)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        by = gradients[0].numpy()
+        for swapped, axes in reversed(ctx.turns):
+            turned = np.flip(by, axes)
+            by = 0.5 * (by + (turned.T if swapped else turned))
+        return torch.from_numpy(by), None
+
+
+def _mirror_mean(values: Float[Tensor, "h w"], turns: _Turns) -> Float[Tensor, "h w"]:
+    if not turns:
+        return values
+    mean: Tensor = _MirrorMean.apply(values, turns)  # type: ignore[no-untyped-call]  # as torch has it
+    return mean
+
+
 def mirrored_light(image: Float[Tensor, "h w"], mirrors: ChartMirrors) -> Float[Tensor, "h w"]:
     """Mean over the mirror images of the light on a receiver: that of a scene with the symmetry, with more rays."""
+    turns = []
     for (a, b), (c, d) in mirrors:
-        turned = [axis for axis, sign in ((1, a + b), (0, c + d)) if sign < 0]
-        image = 0.5 * (image + (image if a else image.T).flip(turned))
-    return image
+        turned = tuple(axis for axis, sign in ((1, a + b), (0, c + d)) if sign < 0)
+        turns.append((not a, turned))
+    return _mirror_mean(image, tuple(turns))
 
 
 def mirror_mean(grid: Float[Tensor, "p p"], symmetry: str) -> Float[Tensor, "p p"]:
     """Mean over the mirror images of values on a square grid about the axis, first index x, second y."""
+    turns: list[tuple[bool, tuple[int, ...]]] = []
     if symmetry in ("mirror_x", "rectangle", "square"):
-        grid = 0.5 * (grid + grid.flip(0))
+        turns.append((False, (0,)))
     if symmetry in ("mirror_y", "rectangle", "square"):
-        grid = 0.5 * (grid + grid.flip(1))
+        turns.append((False, (1,)))
     if symmetry in ("diagonal", "square"):
-        grid = 0.5 * (grid + grid.T)
-    return grid
+        turns.append((True, ()))
+    return _mirror_mean(grid, tuple(turns))

@@ -16,6 +16,7 @@ from lensforge.results.arguments import count_of, path_of, require, threads_of_t
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Observer, Start
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.accuracy import preset_of
@@ -110,7 +111,6 @@ def redesign(lens: Lens, source: SourceSpec | Path | str, **options: Unpack[Sear
     ``source``: in the place of the spec's; of a file as for :func:`lensforge.evaluate`. ``options``: as of
     :func:`design`, by default with the accuracy and seed of ``lens``. The new spec's name ends with that of the source.
     """
-    from lensforge.sources.build_source import build_source
 
     require(lens, Lens, "redesign")
     other = other_source(lens.spec, source)
@@ -157,7 +157,6 @@ def _checked_scene(
     possible.
     """
     from lensforge.search.scene_check import SceneCheck, source_clearance_warnings
-    from lensforge.sources.build_source import summarise
 
     if anyway is not None:
         warnings.warn(RENAMED_ANYWAY, FutureWarning, stacklevel=3)
@@ -283,7 +282,6 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
     from lensforge.light.simulation import TracedLens
     from lensforge.scene.limit_readings import light_limits
     from lensforge.scene.receiver_shapes import receivers_of
-    from lensforge.sources.build_source import build_source, summarise
 
     preset, lights = preset_of(lens.accuracy), []
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)

@@ -11,8 +11,9 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
+from lensforge.seeds import sobol
 from lensforge.sources.dispersion import ColouredSource
-from lensforge.sources.emitting_area import sobol
+from lensforge.sources.radiance_emitter import radiance_emitter
 from lensforge.sources.ray_bundle import RayBundle, Source, aimed
 from lensforge.sources.ray_colours import TristimulusSource, tristimulus_of_spectrum
 from lensforge.sources.source_flux import chip_fluxes, emitter_flux
@@ -87,8 +88,6 @@ def build_source(spec: SourceSpec, material: Material | None = None, *, coloured
         case SquareSource():
             emitter: Source = SquareEmitter(spec.side_mm, emitter_flux(spec).flux_w)
         case RadianceSource():
-            from lensforge.sources.radiance_emitter import radiance_emitter
-
             emitter = radiance_emitter(spec)
         case _:
             from lensforge.sources.planar_emitter import planar_emitter

@@ -1,27 +1,14 @@
-"""Emitting areas in the plane z = 0, which map points of the unit square to start points of equal flux.
+"""Emitting areas in the plane z = 0, which map points of the unit square to start points of equal flux."""
 
-The points are scrambled Sobol sequences (Owen 1998; Matousek's linear scramble), by scipy.
-"""
-
-import warnings
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import ConvexHull, QhullError
-from scipy.stats import qmc
 
 from lensforge.sources.inverse_cdf import choose
 from lensforge.surfaces.mirror_group import largest_symmetry
-
-
-def sobol(count: int, dimensions: int, seed: int) -> Float[np.ndarray, "n d"]:
-    """Draw ``count`` points of the unit cube, scrambled by ``seed``; a power of two is best balanced."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # scipy warns unless the count is a power of two
-        return np.asarray(qmc.Sobol(dimensions, scramble=True, rng=seed).random(count))
-
 
 _SAME_MM = 1e-9
 

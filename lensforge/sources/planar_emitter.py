@@ -7,7 +7,8 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError, remedy
 from lensforge.optics.image_reading import read_light
-from lensforge.sources.emitting_area import Area, Disc, LuminanceImage, Rectangles, sobol
+from lensforge.seeds import sobol
+from lensforge.sources.emitting_area import Area, Disc, LuminanceImage, Rectangles
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.photometric.photometric_file import far_field_warnings, turned_over

@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from lensforge.errors import InputError, remedy
 from lensforge.results.files import read_file
 from lensforge.results.json_npz import arrays_in
-from lensforge.sources.emitting_area import sobol
+from lensforge.seeds import sobol
 from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
 from lensforge.sources.ray_bundle import RayBundle, aimed
 from lensforge.sources.source_flux import emitter_flux

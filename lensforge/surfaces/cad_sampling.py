@@ -21,7 +21,7 @@ from lensforge.results.sandbox import serve
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline, bent_radius
 from lensforge.surfaces.imported_face import FOUND, JOB, SPLINE, place_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.step_file import faces_of, shapes_in
+from lensforge.surfaces.step_file import parts_of, shapes_in
 from lensforge.surfaces.surface import to_sphere
 
 _REMEDY = "export it again from CAD"
@@ -53,7 +53,7 @@ def _faces_in(path: Path, iges: bool, origin: str) -> tuple[list[NamedFace], str
     refusal = f"{origin}: not readable as {'IGES' if iges else 'STEP'}; {_REMEDY}"
     faces: list[NamedFace] = []
     for name, shape, named in shapes_in(reader, path, refusal):
-        every = [] if shape.IsNull() else faces_of(shape)
+        every = [] if shape.IsNull() else parts_of(shape, "FACE")
         alone = name if len(every) == 1 else ""  # a face that is a product of its own
         for face in every:
             own = next((known for known, one in named.items() if one.IsSame(face)), alone)

@@ -18,6 +18,7 @@ from lensforge.results.files import temporary_file, temporary_folder, write_json
 from lensforge.results.sandbox import ChildLimits, serve, work_in_child
 
 Schema = Literal["AP214", "AP242"]
+PartKind = Literal["SOLID", "SHELL", "FACE", "WIRE", "EDGE", "VERTEX"]
 
 KERNEL_SCHEMA: dict[Schema, str] = {"AP214": "AP214IS", "AP242": "AP242DIS"}
 _TEXT_SETTINGS = {"write.step.unit": "MM", "xstep.cascade.unit": "MM"}
@@ -33,7 +34,10 @@ _UNCERTAINTY_MM = 1e-5
 def configure(product: str, schema: Schema) -> None:
     """Set the CAD kernel's options, which are global and exist only after a reader or writer has been made."""
     from OCP.Interface import Interface_Static
+    from OCP.Message import Message, Message_Gravity
 
+    for printer in Message.DefaultMessenger_s().Printers():
+        printer.SetTraceLevel(Message_Gravity.Message_Fail)  # no statistics on the screen
     texts = {**_TEXT_SETTINGS, "write.step.schema": KERNEL_SCHEMA[schema], "write.step.product.name": product}
     for option, text in texts.items():
         Interface_Static.SetCVal_s(option, text)
@@ -59,7 +63,7 @@ _MOST_PRODUCTS = 1000
 
 @dataclass(frozen=True)
 class Product:
-    """A product of the file: its ``cadquery.Shape``, and the faces of it that have names."""
+    """A product of the file: its shape (TopoDS_Shape), and the faces of it (TopoDS_Face) that have names."""
 
     name: str
     shape: Any
@@ -68,12 +72,7 @@ class Product:
 
 def products_in(path: Path, origin: str, remedy: str) -> list[Product]:
     """All products of the STEP file at ``path``, in mm whatever its unit, read in this process."""
-    import cadquery as cq
-
-    return [
-        Product(name, cq.Shape.cast(shape), {each: cq.Face(face) for each, face in faces.items()})
-        for name, shape, faces in _shapes_in_step(path, origin, remedy)
-    ]
+    return [Product(name, shape, faces) for name, shape, faces in _shapes_in_step(path, origin, remedy)]
 
 
 def parse_apart(content: bytes, origin: str, remedy: str, *, to_be_joined: bool = False) -> list[Product]:
@@ -82,7 +81,6 @@ def parse_apart(content: bytes, origin: str, remedy: str, *, to_be_joined: bool 
     ``to_be_joined``: the child also tries what a union with a lens needs. Raises :class:`InputError` for other bytes,
     and for shapes that are not valid, too wide, or of too many faces.
     """
-    import cadquery as cq
     from OCP.BinTools import BinTools
     from OCP.TopoDS import TopoDS_Shape
 
@@ -91,9 +89,8 @@ def parse_apart(content: bytes, origin: str, remedy: str, *, to_be_joined: bool 
         shape = TopoDS_Shape()
         with temporary_file(binary, "part.bin") as path:
             BinTools.Read_s(shape, str(path))
-        all_faces = faces_of(shape)
-        named = {each: cq.Face(all_faces[index]) for each, index in faces.items()}
-        products.append(Product(name, cq.Shape.cast(shape), named))
+        all_faces = parts_of(shape, "FACE")
+        products.append(Product(name, shape, {each: all_faces[index] for each, index in faces.items()}))
     return products
 
 
@@ -157,16 +154,16 @@ def _name_of(label: Any) -> str:
     return str(name.Get().ToExtString()) if label.FindAttribute(TDataStd_Name.GetID_s(), name) else ""
 
 
-def faces_of(shape: Any) -> list[Any]:
-    """The different faces (TopoDS_Face) of ``shape``, in their order."""
+def parts_of(shape: Any, kind: PartKind) -> list[Any]:
+    """The different parts of a kind (TopoDS_Face for "FACE") that ``shape`` has, in their order."""
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp
     from OCP.TopoDS import TopoDS
     from OCP.TopTools import TopTools_IndexedMapOfShape
 
-    distinct = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_FACE, distinct)
-    return [TopoDS.Face_s(distinct.FindKey(k + 1)) for k in range(distinct.Extent())]
+    distinct, of_kind = TopTools_IndexedMapOfShape(), getattr(TopoDS, f"{kind.capitalize()}_s")
+    TopExp.MapShapes_s(shape, getattr(TopAbs_ShapeEnum, f"TopAbs_{kind}"), distinct)
+    return [of_kind(distinct.FindKey(k + 1)) for k in range(distinct.Extent())]
 
 
 def _write_products(folder: Path) -> None:
@@ -180,7 +177,7 @@ def _write_products(folder: Path) -> None:
         raise InputError(f"{origin}: {len(shapes)} products, at most {_MOST_PRODUCTS} are read; {remedy}")
     records = []
     for number, (name, shape, named) in enumerate(shapes):
-        faces = faces_of(shape)
+        faces = parts_of(shape, "FACE")
         BinTools.Write_s(shape, str(folder / f"{number}.bin"))  # before the tests, which may add triangles to it
         _require_usable(shape, len(faces), origin, remedy, job["to_be_joined"])
         places = {

@@ -18,7 +18,7 @@ from lensforge.results.file_bounds import MOST_MM
 from lensforge.results.files import write_json
 from lensforge.results.sandbox import serve
 from lensforge.surfaces.plane_loop import Corner, area_mm2, bulge_of, inside_by_mm, loop_of, points_on, reversed_corners
-from lensforge.surfaces.step_file import faces_of, products_in
+from lensforge.surfaces.step_file import parts_of, products_in
 
 DRAWING, JOB, FOUND = "drawing.step", "job.json", "loops.json"
 MOST_LOOPS, MOST_CORNERS = 200, 1000
@@ -33,11 +33,14 @@ def _write_loops(folder: Path) -> None:
     job = json.loads((folder / JOB).read_text(encoding="utf-8"))
     origin, remedy = job["origin"], job["remedy"]
     shapes = [product.shape for product in products_in(folder / DRAWING, origin, remedy)]
-    bodies = [solid.wrapped for shape in shapes for solid in shape.Solids()]
-    faces = [face for shape in shapes for face in faces_of(shape.wrapped)]
+    bodies = [solid for shape in shapes for solid in parts_of(shape, "SOLID")]
+    faces = [face for shape in shapes for face in parts_of(shape, "FACE")]
     if len(bodies) > 1:
         raise InputError(f"{origin}: holds {len(bodies)} bodies, an outline is of one; export the one alone")
-    wires = _wires_of(_top(faces, bool(bodies), origin, remedy)) if faces else _free_wires(shapes, origin, remedy)
+    if faces:
+        wires = parts_of(_top(faces, bool(bodies), origin, remedy), "WIRE")
+    else:
+        wires = _free_wires(shapes, origin, remedy)
     loops = [_counter_clockwise(_corners(wire, origin)) for wire in wires]
     loops.sort(key=lambda corners: -area_mm2(loop_of(corners)))
     if len(loops) > MOST_LOOPS or max(map(len, loops)) > MOST_CORNERS:
@@ -94,12 +97,6 @@ def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
     return found[0]
 
 
-def _wires_of(face: Any) -> list[Any]:
-    import cadquery as cq
-
-    return [wire.wrapped for wire in cq.Shape.cast(face).Wires()]
-
-
 def _free_wires(shapes: list[Any], origin: str, remedy: str) -> list[Any]:
     """The wires that the edges of a file without faces make."""
     from OCP.ShapeAnalysis import ShapeAnalysis_FreeBounds
@@ -108,8 +105,8 @@ def _free_wires(shapes: list[Any], origin: str, remedy: str) -> list[Any]:
 
     edges, wires = TopTools_HSequenceOfShape(), TopTools_HSequenceOfShape()
     for shape in shapes:
-        for edge in shape.Edges():
-            edges.Append(edge.wrapped)
+        for edge in parts_of(shape, "EDGE"):
+            edges.Append(edge)
     if edges.IsEmpty():
         raise InputError(f"{origin}: holds no face and no wire; {remedy}")
     ShapeAnalysis_FreeBounds.ConnectEdgesToWires_s(edges, _FLAT_MM, False, wires)

@@ -27,6 +27,7 @@ from lensforge.scene.body import Body, Face
 from lensforge.spec import BaseSection
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.plate_section import PlateSection
+from lensforge.surfaces.step_file import parts_of
 from lensforge.surfaces.surface import Surface, to_sphere
 
 Centre = tuple[float, float, float]
@@ -88,9 +89,11 @@ def points_of(crease: Crease, shape: Surface) -> Float[np.ndarray, "n 3"]:
 
 
 def shared_edges(built: BuiltBody, first: str, second: str) -> list:
-    """Edges of the solid that belong to both faces."""
-    first, second = (built.solid.faces[f"OPTICAL_{name.upper()}"].Edges() for name in (first, second))
-    return [edge for edge in first if any(edge.wrapped.IsSame(other.wrapped) for other in second)]
+    """Edges of the solid, as those of cadquery, that belong to both faces."""
+    import cadquery as cq
+
+    first, second = (parts_of(built.solid.faces[f"OPTICAL_{name.upper()}"], "EDGE") for name in (first, second))
+    return [cq.Edge(edge) for edge in first if any(edge.IsSame(other) for other in second)]
 
 
 @pytest.fixture(scope="module")
@@ -187,11 +190,11 @@ def test_every_edge_of_the_file_belongs_to_two_faces(proof: BodyProof) -> None:
 
     owners = TopTools_IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndAncestors_s(
-        proof.solid.shape.wrapped, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, owners
+        proof.solid.shape, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, owners
     )
     assert owners.Extent() > 30
     assert {owners.FindFromIndex(k).Size() for k in range(1, owners.Extent() + 1)} == {2}
-    wires = {name: len(face.Wires()) for name, face in proof.solid.faces.items()}
+    wires = {name: len(parts_of(face, "WIRE")) for name, face in proof.solid.faces.items()}
     assert wires == {"OPTICAL_CAP": 1, "OPTICAL_EXIT": 1, "OPTICAL_SIDE": 2, "OPTICAL_WALL": 2, "RIM": 2}
 
 

@@ -14,6 +14,7 @@ from lensforge.cad.solid import Solid, build_solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.errors import InputError
 from lensforge.spec import BaseSection, load_spec
+from lensforge.surfaces.step_file import parts_of
 
 INNER_MM, OUTER_MM = 0.8, 2.45
 HERE = pytest.mark.usefixtures("cad_read_here")
@@ -67,7 +68,7 @@ def test_a_base_from_a_file_is_joined_to_one_solid_and_one_mesh(tmp_path, bore, 
     assert again.valid
     assert {"OPTICAL_INNER", "OPTICAL_OUTER", "RIM"} < {name.split("_1")[0] for name in again.faces}
     for name in ("OPTICAL_INNER", "OPTICAL_OUTER"):
-        assert len(again.faces[name].Wires()) == 1
+        assert len(parts_of(again.faces[name], "WIRE")) == 1
     closure = check_closed(*parse_3mf(part.threemf))
     assert (closure.watertight, closure.genus) == (True, holes)
 
@@ -86,11 +87,11 @@ def test_the_union_keeps_every_vertex_of_the_optical_faces(tmp_path):
 @HERE
 def test_the_names_of_the_file_s_faces_are_kept(tmp_path, bare_solid):
     shape = plate(3.0)
-    faces = {"SEAT": shape.Faces()[0], "HOLD": shape.Faces()[-1]}
-    (tmp_path / "clamp.step").write_bytes(step_bytes(Solid(shape, faces), "clamp"))
+    faces = {"SEAT": shape.Faces()[0].wrapped, "HOLD": shape.Faces()[-1].wrapped}
+    (tmp_path / "clamp.step").write_bytes(step_bytes(Solid(shape.wrapped, faces), "clamp"))
     joined = join_base(bare_solid, read_custom_base(tmp_path / "clamp.step"))
     assert {"SEAT", "HOLD"} <= set(joined.faces)
-    assert len(joined.faces) == len(joined.shape.Faces())
+    assert len(joined.faces) == len(parts_of(joined.shape, "FACE"))
 
 
 @HERE
@@ -140,5 +141,5 @@ def test_the_genus_of_a_solid_counts_its_holes():
         1: cq.Workplane(cq.Solid.makeTorus(3.0, 1.0)),
     }
     for holes, shape in shapes.items():
-        assert Solid(shape.val(), {}).genus == holes
-    assert Solid(cq.Solid.makeSphere(1.0, angleDegrees1=-90.0), {}).genus == 0
+        assert Solid(shape.val().wrapped, {}).genus == holes
+    assert Solid(cq.Solid.makeSphere(1.0, angleDegrees1=-90.0).wrapped, {}).genus == 0

@@ -21,7 +21,7 @@ def part():
 
 def volume(shape):
     """Of a ``cadquery.Shape``, more closely than its own method has it."""
-    return Solid(shape, {}).volume_mm3
+    return Solid(shape.wrapped, {}).volume_mm3
 
 
 def content_of(part, **changed):

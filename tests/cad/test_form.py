@@ -15,10 +15,9 @@ SURFACE = random_surface(2.45, 0.01, seed=3)
 
 
 def face_of(patch):
-    import cadquery as cq
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 
-    return cq.Face(BRepBuilderAPI_MakeFace(geom_surface(patch), 1e-7).Face())
+    return BRepBuilderAPI_MakeFace(geom_surface(patch), 1e-7).Face()
 
 
 def test_an_offset_is_reported_along_the_normal():

@@ -15,7 +15,7 @@ from lensforge.kernels.fate import Fate
 
 PACKAGE = Path(lensforge.__file__).parent
 KERNELS = PACKAGE / "kernels"
-COMPILER, GRID_WALK = KERNELS / "compiled.py", PACKAGE / "proof" / "grid_walk.py"
+COMPILER, MESH_KERNELS = KERNELS / "compiled.py", PACKAGE / "proof" / "mesh_kernels.py"
 SOURCES = sorted(path for path in KERNELS.glob("*.py") if path != COMPILER)
 
 
@@ -56,7 +56,7 @@ def test_a_second_checkout_runs_what_the_first_has_compiled(tmp_path: Path) -> N
     assert (first, second) == (["0", "1"], ["1", "0"]), "hits and misses of the cache"
 
 
-@pytest.mark.parametrize(("folder", "sources"), [(KERNELS, SOURCES), (GRID_WALK.parent, [GRID_WALK])])
+@pytest.mark.parametrize(("folder", "sources"), [(KERNELS, SOURCES), (MESH_KERNELS.parent, [MESH_KERNELS])])
 def test_kernels_take_their_constants_from_their_own_folder(folder: Path, sources: list[Path]) -> None:
     own = f"lensforge.{folder.name}"
     for path in sources:

@@ -5,7 +5,7 @@ import pytest
 from nightly import first_by_day
 
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_grid, fit
-from lensforge.sources.emitting_area import sobol
+from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group
 

@@ -13,6 +13,7 @@ from landed import trace_exact, trace_tables
 from scenes import random_surface, sphere, table_of
 
 from lensforge.kernels.fate import Fate
+from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
 from lensforge.scene.as_made import AsMade, Displacement
@@ -152,14 +153,16 @@ def test_spheres_about_another_centre_refract_as_closed_forms_say() -> None:
 
 
 def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane_or_the_base() -> None:
-    spheres = [table_of(sphere(r), GRID) for r in (1.0, 2.0)]
-    raised = Scene(Media(Medium(1.0)), GRID, made=AsMade(faces={"outer": Displacement((0.0, 0.0, 0.3))}))
+    raised, media = AsMade(faces={"outer": Displacement((0.0, 0.0, 0.3))}), Media(Medium(1.0))
     along = np.array([[1.0, 0.0, 0.05], [1.0, 0.0, 0.3], [1.0, 0.0, 0.2]])
     along /= np.linalg.norm(along, axis=1)[:, None]
-    found = trace_tables(spheres, raised, RayBundle(np.zeros((3, 3)), along, np.ones(3)))
-    assert found.fates.tolist() == [Fate.BASE, Fate.LEFT_LENS, Fate.LEFT_LENS]
-    out = found.points.numpy()[1:] - [0.0, 0.0, 0.3]
-    assert np.allclose(np.linalg.norm(out, axis=1), 2.0)
+    rays, balls = RayBundle(np.zeros((3, 3)), along, np.ones(3)), [sphere(r) for r in (1.0, 2.0)]
+    in_torch = trace_sequence(*map(ExactSurface.of, balls), EnteringRays.of(rays, media, raised, torch.as_tensor))
+    in_kernels = trace_tables([table_of(ball, GRID) for ball in balls], _scene(raised, media), rays)
+    for found in (in_kernels, in_torch):
+        assert found.fates.tolist() == [Fate.BASE, Fate.LEFT_LENS, Fate.LEFT_LENS]
+        out = found.points.numpy()[1:] - [0.0, 0.0, 0.3]
+        assert np.allclose(np.linalg.norm(out, axis=1), 2.0)
 
 
 def test_roughness_is_a_convolution_and_loses_no_light() -> None:

@@ -21,9 +21,10 @@ from lensforge.scene.receiver_shapes import FarField
 from lensforge.search.collected_light import collected
 from lensforge.search.light_path import landed_through
 from lensforge.search.merit import nmse_loss
+from lensforge.seeds import sobol
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.dispersion import ColouredSource
-from lensforge.sources.emitting_area import Disc, sobol
+from lensforge.sources.emitting_area import Disc
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.measured_rays import TurnedRays
 from lensforge.sources.planar_emitter import PlanarEmitter

@@ -11,10 +11,12 @@ from lensforge.errors import InputError
 from lensforge.light import evaluation
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
+from lensforge.light.light_facts import light_facts
 from lensforge.light.simulation import TracedLens
 from lensforge.results.stage_result import with_checksum
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS
 
 WALL = {"kind": "plane", "name": "wall", "centre_mm": [0.0, 0.0, 60.0], "width_mm": 90.0, "height_mm": 60.0,
@@ -22,11 +24,14 @@ WALL = {"kind": "plane", "name": "wall", "centre_mm": [0.0, 0.0, 60.0], "width_m
 SKY = {"kind": "far_field", "name": "sky", "half_angle_deg": 60.0, "targets": [{"kind": "beam", "fwhm_deg": 30.0}]}
 
 
+def bumpy(spec: Spec) -> Lens:
+    return Lens.double(random_surface(1, 3.0, 0.02, (9,)), random_surface(2, 6.0, 0.02, (9,)), spec, 0, "draft")
+
+
 @pytest.fixture(scope="module")
 def scene() -> tuple[TracedLens, Any, Any]:
     spec = small_spec(target=None, receivers=[WALL, SKY], source__flux_w=2.5)
-    lens = Lens.double(random_surface(1, 3.0, 0.02, (9,)), random_surface(2, 6.0, 0.02, (9,)), spec, 0, "draft")
-    return TracedLens.of(lens, 2.0), spec, build_source(spec.source)
+    return TracedLens.of(bumpy(spec), 2.0), spec, build_source(spec.source)
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +46,19 @@ def test_receivers_of_lamps_have_rasters_of_their_own() -> None:
     planes = [{**WALL, "name": name, "width_mm": w, "height_mm": h} for name, (w, h) in sizes.items()]
     lamps = {"kind": "grid", "columns": 2, "rows": 3, "pitch_mm": [17.0, 23.0]}
     spec = small_spec(target=None, receivers=planes, lamps=lamps, base={"kind": "none"})
-    lens = Lens.double(random_surface(1, 3.0, 0.02, (9,)), random_surface(2, 6.0, 0.02, (9,)), spec, 0, "draft")
-    light = evaluate_traced(TracedLens.of(lens, 2.0), spec, build_source(spec.source), 512, 3, pixels=128)
+    light = evaluate_traced(TracedLens.of(bumpy(spec), 2.0), spec, build_source(spec.source), 512, 3, pixels=128)
     found = [receiver.pixels for receiver in light.receivers]
     assert light.pixels == 128 and len(set(found)) == 2 and all(abs(each - 128) < 16 for each in found)
+
+
+def test_evenness_is_a_fact_of_the_receiver_that_has_an_even_region(light: Light, scene: tuple[Any, Spec, Any]) -> None:
+    groups = light_facts(light, bumpy(scene[1]))
+    for group, receiver in zip(groups, light.receivers, strict=False):
+        facts = {fact.key: fact.value for fact in group.facts}
+        for name in ("uniformity", "rsd"):
+            measured = getattr(receiver, name)
+            assert facts.get(name) == (measured and measured.value)
+    assert [receiver.rsd is None for receiver in light.receivers] == [False, True]
 
 
 def test_maps_count_by_their_hash_alone(light: Light, tmp_path: Path) -> None:

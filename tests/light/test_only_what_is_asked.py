@@ -14,7 +14,7 @@ CAD = ["cadquery", "OCP", "trimesh", "manifold3d", "lib3mf"]
 PICTURES = ["pyvista", "matplotlib", "mitsuba"]
 COLOUR = ["colour"]  # colour-science
 SOURCES = ["lensforge.sources.ray_set", "lensforge.sources.rayfiles.ray_file_io"]
-PROOFS = ["lensforge.proof.step_cast", "lensforge.proof.nonsequential_trace", "lensforge.cad.solid"]
+PROOFS = ["scipy.stats", "lensforge.proof.step_cast", "lensforge.proof.nonsequential_trace", "lensforge.cad.solid"]
 
 
 def _loaded(*commands: tuple[list[str], list[str]]) -> list[str]:
@@ -38,7 +38,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_help_loads_nothing_and_a_plain_scene_no_file_reader_no_cad_and_no_pictures(folder: Path) -> None:
-    evaluate = (["evaluate", str(folder), "--rays", "64"], ["torch", *COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS])
+    evaluate = (
+        ["evaluate", str(folder), "--rays", "64"],
+        ["torch", "scipy.stats", *COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS],
+    )
     check = (["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES])
     shown = (["design", "--help"], [*COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"])
     commands = (shown, evaluate, check) if NIGHTLY else (shown, evaluate)  # by day the check's own test: five seconds

@@ -144,7 +144,9 @@ def solid_of(body, names):
         elif face.geomType() == "SPHERE":
             found["side"] = face
     assert set(found) == {"cap", "side", "wall", "exit"}
-    return step_bytes(Solid(shape, {names[name]: face for name, face in found.items() if name in names}), "body")
+    return step_bytes(
+        Solid(shape.wrapped, {names[name]: found[name].wrapped for name in found if name in names}), "body"
+    )
 
 
 OPTICAL = {name: f"OPTICAL_{name.upper()}" for name in ("cap", "side", "wall", "exit")}

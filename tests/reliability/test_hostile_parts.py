@@ -144,7 +144,9 @@ def clamp() -> bytes:
     from lensforge.cad.step import step_bytes
 
     plate = cq.Workplane("XY").rect(8.0, 8.0).extrude(-2.0).cut(cq.Workplane("XY").circle(1.5).extrude(-2.0)).val()
-    return step_bytes(Solid(plate, {"SEAT": plate.Faces()[0]}), "clamp") + b"\n"  # no longer this process's own bytes
+    return (
+        step_bytes(Solid(plate.wrapped, {"SEAT": plate.Faces()[0].wrapped}), "clamp") + b"\n"
+    )  # no longer this process's own bytes
 
 
 def shuffled(content: bytes, seed: int) -> bytes:

@@ -12,12 +12,13 @@ import pytest
 from scenes import hemisphere_directions, small_spec, sphere
 from scipy.special import k1
 
+from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.lens_light import evaluate
 from lensforge.light.photometry_export import measure_photometry
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.lamp_pictures import LampPictures, seen_by
+from lensforge.scene.lamp_pictures import LampPictures, _pictures, seen_by
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import bin_flux, splat_flux
 from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
@@ -125,6 +126,17 @@ def test_a_lamp_on_a_pole_sees_the_receiver_as_its_raster_does(receiver: dict[st
         assert seen_by(found, number).pose == raster.receiver.pose
         (alone,) = receivers_of(seen_by_lamp(spec, number), 32)
         np.testing.assert_allclose(alone.corners(), raster.receiver.corners(), atol=1e-9)
+
+
+def test_a_picture_of_all_lamps_has_so_many_pixels_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    (found,) = receivers_of(together(GRID, SHEET), 32)
+    (raster,) = _pictures.__wrapped__(found).rasters
+    pixels = raster.receiver.grid.columns * raster.receiver.grid.rows
+    monkeypatch.setattr("lensforge.scene.lamp_pictures._MOST_PIXELS", pixels)
+    assert len(_pictures.__wrapped__(found).rasters) == 1
+    monkeypatch.setattr("lensforge.scene.lamp_pictures._MOST_PIXELS", pixels - 1)
+    with pytest.raises(InputError, match=f"at most {pixels - 1}; take fewer pixels"):
+        _pictures.__wrapped__(found)
 
 
 def test_a_period_holds_all_light_and_moves_round() -> None:

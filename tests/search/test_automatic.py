@@ -156,6 +156,12 @@ def test_a_budget_is_kept() -> None:
     )
 
 
+def test_a_level_is_not_tried_again_without_time() -> None:
+    for budget_s in range(8, 30):
+        found = Followed(schedule(budget_s=float(budget_s)), lambda stage, merit: 0.95 * merit)
+        assert all(stage.steps for stage in found.stages[1:]), budget_s
+
+
 def test_a_short_budget_is_shared_among_the_levels() -> None:
     effort = replace(EFFORT, steps=(60, 200))
     halved = towards({0: 0.5, 1: 0.2, 2: 0.05})

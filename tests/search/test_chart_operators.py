@@ -12,9 +12,8 @@ from lensforge.search.constraint_points import (
     ChartPoints,
     RadiusJet,
     constraint_points,
-    draft_sine,
-    least_curvature,
 )
+from lensforge.search.face_fields import draft_sine, least_curvature
 from lensforge.surfaces import surface
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.mirror_group import group

@@ -16,11 +16,10 @@ from lensforge.search.constraint_points import (
     ChartPoints,
     RadiusJet,
     constraint_points,
-    draft_sine,
-    least_curvature,
 )
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
 from lensforge.search.design_result import Margins, constraint_criteria, limits_of
+from lensforge.search.face_fields import draft_sine, least_curvature
 from lensforge.search.feasibility import measure_constraints
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid

@@ -5,12 +5,12 @@ import pytest
 from nightly import NIGHTLY
 from scenes import hemisphere_directions, small_spec
 from search_scenes import require_same_bits_after
-from tir_lenses import spot
+from tir_lenses import spot, spot_lens
 
 from lensforge.errors import Cancelled
 from lensforge.results.arguments import threads_of_torch
 from lensforge.scene.lens import Lens
-from lensforge.search.design_result import Progress, limits_of
+from lensforge.search.design_result import Progress, design_facts, limits_of
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import fit_surface
 from lensforge.search.schedule import fixed_schedule
@@ -31,6 +31,9 @@ def test_a_design_gets_better_and_keeps_its_history() -> None:
     last = {name: values[-1] for name, values in result.history[-1].constraints.items()}
     kept = {limit.key: result.constraints.at(limit) for limit in limits_of(result.lens.spec)}
     assert last == pytest.approx(kept, abs=0.03), "one small step before the end"
+    turned = result.model_copy(update={"lens": spot_lens()})
+    for design, where in ((result, "Farthest from the LED"), (turned, "Farthest from the axis")):
+        assert design_facts(design)[0].facts[0].label == where
 
 
 def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

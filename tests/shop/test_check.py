@@ -80,7 +80,7 @@ def test_the_faces_measured_are_those_of_the_step_file(rough):
     x, y = np.meshgrid(axis, axis, indexing="ij")
     places = rng.permutation(np.argwhere(np.hypot(x, y) <= 1.0))[:200]
     for name, surface, air in ((INNER, "inner", -1.0), (OUTER, "outer", 1.0)):
-        kernel = BRep_Tool.Surface_s(solid.faces[name].wrapped)
+        kernel = BRep_Tool.Surface_s(solid.faces[name])
         sphere, away = check.faces[surface].best_fit_sphere, []
         for i, j in places:
             at = GeomLProp_SLProps(kernel, axis[i], axis[j], 2, 1e-9)

@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import quad
 
 from lensforge.errors import InputError
+from lensforge.seeds import sobol
 from lensforge.sources.build_source import SquareEmitter
-from lensforge.sources.emitting_area import Rectangles, sobol
+from lensforge.sources.emitting_area import Rectangles
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
 from lensforge.sources.planar_emitter import PlanarEmitter, planar_emitter
@@ -158,6 +159,11 @@ def test_each_number_is_in_the_cell_that_a_walk_through_the_cells_finds() -> Non
     cells, rest = choose(ENDS, SHARES)
     assert cells.tolist() == [cell for cell, _ in expected]
     np.testing.assert_allclose(rest, [part for _, part in expected], atol=1e-12)
+
+
+def test_a_distribution_without_any_share_draws_numbers() -> None:
+    assert np.isfinite(choose(np.zeros(3), SHARES)[1]).all()
+    assert np.isfinite(choose_each(lambda cell: np.zeros(len(cell)), 5, SHARES)[1]).all()
 
 
 def test_each_number_may_have_a_distribution_of_its_own() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lensforge.errors import InputError
-from lensforge.sources.emitting_area import sobol
+from lensforge.seeds import sobol
 from lensforge.sources.radiance_emitter import RadianceEmitter, RadianceTable, _problem, read_radiance
 
 X_MM, Y_MM = np.array([-1.0, 0.5, 2.0, 3.0]), np.array([0.0, 0.5, 2.0])

@@ -9,8 +9,8 @@ from scenes import hemisphere_directions, random_surface
 from lensforge.kernels.basis_sum import BLOCK
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
-# Widths (rad) of one function: by the series of the angle itself, by that of its quarter, and wider than the sphere.
-SIGMAS = [0.02, 0.1, 0.12, 0.3, 1.0, 10.0]
+# Widths (rad) of one function: by the series of the angle itself, by that of its half, and wider than the sphere.
+SIGMAS = [0.02, 0.1, 0.24, 0.25, 1.0, 10.0]
 
 
 def _single(sigma: float) -> SrbfSurface:

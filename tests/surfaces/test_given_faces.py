@@ -161,7 +161,7 @@ def test_the_exported_face_is_the_given_one_to_a_nanometre(tmp_path: Path) -> No
 
     surface = random_surface(4, 3.0, levels=(9, 25))
     face = untrimmed_faces({"OPTICAL_INNER": fit_to_form(surface)})["OPTICAL_INNER"]
-    given = FixedCadFace(file=write(face, tmp_path / "face.step")).resolved()
+    given = FixedCadFace(file=write(cq.Face(face), tmp_path / "face.step")).resolved()
     patch = fit_to_form(given.surface)
     chart = to_chart(U)
     error = form_error(surface, patch.points(chart), patch.normals(chart))

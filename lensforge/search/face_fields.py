@@ -1,0 +1,136 @@
+"""Curvature, draft and wall of faces at points of the chart, as torch operations of their own.
+
+Each has its derivatives in closed form: chains of torch's operations on a thousand points cost more than the numbers.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.kernels.clearance import Feet, nearest_on_table
+from lensforge.kernels.face_shape import (
+    draft_sines,
+    draft_sines_adjoint,
+    least_curvatures,
+    least_curvatures_adjoint,
+)
+from lensforge.search.constraint_points import ChartPoints, RadiusJet
+from lensforge.surfaces import surface
+from lensforge.surfaces.bicubic_table import TableGrid
+
+_CURVATURE = least_curvatures, least_curvatures_adjoint
+_DRAFT = draft_sines, draft_sines_adjoint
+_EVERY = 2  # node of a table from which a nearest point is looked for: a valley is several nodes wide
+
+
+def least_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[Tensor, " k"]:
+    """The smaller principal curvature (1/mm) seen from the air: negative where concave.
+
+    ``air`` is 1 where the air, and with it the cutter, is outside the surface, and -1 where it is inside.
+    """
+    return _of_jet(_CURVATURE, jet, points, air)
+
+
+def draft_sine(jet: RadiusJet, points: ChartPoints, sense: int = 1) -> Float[Tensor, " k"]:
+    """Sine of the draft angle, ``n . z`` of the outward normal, times ``sense``; negative in an undercut.
+
+    The same for every face of the usual lens: the mould half of the envelope opens along +z, the core of the cavity
+    along -z, and their normals are opposite too.
+    """
+    return _of_jet(_DRAFT, jet, points, sense)
+
+
+def _of_jet(kernels: Any, jet: RadiusJet, points: ChartPoints, sign: int) -> Float[Tensor, " k"]:
+    found: Tensor = _OfJet.apply(  # type: ignore[no-untyped-call]  # as torch has it
+        jet.rho, jet.derivatives, kernels, points, float(sign)
+    )
+    return found
+
+
+class _OfJet(torch.autograd.Function):
+    """A field of radius and derivatives by a pair of kernels, the second its adjoint."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, rho: Tensor, derivatives: Tensor, kernels: Any, points: ChartPoints, sign: float
+    ) -> Tensor:  # fmt: skip
+        jet = [np.ascontiguousarray(each.detach().numpy()) for each in (rho, derivatives)]
+        places = [each.numpy() for each in (points.x, points.y, points.scale)]
+        ctx.adjoint, ctx.places = kernels[1], (*jet, *places, sign)
+        found = np.empty_like(jet[0])
+        kernels[0](*ctx.places, found)
+        return torch.from_numpy(found)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> Any:
+        rho, derivatives = ctx.places[:2]
+        by_rho, by_derivatives = np.empty_like(rho), np.empty_like(derivatives)
+        ctx.adjoint(gradients[0].contiguous().numpy(), *ctx.places, by_rho, by_derivatives)
+        return torch.from_numpy(by_rho), torch.from_numpy(by_derivatives), None, None, None
+
+
+def wall_mm(inside: RadiusJet, outside: RadiusJet, points: ChartPoints, reach_mm: float) -> Float[Tensor, " k"]:
+    """Distance (mm) from points of one face to the one outside of it above z = 0; below 0 where the two cross.
+
+    Exact up to ``reach_mm``; where the wall is thicker it may be the longer way along the ray: only thin places bind.
+    """
+    radial = outside.rho - inside.rho
+    walls: list[Tensor] = [
+        _ToTable.apply(inside.rho, each, radial, points, reach_mm)  # type: ignore[no-untyped-call]  # as torch has it
+        for each in outside.tables
+    ]
+    return walls[0] if len(walls) == 1 else torch.stack(walls).amin(dim=0)
+
+
+class _ToTable(torch.autograd.Function):
+    """Distance (mm) to one face: beyond the others that bound the body it is farther than they are.
+
+    As the nearest point moves along the surface the distance stays, so its derivatives are those at fixed directions.
+    """
+
+    @staticmethod
+    def forward(
+        ctx: Any, rho: Tensor, outside: Tensor, radial: Tensor, points: ChartPoints, reach_mm: float
+    ) -> Tensor:  # fmt: skip
+        table, grid, ways = outside.detach().numpy(), TableGrid(len(outside) - 2), points.directions.numpy()
+        starts, found = rho.detach().numpy()[:, None] * ways, radial.detach().numpy().copy()
+        feet = nearest_on_table(
+            table, grid.origin, grid.step, _places(grid, table), _EVERY * grid.step, starts, found, reach_mm
+        )
+        ahead = surface.to_sphere(feet.chart)
+        radius = (table.reshape(-1)[feet.columns] * feet.shares).sum(axis=1)
+        lines = radius[:, None] * ahead - starts[feet.points]
+        length, sign = np.linalg.norm(lines, axis=1), np.sign(found[feet.points])
+        unit = lines * (sign / np.where(length > 0.0, length, np.inf))[:, None]
+        found[feet.points] = length * sign
+        ctx.feet, ctx.side = feet, table.shape
+        ctx.slopes = -(unit * ways[feet.points]).sum(axis=1), (unit * ahead).sum(axis=1)
+        return torch.from_numpy(found)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> Any:
+        feet: Feet = ctx.feet
+        by_radial = gradients[0].numpy().copy()
+        by, by_rho = by_radial[feet.points], np.zeros_like(by_radial)
+        by_radial[feet.points], by_rho[feet.points] = 0.0, by * ctx.slopes[0]
+        binding = np.flatnonzero(by)
+        shares = (by * ctx.slopes[1])[binding, None] * feet.shares[binding]
+        by_table = np.bincount(feet.columns[binding].ravel(), shares.ravel(), np.prod(ctx.side)).reshape(ctx.side)
+        return torch.from_numpy(by_rho), torch.from_numpy(by_table), torch.from_numpy(by_radial), None, None
+
+
+def _places(grid: TableGrid, table: Float[np.ndarray, "side side"]) -> Float[np.ndarray, "n n 3"]:
+    """Points (mm) at every second node of a table; the last node may lie beyond them."""
+    along = (table[:-2] + 4.0 * table[1:-1] + table[2:])[::_EVERY] / 6.0
+    rho = (along[:, :-2] + 4.0 * along[:, 1:-1] + along[:, 2:])[:, ::_EVERY] / 6.0
+    points: Float[np.ndarray, "n n 3"] = rho[:, :, None] * _directions(grid)
+    return points
+
+
+@lru_cache(maxsize=4)
+def _directions(grid: TableGrid) -> Float[np.ndarray, "n n 3"]:
+    return surface.to_sphere(surface.grid(grid.nodes)[::_EVERY, ::_EVERY])
