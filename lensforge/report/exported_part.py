@@ -75,7 +75,8 @@ def history_pictures(results: Results) -> list[PagePicture]:
 def section_pictures(results: Results) -> list[PagePicture]:
     """The lens in two sections."""
     lens, outline, traced = results.lens, source_outline(results), fan_tables(results.lens)
-    figures = {azimuth: lens_figures.lens_section(lens, azimuth, outline, traced=traced) for azimuth in (0.0, 90.0)}
+    reach = lens_figures.reach_mm(lens)
+    figures = {at: lens_figures.lens_section(lens, at, outline, reach, traced) for at in (0.0, 90.0)}
     return [picture(f"section{at:.0f}", figure, f"Section at φ = {at:.0f}°") for at, figure in figures.items()]
 
 

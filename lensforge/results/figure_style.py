@@ -87,6 +87,8 @@ _STYLE: dict[Any, Any] = {  # matplotlib types the keys, each version others
     "text.parse_math": False,
     "svg.fonttype": "none",
     "savefig.dpi": 200.0,
+    "figure.autolayout": False,  # no engine is none
+    "figure.constrained_layout.use": False,
 }
 
 _METADATA = ("Date", "Creator", "Format", "Type")  # none of it: the same results make the same picture
@@ -168,7 +170,7 @@ def _lay_out(figure: Figure) -> None:
         FigureCanvasSVG(figure)  # by whose texts margins are measured
         figure.dpi = 72.0  # of an SVG
         engine.execute(figure)
-        figure.set_layout_engine("none")
+        figure.set_layout_engine(None)  # "none" is an engine, for which savefig draws the figure once more
 
 
 def _open_tag(match: re.Match[str], width: str, description: str) -> str:

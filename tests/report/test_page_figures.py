@@ -209,3 +209,11 @@ def test_the_same_results_make_the_same_picture_in_a_layout_of_its_own():
     first, second = (to_svg(figure, "name", "") for figure in figures)
     assert first == second
     assert figures[0].axes[0].get_position().bounds == figures[1].axes[0].get_position().bounds != default
+
+
+def test_a_figure_is_laid_out_and_drawn_once(monkeypatch):
+    figure = lens_figures.history(make_design(small_lens()).history, "nmse")
+    drawn, whole = [], type(figure).draw
+    monkeypatch.setattr(type(figure), "draw", lambda self, renderer: drawn.append(self) or whole(self, renderer))
+    to_svg(figure, "name", "")
+    assert drawn == [figure]
