@@ -212,17 +212,9 @@ def _process_for_later_stages() -> Iterator[SecondProcess]:
 
 
 def _load_cad_kernel() -> None:
-<<<<<<< HEAD
     import OCP.gp  # noqa: F401  two seconds
-=======
-    import gc
-
-    import cadquery  # noqa: F401  two seconds
->>>>>>> fastproof
 
     import lensforge.cad.part_export  # noqa: F401
-
-    gc.freeze()  # libraries stay: no later search for garbage looks among their 400,000 objects, 0.2 s each time
 
 
 def run_later_stages(here: RunFolder, heard: Listener, second: SecondProcess) -> None:

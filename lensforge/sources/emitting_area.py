@@ -1,7 +1,6 @@
 """Emitting areas in the plane z = 0, which map points of the unit square to start points of equal flux."""
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -11,29 +10,6 @@ from scipy.spatial import ConvexHull, QhullError
 from lensforge.sources.inverse_cdf import choose
 from lensforge.surfaces.mirror_group import largest_symmetry
 
-<<<<<<< HEAD
-=======
-
-def sobol(count: int, dimensions: int, seed: int) -> Float[np.ndarray, "n d"]:
-    """Draw ``count`` points of the unit cube, scrambled by ``seed``; a power of two is best balanced."""
-    return _few(count, dimensions, seed).copy() if count <= _FEW else _drawn(count, dimensions, seed)
-
-
-_FEW = 2**12  # points that are kept: to scramble takes longer than to draw them, and creases need the same in each step
-
-
-@lru_cache(maxsize=8)
-def _few(count: int, dimensions: int, seed: int) -> Float[np.ndarray, "n d"]:
-    return _drawn(count, dimensions, seed)
-
-
-def _drawn(count: int, dimensions: int, seed: int) -> Float[np.ndarray, "n d"]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # scipy warns unless the count is a power of two
-        return np.asarray(qmc.Sobol(dimensions, scramble=True, rng=seed).random(count))
-
-
->>>>>>> fastsearch
 _SAME_MM = 1e-9
 
 
