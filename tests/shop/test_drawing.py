@@ -216,6 +216,30 @@ def test_the_datums_are_features_of_the_part(parts, drawings, name, faces, absen
     assert sorted(letters) == sorted(datum.letter for datum in scheme.datums), "each symbol once"
 
 
+def test_the_symbol_of_the_clocking_flat_stands_on_it(drawings):
+    _, sheet = drawings["flat"]
+    letter = next(words for words in sheet.marks.words if words.text == "C")
+    triangles = [stroke.points for stroke in sheet.marks.strokes if stroke.filled and len(stroke.points) == 3]
+    feet = np.array([0.5 * (corners[0] + corners[1]) for corners in triangles])
+    foot = feet[np.argmin(np.linalg.norm(feet - letter.at, axis=1))]
+    edges = np.concatenate(
+        [
+            np.stack([stroke.points[:-1], stroke.points[1:]], axis=1)
+            for stroke in sheet.marks.strokes
+            if stroke.pen == "outline"
+        ]
+    )
+    ways = np.linalg.norm(edges - foot, axis=2).sum(axis=1) - np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    assert ways.min() < 1e-9, "between the ends of an edge"
+
+
+def test_notes_begin_beside_the_top_of_the_table(drawings):
+    content, sheet = drawings["full"]
+    rows = {words.text: words.at[1] for words in sheet.marks.words}
+    first = next(row for text, row in rows.items() if text.startswith(f"1. {content.notes[0][:20]}"))
+    assert first == pytest.approx(rows[content.table[0][0]], abs=1.0)
+
+
 def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
     lens = small_lens(BASES["full"], {"form_tolerance_um": 2.0})
     part = part_of(lens, "AP242")
