@@ -122,6 +122,7 @@ def _plain_mean_lux(road: RoadSection, low: float, high: float, step_m: float = 
         ("opposite", -0.5, 5.0, 2, "R1", {}),
         ("staggered", 0.7, -4.0, 1, "R4", {"pole_height_m": 4.0}),  # far lamps within 1.5 degrees of the line of sight
         ("median", -1.5, 15.0, 2, "R2", {"median_m": 4.0}),
+        ("right", 0.0, 0.0, 1, "R1", {"pole_height_m": 5.0, "pole_spacing_m": 20.0}),  # a lamp just 5 heights before
     ],
 )
 def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes, surface, more) -> None:
