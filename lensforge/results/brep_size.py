@@ -42,9 +42,8 @@ def volume_and_area(shape: Any) -> tuple[float, float]:
 
 def spline_poles(spline: Any) -> Float[np.ndarray, "n m 3"]:
     """Poles (mm) of a Geom_BSplineSurface."""
-    poles = spline.Poles()
-    rows, columns = range(1, poles.ColLength() + 1), range(1, poles.RowLength() + 1)
-    return np.array([[poles.Value(row, column).Coord() for column in columns] for row in rows])
+    rows, columns = range(1, spline.NbUPoles() + 1), range(1, spline.NbVPoles() + 1)
+    return np.array([[spline.Pole(row, column).Coord() for column in columns] for row in rows])
 
 
 def _by_the_kernel(face: Any) -> tuple[float, float]:
