@@ -31,7 +31,8 @@ collect_garbage_seldom()
 _PACKAGES = ["surfaces", "optics", "sources", "scene", "light", "search", "cad", "shop", "proof", "made"]
 _FOLDER = Path(lensforge.__file__).parent
 _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs, which refuse wrong types themselves
-    "mesh_kernels.py", "lens_light.py", "searches.py", "casts.py", "part_verbs.py", "photometric_summary.py",
+    "grid_walk.py", "vertex_fit.py",
+    "lens_light.py", "searches.py", "casts.py", "part_verbs.py", "photometric_summary.py",
     # and what takes protocols, of which tests give the part that they need
     "luminaire_classes.py", "yield_study.py", "measured_parts.py", "tolerance_budget.py", "part_study.py",
     "sensitivity.py", "point_tables.py", "shop_files.py", "proof_inputs.py",

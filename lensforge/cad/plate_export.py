@@ -142,11 +142,11 @@ def volume_of_mm3(faces: Shapes, layout: PlateLayout, lens_mm3: float) -> float:
     ``lens_mm3``: through the faces of one lens, the same at each place. All other faces stand upright or lie in z = 0.
     """
     levels = [face for name, face in faces.items() if name.startswith((PLATE_BOTTOM, PIN_END, BOSS_ROOF))]
-    return len(layout.lenses) * lens_mm3 - sum(map(_flux_mm3, levels))
+    return len(layout.lenses) * lens_mm3 - sum(map(_down_to_zero_mm3, levels))
 
 
-def _flux_mm3(level: Any) -> float:
-    """Area of a level face, times its height."""
+def _down_to_zero_mm3(level: Any) -> float:
+    """Volume between a level face and z = 0, negative below it."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps

@@ -22,6 +22,15 @@ from lensforge.kernels.compiled import inline, kernel, polynomial
 NEAR = 2  # squared chord up to which the series takes the angle itself
 
 
+def _square_terms():
+    """Power series of ``4 asin(sqrt(s)/2)^2 / s``, whose sixtieth term is 1e-20 at a squared chord of 2."""
+    return [Fraction(2, n * n * comb(2 * n, n)) for n in range(1, 61)]
+
+
+def _ratio_terms():
+    return [n * term for n, term in enumerate(_square_terms(), start=1)]
+
+
 def _economised(terms, kept):
     """The first ``kept`` coefficients of a power series, changed so that it holds to the last bits from 0 to NEAR.
 
@@ -37,11 +46,9 @@ def _economised(terms, kept):
     return left
 
 
-# Sixty terms leave out 1e-20 at a squared chord of 2; economised to 21 and 22 they err by less than 2e-17 of the sum.
-_TAYLOR = [Fraction(2, n * n * comb(2 * n, n)) for n in range(1, 61)]
-_square_per_chord = polynomial(_economised(_TAYLOR, 21))  # 4 asin(sqrt(s)/2)^2 over s
-angle_per_sine = polynomial(_economised([n * term for n, term in enumerate(_TAYLOR, start=1)], 22))
-_exponential = polynomial([1.0 / factorial(n) for n in range(14)])  # within half of log 2 of 0: to 4e-18
+_square_per_chord = polynomial(lambda: _economised(_square_terms(), 21))  # errs by less than 2e-17 of itself
+angle_per_sine = polynomial(lambda: _economised(_ratio_terms(), 22))  # likewise
+_exponential = polynomial(lambda: [1.0 / factorial(n) for n in range(14)])  # within half of log 2 of 0: to 4e-18
 _SMALLEST = 700.0  # exponents beyond this would leave the normal numbers; a sum leaves functions out at 41
 _WHOLE = 1.5 * 2.0**52  # added to a number, leaves its nearest whole number in the last bits
 _PER_LOG_2 = 1.0 / log(2.0)

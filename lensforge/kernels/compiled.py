@@ -76,11 +76,12 @@ inline = numba.njit(forceinline=True, **_OPTIONS)
 _CHAIN = 6  # steps of a polynomial in turn: with 11 or 22 a sum of basis functions takes 1.1 or 1.4 times as long
 
 
-def polynomial(terms: Sequence[SupportsFloat]) -> Function:
+def polynomial(terms: Callable[[], Sequence[SupportsFloat]]) -> Function:
     """A function of kernels: the polynomial with coefficients ``terms``, the constant one first, of a float64.
 
-    It is a straight line of instructions. The compiler unrolls a loop over coefficients for some numbers of them only,
-    and makes no vector instructions of a loop around one that it does not unroll.
+    They are asked for where a kernel is compiled. It is a straight line of instructions: the compiler unrolls a loop
+    over coefficients for some numbers of them only, and makes no vector instructions of a loop around one that it does
+    not unroll.
     """
     from llvmlite import ir
     from numba.core import types
@@ -95,7 +96,7 @@ def polynomial(terms: Sequence[SupportsFloat]) -> Function:
                 return plus(total(terms[::2], square), power, total(terms[1::2], square))
             return reduce(lambda higher, term: plus(term, power, higher), reversed(terms))
 
-        return total([ir.Constant(ir.DoubleType(), float(term)) for term in terms], arguments[0])
+        return total([ir.Constant(ir.DoubleType(), float(term)) for term in terms()], arguments[0])
 
     def typed(_: Any, x: Any) -> Any:
         return types.float64(types.float64), code

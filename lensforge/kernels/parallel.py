@@ -32,23 +32,6 @@ def kernel_threads(threads: int | None) -> Iterator[None]:
         _asked.pop()
 
 
-@contextmanager
-def torch_on_one_thread() -> Iterator[None]:
-    """Let torch use one thread inside the block, and the kernels as many as they had.
-
-    Products and sums of torch have other bits on another number of threads.
-    """
-    import torch
-
-    before = torch.get_num_threads()
-    with kernel_threads(thread_count()):
-        torch.set_num_threads(1)
-        try:
-            yield
-        finally:
-            torch.set_num_threads(before)
-
-
 def thread_count() -> int:
     """Threads that the kernels use: those asked for, else those of torch where it is loaded, else one for each core."""
     if _asked:

@@ -114,7 +114,6 @@ _Value = TypeVar("_Value")
 
 def source_of(spec: Spec) -> Source:
     """The source of ``spec``, with the dispersion of the lens material, and colours where these are asked for."""
-
     return build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None)
 
 
@@ -156,7 +155,6 @@ def photometry_conditions(lens: Lens, source: Source, rays: int | None, lumens: 
     Any ``rays`` that are given: by default their number follows the noise. ``lumens`` are among them only where the
     spec knows its own.
     """
-
     known_lm = summarise(source, lens.spec.source).flux_lm
     own = known_lm is None or lumens is None or isclose(lumens, known_lm)
     return Conditions.of(rays=rays, lumens=None if own else lumens)

@@ -92,7 +92,7 @@ class Grid:
 
     def _sort_into_cells(self, low: Float[np.ndarray, "t 3"], high: Float[np.ndarray, "t 3"]) -> None:
         """List the triangles by the cells of their boxes that their planes cross: counted first, then sorted."""
-        from lensforge.proof.mesh_kernels import sort_into_cells
+        from lensforge.proof.grid_walk import sort_into_cells
 
         pad = 1e-6 * self.cell
         first = np.floor((low - self.corner - pad) / self.cell).astype(np.int64)
@@ -107,7 +107,7 @@ class Grid:
 
     def first_hits(self, leg: Leg) -> FacetHits:
         """First hit of each ray."""
-        from lensforge.proof.mesh_kernels import walk
+        from lensforge.proof.grid_walk import walk
 
         numbers, distances = np.empty(len(leg.origins), dtype=np.int64), np.empty(len(leg.origins))
         rays = (np.ascontiguousarray(each, dtype=np.float64) for each in (leg.origins, leg.directions, leg.beyond))

@@ -136,7 +136,7 @@ def fit_vertices(
 
     ``faces`` numbers the smooth face of each vertex; neighbours are taken from the same face only.
     """
-    from lensforge.proof.mesh_kernels import fit_polynomials, fit_space
+    from lensforge.proof.vertex_fit import fit_polynomials, fit_space
 
     fit = VertexFit(facet_average(vertices, triangles), np.zeros((len(vertices), 3, 3)))
     places, space = np.ascontiguousarray(vertices, dtype=np.float64), fit_space(NEIGHBOURS)

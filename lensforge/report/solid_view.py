@@ -148,9 +148,8 @@ def _output(step: Any, mesh: Any) -> Any:
 
 def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float) -> None:
     """One PNG per view of ``mesh``, ``shaded`` by its normals: a window and its shaders serve all of them."""
-    from PIL import Image
     from vtkmodules.vtkCommonDataModel import vtkPlane
-    from vtkmodules.vtkRenderingCore import vtkRenderWindow, vtkWindowToImageFilter
+    from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
     renderer, window, plane = _renderer(), vtkRenderWindow(), vtkPlane()
     plane.SetNormal(0.0, 1.0, 0.0)
@@ -168,18 +167,26 @@ def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float) -
             renderer.AddActor(each)
             solid.GetMapper().AddClippingPlane(plane)
         _aim(renderer, mesh, view, optics_radius_mm)
-        window.Render()
-        shown = vtkWindowToImageFilter()
-        shown.SetInputBufferTypeToRGBA()
-        shown.ShouldRerenderOff()
-        shown.ReadFrontBufferOff()
-        shown.SetInput(window)
-        shown.Update()
-        pixels = _array(shown.GetOutput().GetPointData().GetScalars()).reshape(*_PIXELS[::-1], 4)
-        Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(folder / f"{name}.png")
+        _save(window, folder / f"{name}.png")
         solid.GetMapper().RemoveAllClippingPlanes()
         for each in cut:
             renderer.RemoveActor(each)
+
+
+def _save(window: Any, path: Path) -> None:
+    """Render what a window shows, as a PNG with a transparent ground."""
+    from PIL import Image
+    from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
+
+    window.Render()
+    shown = vtkWindowToImageFilter()
+    shown.SetInputBufferTypeToRGBA()
+    shown.ShouldRerenderOff()
+    shown.ReadFrontBufferOff()
+    shown.SetInput(window)
+    shown.Update()
+    pixels = _array(shown.GetOutput().GetPointData().GetScalars()).reshape(*_PIXELS[::-1], 4)
+    Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(path)
 
 
 def _renderer() -> Any:

@@ -16,7 +16,22 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 
-from lensforge.search.schedule import AutomaticStages, Gain, NextStage, Outcome, Schedule, Stage
+from lensforge.scene.lens import Lens
+from lensforge.search.schedule import (
+    AutomaticStages,
+    Gain,
+    NextStage,
+    Outcome,
+    Schedule,
+    Stage,
+    UsefulLevels,
+    fixed_schedule,
+)
+from lensforge.sources.measured_rays import searched
+from lensforge.sources.ray_bundle import Source
+from lensforge.spec import Spec
+from lensforge.spec.accuracy import Preset
+from lensforge.surfaces.mirror_group import group
 
 _OF_BUDGET = 0.7  # for all levels, each of which gains more than a long stage; the rest is for those
 _FOR_UNIFORMITY = 0.3  # of the budget, in a scene with a region of uniform light
@@ -237,3 +252,16 @@ def _judged(gain: Gain, least: float) -> str:
     if gain.share >= least:
         return f"{lowered:.2g} %, which may be noise: its standard error is {100 * gain.standard_error:.2g} %"
     return f"{lowered:.2g} %, less than {100 * least:g} %"
+
+
+def schedule_of(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:
+    """Schedule of a search for ``spec`` from ``start``: of the levels that it gives, or one that chooses them."""
+    if spec.lens.levels != "auto":
+        return fixed_schedule(spec, preset, last_only=start is not None)
+    effort, settings = preset.effort.with_rays_of(searched(source).ray_count), spec.optimise
+    levels = UsefulLevels.of(spec, source, effort.finest)
+    first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
+    # parts of a robust search have no symmetry: the spread of their light is not averaged over mirror images
+    uniform, images = spec.has_uniform_region, 1 if settings.robust else len(group(spec.lens.symmetry))
+    stages = AutomaticStages(levels, effort, images, first)
+    return AutomaticSchedule(stages, uniform, settings.seconds)

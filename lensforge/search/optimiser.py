@@ -4,7 +4,8 @@ Its steps are Adam's, with multiplier updates between rounds, stage after stage;
 """
 
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
@@ -15,10 +16,11 @@ import torch
 
 from lensforge import seeds
 from lensforge.errors import Cancelled, remedy
-from lensforge.kernels.parallel import torch_on_one_thread
+from lensforge.kernels.parallel import kernel_threads, thread_count
+from lensforge.results.arguments import threads_of_torch
 from lensforge.scene.body import radii
 from lensforge.scene.lens import Lens
-from lensforge.search.automatic_schedule import AutomaticSchedule
+from lensforge.search.automatic_schedule import AutomaticSchedule, schedule_of
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
 from lensforge.search.design_result import Design, Level, Margins, Observer, Progress, constraint_criteria
 from lensforge.search.feasibility import feasible_lens, require_feasible_start
@@ -26,26 +28,16 @@ from lensforge.search.light_path import Pair
 from lensforge.search.merit import Evaluated
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problem, Problems, ValidationRays
-from lensforge.search.schedule import (
-    AutomaticStages,
-    NextStage,
-    Outcome,
-    Schedule,
-    Stage,
-    UsefulLevels,
-    fixed_schedule,
-    rays_ahead,
-    stages_of,
-)
+from lensforge.search.schedule import NextStage, Outcome, Schedule, Stage, rays_ahead, stages_of
 from lensforge.search.search_state import Adam, Parameters, SearchState
 from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import each_of
 from lensforge.spec import Accuracy, Spec
-from lensforge.spec.accuracy import PRESETS, Preset, for_preview
+from lensforge.spec.accuracy import PRESETS, for_preview
 from lensforge.spec.spec_files import input_hashes, section_sha256
-from lensforge.surfaces.mirror_group import first_images, group
+from lensforge.surfaces.mirror_group import first_images
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _ROUND = 10  # steps between multiplier updates
@@ -279,7 +271,14 @@ def _with_step(
 _SIZE_DIRECTIONS = 20_000  # over the hemisphere, at which radius and height are sampled
 
 
-@torch_on_one_thread()
+@contextmanager
+def _torch_on_one_thread() -> Iterator[None]:
+    """Products and sums of torch have other bits on another number of threads; the kernels keep theirs."""
+    with kernel_threads(thread_count()), threads_of_torch(1):
+        yield
+
+
+@_torch_on_one_thread()
 def search(
     spec: Spec,
     source: Source,
@@ -306,7 +305,7 @@ def search(
     begun = time.perf_counter()
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
     preset = for_preview(preset) if preview else preset
-    schedule = _schedule(spec, source, preset, start)
+    schedule = schedule_of(spec, source, preset, start)
     problems = Problems(spec, source, preset.nodes_per_sigma, device)
     key = fingerprint(spec, seed, f"{accuracy}, preview" if preview else accuracy, start, device)
     if resume and checkpoint is not None:
@@ -329,18 +328,6 @@ def search(
     lens, margins = feasible_lens(problem, state, seed, accuracy)
     state = replace(state, seconds=descent.seconds)
     return _design(lens, margins, source, state, last.rays, why, warnings)
-
-
-def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:
-    if spec.lens.levels != "auto":
-        return fixed_schedule(spec, preset, last_only=start is not None)
-    effort, settings = preset.effort.with_rays_of(searched(source).ray_count), spec.optimise
-    levels = UsefulLevels.of(spec, source, effort.finest)
-    first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
-    # parts of a robust search have no symmetry: the spread of their light is not averaged over mirror images
-    uniform, images = spec.has_uniform_region, 1 if settings.robust else len(group(spec.lens.symmetry))
-    stages = AutomaticStages(levels, effort, images, first)
-    return AutomaticSchedule(stages, uniform, settings.seconds)
 
 
 def _levels_of(levels: tuple[int, ...], weights: int) -> tuple[int, ...]:

@@ -111,7 +111,6 @@ def redesign(lens: Lens, source: SourceSpec | Path | str, **options: Unpack[Sear
     ``source``: in the place of the spec's; of a file as for :func:`lensforge.evaluate`. ``options``: as of
     :func:`design`, by default with the accuracy and seed of ``lens``. The new spec's name ends with that of the source.
     """
-
     require(lens, Lens, "redesign")
     other = other_source(lens.spec, source)
     spec, built = lens.spec.with_automatic_levels(), build_source(other, lens.dispersion)

@@ -15,7 +15,7 @@ from lensforge.kernels.fate import Fate
 
 PACKAGE = Path(lensforge.__file__).parent
 KERNELS = PACKAGE / "kernels"
-COMPILER, MESH_KERNELS = KERNELS / "compiled.py", PACKAGE / "proof" / "mesh_kernels.py"
+COMPILER, PROOF = KERNELS / "compiled.py", PACKAGE / "proof"
 SOURCES = sorted(path for path in KERNELS.glob("*.py") if path != COMPILER)
 
 
@@ -56,7 +56,9 @@ def test_a_second_checkout_runs_what_the_first_has_compiled(tmp_path: Path) -> N
     assert (first, second) == (["0", "1"], ["1", "0"]), "hits and misses of the cache"
 
 
-@pytest.mark.parametrize(("folder", "sources"), [(KERNELS, SOURCES), (MESH_KERNELS.parent, [MESH_KERNELS])])
+@pytest.mark.parametrize(
+    ("folder", "sources"), [(KERNELS, SOURCES), (PROOF, [PROOF / "grid_walk.py", PROOF / "vertex_fit.py"])]
+)
 def test_kernels_take_their_constants_from_their_own_folder(folder: Path, sources: list[Path]) -> None:
     own = f"lensforge.{folder.name}"
     for path in sources:

@@ -1,138 +1,13 @@
-"""Compiled work on the mesh of a part: triangles by the cells of a grid, the walk of rays, a polynomial at each vertex.
+"""A polynomial around each vertex of a mesh, by least squares: its normal, and how that changes with the place.
 
-Rays walk from cell to cell (Amanatides and Woo 1987), to the first triangle that each one hits. Of nothing that the
-design stage computes with: the compiler is all that they share.
+Compiled, with many vertices side by side. As the walk of rays it is of nothing that the design stage computes with.
 """
 
-from math import floor, inf, sqrt
+from math import sqrt
 
 import numpy as np
 
-from lensforge.kernels.compiled import inline, kernel
-
-INSIDE = -1e-9  # barycentric coordinates down to this are inside, so that no ray slips between two triangles
-PARALLEL = 1e-5  # cosine between a ray and a normal up to which trimesh takes them to miss each other
-_LEAST = 1e-12  # component of a direction, for the walk only: it keeps the ray inside the cells' margin
-
-
-@inline
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inline
-def _difference(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@inline
-def _distance(origin, direction, triangle, normal):
-    """Distance to a triangle, infinite where the ray misses it; the tests are those of trimesh."""
-    cosine = _dot(direction, normal)
-    if abs(cosine) <= PARALLEL:
-        return inf
-    distance = _dot(_difference(triangle[0], origin), normal) / cosine
-    away = _difference(origin, triangle[0])
-    point = away[0] + distance * direction[0], away[1] + distance * direction[1], away[2] + distance * direction[2]
-    one, other = _difference(triangle[1], triangle[0]), _difference(triangle[2], triangle[0])
-    aa, ab, bb, a, b = _dot(one, one), _dot(one, other), _dot(other, other), _dot(one, point), _dot(other, point)
-    area = aa * bb - ab * ab
-    second, third = (bb * a - ab * b) / area, (aa * b - ab * a) / area
-    return distance if min(second, third, 1.0 - second - third) >= INSIDE else inf
-
-
-@inline
-def _within(origin, slope, corner, width):
-    """Distances at which a ray enters and leaves the grid, by one component."""
-    one, other = (corner - origin) / slope, (corner + width - origin) / slope
-    return min(one, other), max(one, other)
-
-
-@inline
-def _slope(component):
-    return component if abs(component) >= _LEAST else _LEAST  # so flat that its sign does not count
-
-
-@inline
-def _first_cell(place, cell, count):
-    return min(max(floor(place / cell), 0), count - 1)
-
-
-@inline
-def _crossing(number, slope, origin, corner, cell):
-    """Distance at which a ray leaves its cell, by one component."""
-    return (corner + (number + (1 if slope > 0.0 else 0)) * cell - origin) / slope
-
-
-@kernel
-def sort_into_cells(triangles, normals, first, span, reach, corner, cell, shape, places, members):
-    """List in ``members`` the triangles whose planes cross the cells of their boxes, each from its ``places`` (c) on.
-
-    The places of the cells move behind the last one; with no ``members`` they alone do, so that zeros become counts.
-    The boxes (t, 3) begin at the cells ``first`` and are ``span`` cells wide; ``reach`` (t): largest distance of a
-    plane from the centre of a cell that it crosses. Mesh and grid as for :func:`walk`.
-    """
-    for t in range(len(triangles)):
-        vertex, normal = triangles[t, 0], normals[t]
-        for i in range(first[t, 0], first[t, 0] + span[t, 0]):
-            x = (corner[0] + (i + 0.5) * cell - vertex[0]) * normal[0]
-            for j in range(first[t, 1], first[t, 1] + span[t, 1]):
-                y = (corner[1] + (j + 0.5) * cell - vertex[1]) * normal[1]
-                for k in range(first[t, 2], first[t, 2] + span[t, 2]):
-                    z = (corner[2] + (k + 0.5) * cell - vertex[2]) * normal[2]
-                    if abs(x + y + z) <= reach[t]:
-                        number = (i * shape[1] + j) * shape[2] + k
-                        if len(members):
-                            members[places[number]] = t
-                        places[number] += 1
-
-
-@kernel
-def walk(origins, directions, beyond, starts, members, triangles, normals, corner, cell, shape, found, distances):
-    """Fill ``found`` (n) with the triangle that each ray hits first, -1 for none, and ``distances`` (n).
-
-    Rays: ``origins`` and unit ``directions`` (n, 3), of which hits up to the distance ``beyond`` (n) do not count.
-    Grid: cell ``i, j, k`` of ``shape`` begins at ``corner`` (3) plus so many times ``cell``; cells are numbered with
-    ``k`` fastest, and the triangles of number ``c`` are ``members[starts[c]:starts[c + 1]]``. Mesh: ``triangles``
-    (t, 3, 3) with ``normals`` (t, 3).
-    """
-    for ray in range(len(found)):
-        found[ray], distances[ray] = -1, inf
-        origin, direction = origins[ray], directions[ray]
-        dx, dy, dz = _slope(direction[0]), _slope(direction[1]), _slope(direction[2])
-        x_in, x_out = _within(origin[0], dx, corner[0], shape[0] * cell)
-        y_in, y_out = _within(origin[1], dy, corner[1], shape[1] * cell)
-        z_in, z_out = _within(origin[2], dz, corner[2], shape[2] * cell)
-        entry = max(x_in, y_in, z_in, beyond[ray])
-        if not entry < min(x_out, y_out, z_out):
-            continue
-        i = _first_cell(origin[0] + entry * dx - corner[0], cell, shape[0])
-        j = _first_cell(origin[1] + entry * dy - corner[1], cell, shape[1])
-        k = _first_cell(origin[2] + entry * dz - corner[2], cell, shape[2])
-        x, y, z = (
-            _crossing(i, dx, origin[0], corner[0], cell),
-            _crossing(j, dy, origin[1], corner[1], cell),
-            _crossing(k, dz, origin[2], corner[2], cell),
-        )
-        while 0 <= i < shape[0] and 0 <= j < shape[1] and 0 <= k < shape[2]:
-            number = (i * shape[1] + j) * shape[2] + k
-            nearest, candidate = inf, -1
-            for place in range(starts[number], starts[number + 1]):
-                triangle = members[place]
-                distance = _distance(origin, direction, triangles[triangle], normals[triangle])
-                if beyond[ray] < distance <= nearest and distance < inf:
-                    nearest, candidate = distance, triangle
-            if nearest < distances[ray]:
-                distances[ray], found[ray] = nearest, candidate
-            if distances[ray] <= min(x, y, z):
-                break
-            if x <= y and x <= z:
-                i, x = i + (1 if dx > 0.0 else -1), x + cell / abs(dx)
-            elif y <= z:
-                j, y = j + (1 if dy > 0.0 else -1), y + cell / abs(dy)
-            else:
-                k, z = k + (1 if dz > 0.0 else -1), z + cell / abs(dz)
-
+from lensforge.kernels.compiled import kernel
 
 # Degree of the polynomial fitted around a vertex. It limits what the verification can see: on the smallest shipped
 # lenses the normals of a cubic are wrong by 130 urad rms at the vertices, which lands rays 0.027 mm off at 150 mm,
@@ -190,9 +65,10 @@ def _place(vertices, row, near, normal, lane, frames, places):
     gx, gy, gz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
     for number, component in enumerate((fx, fy, fz, gx, gy, gz)):
         frames[number, lane] = component
-    total, farthest, highest = 0.0, 0.0, 0.0
+    total, farthest, highest, own = 0.0, 0.0, 0.0, vertices[row]
     for k in range(len(near)):
-        x, y, z = _difference(vertices[near[k]], vertices[row])
+        other = vertices[near[k]]
+        x, y, z = other[0] - own[0], other[1] - own[1], other[2] - own[2]
         squared, height = x * x + y * y + z * z, x * nx + y * ny + z * nz
         total, farthest, highest = total + squared, max(farthest, squared), max(highest, abs(height))
         places[0, k, lane], places[1, k, lane] = x * fx + y * fy + z * fz, x * gx + y * gy + z * gz
