@@ -18,12 +18,11 @@ rim; and rays that only just touch a face.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.kernels.bicubic import FaceBounds
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect_adjoint
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.optics.media import CAVITY
@@ -37,8 +36,6 @@ from lensforge.surfaces.surface import gradient_on_sphere, to_sphere
 Worth = Callable[[TracedBundle], Float[np.ndarray, " n"]]
 """Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
 
-Trace = Callable[[RayBundle], TracedBundle]  # through the faces of one lens
-
 _MERIDIANS, _STEPS = 256, 32  # on which creases are sought, and steps of the chart's radius from the axis to the rim
 _NEWTON_STEPS = 6  # from the middle of a step to rounding
 BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
@@ -48,14 +45,12 @@ _Values = Float[np.ndarray, " p"]
 
 
 def crease_gradients(
-    tables: Tables, scene: Scene, source: Source, worth: Worth, count: int = 2**11, seed: int = 0,
-    bounds: FaceBounds | None = None,
-) -> Tables:  # fmt: skip
+    tables: Tables, scene: Scene, source: Source, worth: Worth, count: int = 2**11, seed: int = 0
+) -> Tables:
     """Gradients of a merit by all ``tables`` for light that crosses the creases of the cavity; 0 where it has none.
 
     ``count`` start points of ``source`` are drawn by ``seed``, each with a point of a crease and two rays. ``worth``
     says what light on each way adds to the merit: see :func:`worth_on`. Of a lens as made the roughness is left out.
-    ``bounds``: of the faces, where they are known.
     Raises :class:`InputError` for a source that cannot say how much light goes into a direction, such as rays of a file
     that are not turned.
     """
@@ -68,8 +63,7 @@ def crease_gradients(
     own = (points * len(creases)).astype(int)
     crossing = creases.take(own)
     rays = towards(source, _seen_from_source(scene, crossing.one.points), seed)
-    trace = partial(TracedBundle.of, tables, scene, bounds=bounds)
-    change = rays.flux * _gain(trace, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
+    change = rays.flux * _gain(tables, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
     for side, by_radius in zip((creases.one, creases.other), crossing.flows(in_lens(scene, rays)), strict=True):
         side.add(np.bincount(own, change * by_radius, len(creases)), total)
     return total
@@ -264,7 +258,9 @@ def _places(face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> tupl
     return face[:, None, None], rows[:, :, None], columns[:, None, :]
 
 
-def _gain(trace: Trace, scene: Scene, rays: RayBundle, crossing: CreasePoints, worth: Worth) -> Float[np.ndarray, " n"]:
+def _gain(
+    tables: Tables, scene: Scene, rays: RayBundle, crossing: CreasePoints, worth: Worth
+) -> Float[np.ndarray, " n"]:
     """Difference in worth of light beside the crease for each ray: it leaves the side of ``across``.
 
     Where a ray meets a face before the crease, that is the same on both sides.
@@ -277,5 +273,5 @@ def _gain(trace: Trace, scene: Scene, rays: RayBundle, crossing: CreasePoints, w
         directions = rays.directions + sign * BESIDE * across
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         beside.append(replace(rays, directions=directions, flux=np.ones(len(rays))))
-    from_side, to_side = worth(trace(RayBundle.joined(beside))).reshape(2, -1)
+    from_side, to_side = worth(TracedBundle.of(tables, scene, RayBundle.joined(beside))).reshape(2, -1)
     return to_side - from_side

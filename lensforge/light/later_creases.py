@@ -10,17 +10,17 @@ that it met before: the adjoint of the tracer has that, of a path that ends befo
 Left out, as there: the edge of total reflection, the rim, and rays that only just touch a face.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 
-from lensforge.kernels.bicubic import FaceBounds
 from lensforge.kernels.chain import FROM_BEHIND, REFLECTED
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.nearest_face import BODY
-from lensforge.light.crease import BESIDE, OnFaces, Trace, Worth, in_lens, polished
+from lensforge.light.crease import BESIDE, OnFaces, Worth, in_lens, polished
 from lensforge.light.table_trace import Scene, Tables, TracedBundle, face_bounds
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.seeds import sobol
@@ -33,24 +33,23 @@ _TOGETHER = 1e-3  # of their path: so close to each other they meet the faces of
 
 _Values = Float[np.ndarray, " k"]
 _Vectors = Float[np.ndarray, "k 3"]
+_Trace = Callable[[RayBundle], TracedBundle]  # through the faces of one lens
 _Numbers = Int[np.ndarray, " k"]
 
 
 def later_crease_gradients(
-    tables: Tables, scene: Scene, source: Source, worth: Worth, fans: int = 2**8, rays: int = 48, seed: int = 0,
-    bounds: FaceBounds | None = None,
-) -> Tables:  # fmt: skip
+    tables: Tables, scene: Scene, source: Source, worth: Worth, fans: int = 2**8, rays: int = 48, seed: int = 0
+) -> Tables:
     """Gradients of a merit by all ``tables`` for light that crosses creases at its second event and later.
 
     ``fans``: their number, of ``rays`` each, from start points of ``source`` that are drawn by ``seed``; ``worth`` as
-    in :func:`~lensforge.light.crease.crease_gradients`, with the same errors. ``bounds``: of the faces, where they are
-    known: some twenty bundles are traced.
+    in :func:`~lensforge.light.crease.crease_gradients`, with the same errors.
     """
     scene = polished(scene)
     total: Tables = np.zeros(tables.shape)
     if scene.chain is None:
         return total
-    trace = partial(TracedBundle.of, tables, scene, bounds=face_bounds(tables, scene) if bounds is None else bounds)
+    trace = partial(TracedBundle.of, tables, scene, bounds=face_bounds(tables, scene))  # of some twenty bundles
     drawn = Fans.of(source, float(tables[0].max()), fans, rays, seed)
     changes = _changes(drawn, trace)
     changes = changes.take(changes.later)
@@ -150,7 +149,7 @@ class _Changes:
         """Select some."""
         return _Changes(*(getattr(self, each.name)[rows] for each in fields(self)))
 
-    def narrowed(self, fans: Fans, trace: Trace) -> "_Changes":
+    def narrowed(self, fans: Fans, trace: _Trace) -> "_Changes":
         """Narrow each interval down to the first change in it."""
         closer, rows = self, np.arange(len(self.fan))
         for _ in range(_TIMES):
@@ -165,7 +164,7 @@ class _Changes:
         return closer
 
 
-def _changes(fans: Fans, trace: Trace) -> _Changes:
+def _changes(fans: Fans, trace: _Trace) -> _Changes:
     """All places in fans where rays change their way, each narrowed down; several in one interval, too."""
     count, steps = len(fans.azimuths), len(fans.angles)
     rays = fans.rays(np.tile(np.arange(count), steps), np.repeat(fans.angles, count))

@@ -24,7 +24,7 @@ from lensforge.light.crease import crease_gradients, worth_on
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
-from lensforge.light.table_trace import Scene, TracedBundle, face_bounds
+from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
@@ -58,9 +58,7 @@ class _AtCreases(torch.autograd.Function):
         images = [each.contiguous().numpy() for each in by[::4]]
         sums = [np.array([float(each) for each in by[first + 1 : first + 4]]) for first in range(0, len(by), 4)]
         places = ctx.tables, ctx.scene, ctx.source, worth_on(ctx.receivers, images, sums)
-        bounds = face_bounds(ctx.tables, ctx.scene)
-        found = crease_gradients(*places, bounds=bounds)
-        found += later_crease_gradients(*places, _FANS, _RAYS_OF_FAN, bounds=bounds)
+        found = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
         return ctx.flux * torch.from_numpy(found), None, None, None, None, *by
 
 
