@@ -22,6 +22,7 @@ from lensforge.surfaces.surface import to_sphere
 _NODES, _RIM = 101, 512  # samples of each face: across the chart's square, and around the rim
 _STEP = 2.0 / (_NODES - 1)  # of the chart, from one to the next
 _STARTS, _APART = 12, 3.0  # pairs of points to start from, this many steps of the samples apart
+_FIRST, _ROUNDING = 16, 1e-9  # of the samples, every so many bound the least distance; relative
 _SAME = 1e-12  # of the chart
 _FAR = 1e9  # mm: in the directions of an opening
 _PRECISION = 1e-14  # of the squared distance, relative
@@ -39,14 +40,12 @@ class Span:
 
 def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch]) -> Span:
     """The shortest line between the boundaries above z = 0; where they cross, the deepest place along a ray."""
-    from scipy.spatial import cKDTree
-
     inwards, outwards = as_pair(cavity, envelope)
     crossing = _radial(inwards, outwards, -1.0)
     if crossing.thickness_mm <= 0.0:
         return crossing
     samples = [[_Samples.of(face) for face in each.faces if not face.is_open] for each in (inwards, outwards)]
-    pairs = [(one, other, *cKDTree(other.points).query(one.points)) for one, other in product(*samples)]
+    pairs = _nearest(*samples)
     found = Span(np.inf, np.zeros(3), np.zeros(3))
     for pair in sorted(pairs, key=lambda each: float(each[2].min())):
         found = _shorter(found, *pair)
@@ -80,6 +79,27 @@ class _Samples:
         places = _samples(face.domain)
         points, *tangents = face.shape.tangents(places)
         return _Samples(face, places, points, _STEP * np.linalg.norm(tangents, axis=-1).max(axis=0))
+
+
+_Nearest = tuple[_Samples, _Samples, Float[np.ndarray, " k"], Int[np.ndarray, " k"]]
+
+
+def _nearest(inner: list[_Samples], outer: list[_Samples]) -> list[_Nearest]:
+    """Every two faces; for each sample of the inner one the distance (mm) to the nearest of the outer, and that one.
+
+    The distance is infinite where the shortest line cannot end: all around a cavity the samples of the envelope are
+    about as far, and a search for the nearest would look at each.
+    """
+    from scipy.spatial import cKDTree
+
+    trees = [cKDTree(other.points) for other in outer]
+    least = min(tree.query(one.points[::_FIRST])[0].min() for one, tree in product(inner, trees))
+    pairs = []
+    for one, (other, tree) in product(inner, zip(outer, trees, strict=True)):
+        most = np.hypot(least, one.reach_mm.max() + other.reach_mm.max()) * (1.0 + _ROUNDING)
+        distance, nearest = tree.query(one.points, distance_upper_bound=most)
+        pairs.append((one, other, distance, np.minimum(nearest, len(other.points) - 1)))
+    return pairs
 
 
 def _shorter(

@@ -23,6 +23,7 @@ both bound the estimate. Chosen by experiment (docs/accuracy.md).
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -218,6 +219,7 @@ def _error_over_pairs(products: Float[np.ndarray, "r r"]) -> float:
 
 _REPLICATES = 16
 _ROUNDING = 1e-12
+_AT_ONCE = 2**17  # values of pixels by blocks
 
 Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 
@@ -310,6 +312,7 @@ def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> Lea
     return LeastEstimate(value, halves.left_out(slope), taken_off if taken_off > _ROUNDING * abs(value) else 0.0)
 
 
+@cache
 def _halves() -> Blocks:
     """The 30 affine hyperplanes of the 16 vectors of 4 bits."""
     return np.array(
@@ -318,6 +321,7 @@ def _halves() -> Blocks:
     )
 
 
+@cache
 def _quarters() -> Blocks:
     """The 140 affine planes: every four vectors whose sum is 0."""
     planes = [four for four in combinations(range(_REPLICATES), 4) if four[0] ^ four[1] ^ four[2] ^ four[3] == 0]
@@ -338,7 +342,8 @@ class _Choices:
 
     @staticmethod
     def of(images: Float[np.ndarray, "r n"], blocks: Blocks) -> "_Choices":
-        values = np.array([_darkest(block, images) for block in blocks])  # one at a time: bounds the memory
+        parts = 1 + len(blocks) * images.shape[1] // _AT_ONCE  # bounds the memory
+        values = np.concatenate([_darkest(each, images) for each in np.array_split(blocks, parts)])
         return _Choices(blocks, (blocks * values).sum(axis=1) / blocks.sum(axis=1), (1.0 - blocks) * values)
 
     @property
@@ -364,10 +369,13 @@ class _Choices:
         return left_out
 
 
-def _darkest(block: Float[np.ndarray, " r"], images: Float[np.ndarray, "r n"]) -> Float[np.ndarray, " r"]:
-    """Value in every replicate of the darkest pixel by ``block``; the mean of them all where rays reached none."""
-    light = block @ images
-    values: Float[np.ndarray, " r"] = images[:, light == light.min()].mean(axis=1)
+def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarray, "b r"]:
+    """Value in every replicate of the darkest pixel by each block; the mean of all where rays reached none."""
+    light = blocks @ images
+    block, pixel = np.nonzero(light == light.min(axis=1, keepdims=True))
+    first = np.searchsorted(block, np.arange(len(blocks)))
+    sums = np.add.reduceat(images.T[pixel], first)
+    values: Float[np.ndarray, "b r"] = sums / np.diff(first, append=len(block))[:, None]
     return values
 
 

@@ -8,7 +8,7 @@ is known at first order: the lens keeps the skewness of light and its étendue.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import product
 
 import numpy as np
@@ -147,21 +147,30 @@ def share_within(mapped: Iterable[tuple[_Angles, _Angles]], half_angle_rad: floa
     ``mapped``: angles from the axis, and the radii (mm) at which that light leaves. A point beside the axis by x in the
     plane of a ray and by y across it turns the ray by ``x cos dtheta/dr`` and ``y sin / r`` at the radius r.
     """
-    place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
-    x, y = (side_mm * each.ravel() for each in np.meshgrid(place, place))
+    squares = side_mm**2 * _places_from_the_centre() ** 2
     total = 0.0
     for polar, exits in mapped:
         by_polar = np.gradient(exits, polar)
         along, across = np.cos(polar) / by_polar, np.sin(polar) / exits
-        seen = np.zeros_like(polar)
-        for turn in np.pi * (np.arange(4) + 0.5) / 8.0:  # azimuths from the source's side, by its symmetry
-            turned = x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)
-            off = np.hypot(turned[0] * along[:, None], turned[1] * across[:, None])
-            seen += 0.25 * (off < np.sin(half_angle_rad)).mean(axis=1)
+        off = np.column_stack([along**2, across**2]) @ squares
+        seen = np.mean(off < np.sin(half_angle_rad) ** 2, axis=1)
         total += float(np.trapezoid(seen * np.sin(2.0 * polar), polar))
     return total
 
 
+@cache
+def _places_from_the_centre() -> Float[np.ndarray, "2 k"]:
+    """Places of a square of side 1 along and across azimuths from its side, over an eighth of a turn by its symmetry.
+
+    Half of the square: its other half turns rays by as much.
+    """
+    place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
+    x, y = (each.reshape(-1, 1) for each in np.meshgrid(place[: _PLACES // 2], place))
+    turn = np.pi * (np.arange(4) + 0.5) / 8.0
+    return np.stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)]).reshape(2, -1)
+
+
+@lru_cache(maxsize=8)  # half a second, for the check of a scene and for its search
 def best_collimator(
     index: float,
     radius_mm: float,
