@@ -172,6 +172,14 @@ def test_values_with_one_replicate_left_out_are_those_of_the_others() -> None:
             assert left_out[k] == pytest.approx(u + 0.7 * (v - u), rel=1e-12)
 
 
+def test_places_read_twice_change_no_least_value() -> None:
+    readings = noisy(bumpy(SIDE, 0.02), 0.01, np.random.default_rng(3)).reshape(REPLICATES, -1)
+    once, twice = (least_over_mean(each) for each in (readings, np.concatenate([readings, readings[:, ::-1]], axis=1)))
+    assert once.metric().standard_error and once.left_out is not None
+    assert twice.value == pytest.approx(once.value, rel=1e-12)
+    assert twice.left_out == pytest.approx(once.left_out, rel=1e-12)
+
+
 def test_relative_errors_of_a_ratio_add_in_squares() -> None:
     above, below = Metric(value=3.0, standard_error=0.3), Metric(value=4.0, standard_error=0.2)
     ratio = ratio_of(above, below)
