@@ -1,5 +1,7 @@
 """The lens for total internal reflection of a point: its light by tables and by the readable tracer, and of a chip."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from chains import clear, tables_of, upwards
@@ -92,6 +94,8 @@ def test_the_best_sends_most_light_of_a_chip_into_its_beam(radius_mm: float, hal
 
     assert traced(lens) == pytest.approx(share, abs=0.003)
     assert lens.share(half, 1.0) == pytest.approx(traced(lens) / 0.905, abs=0.01)  # two faces pass 0.905
+    twice = replace(lens, radius_mm=2.0 * radius_mm, cavity_mm=2.0 * lens.cavity_mm, cap_mm=2.0 * lens.cap_mm)
+    assert twice.share(half, 2.0) == pytest.approx(lens.share(half, 1.0), abs=1e-6), "light has no length of its own"
     smaller = Collimator(INDEX, radius_mm, 0.7 * lens.cavity_mm, 0.7 * lens.cap_mm)
     assert traced(smaller) < traced(lens) - 0.01 and smaller.share(half, 1.0) < lens.share(half, 1.0) - 0.01
 
