@@ -143,15 +143,26 @@ def _nearest(
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"], float]:
     """Place on ``surface``, vertex of another mesh, and their distance (mm), the least of those up to ``most_mm``."""
     import trimesh
+    from scipy.spatial import cKDTree
 
-    target, points = trimesh.Trimesh(*surface, process=False), vertices[0]
+    points, (places, triangles), most_mm = vertices[0], surface, most_mm * _SLACK
+    corners = places[triangles]
+    edge_mm = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    # No place of a facet is farther from any of its corners than its longest edge is long.
+    away = cKDTree(points).query(places, distance_upper_bound=most_mm + edge_mm.max())[0]
+    chosen = away[triangles].min(axis=1) <= most_mm + edge_mm
+    if not chosen.any():
+        return np.zeros(3), np.zeros(3), np.inf
+    target, reach_mm = trimesh.Trimesh(places, triangles[chosen], process=False), most_mm + edge_mm[chosen].max()
     outside = np.maximum(target.bounds[0] - points, points - target.bounds[1])
-    near = points[np.linalg.norm(np.maximum(outside, 0.0), axis=1) <= most_mm * _SLACK]
+    near = points[np.linalg.norm(np.maximum(outside, 0.0), axis=1) <= most_mm]
+    of_corners = cKDTree(places[np.unique(triangles[chosen])])
+    near = near[of_corners.query(near, distance_upper_bound=reach_mm)[0] <= reach_mm]
     if not len(near):
         return np.zeros(3), np.zeros(3), np.inf
-    places, distances, _ = trimesh.proximity.closest_point(target, near)
+    closest, distances, _ = trimesh.proximity.closest_point(target, near)
     best = int(distances.argmin())
-    return np.asarray(places[best]), near[best], float(distances[best])
+    return np.asarray(closest[best]), near[best], float(distances[best])
 
 
 def _common_place(body: Any, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
