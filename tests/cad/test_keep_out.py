@@ -149,6 +149,7 @@ def test_the_mass_is_that_of_the_volume(tmp_path: Path) -> None:
     assert part.mass_g == pytest.approx(1.19e-3 * shell, rel=1e-8)
 
 
+@HERE
 def test_an_inch_file_is_read_in_mm(tmp_path: Path) -> None:
     path = step_file(tmp_path / "led.step", box((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)))
     text = path.read_text()
