@@ -128,8 +128,7 @@ def test_the_criterion_is_the_wall_that_the_spec_promises(plain, rough):
     assert held.passed
     u = hemisphere_directions(20_000)
     inner, outer = part.inner.radius(u), part.outer.radius(u)
-    near_by = held.value + 0.01  # all around a cavity far points are about as far
-    shortest = cKDTree(outer[:, None] * u).query(inner[:, None] * u, distance_upper_bound=near_by)[0].min()
+    shortest = cKDTree(outer[:, None] * u).query((inner[:, None] * u)[::8])[0].min()
     assert shortest - 5e-3 < held.value <= shortest
     assert check.min_wall_mm == check.walls.thinnest.thickness_mm == held.value < (outer - inner).min()
 

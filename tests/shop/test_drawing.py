@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from ezdxf.entitydb import EntityDB
 from matplotlib.figure import Figure
-from shop_lenses import BASE, quick_check, small_lens
+from shop_lenses import BASE, bare_part, small_lens
 
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.part import Faces
-from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import make_plan
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import signed_step
@@ -47,19 +46,13 @@ def content_of(lens, part, check, sheet="A3"):
 
 
 @pytest.fixture(scope="module")
-def exported():
-    """The part of one lens, with its files."""
-    return build_part(small_lens(BASES["none"]), rings=16)
-
-
-@pytest.fixture(scope="module")
-def check(exported):
+def check():
     """Findings on one of the parts: those of the others differ in their base only."""
-    return quick_check(exported)
+    return bare_part()[1]
 
 
 @pytest.fixture(scope="module")
-def part_of(exported):
+def part_of():
     """Parts as ``build_part`` makes them, as far as a drawing shows it: faces, author, tolerances."""
 
     def made(lens, schema="AP214"):
@@ -67,7 +60,7 @@ def part_of(exported):
         signed = signed_step(solid, lens.spec, "shop", schema)
         faces = Faces(count=len(solid.faces), names=tuple(sorted(solid.faces)))
         written = {"faces": faces, "signature": signed.signature, "form_tolerances": signed.tolerances}
-        return exported.model_copy(update={"lens": lens, **written})
+        return bare_part()[0].model_copy(update={"lens": lens, **written})
 
     return made
 
