@@ -144,22 +144,17 @@ def _errors(
     return distance, np.arctan2(sine, cosine) * 1e3
 
 
-_Placed = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]
-Evaluate = Callable[[Float[np.ndarray, "n 2"]], _Placed]
+Evaluate = Callable[[Float[np.ndarray, "n 2"]], tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]
 
 
 def largest_errors(
-    surface: Surface,
-    evaluate: Evaluate,
-    chart: Float[np.ndarray, "n 2"],
-    domain: Domain = WHOLE,
-    known: _Placed | None = None,
+    surface: Surface, evaluate: Evaluate, chart: Float[np.ndarray, "n 2"], domain: Domain = WHOLE
 ) -> FormError:
     """Form error at ``chart`` points, its largest values searched for between them too, within ``domain``.
 
-    ``evaluate``: points (mm) and unit normals of the face at chart points; ``known``: those at ``chart``.
+    ``evaluate``: points (mm) and unit normals of the face at chart points.
     """
-    distance, angle = _errors(surface, *(known or evaluate(chart)))
+    distance, angle = _errors(surface, *evaluate(chart))
 
     def largest(kind: int, values: Float[np.ndarray, " n"]) -> float:
         def error(points: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
@@ -172,11 +167,14 @@ def largest_errors(
 
 def face_error(surface: Surface, face: Any, count: int = SAMPLES, domain: Domain = WHOLE) -> FormError:
     """Form error of a face over its domain. Raises :class:`InputError` if its parameters are not the chart's."""
-    chart = chart_samples(count, domain=domain)
-    known = face_points(face, chart)
-    if not np.allclose(to_chart(known[0]), chart, atol=_SAME_CHART):
-        raise InputError("the optical face is not over the lens's chart; run `lensforge export` again")
-    return largest_errors(surface, lambda points: face_points(face, points), chart, domain, known)
+
+    def evaluate(chart: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        points, normals = face_points(face, chart)
+        if not np.allclose(to_chart(points), chart, atol=_SAME_CHART):
+            raise InputError("the optical face is not over the lens's chart; run `lensforge export` again")
+        return points, normals
+
+    return largest_errors(surface, evaluate, chart_samples(count, domain=domain), domain)
 
 
 def _rms(values: Float[np.ndarray, " n"]) -> float:

@@ -147,20 +147,19 @@ def _nearest(
 
     points, (places, triangles), most_mm = vertices[0], surface, most_mm * _SLACK
     corners = places[triangles]
-    edge_mm = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     # No place of a facet is farther from any of its corners than its longest edge is long.
-    away = cKDTree(points).query(places, distance_upper_bound=most_mm + edge_mm.max())[0]
-    chosen = away[triangles].min(axis=1) <= most_mm + edge_mm
-    if not chosen.any():
-        return np.zeros(3), np.zeros(3), np.inf
-    target, reach_mm = trimesh.Trimesh(places, triangles[chosen], process=False), most_mm + edge_mm[chosen].max()
-    outside = np.maximum(target.bounds[0] - points, points - target.bounds[1])
+    reach_mm = most_mm + np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    away = cKDTree(points).query(places, distance_upper_bound=reach_mm.max())[0]
+    chosen = away[triangles].min(axis=1) <= reach_mm
+    held = corners[chosen].reshape(-1, 3)
+    outside = np.maximum(held.min(axis=0, initial=np.inf) - points, points - held.max(axis=0, initial=-np.inf))
     near = points[np.linalg.norm(np.maximum(outside, 0.0), axis=1) <= most_mm]
-    of_corners = cKDTree(places[np.unique(triangles[chosen])])
-    near = near[of_corners.query(near, distance_upper_bound=reach_mm)[0] <= reach_mm]
+    near = near[cKDTree(held).query(near)[0] <= reach_mm[chosen].max(initial=0.0)]
     if not len(near):
         return np.zeros(3), np.zeros(3), np.inf
-    closest, distances, _ = trimesh.proximity.closest_point(target, near)
+    closest, distances, _ = trimesh.proximity.closest_point(
+        trimesh.Trimesh(places, triangles[chosen], process=False), near
+    )
     best = int(distances.argmin())
     return np.asarray(closest[best]), near[best], float(distances[best])
 
