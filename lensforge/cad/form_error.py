@@ -167,10 +167,14 @@ def largest_errors(
 
 def face_error(surface: Surface, face: Any, count: int = SAMPLES, domain: Domain = WHOLE) -> FormError:
     """Form error of a face over its domain. Raises :class:`InputError` if its parameters are not the chart's."""
-    chart = chart_samples(count, domain=domain)
-    if not np.allclose(to_chart(face_points(face, chart)[0]), chart, atol=_SAME_CHART):
-        raise InputError("the optical face is not over the lens's chart; run `lensforge export` again")
-    return largest_errors(surface, lambda points: face_points(face, points), chart, domain)
+
+    def evaluate(chart: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        points, normals = face_points(face, chart)
+        if not np.allclose(to_chart(points), chart, atol=_SAME_CHART):
+            raise InputError("the optical face is not over the lens's chart; run `lensforge export` again")
+        return points, normals
+
+    return largest_errors(surface, evaluate, chart_samples(count, domain=domain), domain)
 
 
 def _rms(values: Float[np.ndarray, " n"]) -> float:

@@ -143,15 +143,25 @@ def _nearest(
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"], float]:
     """Place on ``surface``, vertex of another mesh, and their distance (mm), the least of those up to ``most_mm``."""
     import trimesh
+    from scipy.spatial import cKDTree
 
-    target, points = trimesh.Trimesh(*surface, process=False), vertices[0]
-    outside = np.maximum(target.bounds[0] - points, points - target.bounds[1])
-    near = points[np.linalg.norm(np.maximum(outside, 0.0), axis=1) <= most_mm * _SLACK]
+    points, (places, triangles), most_mm = vertices[0], surface, most_mm * _SLACK
+    corners = places[triangles]
+    # No place of a facet is farther from any of its corners than its longest edge is long.
+    reach_mm = most_mm + np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    away = cKDTree(points).query(places, distance_upper_bound=reach_mm.max())[0]
+    chosen = away[triangles].min(axis=1) <= reach_mm
+    held = corners[chosen].reshape(-1, 3)
+    outside = np.maximum(held.min(axis=0, initial=np.inf) - points, points - held.max(axis=0, initial=-np.inf))
+    near = points[np.linalg.norm(np.maximum(outside, 0.0), axis=1) <= most_mm]
+    near = near[cKDTree(held).query(near)[0] <= reach_mm[chosen].max(initial=0.0)]
     if not len(near):
         return np.zeros(3), np.zeros(3), np.inf
-    places, distances, _ = trimesh.proximity.closest_point(target, near)
+    closest, distances, _ = trimesh.proximity.closest_point(
+        trimesh.Trimesh(places, triangles[chosen], process=False), near
+    )
     best = int(distances.argmin())
-    return np.asarray(places[best]), near[best], float(distances[best])
+    return np.asarray(closest[best]), near[best], float(distances[best])
 
 
 def _common_place(body: Any, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:

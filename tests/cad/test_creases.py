@@ -68,7 +68,7 @@ FREE = body(
 def volume_by_radii(faces: tuple[Face, Face]) -> float:
     """Integral of ``rho^3/3`` of the nearer face over the hemisphere, with a root sought on each meridian."""
     node, weight = np.polynomial.legendre.leggauss(40)
-    total, count = 0.0, 240
+    total, count = 0.0, 60
     for azimuth in 2.0 * np.pi / count * np.arange(count):
 
         def radii(polar: Float[np.ndarray, " n"], azimuth: float = azimuth) -> Float[np.ndarray, "f n"]:
@@ -192,7 +192,7 @@ def test_every_edge_of_the_file_belongs_to_two_faces(proof: BodyProof) -> None:
     TopExp.MapShapesAndAncestors_s(
         proof.solid.shape, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, owners
     )
-    assert owners.Extent() > 30
+    assert owners.Extent() > 20
     assert {owners.FindFromIndex(k).Size() for k in range(1, owners.Extent() + 1)} == {2}
     wires = {name: len(parts_of(face, "WIRE")) for name, face in proof.solid.faces.items()}
     assert wires == {"OPTICAL_CAP": 1, "OPTICAL_EXIT": 1, "OPTICAL_SIDE": 2, "OPTICAL_WALL": 2, "RIM": 2}
@@ -257,7 +257,7 @@ def test_walls_are_measured_between_the_faces_where_they_bound_the_body(free_bod
 
     near, far = points(plan.cavity), points(plan.envelope)
     found = thinnest(plan.cavity, plan.envelope)
-    shortest = cKDTree(far).query(points(plan.cavity, 2**13))[0].min()
+    shortest = cKDTree(far).query(points(plan.cavity, 2**11))[0].min()
     assert shortest - 5e-3 < found.thickness_mm <= shortest
     longest = (np.linalg.norm(far, axis=1) - np.linalg.norm(near, axis=1)).max()
     assert longest <= thickest(plan.cavity, plan.envelope).thickness_mm < longest + 1e-3

@@ -50,6 +50,7 @@ def bare_solid():
     return build_solid(bare()[1])
 
 
+@HERE
 @pytest.mark.parametrize(
     ("bore", "size", "holes"),
     first_by_day(1, [(3.0, 8.0, 3), (1.9, 4.5, 0), (1.9, 20.0, 0)]),

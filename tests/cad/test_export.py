@@ -115,11 +115,6 @@ def test_untrimmed_faces_are_judged_as_those_of_the_part(twice, monkeypatch):
     assert failed(build_part(part.lens, rings=16, extension_deg=8.0)) == ["surfaces_form_error"]
 
 
-def test_a_base_that_does_not_hold_the_cavity_is_refused():
-    with pytest.raises(InputError, match=r"base\.diameter_mm"):
-        build_part(make_lens(0.8, 2.45, base={"diameter_mm": 1.0}))
-
-
 @pytest.mark.parametrize("extension_deg", [0.0, -3.0, 45.0])
 def test_an_extension_out_of_range_is_refused(extension_deg):
     with pytest.raises(InputError, match=f"extension = {extension_deg:g} degrees"):

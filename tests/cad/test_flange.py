@@ -49,9 +49,11 @@ def built() -> tuple[Lens, FlangeRing, BuiltBody]:
     return lens, ring, on_base(lens.surfaces, pair, lens.spec.base, 24, 0.0, None, ring)
 
 
-@cache
+@pytest.fixture(scope="module")
 def lit() -> lf.Light:
-    return lf.evaluate(built()[0], rays=2**14)
+    with pytest.MonkeyPatch.context() as patch:  # the error of the tables takes half of the time
+        patch.setattr("lensforge.light.evaluation.measure_preset", lambda *_: None)
+        return lf.evaluate(built()[0], rays=2**14)
 
 
 @cache
@@ -80,29 +82,28 @@ def test_solid_mesh_and_section_hold_the_same_ring() -> None:
     own = np.pi * (ring.outer_mm**2 - ring.inner_mm**2) * (ring.high_mm - ring.low_mm)
     assert body.solid.valid and body.solid.genus == 0 and own > 0.05 * volume
     assert body.mesh.volume() == pytest.approx(volume, rel=2e-3)
-    assert body.solid.default_volume_mm3 == pytest.approx(volume, rel=5e-4)
+    assert body.solid.default_volume_mm3 == pytest.approx(volume, rel=1e-3)
     (low_x, _, _), (high_x, _, _) = body.mesh.bounds_mm
     assert (-low_x, high_x) == (pytest.approx(10.0, rel=2e-3), pytest.approx(10.0, rel=2e-3))
 
 
-def test_light_that_meets_the_flange_has_a_fate_of_its_own() -> None:
+def test_light_that_meets_the_flange_has_a_fate_of_its_own(lit: lf.Light) -> None:
     (function, source), lens = merit(), built()[0]
     parameters, scene = function.parametrisation, function.light.scene
     rays = source.sample(2**14, 5)
     found = TracedBundle.of(parameters.tables(*parameters.start()).numpy(), scene, rays)
     ended = found.exits.fates == Fate.FLANGE
     assert 0.001 < ended.mean() < 0.02 and (found.exits.fates != Fate.NOT_CONVERGED).all()
-    some = rays.take(np.flatnonzero(ended)[:40])
+    some = rays.take(np.flatnonzero(ended)[:20])
     surfaces = {name: FixedSurface(each, DenseScan()) for name, each in lens.surfaces.items()}
     faces = TracedFaces(surfaces, lens.body.chain(6), 1.2 * lens.body.largest_mm)
     assert (trace_chain(faces, EnteringRays.of(some, scene.media, None), True).fates == Fate.FLANGE).mean() > 0.9
-    light = lit()
-    assert light.missed_by_cause.flange == pytest.approx(rays.flux[ended].sum() / rays.flux.sum(), rel=0.2)
-    assert sum(vars(light.flux).values()) == pytest.approx(1.0, abs=1e-12)
-    assert not any("flange" in way.faces for way in light.ways)
+    assert lit.missed_by_cause.flange == pytest.approx(rays.flux[ended].sum() / rays.flux.sum(), rel=0.2)
+    assert sum(vars(lit.flux).values()) == pytest.approx(1.0, abs=1e-12)
+    assert not any("flange" in way.faces for way in lit.ways)
 
 
-@pytest.mark.parametrize("face", ["wall", "exit"])
+@pytest.mark.parametrize("face", first_by_day(1, ["wall", "exit"]))
 def test_the_derivative_counts_light_that_begins_to_meet_the_flange(face: str) -> None:
     function, source = merit()
     parameters, rays = function.parametrisation, source.sample(2**17, 4)
@@ -127,11 +128,14 @@ def test_the_search_sees_the_room_that_the_faces_leave(levels: list[int]) -> Non
     weights = weights + 0.005 * torch.from_numpy(rng.normal(size=weights.shape))
     along = torch.from_numpy(rng.normal(size=weights.shape))
     constraints = AugmentedLagrangian.of(spec, parameters.grid)
-    number = constraints.keys.index("flange_margin_mm")
+    constraint = constraints.constraints[constraints.keys.index("flange_margin_mm")]
 
     def room(step: float | torch.Tensor) -> torch.Tensor:
-        fields = constraints.fields(parameters.tables(weights + step * along, offsets))
-        return fields[number].min() / constraints.constraints[number].factor
+        operator = constraints.chart_operator
+        jets = dict(
+            zip(constraints.names, operator.jets(parameters.tables(weights + step * along, offsets)), strict=True)
+        )
+        return constraint.of(jets, operator.points).min()
 
     measured = margins_but_for_the_wall(parameters.lens(weights, offsets, spec, 0, "draft")).flange_margin_mm
     assert room(0.0).item() == pytest.approx(measured, abs=2e-3)
@@ -148,14 +152,14 @@ def test_a_search_leaves_the_room() -> None:
     assert ring is not None and ring.high_mm - ring.low_mm == pytest.approx(1.0)
 
 
-def test_the_referee_finds_the_light_that_the_flange_takes() -> None:
+def test_the_referee_finds_the_light_that_the_flange_takes(lit: lf.Light) -> None:
     lens, _, body = built()
     step, stl, threemf = body.files("spot")
     proof = prove(body, step, stl, threemf)
     assert proof.solid.valid and proof.stl.watertight and "flange" not in proof.form
     rays = build_source(lens.spec.source, None).sample(2**12, 9)
     found = passage_through(stl, optical_of(lens.body, lens.events), lens.media, rays)
-    assert found.absorbed.sum() / rays.flux.sum() == pytest.approx(lit().missed_by_cause.flange, abs=2e-3)
+    assert found.absorbed.sum() / rays.flux.sum() == pytest.approx(lit.missed_by_cause.flange, abs=2e-3)
 
 
 def test_views_and_sizes_show_it() -> None:

@@ -151,11 +151,10 @@ def test_the_least_gap_is_that_of_the_spheres() -> None:
     assert gap_mm == pytest.approx(9.0 - 2.0 * OUTER, abs=2e-3)
 
 
-@pytest.mark.parametrize("shift_mm", [2e-6, 1e-2])
-def test_a_lens_beside_its_place_fails(ring: Part, monkeypatch: pytest.MonkeyPatch, shift_mm: float) -> None:
+def test_a_lens_beside_its_place_fails(ring: Part, monkeypatch: pytest.MonkeyPatch) -> None:
     def shifted(plan: Any, layout: Any) -> Any:
         (x, y), *others = layout.lenses.places_mm
-        moved = Lamps.level([(x + shift_mm, y), *others])
+        moved = Lamps.level([(x + 2e-6, y), *others])
         return build_plate_solid(plan, replace(layout, lenses=moved))
 
     monkeypatch.setattr(plate_export, "build_plate_solid", shifted)
@@ -167,7 +166,7 @@ def test_a_hole_that_the_solid_lacks_fails(ring: Part, monkeypatch: pytest.Monke
         return build_plate_solid(plan, replace(layout, plate=layout.plate.model_copy(update={"holes": ()})))
 
     monkeypatch.setattr(plate_export, "build_plate_solid", without)
-    assert {"plate_volume_error", "plate_genus_difference"} <= set(failed(build_part(ring.lens, rings=16)))
+    assert {"plate_volume_error", "plate_genus_difference"} <= set(failed(plate_alone(ring.lens, 0.02)))
 
 
 def test_a_plate_without_a_lens_s_rim_is_not_closed(ring: Part, monkeypatch: pytest.MonkeyPatch) -> None:

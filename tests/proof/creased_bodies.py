@@ -35,7 +35,7 @@ class Rotational(Surface):
         weights = np.array([self.a, self.a, self.b])
         square = (weights * directions**2).sum(1)
         half = (weights * points * directions).sum(1) + self.c * directions[:, 2]
-        rest = (weights * points**2).sum(1) + 2.0 * self.c * points[:, 2] - self.d
+        rest = self.value(points)
         root = np.sqrt(np.maximum(half**2 - square * rest, 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             straight = -0.5 * rest / half
@@ -43,6 +43,10 @@ class Rotational(Surface):
         both = np.where(np.abs(square) < 1e-14, straight, both)
         both = np.where((half**2 < square * rest) | ~(both > 1e-7), np.inf, both)
         return both.min(axis=0)
+
+    def value(self, points):
+        """Below 0 on the side of the origin."""
+        return points**2 @ np.array([self.a, self.a, self.b]) + 2.0 * self.c * points[:, 2] - self.d
 
     def radius(self, u):
         return self.hit(np.zeros_like(u), u)
@@ -214,13 +218,8 @@ def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0
 
 def _meets_cavity(body, p, d, length):
     """True where the way to the wall leads through the cavity, an intersection of two bodies that are convex."""
-    along = np.linspace(0.0, length, 2001)[2:-1]
-    places = p + along[:, None] * d
-    radius = np.linalg.norm(places, axis=1)
-    u = places / radius[:, None]
-    with np.errstate(invalid="ignore"):
-        inside = radius < np.min([face.surface.radius(u) for face in body.cavity], axis=0) - 1e-9
-    return bool(inside.any())
+    places = p + np.linspace(0.0, length, 2001)[2:-1, None] * d
+    return bool((np.max([face.surface.value(places) for face in body.cavity], axis=0) < -1e-9).any())
 
 
 def _at(d, n, ratio, coherency, mirror):

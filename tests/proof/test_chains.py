@@ -98,9 +98,14 @@ def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
         assert share.standard_error == pytest.approx(each.std(ddof=1) / 2.0, rel=1e-2, abs=1e-12)
 
 
-@pytest.mark.parametrize("absorption", [0.0, 0.05])
 @pytest.mark.parametrize(
-    ("name", "events"), [("cone", 3), *first_by_day(1, [("ball", 4), ("ball", 6), ("cone", 2)], "other chains")]
+    ("name", "events", "absorption"),
+    first_by_day(
+        2,
+        [("cone", 3, 0.05), ("ball", 4, 0.0), ("cone", 3, 0.0), ("ball", 4, 0.05)]
+        + [(name, events, absorption) for name, events in (("ball", 6), ("cone", 2)) for absorption in (0.0, 0.05)],
+        "other chains",
+    ),
 )
 def test_the_kernel_sends_every_ray_along_its_chain(name, events, absorption):
     wanted, (body, coatings, _) = exact(name, events, absorption), {"cone": CONE, "ball": BRIGHT_BALL}[name]

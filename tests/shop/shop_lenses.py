@@ -2,12 +2,13 @@
 
 import re
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
 from scenes import random_surface, small_spec
 
+from lensforge.cad.part_export import build_part
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_part
 from lensforge.shop.face_check import check_face
@@ -43,6 +44,13 @@ def quick_check(part):
     """The check on a grid a quarter as dense: the same findings in a tenth of the time."""
     with few_nodes(81):
         return check_part(part)
+
+
+@cache
+def bare_part():
+    """The part of one lens without a base, and its check."""
+    part = build_part(small_lens({"kind": "none"}), rings=16)
+    return part, quick_check(part)
 
 
 def rows_of(grid):

@@ -74,7 +74,7 @@ def test_the_faces_measured_are_those_of_the_step_file(rough):
     from OCP.BRep import BRep_Tool
     from OCP.GeomLProp import GeomLProp_SLProps
 
-    part = build_part(rough[0], nodes=80, rings=16)
+    part = build_part(rough[0], nodes=50, rings=16)
     check, solid = check_part(part), parse_step(part.step)
     axis, rng = check.chart_axis, np.random.default_rng(0)
     x, y = np.meshgrid(axis, axis, indexing="ij")
@@ -128,7 +128,7 @@ def test_the_criterion_is_the_wall_that_the_spec_promises(plain, rough):
     assert held.passed
     u = hemisphere_directions(20_000)
     inner, outer = part.inner.radius(u), part.outer.radius(u)
-    shortest = cKDTree(outer[:, None] * u).query(inner[:, None] * u)[0].min()
+    shortest = cKDTree(outer[:, None] * u).query((inner[:, None] * u)[::8])[0].min()
     assert shortest - 5e-3 < held.value <= shortest
     assert check.min_wall_mm == check.walls.thinnest.thickness_mm == held.value < (outer - inner).min()
 

@@ -10,22 +10,20 @@ import ezdxf
 import numpy as np
 import pytest
 from ezdxf.entitydb import EntityDB
-from matplotlib.figure import Figure
-from shop_lenses import BASE, quick_check, small_lens
+from shop_lenses import BASE, bare_part, small_lens
 
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.part import Faces
-from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import make_plan
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import signed_step
 from lensforge.errors import InputError
 from lensforge.shop.dimensions import datum_scheme, dimensions
 from lensforge.shop.drawing import SIZES, drawing_content, make_sheet
-from lensforge.shop.sheet import Words, box_of, shown
+from lensforge.shop.sheet import box_of, shown
 from lensforge.shop.sheet_marks import strokes_of, words_of_dimension
 from lensforge.shop.sheet_tables import index_wavelength, tolerance_table
-from lensforge.shop.sheet_writers import _write_words, sheet_dxf, sheet_pdf
+from lensforge.shop.sheet_writers import sheet_dxf, sheet_pdf
 from lensforge.shop.view_drawing import SCALES
 from lensforge.spec.part_section import read_drawing
 from lensforge.spec.tolerances_section import PartTolerances
@@ -47,19 +45,13 @@ def content_of(lens, part, check, sheet="A3"):
 
 
 @pytest.fixture(scope="module")
-def exported():
-    """The part of one lens, with its files."""
-    return build_part(small_lens(BASES["none"]), rings=16)
-
-
-@pytest.fixture(scope="module")
-def check(exported):
+def check():
     """Findings on one of the parts: those of the others differ in their base only."""
-    return quick_check(exported)
+    return bare_part()[1]
 
 
 @pytest.fixture(scope="module")
-def part_of(exported):
+def part_of():
     """Parts as ``build_part`` makes them, as far as a drawing shows it: faces, author, tolerances."""
 
     def made(lens, schema="AP214"):
@@ -67,7 +59,7 @@ def part_of(exported):
         signed = signed_step(solid, lens.spec, "shop", schema)
         faces = Faces(count=len(solid.faces), names=tuple(sorted(solid.faces)))
         written = {"faces": faces, "signature": signed.signature, "form_tolerances": signed.tolerances}
-        return exported.model_copy(update={"lens": lens, **written})
+        return bare_part()[0].model_copy(update={"lens": lens, **written})
 
     return made
 
@@ -389,11 +381,3 @@ def test_another_revision_is_read_from_a_file_and_wrong_ones_are_a_line(tmp_path
 def test_the_index_has_its_wavelength(material, words):
     lens = small_lens(lens={"levels": [9, 25], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}, **material})
     assert index_wavelength(lens).startswith(words)
-
-
-@pytest.mark.parametrize(("turned", "place"), [(0, (50.0, 35.0)), (90, (55.0, 40.0))])
-def test_capitals_have_their_middle_where_the_words_are(turned, place):
-    """The base line is half of their height below it, as the turned text sees it."""
-    axes = Figure().add_subplot()
-    _write_words(axes, Words((50.0, 40.0), "H", 10.0, "left", turned))
-    assert axes.texts[0].get_position() == place

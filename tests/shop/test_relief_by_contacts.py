@@ -172,6 +172,7 @@ def plate(tmp_path, bore, step=0.0):
     return read_base_mesh(tmp_path / "clamp.step")
 
 
+@pytest.mark.usefixtures("cad_read_here")
 def test_a_narrow_bore_is_in_the_ball_s_way_in_the_cavity(tmp_path):
     # At the rim of a hemisphere the ball's centre is in z = 0, R inside the cavity; the bore's edge is 0.2 closer.
     samples = sampled(sphere(1.5), AirSide.INSIDE, 41)
@@ -180,6 +181,7 @@ def test_a_narrow_bore_is_in_the_ball_s_way_in_the_cavity(tmp_path):
     assert (plate(tmp_path, 3.0).retreat_mm(samples, 0.5) < 1e-3).all()
 
 
+@pytest.mark.usefixtures("cad_read_here")
 def test_obstacles_lie_on_the_base(tmp_path):
     points = plate(tmp_path, 2.0, step=1.0).points()
     assert points.shape == (4000, 3)

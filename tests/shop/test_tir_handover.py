@@ -10,10 +10,9 @@ import ezdxf
 import numpy as np
 import pytest
 from known_shapes import sphere
-from shop_lenses import OfSpheres, between_nodes, quick_check, rows_of, small_lens
+from shop_lenses import OfSpheres, bare_part, between_nodes, rows_of
 from tir_lenses import spot, spot_lens
 
-from lensforge.cad.part_export import build_part
 from lensforge.optics.media import TIR
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.shop_files import make_handover
@@ -32,8 +31,7 @@ WIDTH = {
 @pytest.fixture(scope="module")
 def handed():
     """The lens and its files."""
-    part = build_part(small_lens({"kind": "none"}), rings=16)
-    found, lens = quick_check(part), spot_lens()
+    (part, found), lens = bare_part(), spot_lens()
     twice = {name: found.faces["inner" if name in ("cap", "side") else "outer"] for name in TIR}
     fields = {name: getattr(found, name) for name in type(found).model_fields}
     check = type(found).model_construct(**{**fields, **twice})
