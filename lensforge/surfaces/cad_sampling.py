@@ -202,7 +202,8 @@ class FaceCast:
 
 
 def _unit(directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    unit: Float[np.ndarray, "n 3"] = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return unit
 
 
 def _apart(crossings: list[tuple[float, float, float, int]]) -> list[float]:
