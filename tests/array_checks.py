@@ -62,8 +62,8 @@ def checked(subject: Any = None, *, typechecker: Callable[..., Any]) -> Any:
 
 
 def _in_first_calls(function: Callable[..., Any], typechecker: Callable[..., Any]) -> Callable[..., Any]:
-    code = function.__code__
-    checks = _checks.setdefault((code.co_filename, code.co_qualname, code.co_firstlineno), _Checks())
+    name = function.__module__, function.__qualname__, function.__code__.co_firstlineno
+    checks = _checks.setdefault(name, _Checks())
 
     found: list[Any] = []
 

@@ -137,7 +137,7 @@ class FaceCast:
         return np.where(rests, radius, np.nan), np.where(rests[:, None], normals, np.nan)
 
     def _within(self, parameters: Float[np.ndarray, "n 2"], faces: Int[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        """Whether the places lie inside the edges of their faces."""
+        """True for places inside the edges of their faces."""
         from OCP.gp import gp_Pnt2d
         from OCP.TopAbs import TopAbs_State
 
