@@ -33,13 +33,6 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
     assert "✓ Files: pass" in text
 
 
-def test_what_has_not_run_leaves_a_verdict_undecided():
-    text = text_of(make_results(("design",)))
-    for words in ("Light: undecided", "Files: undecided", "Cutting: undecided"):
-        assert words in text
-    assert "Cutting: undecided The part has not been checked." in text
-
-
 def test_what_was_asked_for_says_whether_it_came_out():
     criteria = (criterion("cavity clearance", 0.5, -0.001, ">="), criterion("radius margin", -0.25, -0.001, ">="))
     verdicts = (finding("cutter", "inner", False, "no"),)

@@ -73,12 +73,6 @@ def test_each_receiver_is_shown_in_its_own_unit(pictures):
     assert "16 × 8 pixels" in first.seen[0].caption and "16 × 16 pixels" in second.seen[0].caption
 
 
-def test_masks_are_named_by_their_size(pictures):
-    first, second = pictures
-    assert "the mask of 40 mm." in first.seen[0].caption
-    assert "the mask of 10°." in second.seen[0].caption
-
-
 def test_several_receivers_have_a_row_each_for_every_figure(both):
     found = {fact.label: fact.text for fact in asked_facts(both)}
     assert found["Pattern error (NMSE), wall"] == "0.01230 ± 0.00040"
