@@ -74,7 +74,7 @@ def test_a_face_of_a_kind_of_ones_own_is_traced_exported_and_cast() -> None:
     assert set(traced.table_error_nm) == {"cap", "shell", "roof"}
     design = TracedBundle.of(tables_of(body, grid), Scene(media, grid, True, None, body.chain(3)), rays)
     assert {0, 4, 8} <= set((design.met[design.met >= 0] // 4 * 4).tolist())
-    built = build_body(body)
+    built = build_body(body, rings=64)
     files = built.files("roof")
     proof = prove(built, *files)
     assert proof.solid.valid and proof.stl.watertight

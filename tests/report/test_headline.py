@@ -1,7 +1,5 @@
 """The top of the page: verdict, criteria, cards, and stages that are missing or out of date."""
 
-from dataclasses import replace
-
 import pytest
 from page_text import text_of
 from result_folders import (
@@ -14,7 +12,7 @@ from result_folders import (
     text_target,
 )
 
-from lensforge.report.headline import asked_facts, headline
+from lensforge.report.headline import asked_facts
 from lensforge.report.stored import load_results
 from lensforge.results import Metric
 
@@ -81,21 +79,3 @@ def test_a_record_of_an_earlier_version_is_named_without_the_path_of_its_folder(
     text = text_of(load_results(tmp_path), tmp_path)
     assert 'evaluate.json does not count: schema = "lensforge-evaluate-2"' in text
     assert str(tmp_path) not in text
-
-
-@pytest.mark.parametrize(("whole", "beside"), [(3.04, " (stages can run side by side)"), (9.04, "")])
-def test_the_page_says_how_long_the_whole_command_took(whole, beside):
-    results = make_results(("design", "evaluate"), design={"seconds": 2.46}, evaluate={"seconds": 1.23})
-    wanted = f"Time: search 2.46 s, simulated light 1.23 s; the whole command, up to this page, {whole:g} s{beside}."
-    assert wanted in text_of(replace(results, seconds=whole))
-
-
-@pytest.mark.parametrize(("required", "words"), [(False, "Cutting fails (not required)."), (True, "Cutting fails.")])
-def test_cutting_that_fails_says_whether_it_counts(required, words):
-    verdicts = (finding("cutter", "inner", False, "no ball fits"),)
-    results = make_results(check={"verdicts": verdicts})
-    shop = results.spec.manufacture.model_copy(update={"required": required})
-    spec = results.spec.model_copy(update={"manufacture": shop})
-    found = headline(replace(results, lens=replace(results.lens, spec=spec)))
-    assert found.sentence.startswith(words)
-    assert found.shown == ("fail" if required else "open")
