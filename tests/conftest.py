@@ -163,7 +163,7 @@ def whole_run(small_run: lensforge.Run, shared: Path) -> lensforge.Run:
 def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
     from undrawn import undrawn
 
-    from lensforge.verbs import PHOTOMETRY, SENSITIVITY, STRAY, YIELD
+    from lensforge.verbs import SENSITIVITY, STRAY, YIELD
 
     shutil.copytree(small_run.folder, folder)
     with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions
@@ -176,7 +176,6 @@ def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
         SENSITIVITY.run(folder)
         with undrawn():
             YIELD.run(folder, parts=40, rays=512)
-    PHOTOMETRY.run(folder)
     _measure_part(small_run, folder)
     return lensforge.load(folder)
 

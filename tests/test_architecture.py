@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -43,11 +44,25 @@ def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+_BODIES = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+
+
 @cache
-def _imports(tree: ast.AST) -> list[str]:
-    """Every module that is imported anywhere in the tree, inside functions too."""
+def _walked(path: Path) -> list[tuple[ast.AST, bool]]:
+    """Every import and every constant of a module, and whether it stands in a function or a class."""
+    outer = [(node, isinstance(body, _BODIES)) for body in _tree(path).body for node in ast.walk(body)]
+    return [each for each in outer if isinstance(each[0], ast.Import | ast.ImportFrom | ast.Constant)]
+
+
+@cache
+def _imports(path: Path) -> list[str]:
+    """Every module that is imported anywhere in it, inside functions too."""
+    return _named(node for node, _ in _walked(path))
+
+
+def _named(nodes: Iterable[ast.AST]) -> list[str]:
     names = []
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -61,26 +76,25 @@ def _imports(tree: ast.AST) -> list[str]:
 NAMES = {_name(path) for path in MODULES}
 
 
-def _own(tree: ast.AST) -> list[str]:
-    return [name for name in _imports(tree) if name.startswith("lensforge.")]
+def _own(path: Path) -> list[str]:
+    return [name for name in _imports(path) if name.startswith("lensforge.")]
 
 
 @cache
-def _at_the_top(tree: ast.Module) -> list[str]:
+def _at_the_top(name: str) -> list[str]:
     """Modules that are imported as the module loads."""
-    return [name for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom) for name in _imports(node)]
-
-
-def _loaded_by(name: str, seen: set[str]) -> set[str]:
-    """All that loads with a module of ours, by the imports at the top of it and of what it imports."""
-    if name in seen or name not in NAMES:
-        return set()
-    seen.add(name)
     path = PACKAGE.joinpath(*name.split(".")[1:])
-    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    found = set()
-    for imported in _at_the_top(_tree(path)):
-        found |= {imported} | _loaded_by(imported, seen)
+    return _named(_tree(path / "__init__.py" if path.is_dir() else path.with_suffix(".py")).body)
+
+
+@cache
+def _loaded_by(name: str) -> set[str]:
+    """All that loads with a module of ours, by the imports at the top of it and of what it imports."""
+    found, waiting = set(), [name]
+    while waiting:
+        new = set(_at_the_top(waiting.pop())) - found
+        found |= new
+        waiting += new & NAMES
     return found
 
 
@@ -92,7 +106,7 @@ def test_imports_run_one_way() -> None:
             continue  # it offers what the rooms have, and nothing imports from it
         layer = parts[0]
         assert layer in ORDER, f"{layer} has no place in the order yet"
-        later = [name for name in _own(_tree(path)) if ORDER.index(_layer(name)) > ORDER.index(layer)]
+        later = [name for name in _own(path) if ORDER.index(_layer(name)) > ORDER.index(layer)]
         wrong += [f"{_name(path)} imports {name}" for name in later]
     assert wrong == []
 
@@ -100,29 +114,23 @@ def test_imports_run_one_way() -> None:
 def test_own_imports_inside_functions_put_off_something_heavy() -> None:
     at_the_top = []
     for path in MODULES:
-        inner = [node for outer in _tree(path).body if isinstance(outer, _BODIES) for node in ast.walk(outer)]
-        for node in inner:
-            if isinstance(node, ast.Import | ast.ImportFrom):
-                for name in _own(node):
-                    loaded = {each.split(".")[0] for each in _loaded_by(name, set())}
-                    seldom = name.startswith(SELDOM) and not _name(path).startswith(SELDOM)
-                    if not (loaded & HEAVY or seldom):
-                        at_the_top.append(f"{_name(path)}: {name} loads nothing heavy")
+        for name in _named(node for node, inside in _walked(path) if inside):
+            if name.startswith("lensforge."):
+                loaded = {each.split(".")[0] for each in _loaded_by(name)}
+                seldom = name.startswith(SELDOM) and not _name(path).startswith(SELDOM)
+                if not (loaded & HEAVY or seldom):
+                    at_the_top.append(f"{_name(path)}: {name} loads nothing heavy")
     assert at_the_top == []
-
-
-_BODIES = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 
 def test_no_module_is_named_in_a_string() -> None:
     for path in MODULES:
-        tree = _tree(path)
-        assert "importlib.import_module" not in path.read_text(encoding="utf-8"), path
-        for node in ast.walk(tree):
+        for node, _ in _walked(path):
             if isinstance(node, ast.ImportFrom) and node.module == "importlib":
                 assert all(alias.name != "import_module" for alias in node.names), path
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value not in ALLOWED:
                 assert node.value not in NAMES, f"{path}: {node.value!r}"
+        assert "importlib.import_module" not in path.read_text(encoding="utf-8"), path
 
 
 ALLOWED = {"lensforge", "lensforge.verbs"}  # the program's name; the name in an error, of what is loading
@@ -135,7 +143,7 @@ def test_no_verb_has_the_name_of_a_module() -> None:
 
 
 def test_there_are_no_cycles() -> None:
-    graph = {_name(path): _own(_tree(path)) for path in MODULES}
+    graph = {_name(path): _own(path) for path in MODULES}
     done: set[str] = set()
 
     def visit(name: str, trail: tuple[str, ...]) -> None:
@@ -192,7 +200,7 @@ def test_a_part_loads_only_what_it_needs(group: int, module: str) -> None:
 
 def test_cadquery_is_loaded_for_the_user_s_own_solids_alone() -> None:
     """With all that it loads it takes 1.6 s more than the CAD kernel."""
-    users = {_name(path) for path in MODULES if "cadquery" in _imports(_tree(path))}
+    users = {_name(path) for path in MODULES if "cadquery" in _imports(path)}
     assert users == {"lensforge.cad.part", "lensforge.cad.custom_base"}
 
 
@@ -214,7 +222,7 @@ def test_verification_shares_nothing_with_the_design() -> None:
     for path in (PACKAGE / "proof").rglob("*.py"):
         if path.name in ("proof_inputs.py", "casts.py"):
             continue  # what the others are given of the spec, and the verbs
-        for name in _own(_tree(path)):
+        for name in _own(path):
             assert _layer(name) in allowed, f"{path.name} imports {name}"
             assert name == modules.get(_layer(name), name), f"{path.name} imports {name}"
 
@@ -222,7 +230,7 @@ def test_verification_shares_nothing_with_the_design() -> None:
 def test_rays_that_verification_draws_use_no_code_of_the_design_s_sampler() -> None:
     samplers = {"emitting_area", "planar_emitter", "radiance_emitter", "intensity", "inverse_cdf", "source_pose"}
     for name in ("proof_inputs.py", "independent_draws.py"):
-        nodes = [node for node in ast.walk(_tree(PACKAGE / "proof" / name)) if isinstance(node, ast.ImportFrom)]
-        for node in nodes:
+        nodes = [node for node, _ in _walked(PACKAGE / "proof" / name)]
+        for node in filter(lambda node: isinstance(node, ast.ImportFrom), nodes):
             taken = {alias.name for alias in node.names} - {"read_radiance"}  # the table of a file
             assert (node.module or "").removeprefix("lensforge.sources.") not in samplers or not taken, name

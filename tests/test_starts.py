@@ -13,6 +13,7 @@ from lensforge.search.design_result import Start
 from lensforge.surfaces.imported_face import LENS_FILE
 
 
+@pytest.mark.usefixtures("no_table_error")
 def test_the_best_of_the_starts_is_the_design_of_its_seed(tmp_path):
     spec, said = small_spec(), []
     found = lf.best_design(spec, starts=2, seed=5, accuracy="draft", announce=said.append)

@@ -10,7 +10,7 @@ A_6 r^6 + ...``, with R < 0 where the centre of curvature lies on the source's s
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -108,23 +108,27 @@ class ImplicitSurface(Surface):
     @cached_property
     def _profile(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
         """Polar angles, from the axis down, and the radius there on each meridian: roots followed from the vertex."""
+        return _profile_of(self)
+
+    def followed(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
+        """The profile, made anew."""
         polar = np.linspace(0.0, np.arccos(_LEAST_HEIGHT), _PROFILE)
         azimuth = 2.0 * np.pi * np.arange(self.meridians) / self.meridians
         outwards = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
         radii = np.empty((_PROFILE, self.meridians))
         rho = np.full(self.meridians, self.apex_mm)
-        for k, angle in enumerate(polar):
-            directions = np.sin(angle) * outwards + np.cos(angle) * np.array([0.0, 0.0, 1.0])
-            radii[k] = rho = self._followed(rho, directions)
+        with np.errstate(over="ignore", invalid="ignore"):  # a polynomial that overflows: the cosine is then NaN
+            for k, angle in enumerate(polar):
+                directions = np.sin(angle) * outwards + np.cos(angle) * np.array([0.0, 0.0, 1.0])
+                radii[k] = rho = self._followed(rho, directions)
         return polar, radii
 
     def _followed(self, rho: _Values, directions: _Vectors) -> _Values:
         """The roots in ``directions`` that continue ``rho``, those of the directions before."""
         for _ in range(_MOST_NEWTON_STEPS):
-            with np.errstate(over="ignore", invalid="ignore"):  # a polynomial that overflows: the cosine is then NaN
-                value, slope = self.equation(rho[:, None] * directions)
-                by_radius = np.sum(slope * directions, axis=1)
-                cosine = -by_radius / np.linalg.norm(slope, axis=1)
+            value, slope = self.equation(rho[:, None] * directions)
+            by_radius = np.sum(slope * directions, axis=1)
+            cosine = -by_radius / np.linalg.norm(slope, axis=1)
             wrong = ~((cosine > _LEAST_COSINE) & (rho > 0.0))
             if wrong.any():
                 raise self._not_star_shaped(directions[wrong][0])
@@ -143,6 +147,11 @@ class ImplicitSurface(Surface):
             f"the surface with vertex at {self.vertex_mm:g} mm is not star-shaped: a ray from the origin, {where}, "
             "does not meet it just once; it must close around the source to 120 degrees (a dome has a negative radius)"
         )
+
+
+@lru_cache(maxsize=64)  # the faces of a spec are made again whenever it is read
+def _profile_of(surface: ImplicitSurface) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
+    return surface.followed()
 
 
 def require_vertex(vertex_mm: float, *radii_mm: float) -> None:
@@ -204,17 +213,22 @@ class Asphere(ImplicitSurface):
         return "square"
 
     @cached_property
-    def _series(self) -> Float[np.ndarray, " k"]:
-        """Coefficients of the powers of r^2."""
-        return np.array([0.0, 0.0, *self.coefficients])
+    def _series(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " l"]]:
+        """Coefficients of the powers of r^2, and those of the derivative."""
+        series = np.array([0.0, 0.0, *self.coefficients])
+        return series, polynomial.polyder(series)
 
     def equation(self, points_mm: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
         """``F`` (mm) and its gradient."""
         x, y, z = points_mm.T
         squared = x * x + y * y
-        s = z - self.vertex_mm - polynomial.polyval(squared, self._series)
+        s = z - self.vertex_mm
+        if self.coefficients:
+            s = s - polynomial.polyval(squared, self._series[0])
         by_s = 2.0 * (1.0 + self.conic) * s / self.radius_mm - 2.0
-        by_squared = 1.0 / self.radius_mm - by_s * polynomial.polyval(squared, polynomial.polyder(self._series))
+        by_squared: float | Float[np.ndarray, " n"] = 1.0 / self.radius_mm
+        if self.coefficients:
+            by_squared = by_squared - by_s * polynomial.polyval(squared, self._series[1])
         value = ((1.0 + self.conic) * s**2 + squared) / self.radius_mm - 2.0 * s
         return value, np.stack([2.0 * x * by_squared, 2.0 * y * by_squared, by_s], axis=1)
 

@@ -107,17 +107,18 @@ def detail_of(knots: Float[np.ndarray, " k"], control: Float[np.ndarray, "n n"])
 
     The error of a table is that of the fourth, and the second leaves out a sphere's size and place.
     """
-    from scipy.interpolate import NdBSpline
+    from scipy.interpolate import BSpline
 
-    spline = NdBSpline((knots, knots), control, DEGREE)
     axis = np.linspace(-0.98, 0.98, 4 * len(control))
-    points = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    points = points[np.sum(points**2, axis=1) < 0.96]
-    angle = 2.0 / (1.0 + np.sum(points**2, axis=1))  # rad in a unit of the chart
-    second, fourth = (
-        max(float(np.abs(spline(points, nu=each) / angle**order).max()) for each in ((order, 0), (0, order)))
-        for order in (2, 4)
-    )
+    squared = axis[:, None] ** 2 + axis**2
+    angle = 2.0 / (1.0 + squared)  # rad in a unit of the chart
+
+    def largest(order_x: int, order_y: int) -> float:
+        along_x = BSpline(knots, control, DEGREE)(axis, nu=order_x)
+        values = BSpline(knots, along_x.T, DEGREE)(axis, nu=order_y).T / angle ** (order_x + order_y)
+        return float(np.abs(values[squared < 0.96]).max())
+
+    second, fourth = (max(largest(order, 0), largest(0, order)) for order in (2, 4))
     if fourth * _WIDEST_DETAIL_RAD**2 <= 6.0 * second:
         return _WIDEST_DETAIL_RAD
     return float(np.sqrt(6.0 * second / fourth))

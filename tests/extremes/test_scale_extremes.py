@@ -86,6 +86,7 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
         assert torch.allclose(one, other, rtol=1e-9, atol=1e-10 * float(one.detach().abs().max()))
 
 
+@pytest.mark.usefixtures("no_table_error")
 @pytest.mark.parametrize("size", first_by_day(1, [1e-3, 1e4]))
 def test_a_scaled_scene_is_designed_and_judged_alike(size: float) -> None:
     """Neither the search nor the judgement knows how long a millimetre is."""
@@ -203,6 +204,7 @@ def test_a_measured_source_of_a_few_rays(ray_count: int) -> None:
     assert light.flux.detected + light.flux.outside + light.flux.missed > 0.9
 
 
+@pytest.mark.usefixtures("no_table_error")
 @pytest.mark.parametrize("at_once", [2**20, 100, 1])
 def test_rays_traced_in_parts_agree_with_all_at_once(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """What bounds the memory of many rays changes nothing but the sample."""

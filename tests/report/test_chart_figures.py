@@ -83,17 +83,6 @@ def test_a_rectangle_keeps_its_shape():
         assert (axes.get_xlim(), axes.get_ylim()) == ((-150.0, 150.0), (-75.0, 75.0))
 
 
-@pytest.mark.parametrize("chart", [Chart(10.0, 300.0), Chart(300.0, 10.0)])
-def test_a_strip_has_a_scale_that_can_be_read(chart):
-    figure = light_figures.irradiance_map(np.ones((2, 2)), chart, 1.0)
-    figure.draw_without_rendering()
-    axes, bar = figure.axes
-    box = axes.get_window_extent()
-    assert box.width / box.height == pytest.approx(chart.width / chart.height, rel=1e-6)
-    assert bar.get_window_extent().height > 90.0
-    assert bar.get_window_extent().x0 - box.x1 < 20.0, "beside the map"
-
-
 @pytest.mark.parametrize(("rows", "columns"), [(20, 40), (15, 31)])
 def test_lines_across_a_rectangle_follow_its_slopes(rows, columns):
     image = slope(WIDE, rows, columns)

@@ -91,8 +91,3 @@ def test_the_loss_has_a_scale_that_holds_it(results):
     assert history(levels, "loss").axes[0].get_yscale() == "log"
     negative = [level.model_copy(update={"loss": tuple(-value for value in level.loss)}) for level in levels]
     assert history(negative, "loss").axes[0].get_yscale() == "linear"
-
-
-def test_corners_that_were_given_are_said_to_be_given():
-    text = text_of(whole_results(compare={"corners_located": None}))
-    assert folded("Target\u2019s corners given") in text

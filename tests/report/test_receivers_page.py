@@ -10,7 +10,7 @@ from undrawn import undrawn
 
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report.compare import ComparedPictures, render_comparison
-from lensforge.report.headline import asked_facts, task
+from lensforge.report.headline import asked_facts
 from lensforge.report.light_section import first_picture, other_lights, other_pictures, receiver_pictures, unit_of_light
 from lensforge.report.results import Results
 from lensforge.results import Conditions, Metric
@@ -73,12 +73,6 @@ def test_each_receiver_is_shown_in_its_own_unit(pictures):
     assert "16 × 8 pixels" in first.seen[0].caption and "16 × 16 pixels" in second.seen[0].caption
 
 
-def test_masks_are_named_by_their_size(pictures):
-    first, second = pictures
-    assert "the mask of 40 mm." in first.seen[0].caption
-    assert "the mask of 10°." in second.seen[0].caption
-
-
 def test_several_receivers_have_a_row_each_for_every_figure(both):
     found = {fact.label: fact.text for fact in asked_facts(both)}
     assert found["Pattern error (NMSE), wall"] == "0.01230 ± 0.00040"
@@ -109,23 +103,6 @@ def test_candela_where_the_lumens_are_known():
     results = make_results(("evaluate",), far_lens(lumens_per_watt=250.0))
     assert "luminous intensity (cd)" in first_picture(results).svg
     assert level_of(results).unit == "cd"
-
-
-def test_tasks_on_several_receivers_stand_beside_each_other():
-    spots = tuple({"kind": "disc", "diameter_mm": each} for each in (10.0, 20.0))
-    two = task(lens_with({**WALL, "targets": spots}, SKY).spec)
-    assert two.endswith(
-        "disc, 10 mm wide and disc, 20 mm wide centred at (100, 0, 200) mm; "
-        "gaussian beam 60° × 25° in the far field, to 80°"
-    )
-    assert " · 4 targets centred at" in task(lens_with({**WALL, "targets": 2 * spots}).spec)
-
-
-def test_the_spec_s_receivers_have_tables_of_what_was_given(markup):
-    text = Page(markup).text
-    assert "[receivers.wall]" in text and "[receivers.sky]" in text
-    assert "half_angle_deg 80 °" in text
-    assert "diameter_deg" not in text, "no target has one"
 
 
 @pytest.mark.usefixtures("undrawn")

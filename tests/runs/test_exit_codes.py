@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ import lensforge as lf
 from lensforge.cad import part_limits
 from lensforge.results.arguments import threads_of_torch
 from lensforge.spec import FlatTopTarget
+from lensforge.spec.accuracy import PRESETS
 
 TARGET = FlatTopTarget(width_mm=40.0, distance_mm=100.0, receiver_mm=200.0)
 
@@ -34,7 +36,9 @@ def dark(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, str]:
     small_spec(optimise={"steps_per_level": [1, 1], "rays": 1024, "pixels": 16}).replace(target=TARGET).save(
         folder / "dark.toml"
     )
-    with undrawn(), coarse_part(), threads_of_torch(1):
+    few = replace(PRESETS["draft"], photometry_rays=2**14, verify_rays=2**11)
+    with undrawn(), coarse_part(), threads_of_torch(1), pytest.MonkeyPatch.context() as patch:
+        patch.setitem(PRESETS, "draft", few)
         code, _, stderr = lensforge("design", folder / "dark.toml", "--accuracy", "draft", "--out", folder / "out")
     return folder / "out", code, stderr
 

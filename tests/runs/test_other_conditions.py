@@ -20,7 +20,7 @@ from lensforge.report.pipeline import write_report
 from lensforge.scene.lens import Lens
 from lensforge.verbs import EVALUATE
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("undrawn", "no_table_error")
 
 RAYS = 1500
 

@@ -8,7 +8,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 import lensforge as lf
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.verbs import PHOTOMETRY, STRAY
+from lensforge.verbs import STRAY
 
 WALL = {
     "kind": "plane", "name": "wall", "centre_mm": [80.0, 0.0, 60.0], "normal": [1.0, 0.0, 0.2],
@@ -46,7 +46,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> lf.Run:
         patch.setattr("lensforge.proof.casts._STRAY_RAYS", 512)
         lf.run(spec, folder, accuracy="draft")
         STRAY.run(folder)
-    PHOTOMETRY.run(folder)
     return lf.load(folder)
 
 

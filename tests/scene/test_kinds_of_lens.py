@@ -73,12 +73,12 @@ def test_the_light_of_kinds_is_that_of_lamps_moved_and_turned_by_hand() -> None:
         back = (-x + -1j * y) * np.exp(-1j * np.radians(turn))
         sheet = {**SHEET, "centre_mm": [back.real, back.imag, 40.0], "rotation_deg": -turn}
         spec = small_spec(**{**SCENE, "receivers": [sheet]})
-        alone = light_of(Lens.double(sphere(3.0), face, spec, 0, "draft"), 2**18)
+        alone = light_of(Lens.double(sphere(3.0), face, spec, 0, "draft"), 2**17)
         total, window = total + coarse(alone) / 3, window + alone.window.mean() / 3
-    found = light_of(lens_of(TABLE, narrow, wide), 3 * 2**18)
+    found = light_of(lens_of(TABLE, narrow, wide), 3 * 2**17)
     np.testing.assert_allclose(coarse(found), total, atol=0.01 * total.max())
     assert found.window.mean() == pytest.approx(window, abs=1e-3)
-    swapped = light_of(lens_of(TABLE, wide, narrow), 3 * 2**18)
+    swapped = light_of(lens_of(TABLE, wide, narrow), 3 * 2**15)
     assert np.abs(coarse(swapped) - total).max() > 0.03 * total.max()
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from scenes import small_spec
+from undrawn import undrawn
 
 from lensforge import build, check, design, evaluate
 from lensforge.errors import InputError
@@ -47,10 +48,9 @@ def searched(spec, folder, resume=False, progress=None):
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sweep")
-    content = run_sweep(
-        SPEC, parse_variation("constraints.max_radius_mm=8,6.5", SCALED), folder, Designer(), **SETTINGS
-    )
-    return folder, content
+    variation = parse_variation("constraints.max_radius_mm=8,6.5", SCALED)
+    with undrawn():
+        return folder, run_sweep(SPEC, variation, folder, Designer(), **SETTINGS)
 
 
 def test_every_design_is_the_spec_with_its_own_value(swept):

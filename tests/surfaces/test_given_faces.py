@@ -17,6 +17,8 @@ from lensforge.scene.lens import Lens
 from lensforge.spec.fixed_surface import FixedCadFace, FixedLensFace, FixedPoints, FixedSphere, GivenSurface
 from lensforge.spec.lens_section import LensSection
 from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.cad_sampling import FaceCast
+from lensforge.surfaces.chart_spline import ChartSpline
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, to_chart
 
@@ -142,6 +144,13 @@ def test_the_face_of_a_lens_is_that_face(tmp_path: Path) -> None:
     assert np.array_equal(changed.lens.inner.fixed.surface.radius(U), lens.inner.radius(U))
 
 
+def test_a_wave_has_the_same_detail_along_both_axes() -> None:
+    axis = np.linspace(-1.2, 1.2, 41)
+    wave = np.broadcast_to(3.0 + 0.1 * np.sin(9.0 * axis), (41, 41))
+    along_y, along_x = (ChartSpline.through(axis, each).detail for each in (wave, wave.T))
+    assert along_x == pytest.approx(along_y, rel=1e-6) and 0.2 < along_x < 0.4
+
+
 @HERE
 def test_a_spec_needs_the_file_no_more(step: Path, tmp_path: Path) -> None:
     section = LensSection(levels=(9, 25), inner={"fixed": {"kind": "cad", "file": step}}, outer={"offset_mm": 6.0})
@@ -172,6 +181,15 @@ def test_the_exported_face_is_the_given_one_to_a_nanometre(tmp_path: Path) -> No
 def pierced() -> cq.Shape:
     hole = cq.Workplane("XZ").center(0.0, 2.0).circle(0.3).extrude(-10.0).val()
     return shell(ball(RADIUS, CENTRE), ball(6.0)).cut(hole)
+
+
+def test_steps_from_a_ray_beside_find_no_point_in_a_hole() -> None:
+    """Rays near the axis have met the face; those through the hole, 0.3 mm about (0, 2) in x and z, meet none."""
+    sphere_alone = cq.Workplane(pierced()).faces("%SPHERE").vals()
+    cast = FaceCast([min(sphere_alone, key=lambda each: each.Area()).wrapped], np.zeros(3))
+    cast.begin_at(np.array([[0.0, 0.5, 0.87], [0.0, 0.9, 0.1]]))
+    found, _ = cast.points(np.array([[0.0, 2.2, 2.0], [0.6, 2.2, 2.0]]))
+    assert np.isnan(found[0]) and found[1] > 2.9
 
 
 def cone() -> cq.Shape:
