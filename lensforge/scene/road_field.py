@@ -10,6 +10,7 @@ street is across the road from the edge where it stands.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -191,38 +192,72 @@ class RoadReadings:
     """
 
     road: RoadSection
-    rows: tuple[Points, ...]
-    luminance: tuple[CandelaSum, ...]
-    wet: tuple[CandelaSum, ...]
-    veiling: tuple[CandelaSum, ...]
-    seen_lux: tuple[CandelaSum, ...]
-    illuminance: CandelaSum
-    edges: tuple[CandelaSum, CandelaSum]
+    surface: RoadSurface
+    wet_surface: RoadSurface | None
 
     @staticmethod
     def of(road: RoadSection) -> "RoadReadings":
-        """Readings of ``road``. Raises :class:`InputError` for a file that is no table of a surface."""
-        surface = RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
-        wet_surface = [RoadSurface.of(road.wet_surface or "", road.wet_surface_file)] if road.has_wet_surface else []
-        views, rows = _views(road)
-        along, width, lane = steps_along(road), road.width_m, road.lane_m
-        fields = [
-            (view, *(each.ravel() for each in np.meshgrid(along, y))) for view, y in zip(views, rows, strict=True)
-        ]
-        lux, half = _illuminance(road, 0.0, width), 0.5 * (rows[0][1] - rows[0][0])
-        of_rows = (_illuminance(road, y[0] - half, y[-1] + half).mean() for y in rows)
+        """Readings of ``road``, each found when it is asked for. Raises :class:`InputError` for a file of no table."""
+        wet = RoadSurface.of(road.wet_surface or "", road.wet_surface_file) if road.has_wet_surface else None
+        return RoadReadings(road, RoadSurface.of(road.surface, road.surface_file, road.surface_q0), wet)
+
+    @cached_property
+    def _seen(self) -> tuple[list["DriverView"], tuple[Points, ...]]:
+        return _views(self.road)
+
+    @property
+    def rows(self) -> tuple[Points, ...]:
+        """See the class; so are those below."""
+        return self._seen[1]
+
+    @cached_property
+    def _fields(self) -> list[tuple["DriverView", Points, Points]]:
+        """Each observer, and x and y of the points that it sees."""
+        along = steps_along(self.road)
+        grids = (np.meshgrid(along, y) for y in self.rows)
+        return [(view, x.ravel(), y.ravel()) for view, (x, y) in zip(self._seen[0], grids, strict=True)]
+
+    @cached_property
+    def luminance(self) -> tuple[CandelaSum, ...]:
+        """See the class."""
+        each_its_eye = self.road.by_rp8
+        return tuple(_luminance(view, self.surface, x, y, each_its_eye=each_its_eye) for view, x, y in self._fields)
+
+    @cached_property
+    def wet(self) -> tuple[CandelaSum, ...]:
+        """See the class."""
+        surface = self.wet_surface
+        return () if surface is None else tuple(_luminance(view, surface, x, y) for view, x, y in self._fields)
+
+    @cached_property
+    def veiling(self) -> tuple[CandelaSum, ...]:
+        """See the class."""
+        if self.road.by_rp8:
+            return tuple(_veiling_of_points(*field) for field in self._fields)
+        return tuple(_veiling_on_the_way(view) for view in self._seen[0])
+
+    @cached_property
+    def seen_lux(self) -> tuple[CandelaSum, ...]:
+        """See the class."""
+        if not self.road.by_rp8:
+            return (self.illuminance.mean(),) * len(self.rows)
+        half = 0.5 * (self.rows[0][1] - self.rows[0][0])
+        return tuple(_illuminance(self.road, y[0] - half, y[-1] + half).mean() for y in self.rows)
+
+    @cached_property
+    def illuminance(self) -> CandelaSum:
+        """See the class."""
+        return _illuminance(self.road, 0.0, self.road.width_m)
+
+    @cached_property
+    def edges(self) -> tuple[CandelaSum, CandelaSum]:
+        """See the class."""
+        width, lane = self.road.width_m, self.road.lane_m
         strips = ((-lane, 0.0), (0.0, lane), (width, width + lane), (width - lane, width))
-        outside_right, inside_right, outside_left, inside_left = (_illuminance(road, *ends).mean() for ends in strips)
-        return RoadReadings(
-            road,
-            rows,
-            tuple(_luminance(view, surface, x, y, each_its_eye=road.by_rp8) for view, x, y in fields),
-            tuple(_luminance(view, wet, x, y) for view, x, y in fields for wet in wet_surface),
-            tuple(_veiling_of_points(*field) if road.by_rp8 else _veiling_on_the_way(field[0]) for field in fields),
-            tuple(of_rows) if road.by_rp8 else (lux.mean(),) * len(views),
-            lux,
-            (CandelaSum.joined((outside_right, inside_right)), CandelaSum.joined((outside_left, inside_left))),
+        outside_right, inside_right, outside_left, inside_left = (
+            _illuminance(self.road, *ends).mean() for ends in strips
         )
+        return CandelaSum.joined((outside_right, inside_right)), CandelaSum.joined((outside_left, inside_left))
 
     @property
     def along(self) -> int:
