@@ -1,5 +1,6 @@
 """The merit of a step in every kind of scene: its gradient by differences, and in torch on a device."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -84,11 +85,26 @@ SPECS: dict[str, dict[str, Any]] = {
 }
 
 
+IN_OTHERS = {  # what each of these has is in another of the scenes, beside more
+    *RECEIVERS, "lamps in a grid", "lenses of three kinds", "robust", "robust, dispersed", "coloured",
+}  # fmt: skip
+ON_DEVICES = {  # scenes in which rays are traced in other ways
+    "free", "ray file", "dispersed", "lossless", "all receivers", "lamps in a ring",
+    "lenses of two kinds, turned, all receivers", "robust, large", "coloured, robust, dispersed",
+}  # fmt: skip
+
+
+def scenes(by_day: Callable[[str], bool]) -> list[Any]:
+    """All scenes, those not ``by_day`` at night."""
+    late = pytest.mark.nightly("by day scenes that have the same")
+    return [pytest.param(each, id=name, marks=() if by_day(name) else late) for name, each in SPECS.items()]
+
+
 def close(one: tuple[torch.Tensor, ...], other: tuple[torch.Tensor, ...]) -> bool:
     return all(torch.linalg.norm(a - b) <= 1e-9 * torch.linalg.norm(b) for a, b in zip(one, other, strict=True))
 
 
-@pytest.mark.parametrize("changes", SPECS.values(), ids=SPECS)
+@pytest.mark.parametrize("changes", scenes(lambda name: name not in IN_OTHERS))
 def test_the_gradient_is_that_of_differences(changes: dict[str, Any]) -> None:
     """Through constraints, image and tracer, for weights and offsets of both surfaces."""
     step, by = Step(changes), 1e-8
@@ -101,7 +117,7 @@ def test_the_gradient_is_that_of_differences(changes: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("changes", SPECS.values(), ids=SPECS)
+@pytest.mark.parametrize("changes", scenes(ON_DEVICES.__contains__))
 def test_loss_and_gradient_on_a_device_are_those_of_the_kernels(changes: dict[str, Any], device: str) -> None:
     step = Step(changes)
     assert close(step.values(device=torch.device(device)), step.values())
@@ -113,7 +129,7 @@ def test_chunks_add_up_and_search_for_each_crossing_once(monkeypatch: pytest.Mon
     searched: list[int] = []
     search = light_path.first_crossing
     monkeypatch.setattr(light_path, "first_crossing", lambda t, o, d: (searched.append(len(o)), search(t, o, d))[1])
-    assert close(step.values(device=CPU, chunk=300), whole)
+    assert close(step.values(device=CPU, chunk=150), whole)
     assert len(searched) == 2 * 7, "seven chunks, two surfaces, and none again in the backward pass"
 
 
