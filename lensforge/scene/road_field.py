@@ -186,55 +186,42 @@ class RoadReadings:
     along the road, three to a lane, ``wet`` that of the wet surface, of none where there is none; ``veiling`` luminance
     (cd/m^2) on the way through the field. By RP-8 for each direction of travel: luminance and veiling luminance of the
     points in its lanes, two to a lane, each from an eye of its own. ``rows``: y of the rows of each luminance;
-    ``seen_lux``: mean illuminance (lx) there.
+    ``seen``: each observer, and x and y of the points that it sees; ``seen_lux``: mean illuminance (lx) there.
     ``illuminance`` (lx) at the points of its own field. ``edges``: mean illuminance outside and inside of the right
     edge, and of the left.
     """
 
     road: RoadSection
+    rows: tuple[Points, ...]
     surface: RoadSurface
     wet_surface: RoadSurface | None
+    seen: tuple[tuple["DriverView", Points, Points], ...]
 
     @staticmethod
     def of(road: RoadSection) -> "RoadReadings":
         """Readings of ``road``, each found when it is asked for. Raises :class:`InputError` for a file of no table."""
         wet = RoadSurface.of(road.wet_surface or "", road.wet_surface_file) if road.has_wet_surface else None
-        return RoadReadings(road, RoadSurface.of(road.surface, road.surface_file, road.surface_q0), wet)
-
-    @cached_property
-    def _seen(self) -> tuple[list["DriverView"], tuple[Points, ...]]:
-        return _views(self.road)
-
-    @property
-    def rows(self) -> tuple[Points, ...]:
-        """See the class; so are those below."""
-        return self._seen[1]
-
-    @cached_property
-    def _fields(self) -> list[tuple["DriverView", Points, Points]]:
-        """Each observer, and x and y of the points that it sees."""
-        along = steps_along(self.road)
-        grids = (np.meshgrid(along, y) for y in self.rows)
-        return [(view, x.ravel(), y.ravel()) for view, (x, y) in zip(self._seen[0], grids, strict=True)]
+        (views, rows), along = _views(road), steps_along(road)
+        grids = ((each.ravel() for each in np.meshgrid(along, y)) for y in rows)
+        seen = tuple((view, *points) for view, points in zip(views, grids, strict=True))
+        return RoadReadings(road, rows, RoadSurface.of(road.surface, road.surface_file, road.surface_q0), wet, seen)
 
     @cached_property
     def luminance(self) -> tuple[CandelaSum, ...]:
         """See the class."""
-        each_its_eye = self.road.by_rp8
-        return tuple(_luminance(view, self.surface, x, y, each_its_eye=each_its_eye) for view, x, y in self._fields)
+        return tuple(_luminance(view, self.surface, x, y, each_its_eye=self.road.by_rp8) for view, x, y in self.seen)
 
     @cached_property
     def wet(self) -> tuple[CandelaSum, ...]:
         """See the class."""
         surface = self.wet_surface
-        return () if surface is None else tuple(_luminance(view, surface, x, y) for view, x, y in self._fields)
+        return () if surface is None else tuple(_luminance(view, surface, x, y) for view, x, y in self.seen)
 
     @cached_property
     def veiling(self) -> tuple[CandelaSum, ...]:
         """See the class."""
-        if self.road.by_rp8:
-            return tuple(_veiling_of_points(*field) for field in self._fields)
-        return tuple(_veiling_on_the_way(view) for view in self._seen[0])
+        by_rp8 = self.road.by_rp8
+        return tuple(_veiling_of_points(*each) if by_rp8 else _veiling_on_the_way(each[0]) for each in self.seen)
 
     @cached_property
     def seen_lux(self) -> tuple[CandelaSum, ...]:
@@ -254,10 +241,8 @@ class RoadReadings:
         """See the class."""
         width, lane = self.road.width_m, self.road.lane_m
         strips = ((-lane, 0.0), (0.0, lane), (width, width + lane), (width - lane, width))
-        outside_right, inside_right, outside_left, inside_left = (
-            _illuminance(self.road, *ends).mean() for ends in strips
-        )
-        return CandelaSum.joined((outside_right, inside_right)), CandelaSum.joined((outside_left, inside_left))
+        out_right, in_right, out_left, in_left = (_illuminance(self.road, *ends).mean() for ends in strips)
+        return CandelaSum.joined((out_right, in_right)), CandelaSum.joined((out_left, in_left))
 
     @property
     def along(self) -> int:

@@ -71,16 +71,6 @@ def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
     assert np.abs(direct - rays.directions[~by_mirror]).max() < 1e-14, "an opening bends nothing"
 
 
-def test_an_ellipsoid_images_one_focus_on_the_other() -> None:
-    body, rays, grid = reflector(5.0, 0.6, 6.0), upwards(4000, 2), TableGrid(301)
-    media = clear(coatings=mirrors(1.0, mirror=CAVITY))
-    found = TracedBundle.of(tables_of(body, grid), scene(body, media, events=2, grid=grid), rays)
-    by_mirror = found.met[:, 1] >= 0
-    ahead = np.array([0.0, 0.0, 2.0 * 0.6 * 5.0 / (1.0 - 0.6**2)]) - found.exits.points[by_mirror]
-    across = ahead - (ahead * found.exits.directions[by_mirror]).sum(1)[:, None] * found.exits.directions[by_mirror]
-    assert np.linalg.norm(across, axis=1).max() < 5e-6
-
-
 FINE = TableGrid(401)
 
 

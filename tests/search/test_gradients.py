@@ -1,6 +1,5 @@
 """The merit of a step in every kind of scene: its gradient by differences, and in torch on a device."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +47,7 @@ SPECS: dict[str, dict[str, Any]] = {
     "ray file": {"source": {"kind": "rayfile", "file": str(LED), "origin": "virtual_focus"}},
     "dispersed": DISPERSED,
     "lossless": {"optimise__fresnel": False},
-    **{name: {"target": None, "receivers": [each]} for name, each in RECEIVERS.items()},
     "all receivers": {"target": None, "receivers": list(RECEIVERS.values())},
-    "lamps in a grid": LAMPS,
     "lamps without an end": {"lamps": {"kind": "endless", "pitch_mm": 200.0}},
     "lamps in hexagons without an end": {
         "lamps": {"kind": "endless", "lattice": "hexagon", "pitch_mm": 60.0},
@@ -62,7 +59,6 @@ SPECS: dict[str, dict[str, Any]] = {
         "target": None,
         "receivers": list(RECEIVERS.values()),
     },
-    "lenses of three kinds": KINDS,
     "lenses of three kinds, mirrored, coloured": KINDS | COLOURS | {"lens__symmetry": "mirror_y"},
     "lenses of two kinds, turned, all receivers": {
         "lamps": {**TABLE, "kinds": ["wide", "narrow", "wide"]},
@@ -74,37 +70,25 @@ SPECS: dict[str, dict[str, Any]] = {
         "target": None,
         "receivers": list(RECEIVERS.values()),
     },
-    "robust": ROBUST,
     "robust, large": ROBUST | tolerance_changes(LARGE),
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},
-    "robust, dispersed": ROBUST | DISPERSED,
-    "coloured": COLOURS,
     "coloured, all receivers": COLOURS | {"target": None, "receivers": list(RECEIVERS.values())},
     "coloured, lamps, mirrored": COLOURS | LAMPS | {"lens__symmetry": "mirror_x"},
     "coloured, robust, dispersed": COLOURS | ROBUST | tolerance_changes(LARGE) | {"lens__material": "PC"},
 }
 
 
-IN_OTHERS = {  # what each of these has is in another of the scenes, beside more
-    *RECEIVERS, "lamps in a grid", "lenses of three kinds", "robust", "robust, dispersed", "coloured",
-}  # fmt: skip
-ON_DEVICES = {  # scenes in which rays are traced in other ways
+ON_DEVICES = [  # scenes in which rays are traced in other ways
     "free", "ray file", "dispersed", "lossless", "all receivers", "lamps in a ring",
     "lenses of two kinds, turned, all receivers", "robust, large", "coloured, robust, dispersed",
-}  # fmt: skip
-
-
-def scenes(by_day: Callable[[str], bool]) -> list[Any]:
-    """All scenes, those not ``by_day`` at night."""
-    late = pytest.mark.nightly("by day scenes that have the same")
-    return [pytest.param(each, id=name, marks=() if by_day(name) else late) for name, each in SPECS.items()]
+]  # fmt: skip
 
 
 def close(one: tuple[torch.Tensor, ...], other: tuple[torch.Tensor, ...]) -> bool:
     return all(torch.linalg.norm(a - b) <= 1e-9 * torch.linalg.norm(b) for a, b in zip(one, other, strict=True))
 
 
-@pytest.mark.parametrize("changes", scenes(lambda name: name not in IN_OTHERS))
+@pytest.mark.parametrize("changes", SPECS.values(), ids=SPECS)
 def test_the_gradient_is_that_of_differences(changes: dict[str, Any]) -> None:
     """Through constraints, image and tracer, for weights and offsets of both surfaces."""
     step, by = Step(changes), 1e-8
@@ -117,9 +101,9 @@ def test_the_gradient_is_that_of_differences(changes: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("changes", scenes(ON_DEVICES.__contains__))
-def test_loss_and_gradient_on_a_device_are_those_of_the_kernels(changes: dict[str, Any], device: str) -> None:
-    step = Step(changes)
+@pytest.mark.parametrize("name", ON_DEVICES)
+def test_loss_and_gradient_on_a_device_are_those_of_the_kernels(name: str, device: str) -> None:
+    step = Step(SPECS[name])
     assert close(step.values(device=torch.device(device)), step.values())
 
 
