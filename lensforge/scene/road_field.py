@@ -192,10 +192,10 @@ class RoadReadings:
     """
 
     road: RoadSection
-    rows: tuple[Points, ...]
+    rows: tuple[np.ndarray, ...]
     surface: RoadSurface
     wet_surface: RoadSurface | None
-    seen: tuple[tuple["DriverView", Points, Points], ...]
+    seen: tuple[tuple["DriverView", np.ndarray, np.ndarray], ...]
 
     @staticmethod
     def of(road: RoadSection) -> "RoadReadings":
