@@ -63,7 +63,7 @@ def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
     road, wanted = readings.road, M_CLASSES[readings.road.lighting_class]
     least, uniformity = road.mean_cd_per_m2 or wanted.mean, road.uniformity or wanted.uniformity
     along, glare = road.uniformity_along or wanted.along, road.glare_percent or wanted.glare_percent
-    for lane, (seen, veiling) in enumerate(zip(readings.luminance, readings.veiling, strict=True)):
+    for lane, seen in enumerate(readings.luminance):
         of = f"lane {lane + 1}: "
         kept, mean = seen.times(road.maintenance_factor), seen.mean()
         yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean())
@@ -72,28 +72,30 @@ def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
             even = road.wet_uniformity or WET_UNIFORMITY
             yield Ask(f"{of}uniformity U0, wet", "min_over_mean", ">=", even, "", readings.wet[lane])
         yield Ask(f"{of}uniformity Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
-        yield from _per_lux(of, road.luminance_per_lux, mean, readings.seen_lux[lane])
-        yield Ask(f"{of}glare TI", "threshold_increment", "<=", glare, "%", CandelaSum.joined((veiling, mean)))
+        yield from _per_lux(of, readings, lane)
+        glaring = CandelaSum.joined((readings.veiling[lane], mean))
+        yield Ask(f"{of}glare TI", "threshold_increment", "<=", glare, "%", glaring)
 
 
 def _of_ratios(readings: RoadReadings) -> Iterator[Ask]:
     road, wanted = readings.road, RP8_CLASSES[readings.road.lighting_class]
     least = road.mean_cd_per_m2 or wanted.mean
     uneven = wanted.mean_over_least if road.uniformity is None else 1.0 / road.uniformity
-    observers = zip(("", "oncoming: "), readings.luminance, readings.veiling, readings.seen_lux, strict=False)
-    for of, seen, veiling, lux in observers:
+    for number, (of, seen) in enumerate(zip(("", "oncoming: "), readings.luminance, strict=False)):
         mean = seen.mean()
         yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", mean.times(road.maintenance_factor))
         yield Ask(f"{of}uniformity Lavg/Lmin", "mean_over_min", "<=", uneven, "", seen)
         yield Ask(f"{of}uniformity Lmax/Lmin", "max_over_min", "<=", wanted.largest_over_least, "", seen)
-        yield from _per_lux(of, road.luminance_per_lux, mean, lux)
-        glaring = CandelaSum.joined((veiling, mean))
+        yield from _per_lux(of, readings, number)
+        glaring = CandelaSum.joined((readings.veiling[number], mean))
         yield Ask(f"{of}veiling ratio Lv/Lavg", "veiling_ratio", "<=", wanted.veiling, "", glaring)
 
 
-def _per_lux(of: str, wanted: float | None, mean: CandelaSum, lux: CandelaSum) -> Iterator[Ask]:
+def _per_lux(of: str, readings: RoadReadings, number: int) -> Iterator[Ask]:
+    wanted = readings.road.luminance_per_lux
     if wanted is not None:
-        yield Ask(f"{of}per lux Q", "ratio", ">=", wanted, "cd/m²/lx", CandelaSum.joined((mean, lux)))
+        both = CandelaSum.joined((readings.luminance[number].mean(), readings.seen_lux[number]))
+        yield Ask(f"{of}per lux Q", "ratio", ">=", wanted, "cd/m²/lx", both)
 
 
 _BY_POWER = ((5.0, 65.0, 0.8), (float("inf"), 95.0, 1.05))  # up to this mean luminance: factor and power

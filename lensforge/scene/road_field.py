@@ -10,6 +10,7 @@ street is across the road from the edge where it stands.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -185,44 +186,63 @@ class RoadReadings:
     along the road, three to a lane, ``wet`` that of the wet surface, of none where there is none; ``veiling`` luminance
     (cd/m^2) on the way through the field. By RP-8 for each direction of travel: luminance and veiling luminance of the
     points in its lanes, two to a lane, each from an eye of its own. ``rows``: y of the rows of each luminance;
-    ``seen_lux``: mean illuminance (lx) there.
+    ``seen``: each observer, and x and y of the points that it sees; ``seen_lux``: mean illuminance (lx) there.
     ``illuminance`` (lx) at the points of its own field. ``edges``: mean illuminance outside and inside of the right
     edge, and of the left.
     """
 
     road: RoadSection
-    rows: tuple[Points, ...]
-    luminance: tuple[CandelaSum, ...]
-    wet: tuple[CandelaSum, ...]
-    veiling: tuple[CandelaSum, ...]
-    seen_lux: tuple[CandelaSum, ...]
-    illuminance: CandelaSum
-    edges: tuple[CandelaSum, CandelaSum]
+    rows: tuple[np.ndarray, ...]
+    surface: RoadSurface
+    wet_surface: RoadSurface | None
+    seen: tuple[tuple["DriverView", np.ndarray, np.ndarray], ...]
 
     @staticmethod
     def of(road: RoadSection) -> "RoadReadings":
-        """Readings of ``road``. Raises :class:`InputError` for a file that is no table of a surface."""
-        surface = RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
-        wet_surface = [RoadSurface.of(road.wet_surface or "", road.wet_surface_file)] if road.has_wet_surface else []
-        views, rows = _views(road)
-        along, width, lane = steps_along(road), road.width_m, road.lane_m
-        fields = [
-            (view, *(each.ravel() for each in np.meshgrid(along, y))) for view, y in zip(views, rows, strict=True)
-        ]
-        lux, half = _illuminance(road, 0.0, width), 0.5 * (rows[0][1] - rows[0][0])
-        of_rows = (_illuminance(road, y[0] - half, y[-1] + half).mean() for y in rows)
+        """Readings of ``road``, each found when it is asked for. Raises :class:`InputError` for a file of no table."""
+        wet = RoadSurface.of(road.wet_surface or "", road.wet_surface_file) if road.has_wet_surface else None
+        (views, rows), along = _views(road), steps_along(road)
+        grids = ((each.ravel() for each in np.meshgrid(along, y)) for y in rows)
+        seen = tuple((view, *points) for view, points in zip(views, grids, strict=True))
+        return RoadReadings(road, rows, RoadSurface.of(road.surface, road.surface_file, road.surface_q0), wet, seen)
+
+    @cached_property
+    def luminance(self) -> tuple[CandelaSum, ...]:
+        """See the class."""
+        return tuple(_luminance(view, self.surface, x, y, each_its_eye=self.road.by_rp8) for view, x, y in self.seen)
+
+    @cached_property
+    def wet(self) -> tuple[CandelaSum, ...]:
+        """See the class."""
+        surface = self.wet_surface
+        return () if surface is None else tuple(_luminance(view, surface, x, y) for view, x, y in self.seen)
+
+    @cached_property
+    def veiling(self) -> tuple[CandelaSum, ...]:
+        """See the class."""
+        by_rp8 = self.road.by_rp8
+        return tuple(_veiling_of_points(*each) if by_rp8 else _veiling_on_the_way(each[0]) for each in self.seen)
+
+    @cached_property
+    def seen_lux(self) -> tuple[CandelaSum, ...]:
+        """See the class."""
+        if not self.road.by_rp8:
+            return (self.illuminance.mean(),) * len(self.rows)
+        half = 0.5 * (self.rows[0][1] - self.rows[0][0])
+        return tuple(_illuminance(self.road, y[0] - half, y[-1] + half).mean() for y in self.rows)
+
+    @cached_property
+    def illuminance(self) -> CandelaSum:
+        """See the class."""
+        return _illuminance(self.road, 0.0, self.road.width_m)
+
+    @cached_property
+    def edges(self) -> tuple[CandelaSum, CandelaSum]:
+        """See the class."""
+        width, lane = self.road.width_m, self.road.lane_m
         strips = ((-lane, 0.0), (0.0, lane), (width, width + lane), (width - lane, width))
-        outside_right, inside_right, outside_left, inside_left = (_illuminance(road, *ends).mean() for ends in strips)
-        return RoadReadings(
-            road,
-            rows,
-            tuple(_luminance(view, surface, x, y, each_its_eye=road.by_rp8) for view, x, y in fields),
-            tuple(_luminance(view, wet, x, y) for view, x, y in fields for wet in wet_surface),
-            tuple(_veiling_of_points(*field) if road.by_rp8 else _veiling_on_the_way(field[0]) for field in fields),
-            tuple(of_rows) if road.by_rp8 else (lux.mean(),) * len(views),
-            lux,
-            (CandelaSum.joined((outside_right, inside_right)), CandelaSum.joined((outside_left, inside_left))),
-        )
+        out_right, in_right, out_left, in_left = (_illuminance(self.road, *ends).mean() for ends in strips)
+        return CandelaSum.joined((out_right, in_right)), CandelaSum.joined((out_left, in_left))
 
     @property
     def along(self) -> int:

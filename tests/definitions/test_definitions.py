@@ -199,7 +199,7 @@ SAME_RAYS = {
 def test_same_rays(folder: Path, case: str) -> None:
     """Every ray has the same fate and pixel; the tables of lensforge move a few over the border of one."""
     name, source, material = SAME_RAYS[case]
-    count = 2**14
+    count = 2**12
     at = scene(folder, name, json.dumps(source), json.dumps(material))
     p, d, nm = page_rays(at.record, count, 5)
     mine = page_light.light(at.record, at.pair, [(p, d, nm)], EXAMPLES)
@@ -207,7 +207,7 @@ def test_same_rays(folder: Path, case: str) -> None:
     light = lf.evaluate(at.lens, source=given, rays=count)
     assert light.rays == count
     for cause, share in library_shares(light).items():
-        assert share == pytest.approx(mine["figures"][cause][0], abs=5e-6), cause
+        assert share == pytest.approx(mine["figures"][cause][0], abs=2e-5), cause
     fates = {
         "from a cup, dispersive": ("outside_cavity", "absorbed", "cover_glass"),
         "above the plane": ("backward", "base"),

@@ -109,7 +109,7 @@ STEPS = [(pocket, "height", 0.06), (pocket, "radius", 0.06), (pocket, "slope", 0
 def test_rays_that_change_their_first_face_are_the_slope(make, name: str, step: float) -> None:
     """Differences of the light of those rays alone; their error is that of counting them."""
     base, events, source = BASES[make]
-    body, rays = make(**base), source.sample(2**19 if name == "tilt" else 2**18, 5)
+    body, rays = make(**base), source.sample(2**18 if name == "tilt" else 2**17, 5)
     ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
     first, other = (TracedBundle.of(tables, scene(body, 1), rays).met[:, 0] for tables in ends)
     crossing = rays.take(first != other)
@@ -117,7 +117,7 @@ def test_rays_that_change_their_first_face_are_the_slope(make, name: str, step: 
     shares = (more - less) / (2.0 * step)
     gradients = crease_gradients(tables_of(body, GRID), scene(body, events), source, mixed, 2**12, 3)
     slope, error = float((gradients * by_parameter(make, base, name)).sum()), float(np.sqrt((shares**2).sum()))
-    assert error < 0.05 * abs(slope)
+    assert error < 0.07 * abs(slope)
     assert abs(slope - shares.sum()) < 3.0 * error
 
 
@@ -162,7 +162,7 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
     tables, here = tables_of(pocket(**base), GRID), scene(pocket(**base))
     receiver = FarField(ReceiverPose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 1.0, 9, 7))
     wanted = torch.from_numpy(np.random.default_rng(1).uniform(0.0, 0.02, receiver.grid.shape))
-    along = {(name, step / 2): by_parameter(pocket, base, name) for _, name, step in STEPS}
+    way = sum(step * by_parameter(pocket, base, name) for _, name, step in STEPS)  # of all parameters together
 
     def loss(given: torch.Tensor, rays: RayBundle) -> tuple[torch.Tensor, torch.Tensor]:
         (landings,), sin2_exit = landed_through(given, here, rays, (receiver,))
@@ -177,15 +177,11 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
         value.backward()
         worth = worth_on([receiver], [by_image.numpy()], [np.array([-2.0, 3.0, 0.0])])
         creases = crease_gradients(tables, here, LED, worth, 2**12, seed)
-        for (_, step), way in along.items():
-            more, less = (loss(torch.from_numpy(tables + s * step * way), rays)[0].item() for s in (1.0, -1.0))
-            rest = (more - less) / (2.0 * step) - (given.grad.numpy() * way).sum()
-            alone.append(rest)
-            apart.append(rest - (creases * way).sum())
-    by_seed, left_out = (np.reshape(each, (4, -1)) for each in (apart, alone))
-    error = by_seed.std(axis=0, ddof=1) / 4**0.5
-    assert (np.abs(by_seed.mean(axis=0)) < 3.5 * error).all()
-    assert (np.abs(left_out.mean(axis=0)) > 10.0 * error).all()
+        more, less = (loss(torch.from_numpy(tables + s * way), rays)[0].item() for s in (0.5, -0.5))
+        alone.append(more - less - (given.grad.numpy() * way).sum())
+        apart.append(alone[-1] - (creases * way).sum())
+    error = np.std(apart, ddof=1) / 4**0.5
+    assert abs(np.mean(apart)) < 3.5 * error and abs(np.mean(alone)) > 10.0 * error
 
 
 NESTED = Body((*Body.of({"inner": sphere(3.0), "outer": sphere(5.0)}).faces, Face("hidden", sphere(4.0), CAVITY, BODY)))

@@ -71,16 +71,6 @@ def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
     assert np.abs(direct - rays.directions[~by_mirror]).max() < 1e-14, "an opening bends nothing"
 
 
-def test_an_ellipsoid_images_one_focus_on_the_other() -> None:
-    body, rays, grid = reflector(5.0, 0.6, 6.0), upwards(4000, 2), TableGrid(301)
-    media = clear(coatings=mirrors(1.0, mirror=CAVITY))
-    found = TracedBundle.of(tables_of(body, grid), scene(body, media, events=2, grid=grid), rays)
-    by_mirror = found.met[:, 1] >= 0
-    ahead = np.array([0.0, 0.0, 2.0 * 0.6 * 5.0 / (1.0 - 0.6**2)]) - found.exits.points[by_mirror]
-    across = ahead - (ahead * found.exits.directions[by_mirror]).sum(1)[:, None] * found.exits.directions[by_mirror]
-    assert np.linalg.norm(across, axis=1).max() < 5e-6
-
-
 FINE = TableGrid(401)
 
 
@@ -95,7 +85,7 @@ def fine_tables() -> np.ndarray:
 )
 def test_the_kernels_agree_with_the_readable_tracer(case: str, fresnel: bool) -> None:
     (media, made), body = CASES[case], collimator(0.05)
-    rays = upwards(120, 3, 0.5)
+    rays = upwards(60, 3, 0.5)
     found = TracedBundle.of(fine_tables(), scene(body, media, made, 6, FINE, fresnel), rays).exits
     surfaces = {face.name: FixedSurface(face.surface, DenseScan()) for face in body.faces}
     faces = TracedFaces(surfaces, body.chain(6), 2.2 * REACH)
@@ -112,7 +102,7 @@ def test_the_kernels_agree_with_the_readable_tracer(case: str, fresnel: bool) ->
 @pytest.mark.parametrize("case", [*CASES, "rough"])
 def test_the_adjoint_is_the_slope_of_every_face(case: str) -> None:
     (media, made), body = CASES.get(case, (clear(), ROUGH)), collimator(0.05)
-    light = MixedLight(tables_of(body, GRID), scene(body, media, made), upwards(1500, 4, 0.5), 5)
+    light = MixedLight(tables_of(body, GRID), scene(body, media, made), upwards(500, 4, 0.5), 5)
     assert (light.base.met >= 0).sum(1).max() >= 3
     for face in range(4):
         direction = np.zeros_like(light.tables)
@@ -125,7 +115,7 @@ def test_the_adjoint_is_the_slope_of_every_face(case: str) -> None:
 def test_the_adjoint_holds_in_random_scenes() -> None:
     """Up to six events; a crease that is crossed is counted, as is a ray that grazes: its slope has a large error."""
     rng, crossed, events, traced = np.random.default_rng(6), 0, set(), 0
-    for number in range(20_000 if NIGHTLY else 25):
+    for number in range(20_000 if NIGHTLY else 12):
         body = collimator(rng.uniform(0.0, 0.1), rng.uniform(0.0, 0.1), rng.uniform(0.6, 0.95))
         coated = {name: side for name, side in (("wall", OUTSIDE), ("side", CAVITY)) if rng.random() < 0.5}
         media = clear(rng.uniform(1.4, 1.7), mirrors(rng.uniform(0.5, 1.0), **coated), rng.uniform(0.0, 0.05))
@@ -140,12 +130,12 @@ def test_the_adjoint_holds_in_random_scenes() -> None:
 
 def test_the_skewness_of_a_ray_is_kept_by_a_rotational_body() -> None:
     """Bouguer: n times the moment about the axis of rotation is the same before and behind any chain of its faces."""
-    body, rays, grid = collimator(), upwards(3000, 7, 0.7), TableGrid(601)
+    body, rays, grid = collimator(), upwards(3000, 7, 0.7), TableGrid(401)
     found = TracedBundle.of(tables_of(body, grid), scene(body, clear(1.49, mirrors(0.9, side=CAVITY)), grid=grid), rays)
     exits, left = found.exits, found.exits.fates == Fate.LEFT_LENS
     skew = [np.cross(*way)[left, 2] for way in ((rays.origins, rays.directions), (exits.points, exits.directions))]
     assert (found.met[left] >= 0).sum(1).max() >= 4
-    assert np.abs(skew[0] - skew[1]).max() < 2e-5  # of the tables; it falls with the third power of their step
+    assert np.abs(skew[0] - skew[1]).max() < 7e-5  # of the tables; it falls with the third power of their step
 
 
 def test_no_flux_is_lost_without_a_cause() -> None:

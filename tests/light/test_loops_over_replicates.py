@@ -212,7 +212,7 @@ def test_the_slope_is_that_of_the_line_within_its_bounds(halves, quarters, slope
 
 def test_pixels_that_are_equally_dark_are_read_together() -> None:
     images = np.array([[0.0, 0.0, 2.0], [1.0, 3.0, 2.0], [0.0, 4.0, 5.0]])
-    np.testing.assert_array_equal(_darkest(np.array([1.0, 0.0, 0.0]), images), [0.0, 2.0, 2.0])
+    np.testing.assert_array_equal(_darkest(np.array([[1.0, 0.0, 0.0]]), images), [[0.0, 2.0, 2.0]])
 
 
 @pytest.mark.parametrize("count", [1, 15, 17])

@@ -78,8 +78,9 @@ def test_one_worker_four_and_one_killed_give_the_bits_of_this_process(cluster, s
 
 
 def test_searches_from_several_starts_have_the_bits_of_this_process(cluster):
-    here = lf.best_design(small_spec(), starts=2, accuracy="draft")
-    there = lf.best_design(small_spec(), starts=2, accuracy="draft", scheduler=cluster.scheduler_address)
+    spec = small_spec(optimise__steps_per_level=[1, 1])
+    here = lf.best_design(spec, starts=2, accuracy="draft")
+    there = lf.best_design(spec, starts=2, accuracy="draft", scheduler=cluster.scheduler_address)
     assert there.lens == here.lens
     assert [(start.nmse, start.missed) for start in there.starts] == [
         (start.nmse, start.missed) for start in here.starts

@@ -20,7 +20,7 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 LENS = lens()
 RADIUS = {"inner": 6.0, "outer": 13.0}
-POINTS = {"inner": 4500, "outer": 8000}
+POINTS = {"inner": 3200, "outer": 8000}
 
 
 def error_of(side, wave_mm=2.5):

@@ -53,7 +53,7 @@ class Step:
         weights = torch.from_numpy(rng.normal(size=(34, 2 * lenses)) * 0.01).requires_grad_()
         self.parameters = weights, torch.tensor(lenses * [1.0, 1.2], dtype=torch.float64, requires_grad=True)
         self.ways = torch.from_numpy(rng.normal(size=(34, 2 * lenses))), torch.from_numpy(rng.normal(size=2 * lenses))
-        self.rays = source.sample(2048, 1)
+        self.rays = source.sample(1024, 1)
 
     def loss(self, by: tuple[float, float] = (0.0, 0.0), **light: Any) -> torch.Tensor:
         """The merit with the parameters moved along their ways; ``light``: changes of the path of the light."""

@@ -20,7 +20,7 @@ CPU = torch.device("cpu")
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_a_design_ends_where_the_kernels_end(device: str) -> None:
-    spec = small_spec()
+    spec = small_spec(optimise__steps_per_level=[2, 2])
     source = build_source(spec.source)
     kernels, found = (search(spec, source, accuracy="draft", device=d) for d in (None, torch.device(device)))
     for one, other in zip(found.history, kernels.history, strict=True):

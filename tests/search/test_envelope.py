@@ -61,7 +61,7 @@ def box_extent(u: np.ndarray, half: np.ndarray, centre: np.ndarray, growth_mm: f
 
 
 def test_the_extent_of_a_grown_ball_is_a_larger_ball(ball_file: Path) -> None:
-    u = hemisphere_directions(4000)
+    u = hemisphere_directions(800)
     extent = KeepOutExtent.of(kept_out(ball_file)).along(u)
     assert np.abs(extent - ball_extent(u, GROWTH_MM)).max() < 3e-3
     assert (extent > ball_extent(u, MARGIN_MM) - 1e-6).all(), "the mesh is grown by its error, too"
@@ -70,7 +70,7 @@ def test_the_extent_of_a_grown_ball_is_a_larger_ball(ball_file: Path) -> None:
 def test_the_extent_of_a_grown_box_has_round_edges_and_corners(tmp_path: Path) -> None:
     half, centre = np.array([0.8, 0.5, 0.3]), np.array([0.6, -0.2, 0.7])
     spec = kept_out(step_file(tmp_path / "led.step", box(tuple(2.0 * half), tuple(centre))), lens__symmetry="none")
-    u = hemisphere_directions(400, seed=3)
+    u = hemisphere_directions(150, seed=3)
     assert np.abs(KeepOutExtent.of(spec).along(u) - box_extent(u, half, centre, GROWTH_MM)).max() < 1e-3
 
 

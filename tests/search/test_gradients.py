@@ -47,9 +47,7 @@ SPECS: dict[str, dict[str, Any]] = {
     "ray file": {"source": {"kind": "rayfile", "file": str(LED), "origin": "virtual_focus"}},
     "dispersed": DISPERSED,
     "lossless": {"optimise__fresnel": False},
-    **{name: {"target": None, "receivers": [each]} for name, each in RECEIVERS.items()},
     "all receivers": {"target": None, "receivers": list(RECEIVERS.values())},
-    "lamps in a grid": LAMPS,
     "lamps without an end": {"lamps": {"kind": "endless", "pitch_mm": 200.0}},
     "lamps in hexagons without an end": {
         "lamps": {"kind": "endless", "lattice": "hexagon", "pitch_mm": 60.0},
@@ -61,7 +59,6 @@ SPECS: dict[str, dict[str, Any]] = {
         "target": None,
         "receivers": list(RECEIVERS.values()),
     },
-    "lenses of three kinds": KINDS,
     "lenses of three kinds, mirrored, coloured": KINDS | COLOURS | {"lens__symmetry": "mirror_y"},
     "lenses of two kinds, turned, all receivers": {
         "lamps": {**TABLE, "kinds": ["wide", "narrow", "wide"]},
@@ -73,15 +70,18 @@ SPECS: dict[str, dict[str, Any]] = {
         "target": None,
         "receivers": list(RECEIVERS.values()),
     },
-    "robust": ROBUST,
     "robust, large": ROBUST | tolerance_changes(LARGE),
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},
-    "robust, dispersed": ROBUST | DISPERSED,
-    "coloured": COLOURS,
     "coloured, all receivers": COLOURS | {"target": None, "receivers": list(RECEIVERS.values())},
     "coloured, lamps, mirrored": COLOURS | LAMPS | {"lens__symmetry": "mirror_x"},
     "coloured, robust, dispersed": COLOURS | ROBUST | tolerance_changes(LARGE) | {"lens__material": "PC"},
 }
+
+
+ON_DEVICES = [  # scenes in which rays are traced in other ways
+    "free", "ray file", "dispersed", "lossless", "all receivers", "lamps in a ring",
+    "lenses of two kinds, turned, all receivers", "robust, large", "coloured, robust, dispersed",
+]  # fmt: skip
 
 
 def close(one: tuple[torch.Tensor, ...], other: tuple[torch.Tensor, ...]) -> bool:
@@ -101,9 +101,9 @@ def test_the_gradient_is_that_of_differences(changes: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("changes", SPECS.values(), ids=SPECS)
-def test_loss_and_gradient_on_a_device_are_those_of_the_kernels(changes: dict[str, Any], device: str) -> None:
-    step = Step(changes)
+@pytest.mark.parametrize("name", ON_DEVICES)
+def test_loss_and_gradient_on_a_device_are_those_of_the_kernels(name: str, device: str) -> None:
+    step = Step(SPECS[name])
     assert close(step.values(device=torch.device(device)), step.values())
 
 
@@ -113,7 +113,7 @@ def test_chunks_add_up_and_search_for_each_crossing_once(monkeypatch: pytest.Mon
     searched: list[int] = []
     search = light_path.first_crossing
     monkeypatch.setattr(light_path, "first_crossing", lambda t, o, d: (searched.append(len(o)), search(t, o, d))[1])
-    assert close(step.values(device=CPU, chunk=300), whole)
+    assert close(step.values(device=CPU, chunk=150), whole)
     assert len(searched) == 2 * 7, "seven chunks, two surfaces, and none again in the backward pass"
 
 

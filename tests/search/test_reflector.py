@@ -58,7 +58,7 @@ def traced_exactly(lens: Lens, rays: Any) -> Any:
 
 
 def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
-    lens, rays = given(), upwards(4000, 3)
+    lens, rays = given(), upwards(800, 3)
     exits = traced_exactly(lens, rays)
     tabled = TracedLens.of(lens, 8.0).trace(rays)
     turned = np.hypot(rays.directions[:, 0], rays.directions[:, 1]) * HEIGHT > RIM * rays.directions[:, 2]
@@ -72,7 +72,7 @@ def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
 
 
 def test_an_ellipsoid_sends_the_light_of_one_focus_to_the_other() -> None:
-    lens, rays = given(60.0), upwards(4000, 5)
+    lens, rays = given(60.0), upwards(400, 5)
     exits = traced_exactly(lens, rays)
     turned = np.abs(exits.directions - rays.directions).max(axis=1) > 1e-9
     assert exits.left_lens.all() and 0.3 < turned.mean() < 0.9
@@ -81,8 +81,9 @@ def test_an_ellipsoid_sends_the_light_of_one_focus_to_the_other() -> None:
     assert beside.max() < 1e-11
 
 
+@pytest.mark.usefixtures("no_table_error")
 def test_light_by_way_is_that_of_a_lambertian_point() -> None:
-    light = lf.evaluate(given(source={"kind": "disc", "diameter_mm": 1e-3}), rays=2**16)
+    light = lf.evaluate(given(source={"kind": "disc", "diameter_mm": 1e-3}), rays=2**14)
     found = {way.faces: way.share.value for way in light.ways}
     assert found == {
         ("mouth",): pytest.approx(DIRECT, abs=1e-4),
@@ -95,7 +96,7 @@ def test_light_by_way_is_that_of_a_lambertian_point() -> None:
 
 def test_along_the_axis_a_lambertian_chip_fills_the_mirror_with_its_luminance() -> None:
     lens = given()
-    rays = build_source(lens.spec.source, None).sample(2**20, 11)
+    rays = build_source(lens.spec.source, None).sample(2**19, 11)
     exits = TracedLens.of(lens, 8.0).trace(rays)
     narrow = np.sin(np.radians(0.3))  # so small that the chip is seen in 99 % of the mirror: at its foot it is edge-on
     within = exits.left_lens & (np.hypot(exits.directions[:, 0], exits.directions[:, 1]) < narrow)
@@ -106,7 +107,7 @@ def test_along_the_axis_a_lambertian_chip_fills_the_mirror_with_its_luminance() 
 
 def test_light_passes_a_cover_window_after_the_reflector() -> None:
     glass = {**GLASS, "distance_mm": HEIGHT + 1.0}
-    open_cup, rays = given(), upwards(2000, 3)
+    open_cup, rays = given(), upwards(400, 3)
     spec = open_cup.spec.replace({"lens.cover_glass": glass})
     lens = Lens(open_cup.surfaces, spec, 0, "draft")
     exits, behind = traced_exactly(open_cup, rays), traced_exactly(lens, rays)
@@ -118,10 +119,10 @@ def test_light_passes_a_cover_window_after_the_reflector() -> None:
 
 def test_rays_that_fall_back_are_counted_with_their_fates() -> None:
     lens = given(30.0, source={"kind": "square", "side_mm": 4.0})
-    rays = build_source(lens.spec.source, None).sample(2**14, 2)
+    rays = build_source(lens.spec.source, None).sample(2**11, 2)
     exits, exact = TracedLens.of(lens, 8.0).trace(rays), traced_exactly(lens, rays)
     assert (exits.fates != Fate.LEFT_LENS).sum() <= 2 + (exact.fates != Fate.LEFT_LENS).sum()
-    assert np.mean(exits.fates == exact.fates) > 0.999
+    assert np.mean(exits.fates == exact.fates) > 0.998
     assert (exits.met[:, 2] >= 0).any(), "some are reflected twice"
 
 
@@ -136,18 +137,15 @@ def test_the_derivative_of_the_merit_is_that_of_differences(along: list[float]) 
     source, parameters = build_source(spec.source, None), ProfileParameters.of(spec, 2.5)
     merit = MeritFunction.of(spec, source, parameters)
     weights, offsets = moved(parameters)
-    direction, rays = torch.tensor(along, dtype=torch.float64), source.sample(2**18, 3)
+    direction, rays, step = torch.tensor(along, dtype=torch.float64), source.sample(2**16, 3), 1.6e-2
 
-    def loss(step: float) -> float:
-        light = merit.light_of(parameters.tables(weights, offsets + step * direction), rays)
-        return merit.terms[0].loss(light.images[0], False).item()
+    def loss(moved: torch.Tensor) -> torch.Tensor:
+        return merit.terms[0].loss(merit.light_of(parameters.tables(weights, moved), rays).images[0], False)
 
-    found, nearer = ((loss(h) - loss(-h)) / (2.0 * h) for h in (1.6e-2, 8e-3))
+    found = (loss(offsets + step * direction) - loss(offsets - step * direction)).item() / (2.0 * step)
     moving = offsets.clone().requires_grad_()
-    merit.terms[0].loss(merit.light_of(parameters.tables(weights, moving), rays).images[0], False).backward()
-    assert float((moving.grad * direction).sum()) == pytest.approx(
-        found, abs=0.03 * abs(found) + 2.0 * abs(found - nearer)
-    )
+    loss(moving).backward()
+    assert float((moving.grad * direction).sum()) == pytest.approx(found, rel=0.05)
 
 
 def test_the_back_follows_the_cup() -> None:
@@ -178,12 +176,13 @@ def test_limits_are_those_of_the_body() -> None:
     assert margins.wall_margin_mm > 0.0 and margins.draft_margin_deg["cup"] > 0.0
 
 
+@pytest.mark.usefixtures("no_table_error")
 def test_a_short_search_gains_light_and_keeps_the_limits() -> None:
-    spec = reflector()
+    spec = reflector().replace({"optimise.steps_per_level": [8]})
     design = lf.design(spec, accuracy="draft")
     assert all(each.passed for each in design.criteria)
     start = Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
-    before, after = (lf.evaluate(each, rays=2**15).share_in_target.value for each in (start, design.lens))
+    before, after = (lf.evaluate(each, rays=2**13).share_in_target.value for each in (start, design.lens))
     assert after > before + 0.01
 
 

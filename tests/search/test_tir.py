@@ -1,13 +1,14 @@
 """A lens for total internal reflection from its spec: start, tables, derivatives, limits, and a short search."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from nightly import first_by_day
-from tir_lenses import SPOT, margins_but_for_the_wall, spot
+from tir_lenses import SPOT, margins_but_for_the_wall, spot, wall_not_measured
 
 import lensforge as lf
 from lensforge.cad.boundary import boundaries, sharpest_edges
@@ -30,6 +31,12 @@ EDGES = {"min_edge_angle_deg": 66.0}
 PLANE = {"kind": "asphere", "vertex_z_mm": 9.0, "radius_mm": -1e3}
 
 
+@cache
+def begun(*levels: int) -> ProfileParameters:
+    """Parameters of the spot's lens with these levels beside its profiles."""
+    return ProfileParameters.of(spot(levels=list(levels)), 2.5)
+
+
 def moved(parameters: ProfileParameters, size: float) -> tuple[torch.Tensor, torch.Tensor]:
     """Parameters beside the start, the same for every test."""
     rng, (weights, offsets) = np.random.default_rng(5), parameters.start()
@@ -45,7 +52,7 @@ def share_within(spec: Spec, tables: np.ndarray, scene: object, degrees: float) 
 
 @pytest.mark.parametrize("levels", [[], [9]])
 def test_tables_are_those_of_the_faces_in_the_record(levels: list[int]) -> None:
-    parameters = ProfileParameters.of(spot(levels=levels), 2.5)
+    parameters = begun(*levels)
     assert parameters.levels == (8, *levels)
     weights, offsets = moved(parameters, 0.01)
     tables = parameters.tables(weights, offsets)
@@ -95,31 +102,25 @@ def test_the_radius_of_a_freeform_lens_is_held_where_wall_and_exit_meet() -> Non
 
 
 def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None:
-    spec = spot()
-    source, parameters = build_source(spec.source, None), ProfileParameters.of(spec, 2.5)
+    spec, parameters = spot(), begun()
+    source = build_source(spec.source, None)
     merit = MeritFunction.of(spec, source, parameters)
+    without = MeritFunction(spec, parameters, type(merit.light)(merit.light.scene, merit.light.receivers), merit.terms)
     weights, offsets = moved(parameters, 0.003)
     along = torch.tensor([1.0, -1.0, 0.0, 0.0], dtype=torch.float64)  # cap and side against each other: their crease
-    rays = source.sample(2**18, 3)
+    rays = source.sample(2**16, 3)
 
-    def loss(step: float) -> torch.Tensor:
-        light = merit.light_of(parameters.tables(weights, offsets + step * along), rays)
-        return merit.terms[0].loss(light.images[0], False)
+    def loss(moved: torch.Tensor, own: MeritFunction = merit) -> torch.Tensor:
+        return own.terms[0].loss(own.light_of(parameters.tables(weights, moved), rays).images[0], False)
 
-    step = 4e-3
-    found, nearer = ((loss(h) - loss(-h)).item() / (2.0 * h) for h in (step, 0.5 * step))
-    moving = offsets.clone().requires_grad_()
-    merit.terms[0].loss(merit.light_of(parameters.tables(weights, moving), rays).images[0], False).backward()
-    exact = float((moving.grad * along).sum())
-    assert exact == pytest.approx(found, abs=0.03 * abs(found) + 2.0 * abs(found - nearer))
-    merit_without = MeritFunction(
-        spec, parameters, type(merit.light)(merit.light.scene, merit.light.receivers), merit.terms
-    )
-    moving = offsets.clone().requires_grad_()
-    light = merit_without.light_of(parameters.tables(weights, moving), rays)
-    merit.terms[0].loss(light.images[0], False).backward()
-    without = float((moving.grad * along).sum())
-    assert abs(without - found) > 5.0 * abs(exact - found), "the crease is most of this derivative"
+    step, slopes = 3.2e-2, []
+    found = (loss(offsets + step * along) - loss(offsets - step * along)).item() / (2.0 * step)
+    for own in (merit, without):
+        moving = offsets.clone().requires_grad_()
+        loss(moving, own).backward()
+        slopes.append(float((moving.grad * along).sum()))
+    assert slopes[0] == pytest.approx(found, rel=0.06)
+    assert abs(slopes[1] - found) > 0.9 * abs(found), "the crease is most of this derivative"
 
 
 @pytest.mark.parametrize("along", first_by_day(1, [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]))
@@ -127,7 +128,7 @@ def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> 
     """Of parts whose LED is out of place, tilted, and of another size: the creases are seen from there."""
     amounts = {"source_shift_mm": 0.2, "source_height_mm": 0.1, "source_size": 0.05, "source_flux": 0.2}
     spec = spot().replace(optimise={"robust": True}, tolerances={**amounts, "lens_tilt_deg": 0.5})
-    source, parameters = build_source(spec.source, None), ProfileParameters.of(spec, 2.5)
+    source, parameters = build_source(spec.source, None), begun()
     merit, pair = MeritFunction.of(spec, source, parameters), SearchParts.of(spec, parameters).of_step(0, 3)
     (weights, offsets), rays = parameters.start(), source.sample(2**15, 3)
     assert abs(pair[0].made.source.shift_mm[0]) > 0.03 and pair[0].flux != 1.0
@@ -148,14 +149,14 @@ def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> 
 def test_a_robust_search_takes_parts_in_its_steps() -> None:
     amounts = {"source_shift_mm": 0.2, "source_height_mm": 0.2}
     spec = spot().replace(optimise={"robust": True, "steps_per_level": [1]}, tolerances=amounts)
-    robust, plain = (lf.design(each, accuracy="draft") for each in (spec, spec.replace(optimise={"robust": False})))
+    with wall_not_measured():
+        robust, plain = (lf.design(each, accuracy="draft") for each in (spec, spec.replace(optimise={"robust": False})))
     assert robust.lens != plain.lens and all(criterion.passed for criterion in robust.criteria)
     assert robust.history[0].loss[0] > plain.history[0].loss[0] + 0.003, "parts are worse than the lens as designed"
 
 
 def test_limits_of_four_faces_are_those_of_the_body() -> None:
-    spec = spot()
-    parameters = ProfileParameters.of(spec, 2.5)
+    spec, parameters = spot(), begun()
     weights, offsets = moved(parameters, 0.01)
     constraints = AugmentedLagrangian.of(spec, parameters.refined().grid)
     least = constraints.least(constraints.fields(parameters.refined().tables(weights, offsets)))
@@ -184,23 +185,21 @@ def test_a_flat_exit_stays_a_plane_and_only_its_height_moves(levels: list[int]) 
 
 @pytest.mark.parametrize("levels", first_by_day(1, [[9], []]))
 def test_edges_in_the_search_are_those_of_the_faces_and_have_their_derivative(levels: list[int]) -> None:
-    spec = spot(levels=levels).replace(constraints={"min_edge_angle_deg": 70.0})
-    parameters = ProfileParameters.of(spec, 2.5)
+    spec, parameters = spot(levels=levels).replace(constraints={"min_edge_angle_deg": 70.0}), begun(*levels)
     weights, offsets = moved(parameters, 0.01)
     constraints = AugmentedLagrangian.of(spec, parameters.grid)
     margins = margins_but_for_the_wall(parameters.lens(weights, offsets, spec, 0, "draft")).edge_margin_deg
     along = torch.from_numpy(np.random.default_rng(2).normal(size=weights.shape))
+    numbers = [constraints.keys.index(f"{name}_edge_margin_deg") for name in margins]
 
-    def edge(name: str, step: float | torch.Tensor) -> torch.Tensor:
-        fields = constraints.fields(parameters.tables(weights + step * along, offsets))
-        number = constraints.keys.index(f"{name}_edge_margin_deg")
-        return fields[number].min() / constraints.constraints[number].factor
+    def edges(size: torch.Tensor) -> torch.Tensor:
+        fields = constraints.fields(parameters.tables(weights + size * along, offsets))
+        return torch.stack([fields[number].min() / constraints.constraints[number].factor for number in numbers])
 
-    for name, margin in margins.items():
-        assert edge(name, 0.0).item() == pytest.approx(margin, abs=0.01), name
-        moving, step = torch.zeros((), dtype=torch.float64, requires_grad=True), 1e-5
-        (exact,) = torch.autograd.grad(edge(name, moving), moving)
-        assert exact.item() == pytest.approx((edge(name, step) - edge(name, -step)).item() / (2.0 * step), rel=1e-5)
+    none, step = torch.zeros((), dtype=torch.float64), torch.tensor(1e-5, dtype=torch.float64)
+    assert edges(none).numpy() == pytest.approx(np.array(list(margins.values())), abs=0.01)
+    found = (edges(step) - edges(-step)) / (2.0 * step)
+    assert torch.autograd.functional.jacobian(edges, none).numpy() == pytest.approx(found.numpy(), rel=1e-5)
 
 
 @pytest.mark.nightly("ten seconds; by day edges in the search have their derivative, and another search is made")
@@ -238,12 +237,11 @@ def test_a_short_search_gains_light_and_keeps_the_limits(tmp_path: object) -> No
 
 
 def test_a_search_starts_at_the_offsets_that_are_given() -> None:
-    directions = {"cap": [0.0, 0.0, 1.0], "side": [1.0, 0.0, 0.0], "wall": [1.0, 0.0, 0.0], "exit": [0.0, 0.0, 1.0]}
-    for name, offset_mm in (("cap", 2.5), ("side", 1.6), ("wall", 3.1), ("exit", 9.2)):
-        start = ProfileParameters.of(spot(**{name: {"offset_mm": offset_mm}}), 2.5).start_surfaces
-        assert start[name].radius(np.array([directions[name]]))[0] == pytest.approx(offset_mm, rel=1e-4), (
-            name
-        )  # to the fit of the wall
+    up, aside = np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]])
+    given = {"cap": (2.5, up), "side": (1.6, aside), "wall": (3.1, aside), "exit": (9.2, up)}
+    start = start_faces(spot(**{name: {"offset_mm": offset_mm} for name, (offset_mm, _) in given.items()}))
+    for name, (offset_mm, direction) in given.items():
+        assert start[name].radius(direction)[0] == pytest.approx(offset_mm, rel=1e-4), name
 
 
 def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
