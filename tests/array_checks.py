@@ -51,8 +51,8 @@ def checked(subject: Any = None, *, typechecker: Callable[..., Any]) -> Any:
 def _in_first_calls(function: Callable[..., Any], typechecker: Callable[..., Any]) -> Callable[..., Any]:
     if not any("jaxtyping" in repr(each) for each in function.__annotations__.values()):
         return function
-    code = function.__code__
-    count = _calls.setdefault((code.co_filename, code.co_qualname, code.co_firstlineno), [0])
+    name = function.__module__, function.__qualname__, function.__code__.co_firstlineno
+    count = _calls.setdefault(name, [0])
     prepared: list[Callable[..., Any]] = []  # at the first call: most functions are not called by a process
 
     @functools.wraps(function)

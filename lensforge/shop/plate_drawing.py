@@ -105,11 +105,11 @@ def _alike(values: Float[np.ndarray, " n"]) -> bool:
 class LensLines:
     """Lines (mm) of one lens: ``dome`` and ``opening`` from above, ``fronts`` by its turn, and those of a section."""
 
-    dome: Points
-    opening: Points
-    fronts: Mapping[float, Points]
-    inner: Points
-    outer: Points
+    dome: Float[np.ndarray, "a 2"]
+    opening: Float[np.ndarray, "b 2"]
+    fronts: Mapping[float, Float[np.ndarray, "c 2"]]
+    inner: Float[np.ndarray, "d 2"]
+    outer: Float[np.ndarray, "e 2"]
     top_mm: float
 
     @property
