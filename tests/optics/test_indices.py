@@ -281,6 +281,9 @@ def test_a_catalogue_states_the_law_and_a_spec_keeps_it(tmp_path: Path) -> None:
         assert each.lens.temperature_law == GLASS.temperature
 
 
+ZEROS = (0.0,) * 4
+
+
 @pytest.mark.parametrize(
     ("td", "ed", "law"),
     [
@@ -289,9 +292,9 @@ def test_a_catalogue_states_the_law_and_a_spec_keeps_it(tmp_path: Path) -> None:
         ("TD", "ED", UNKNOWN),
         ("", "", UNKNOWN),
         ("TD - - - - - -", "ED _ _", UNKNOWN),
-        ("TD -1.2E-4", "ED 68", TemperatureLaw(20.0, (-1.2e-4, 0.0, 0.0, 0.0, 0.0, 0.0), expansion_per_k=68e-6)),
-        ("TD 1E-6 0 0 0 0 0.2 0", "ED 8.1", TemperatureLaw(0.0, (1e-6, 0, 0, 0, 0, 0.2), expansion_per_k=8.1e-6)),
-        ("TD 1E-6 0 0 0 0 0.2 22", "ED 8.1", TemperatureLaw(22.0, (1e-6, 0, 0, 0, 0, 0.2), expansion_per_k=8.1e-6)),
+        ("TD -1.2E-4", "ED 68", TemperatureLaw(20.0, (-1.2e-4, *ZEROS, 0.0), expansion_per_k=68e-6)),
+        ("TD 1E-6 0 0 0 0 0.2 0", "ED 8.1", TemperatureLaw(0.0, (1e-6, *ZEROS, 0.2), expansion_per_k=8.1e-6)),
+        ("TD 1E-6 0 0 0 0 0.2 22", "ED 8.1", TemperatureLaw(22.0, (1e-6, *ZEROS, 0.2), expansion_per_k=8.1e-6)),
     ],
 )
 def test_zeros_and_missing_numbers_of_a_catalogue(tmp_path: Path, td: str, ed: str, law: TemperatureLaw) -> None:

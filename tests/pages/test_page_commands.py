@@ -139,7 +139,7 @@ def test_the_specs_of_a_page_are_written_and_take_its_sweep(
 def test_the_commands_of_a_page_run_in_its_order(page: str, tmp_path: Path) -> None:
     for words in _commands(page):
         done = subprocess.run(
-            [sys.executable, "-m", "lensforge", *words], cwd=tmp_path, capture_output=True, encoding="utf-8", check=False
+            [sys.executable, "-m", "lensforge", *words], cwd=tmp_path, capture_output=True, encoding="utf-8"
         )
         assert done.returncode in (0, 1) and "Traceback" not in done.stderr, f"{words}: {done.stderr}"
 
