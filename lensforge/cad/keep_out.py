@@ -151,15 +151,14 @@ def _nearest(
     reach_mm = most_mm + np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     away = cKDTree(points).query(places, distance_upper_bound=reach_mm.max())[0]
     chosen = away[triangles].min(axis=1) <= reach_mm
-    held = corners[chosen].reshape(-1, 3)
-    outside = np.maximum(held.min(axis=0, initial=np.inf) - points, points - held.max(axis=0, initial=-np.inf))
-    near = points[np.linalg.norm(np.maximum(outside, 0.0), axis=1) <= most_mm]
-    near = near[cKDTree(held).query(near)[0] <= reach_mm[chosen].max(initial=0.0)]
+    if not chosen.any():
+        return np.zeros(3), np.zeros(3), np.inf
+    facets = trimesh.Trimesh(places, triangles[chosen], process=False)
+    to_corner = cKDTree(corners[chosen].reshape(-1, 3)).query(points, distance_upper_bound=reach_mm[chosen].max())[0]
+    near = points[np.isfinite(to_corner)]
     if not len(near):
         return np.zeros(3), np.zeros(3), np.inf
-    closest, distances, _ = trimesh.proximity.closest_point(
-        trimesh.Trimesh(places, triangles[chosen], process=False), near
-    )
+    closest, distances, _ = trimesh.proximity.closest_point(facets, near)
     best = int(distances.argmin())
     return np.asarray(closest[best]), near[best], float(distances[best])
 

@@ -219,7 +219,7 @@ def _error_over_pairs(products: Float[np.ndarray, "r r"]) -> float:
 
 _REPLICATES = 16
 _ROUNDING = 1e-12
-_AT_ONCE = 2**17  # values of pixels by blocks
+_AT_ONCE = 2**14  # values of pixels by blocks: beyond, each array is fetched from the system anew
 
 Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 
@@ -372,7 +372,7 @@ class _Choices:
 def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarray, "b r"]:
     """Value in every replicate of the darkest pixel by each block; the mean of all where rays reached none."""
     light = blocks @ images
-    block, pixel = np.nonzero(light == light.min(axis=1, keepdims=True))
+    block, pixel = np.divmod(np.flatnonzero(light == light.min(axis=1, keepdims=True)), images.shape[1])
     first = np.searchsorted(block, np.arange(len(blocks)))
     sums = np.add.reduceat(images.T[pixel], first)
     values: Float[np.ndarray, "b r"] = sums / np.diff(first, append=len(block))[:, None]

@@ -182,13 +182,10 @@ class _Lamps:
 class RoadReadings:
     """All light of one road by its lamps as they are when new, without the maintenance factor.
 
-    For the observer in each lane, from the driving side: ``luminance`` (cd/m^2) at the points of the field, row by row
-    along the road, three to a lane, ``wet`` that of the wet surface, of none where there is none; ``veiling`` luminance
-    (cd/m^2) on the way through the field. By RP-8 for each direction of travel: luminance and veiling luminance of the
-    points in its lanes, two to a lane, each from an eye of its own. ``rows``: y of the rows of each luminance;
-    ``seen``: each observer, and x and y of the points that it sees; ``seen_lux``: mean illuminance (lx) there.
-    ``illuminance`` (lx) at the points of its own field. ``edges``: mean illuminance outside and inside of the right
-    edge, and of the left.
+    Observers are one in each lane, from the driving side, and see three rows of points to a lane. By RP-8 there is one
+    for each direction of travel, with two rows to a lane of its own, and each point is seen from an eye of its own.
+    ``rows``: y of the rows of each observer; ``seen``: the observers, and x and y of the points, row by row along the
+    road.
     """
 
     road: RoadSection
@@ -208,24 +205,24 @@ class RoadReadings:
 
     @cached_property
     def luminance(self) -> tuple[CandelaSum, ...]:
-        """See the class."""
+        """Luminance (cd/m^2) of the points, for each observer."""
         return tuple(_luminance(view, self.surface, x, y, each_its_eye=self.road.by_rp8) for view, x, y in self.seen)
 
     @cached_property
     def wet(self) -> tuple[CandelaSum, ...]:
-        """See the class."""
+        """Luminance (cd/m^2) of the points of the wet surface, for each observer; of none where it is not asked for."""
         surface = self.wet_surface
         return () if surface is None else tuple(_luminance(view, surface, x, y) for view, x, y in self.seen)
 
     @cached_property
     def veiling(self) -> tuple[CandelaSum, ...]:
-        """See the class."""
+        """Veiling luminance (cd/m^2) for each observer: on the way through the field, by RP-8 from each eye."""
         by_rp8 = self.road.by_rp8
         return tuple(_veiling_of_points(*each) if by_rp8 else _veiling_on_the_way(each[0]) for each in self.seen)
 
     @cached_property
     def seen_lux(self) -> tuple[CandelaSum, ...]:
-        """See the class."""
+        """Mean illuminance (lx) where each observer sees points."""
         if not self.road.by_rp8:
             return (self.illuminance.mean(),) * len(self.rows)
         half = 0.5 * (self.rows[0][1] - self.rows[0][0])
@@ -233,12 +230,12 @@ class RoadReadings:
 
     @cached_property
     def illuminance(self) -> CandelaSum:
-        """See the class."""
+        """Illuminance (lx) at the points of its own field."""
         return _illuminance(self.road, 0.0, self.road.width_m)
 
     @cached_property
     def edges(self) -> tuple[CandelaSum, CandelaSum]:
-        """See the class."""
+        """Mean illuminance (lx) outside and inside of the right edge, and of the left."""
         width, lane = self.road.width_m, self.road.lane_m
         strips = ((-lane, 0.0), (0.0, lane), (width, width + lane), (width - lane, width))
         out_right, in_right, out_left, in_left = (_illuminance(self.road, *ends).mean() for ends in strips)

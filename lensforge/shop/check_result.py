@@ -280,7 +280,7 @@ class Check(StageResult):
             "kappa_max": "larger principal curvature (1/mm)",
             "residual_mm": "uncut height (mm)",
         }
-        surface = require_choice("surface", surface or list(self.faces)[-1], self.faces)
         require_choice("quantity", quantity, labels)
+        surface = require_choice("surface", surface or next(reversed(self.faces), None), self.faces)
         values, half_width = getattr(self.faces[surface], quantity), float(self.chart_axis[-1])
         return plot_face(values, half_width, f"{surface}: {labels[quantity]}", axes)

@@ -108,10 +108,9 @@ class ImplicitSurface(Surface):
     @cached_property
     def _profile(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
         """Polar angles, from the axis down, and the radius there on each meridian: roots followed from the vertex."""
-        return _profile_of(self)
+        return _kept_profile(self)
 
-    def followed(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
-        """The profile, made anew."""
+    def _new_profile(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
         polar = np.linspace(0.0, np.arccos(_LEAST_HEIGHT), _PROFILE)
         azimuth = 2.0 * np.pi * np.arange(self.meridians) / self.meridians
         outwards = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
@@ -150,8 +149,8 @@ class ImplicitSurface(Surface):
 
 
 @lru_cache(maxsize=64)  # the faces of a spec are made again whenever it is read
-def _profile_of(surface: ImplicitSurface) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
-    return surface.followed()
+def _kept_profile(surface: ImplicitSurface) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
+    return surface._new_profile()
 
 
 def require_vertex(vertex_mm: float, *radii_mm: float) -> None:

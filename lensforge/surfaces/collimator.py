@@ -160,9 +160,9 @@ def share_within(mapped: Iterable[tuple[_Angles, _Angles]], half_angle_rad: floa
 
 @cache
 def _places_from_the_centre() -> Float[np.ndarray, "2 k"]:
-    """Places of a square of side 1 along and across azimuths from its side, over an eighth of a turn by its symmetry.
+    """Places of a square of side 1, along and across four azimuths of a quarter of a turn: the others see the same.
 
-    Half of the square: its other half turns rays by as much.
+    Half of the square, whose other half turns rays by as much.
     """
     place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
     x, y = (each.reshape(-1, 1) for each in np.meshgrid(place[: _PLACES // 2], place))

@@ -77,7 +77,7 @@ def known_of(results: Results) -> set[str]:
     texts += results.design.source.warnings if "design" in results.found else ()
     texts += [str(result.conditions) for result in results.others.values()]
     texts += [f"{len(group.facts)} criteria" for group in headline.criterion_groups(results)]
-    if (study := results.find(Yield)) is not None:
+    for study in (each for each in found if isinstance(each, Yield)):
         texts += [pass_sentence(study), budget_sentence(study), *texts_of(drawn_rows(study)), *study.notes]
         texts += [worst_words(study, worst) for worst in study.worst]
     texts += [template.read_text(encoding="utf-8") for template in TEMPLATES.glob("*.html")]
