@@ -1,5 +1,7 @@
 """The top of the page: verdict, criteria, cards, and stages that are missing or out of date."""
 
+from dataclasses import replace
+
 import pytest
 from page_text import text_of
 from result_folders import (
@@ -12,7 +14,7 @@ from result_folders import (
     text_target,
 )
 
-from lensforge.report.headline import asked_facts
+from lensforge.report.headline import asked_facts, headline
 from lensforge.report.stored import load_results
 from lensforge.results import Metric
 
@@ -29,6 +31,13 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
     assert text.index("Asked, got, possible") < text.index(f"Cutting: fail {sentence}") < text.index("Peak irradiance")
     assert "All 9 criteria on light and files are met." in text, "they are another matter"
     assert "✓ Files: pass" in text
+
+
+def test_what_has_not_run_leaves_a_verdict_undecided():
+    text = text_of(make_results(("design",)))
+    for words in ("Light: undecided", "Files: undecided", "Cutting: undecided"):
+        assert words in text
+    assert "Cutting: undecided The part has not been checked." in text
 
 
 def test_what_was_asked_for_says_whether_it_came_out():
@@ -79,3 +88,14 @@ def test_a_record_of_an_earlier_version_is_named_without_the_path_of_its_folder(
     text = text_of(load_results(tmp_path), tmp_path)
     assert 'evaluate.json does not count: schema = "lensforge-evaluate-2"' in text
     assert str(tmp_path) not in text
+
+
+@pytest.mark.parametrize(("required", "words"), [(False, "Cutting fails (not required)."), (True, "Cutting fails.")])
+def test_cutting_that_fails_says_whether_it_counts(required, words):
+    verdicts = (finding("cutter", "inner", False, "no ball fits"),)
+    results = make_results(check={"verdicts": verdicts})
+    shop = results.spec.manufacture.model_copy(update={"required": required})
+    spec = results.spec.model_copy(update={"manufacture": shop})
+    found = headline(replace(results, lens=replace(results.lens, spec=spec)))
+    assert found.sentence.startswith(words)
+    assert found.shown == ("fail" if required else "open")

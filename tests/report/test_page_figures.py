@@ -121,6 +121,14 @@ def test_constraints_run_on_from_level_to_level_and_what_is_not_allowed_is_shade
     assert shaded.y0 < -0.375
 
 
+def test_efficiencies_beside_each_other_have_labels_of_their_own():
+    level = make_design(small_lens()).history[0].model_copy(update={"efficiency": (0.882, 0.876, 0.874)})
+    figure = lens_figures.history([level], "efficiency")
+    figure.canvas.draw()
+    labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert len(labels) > 3 and len(set(labels)) == len(labels)
+
+
 def test_a_map_is_empty_where_another_face_is():
     nodes = np.linspace(-1.0, 1.0, 41)
     radius = np.hypot(*np.meshgrid(nodes, nodes))
