@@ -10,6 +10,7 @@ import ezdxf
 import numpy as np
 import pytest
 from ezdxf.entitydb import EntityDB
+from matplotlib.figure import Figure
 from shop_lenses import BASE, bare_part, small_lens
 
 from lensforge.cad.form_error import fit_lens
@@ -20,10 +21,10 @@ from lensforge.cad.step import signed_step
 from lensforge.errors import InputError
 from lensforge.shop.dimensions import datum_scheme, dimensions
 from lensforge.shop.drawing import SIZES, drawing_content, make_sheet
-from lensforge.shop.sheet import box_of, shown
+from lensforge.shop.sheet import Words, box_of, shown
 from lensforge.shop.sheet_marks import strokes_of, words_of_dimension
 from lensforge.shop.sheet_tables import index_wavelength, tolerance_table
-from lensforge.shop.sheet_writers import sheet_dxf, sheet_pdf
+from lensforge.shop.sheet_writers import _write_words, sheet_dxf, sheet_pdf
 from lensforge.shop.view_drawing import SCALES
 from lensforge.spec.part_section import read_drawing
 from lensforge.spec.tolerances_section import PartTolerances
@@ -381,3 +382,11 @@ def test_another_revision_is_read_from_a_file_and_wrong_ones_are_a_line(tmp_path
 def test_the_index_has_its_wavelength(material, words):
     lens = small_lens(lens={"levels": [9, 25], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}, **material})
     assert index_wavelength(lens).startswith(words)
+
+
+@pytest.mark.parametrize(("turned", "place"), [(0, (50.0, 35.0)), (90, (55.0, 40.0))])
+def test_capitals_have_their_middle_where_the_words_are(turned, place):
+    """The base line is half of their height below it, as the turned text sees it."""
+    axes = Figure().add_subplot()
+    _write_words(axes, Words((50.0, 40.0), "H", 10.0, "left", turned))
+    assert axes.texts[0].get_position() == place
