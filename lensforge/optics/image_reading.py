@@ -239,7 +239,7 @@ def _require_readable(page: TiffPage, colours: str, size: int) -> None:
     if page.dtype.kind == "f" and (colours == "MINISWHITE" or page.extrasamples):
         raise Refused("its floating-point values have an opacity, or say that white is 0; save them without")
     if page.compression not in _COMPRESSIONS:
-        raise Refused(f"its compression {page.compression} is not read; save it with LZW or deflate")
+        raise Refused(f"its compression {str(page.compression)!a} is not read; save it with LZW or deflate")
     if len(page.dataoffsets) > _MOST_STRIPS:
         raise Refused(f"{len(page.dataoffsets)} strips or tiles, at most {_MOST_STRIPS}")
     ends = [start + count for start, count in zip(page.dataoffsets, page.databytecounts, strict=True)]

@@ -96,7 +96,7 @@ def _lines_of(path: Path, glass: str) -> list[str]:
         )
     if glass.upper() not in blocks:
         close = get_close_matches(glass.upper(), blocks, 3, 0.5)
-        hint = f"closest: {', '.join(close)}" if close else "lens.material must be one of its names"
+        hint = f"closest: {', '.join(map(repr, close))}" if close else "lens.material must be one of its names"
         raise InputError(f"{path}: no glass {glass!r} among its {len(blocks)}; {hint}")
     return blocks[glass.upper()]
 

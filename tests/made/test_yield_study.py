@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from nightly import scaled
+from nightly import NIGHTLY, scaled
 from parts import few_rays, lens_with, study_of
 
 from lensforge.errors import InputError
@@ -50,7 +50,7 @@ def _smooth_light(study: PartStudy, part) -> np.ndarray:
 @pytest.fixture(scope="module")
 def small_errors():
     """Smooth light of many parts with small errors, and its derivative by every number that is drawn."""
-    study = study_of(SMALL, parts=scaled(2048, by_day=512), rays=512)
+    study = study_of(SMALL, parts=scaled(2048, by_day=512), rays=2048 if NIGHTLY else 512)
     designed = _smooth_light(study, None)
     parts = np.array([_smooth_light(study, study.part(k)[0]) for k in range(study.recipe.parts)]) - designed
     slopes, variances = [], []

@@ -127,7 +127,7 @@ def test_a_spec_keeps_the_numbers_and_needs_the_file_no_more(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "lens", "message"),
     [
-        ("c.agf", AGF, {"material": "GLASS-C"}, r"c\.agf: no glass 'GLASS-C' among its 4; closest: GLASS-"),
+        ("c.agf", AGF, {"material": "GLASS-C"}, r"c\.agf: no glass 'GLASS-C' among its 4; closest: 'GLASS-"),
         ("c.agf", AGF, {}, r"c\.agf: name the glass in it by lens.material"),
         ("c.agf", AGF, {"material": "broken"}, r"broken has the dispersion formula 14, known are 1 to 13"),
         ("c.agf", AGF, {"material": "empty"}, r"empty has no line CD"),
