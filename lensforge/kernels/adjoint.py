@@ -35,6 +35,7 @@ from lensforge.kernels.fresnel import (
     unit,
 )
 from lensforge.kernels.hit_adjoint import hit_adjoint
+from lensforge.kernels.precision import DOUBLE_PRECISION, Precision
 
 # A ray's number; its point and direction in the inner face's frame, and its path lengths; sensitivities to the exit
 # point, the direction, the flux, that along z and the squared sine; whether it left the lens; flux, index ratios and
@@ -56,9 +57,9 @@ BY_INNER, BY_OUTER = fields(COEFFICIENTS + 57, 6)[::3]
 ADJOINT_NUMBERS = (COEFFICIENTS + 63) * SIZE
 
 
-def empty_adjoint() -> Float[np.ndarray, " k"]:
+def empty_adjoint(precision: Precision = DOUBLE_PRECISION) -> Float[np.ndarray, " k"]:
     """Memory of a packet for the adjoint, for one thread."""
-    return np.zeros(ADJOINT_NUMBERS)
+    return np.zeros(ADJOINT_NUMBERS, precision.kind)
 
 
 @inline

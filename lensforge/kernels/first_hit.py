@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 from lensforge.kernels.bicubic import cell_at, cubic_splines, index_at
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.precision import DOUBLE_PRECISION, ByPrecision, Precision
 
 SIZE = 256  # rays
 WIDTH = 8  # rays in the widest vector register
@@ -62,9 +63,9 @@ OF_CHAIN = COEFFICIENTS + PER_RAY + OWN + 18  # what ``kernels.chain`` keeps
 PACKET_NUMBERS = (OF_CHAIN + 30) * SIZE
 
 
-def empty_packet() -> Float[np.ndarray, " k"]:
+def empty_packet(precision: Precision = DOUBLE_PRECISION) -> Float[np.ndarray, " k"]:
     """Memory of a packet, for one thread."""
-    return np.zeros(PACKET_NUMBERS)
+    return np.zeros(PACKET_NUMBERS, precision.kind)
 
 
 @inline
@@ -191,8 +192,12 @@ MISSED = 4.0  # goes past the surface, outside of it
 
 MAX_STEPS = 1000  # a ray that grazes a face takes hundreds
 MAX_CLOSING = 60
-TOLERANCE = 1e-12  # of the distance from the origin: the next error is its square
-ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would keep the root moving
+# Shares of the distance from the origin; in single precision a few of its last bits.
+TOLERANCE = ByPrecision(1e-12, 2e-6)  # of a Newton step: the next error is its square
+ROUNDING = ByPrecision(2e-15, 5e-7)  # F below it is noise; near tangency it would keep the root moving
+STANDSTILL = ByPrecision(1e-13, 1e-6)  # a shorter safe step has arrived
+NEAR = ByPrecision(1e-12, 2e-6)  # as near to a ball, or to the surface, as counts as on it
+LAST_BIT = ByPrecision(1e-15, 2e-7)
 LEAP_SHARE = 0.9  # of the least radius nearby: up to there a step to that radius costs less than an evaluation
 _LEAPS = 2  # of all rays before the first evaluation: to the ball in which no surface is, and to the radius nearby
 
@@ -204,7 +209,7 @@ def leap_of(r, outward, least, nearby, tan_reach):
     F > 0 in the ball of the ``least`` radius: to its far side, a last bit further; and up to the least radius
     ``nearby``, within reach of the bounds.
     """
-    ball = (sqrt(outward * outward + least * least - r * r) - outward) * (1.0 + 1e-15) + 1e-15 * least
+    ball = (sqrt(outward * outward + least * least - r * r) - outward) * (1.0 + LAST_BIT) + LAST_BIT * least
     cos_radial = outward / r
     turning = sqrt(max(1.0 - cos_radial * cos_radial, 0.0)) - tan_reach * cos_radial
     room = r * tan_reach
@@ -233,7 +238,7 @@ def bound_ahead(outward, r, sine, cos_radial, slope, hessian, least):
     nearest = max(r * sine, least)
     bend_in = (1.0 + (hessian + slope) / nearest) / nearest
     # inwards, up to the start of the ball in which F > 0
-    path = -outward - sqrt(outward * outward - r * r + least * least) + 1e-12 * r
+    path = -outward - sqrt(outward * outward - r * r + least * least) + NEAR * r
     path = path if r * sine < least else inf
     return (bend_out, inf) if cos_radial >= 0.0 else (bend_in, path)
 
@@ -263,7 +268,7 @@ def walk(rays, count, least, most, tan_reach, among, outside):
         turning, room = sine - tan_reach * cos_radial, r * tan_reach
         bend, path = bound_ahead(outward, r, sine, cos_radial, rays[MOST_SLOPE + k], rays[MOST_HESSIAN + k], least)
         if outside:
-            leap = approach(r, outward, most) if r > most * (1.0 + 1e-12) else 0.0
+            leap = approach(r, outward, most) if r > most * (1.0 + NEAR) else 0.0
         else:
             leap = leap_of(r, outward, least, rays[NEARBY + k], tan_reach)
         farthest = -2.0 * gap / slope
@@ -276,8 +281,8 @@ def walk(rays, count, least, most, tan_reach, among, outside):
             at_root = at_root and not (t == 0.0 and slope > 0.0 and rays[ON_FACE + k] == 1.0)
         high = min(t + farthest, plane)
         closed, moved = min(t + 0.5 * farthest, high), t + move
-        state = FOUND if move <= 1e-13 * r and not closes else GOING
-        state = (FOUND if -1e-12 * r < gap and t > 0.0 else LOST) if at_root else state
+        state = FOUND if move <= STANDSTILL * r and not closes else GOING
+        state = (FOUND if -NEAR * r < gap and t > 0.0 else LOST) if at_root else state
         state = GOING if leap > 0.0 else state
         if outside:
             state = MISSED if leap == inf or (r >= most and outward >= 0.0 and not at_root) else state

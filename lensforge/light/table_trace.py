@@ -13,6 +13,7 @@ from lensforge.kernels.chain_adjoint import empty_chain
 from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.nearly_convex import chain_bounds
 from lensforge.kernels.parallel import CHUNKS, in_chunks, part_of
+from lensforge.kernels.precision import DOUBLE_PRECISION, SINGLE_PRECISION, Precision
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
 from lensforge.light.further_bodies import TWO_FACES, BodyPassage, fields_of_two_faces, polarised, through_bodies
@@ -33,7 +34,8 @@ class Scene:
 
     Without ``fresnel`` all faces let all light through that they do not reflect totally, coated or not. ``made``: where
     the lens is not as designed; None for one that is. ``chain``: the faces where a ray may meet any of them; None for
-    the usual lens, in which it is refracted at the inner face and then at the outer one.
+    the usual lens, in which it is refracted at the inner face and then at the outer one. ``single``: whether the usual
+    lens is traced in single precision, for a search: its noise is far above the error.
     """
 
     media: Media
@@ -41,6 +43,12 @@ class Scene:
     fresnel: bool = True
     made: AsMade | None = None
     chain: Chain | None = None
+    single: bool = False
+
+    @property
+    def precision(self) -> Precision:
+        """How the kernels store numbers. Events of a chain go ray by ray: there single precision would gain little."""
+        return SINGLE_PRECISION if self.single and self.traced_chain is None else DOUBLE_PRECISION
 
     @property
     def traced_chain(self) -> Chain | None:
@@ -111,7 +119,7 @@ class TracedBundle:
         """
         tables = tables if isinstance(tables, np.ndarray) else np.stack(list(tables))
         bounds = face_bounds(tables, scene) if bounds is None else bounds
-        count, body = len(rays), scene.body(rays)
+        count, body, precision = len(rays), scene.body(rays), scene.precision
         indices, absorptions = body
         points, directions = np.zeros((count, 3)), np.zeros((count, 3))
         coatings = RayCoatings.of(rays, scene.media, scene.fresnel)
@@ -125,15 +133,16 @@ class TracedBundle:
         absorbed = np.zeros(count if len(absorptions) else 0)
         axial = np.zeros(count) if scene.fresnel and scene.media.cover_glass else None
         ended = np.zeros((count, 12)) if scene.media.bodies else None
+        run, given = precision.kernel(trace), precision.of((tables, bounds, scene.packed(), faces))
 
         def work(_: int, part: slice) -> None:
-            trace(
+            run(
                 rays.origins[part], rays.directions[part], rays.flux[part],
-                part_of(indices, part), part_of(absorptions, part), tables, bounds, scene.packed(),
-                faces, coatings.part(part), placed, rough_part(rough, part), chain, None,
-                lengths[part], None if met is None else met[part], points[part], directions[part], flux[part],
-                absorbed[part], None if axial is None else axial[part], sin2_exit[part], fates[part],
-                None if ended is None else ended[part], empty_packet(),
+                part_of(indices, part), part_of(absorptions, part), *given,
+                precision.of(coatings.part(part)), precision.of(placed), precision.of(rough_part(rough, part)),
+                chain, None, lengths[part], None if met is None else met[part], points[part], directions[part],
+                flux[part], absorbed[part], None if axial is None else axial[part], sin2_exit[part], fates[part],
+                None if ended is None else ended[part], empty_packet(precision),
             )  # fmt: skip
 
         in_chunks(work, count)
@@ -162,19 +171,19 @@ class TracedBundle:
         for passage in reversed(self.passages):
             by, by_flux, by_ended = passage.back(by, by_flux, by_ended)
         chain, met = None if scene.traced_chain is None else scene.traced_chain.packed(scene.media), self.met
-        totals = np.zeros((CHUNKS, *self.tables.shape))
+        totals, precision = np.zeros((CHUNKS, *self.tables.shape)), scene.precision
+        run, given = precision.kernel(trace_adjoint), precision.of((self.tables, scene.packed(), faces))
 
         def work(chunk: int, part: slice) -> None:
-            trace_adjoint(
+            run(
                 rays.origins[part], rays.directions[part], rays.flux[part],
-                part_of(indices, part), part_of(absorptions, part),
-                self.tables, scene.packed(), faces, coatings.part(part),
-                self.placed, rough_part(self.rough, part), chain, None, self.lengths[part],
+                part_of(indices, part), part_of(absorptions, part), *given, precision.of(coatings.part(part)),
+                precision.of(self.placed), precision.of(rough_part(self.rough, part)), chain, None, self.lengths[part],
                 None if met is None else met[part], fates[part],
                 by.by_points[part], by.by_directions[part], by_flux[part],
                 None if by_axial is None else by_axial[part], by_sin2[part],
                 None if by_ended is None else by_ended[part], None,
-                totals[chunk], empty_adjoint(), empty_chain(scene.events), np.zeros(12),
+                totals[chunk], empty_adjoint(precision), empty_chain(scene.events), np.zeros(12),
             )  # fmt: skip
 
         in_chunks(work, len(rays))

@@ -35,6 +35,7 @@ from lensforge.search.parameters import ChartMirrors, Parametrisation, chart_mir
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source, aims
 from lensforge.spec import Spec, Target
+from lensforge.spec.lamps_section import EndlessLamps
 
 # Factors of the terms added to an NMSE of order 0.01 to 1. A receiver that is judged by uniformity and efficiency has
 # a strong efficiency term in every stage; elsewhere the NMSE itself includes efficiency.
@@ -268,11 +269,16 @@ class MeritFunction(Merit[SampledLight]):
 
     @staticmethod
     def of(
-        spec: Spec, source: Source, parametrisation: Parametrisation, device: torch.device | None = None
+        spec: Spec,
+        source: Source,
+        parametrisation: Parametrisation,
+        device: torch.device | None = None,
+        single: bool = False,
     ) -> "MeritFunction":
         """Merit function whose targets carry the flux of the theoretical limit, so that the NMSE includes efficiency.
 
-        Rays are traced on ``device``, or by the compiled kernels for None; all else stays on the CPU.
+        Rays are traced on ``device``, or by the compiled kernels for None; all else stays on the CPU. ``single``: the
+        kernels trace the usual lens in single precision.
         """
         receivers, sections = receivers_of(spec, spec.optimise.pixels), spec.all_receivers
         fresnel = spec.optimise.fresnel
@@ -284,7 +290,8 @@ class MeritFunction(Merit[SampledLight]):
             )
             for section, receiver in zip(sections, receivers, strict=True)
         )
-        scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens))
+        single = single and not isinstance(spec.lamps, EndlessLamps)  # whose light comes from any distance
+        scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens), single=single)
         if device is not None and (scene.chain is not None or spec.bodies):
             raise InputError(
                 f"device = '{device}': only a lens of two faces, without bodies behind it, is traced there; take cpu"

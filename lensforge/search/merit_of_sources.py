@@ -49,11 +49,15 @@ class MeritOfSources(Merit[LightOfSources]):
 
     @staticmethod
     def of(
-        spec: Spec, source: SeveralSources, parametrisation: Parametrisation, device: torch.device | None = None
+        spec: Spec,
+        source: SeveralSources,
+        parametrisation: Parametrisation,
+        device: torch.device | None = None,
+        single: bool = False,
     ) -> "MeritOfSources":
         """The merit for all sources of ``spec``; each asks for the same targets and limits with its own flux."""
         pairs = zip(spec.of_each_source, source.sources, strict=True)
-        members = tuple(MeritFunction.of(own, led, parametrisation, device) for own, led in pairs)
+        members = tuple(MeritFunction.of(own, led, parametrisation, device, single) for own, led in pairs)
         total = sum(each.share for each in spec.sources)
         shares = tuple(each.share / total for each in spec.sources)
         return MeritOfSources(parametrisation, source, members, shares, spec.optimise.over_sources == "worst")

@@ -306,7 +306,7 @@ def search(
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
     preset = for_preview(preset) if preview else preset
     schedule = schedule_of(spec, source, preset, start)
-    problems = Problems(spec, source, preset.nodes_per_sigma, device)
+    problems = Problems(spec, source, preset.nodes_per_sigma, device, preset.single)
     key = fingerprint(spec, seed, f"{accuracy}, preview" if preview else accuracy, start, device)
     if resume and checkpoint is not None:
         state = SearchState.load(checkpoint, key)

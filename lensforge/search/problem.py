@@ -70,21 +70,27 @@ def parameters_of(spec: Spec, nodes_per_sigma: float) -> Parametrisation:
     return kinds[spec.lens.kind](spec, nodes_per_sigma)
 
 
-def merit_of(spec: Spec, source: Source, parametrisation: Parametrisation, device: torch.device | None) -> Merit[Any]:
+def merit_of(
+    spec: Spec, source: Source, parametrisation: Parametrisation, device: torch.device | None, single: bool
+) -> Merit[Any]:
     """The merit of lenses for ``source``, one LED or several."""
     if isinstance(source, SeveralSources):
-        return MeritOfSources.of(spec, source, parametrisation, device)
-    return MeritFunction.of(spec, source, parametrisation, device)
+        return MeritOfSources.of(spec, source, parametrisation, device, single)
+    return MeritFunction.of(spec, source, parametrisation, device, single)
 
 
 @dataclass
 class Problems:
-    """The problems of one search, of which the last is kept; constraints of automatic levels hold at fewer points."""
+    """The problems of one search, of which the last is kept; constraints of automatic levels hold at fewer points.
+
+    ``single``: rays are traced in single precision.
+    """
 
     spec: Spec
     source: Source
     nodes_per_sigma: float
     device: torch.device | None
+    single: bool = False
     _last: Problem | None = None
 
     def of(self, levels: tuple[int, ...]) -> Problem:
@@ -93,7 +99,7 @@ class Problems:
             spec = self.spec.with_levels(levels)
             automatic = self.spec.lens.levels == "auto"
             parametrisation = parameters_of(spec, self.nodes_per_sigma)
-            merit = merit_of(spec, self.source, parametrisation, self.device)
+            merit = merit_of(spec, self.source, parametrisation, self.device, self.single)
             constraints = AugmentedLagrangian.of(spec, parametrisation.grid, sparse=automatic)
             parts = SearchParts.of(spec, parametrisation) if spec.optimise.robust else None
             self._last = Problem(spec, merit, constraints, automatic, parts)

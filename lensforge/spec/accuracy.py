@@ -48,7 +48,7 @@ class Preset:
     Of a search with given levels, ``design_rays``: rays of a gradient step; ``coarse_steps``, ``fine_steps``: gradient
     steps of every level but the last, and of the last. ``effort``: of one that chooses its levels. ``evaluate_rays``:
     rays that evaluate the finished lens. ``photometry_rays``: the most that its far field takes by itself.
-    ``verify_rays``: rays of the independent ray cast.
+    ``verify_rays``: rays of the independent ray cast. ``single``: the search traces rays in single precision.
     """
 
     nodes_per_sigma: float
@@ -60,6 +60,7 @@ class Preset:
     photometry_rays: int
     verify_rays: int
     effort: SearchEffort
+    single: bool = True
 
 
 # The finest level: 289 functions serve a flat top, letters need 1,089, a source of 0.1 mm gains from 4,225. Steps, rays
@@ -78,7 +79,7 @@ _REFERENCE = SearchEffort(
 PRESETS: dict[Accuracy, Preset] = {
     "draft": Preset(2.5, 6.0, 2**14, 60, 120, 2**20, 2**20, 2**14, _DRAFT),
     "standard": Preset(3.4, 8.0, 2**16, 100, 300, 2**23, 2**22, 2**16, _STANDARD),
-    "reference": Preset(5.0, 12.0, 2**18, 150, 600, 2**24, 2**24, 2**17, _REFERENCE),
+    "reference": Preset(5.0, 12.0, 2**18, 150, 600, 2**24, 2**24, 2**17, _REFERENCE, single=False),
 }
 
 

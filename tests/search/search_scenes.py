@@ -43,10 +43,10 @@ RECEIVERS: dict[str, dict[str, Any]] = {
 class Step:
     """Merit of one step from a lens that is not round and too large, so that constraints count, too."""
 
-    def __init__(self, changes: dict[str, Any]) -> None:
+    def __init__(self, changes: dict[str, Any], *, single: bool = False) -> None:
         spec, rng = small_spec(**changes), np.random.default_rng(0)
         source = build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None)
-        self.problem = Problems(spec, source, 3.0, None).of((9, 25))
+        self.problem = Problems(spec, source, 3.0, None, single).of((9, 25))
         parts = self.problem.parts
         self.pair = None if parts is None else parts.of_step(0, 3)
         lenses = max(1, len(spec.all_lamps.kinds))

@@ -1,0 +1,88 @@
+"""Kernels in single precision: the same sources, with each of their numbers in float32.
+
+A vector register then holds twice as many rays. A number written in a kernel is float64 to numba, and one of them
+makes all that is computed with it float64, so :func:`in_single` compiles a copy of a kernel, and of the kernels that it
+calls, in which they are float32. Where arrays are float32, too, so is the rest.
+"""
+
+import builtins
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from types import CodeType, FunctionType
+from typing import Any, cast
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+from lensforge.kernels.compiled import inline, kernel
+
+Function = Callable[..., Any]
+
+MOST_EXACT = 2**24  # whole numbers up to here are exact in float32
+
+
+class ByPrecision(float):
+    """A constant of kernels that has another value, ``single``, in single precision."""
+
+    single: float
+
+    def __new__(cls, double: float, single: float) -> "ByPrecision":
+        """The number ``double`` that is ``single`` in single precision."""
+        number = super().__new__(cls, double)
+        number.single = single
+        return number
+
+
+@cache
+def in_single(function: Function) -> Function:
+    """The kernel ``function`` in single precision."""
+    plain = cast(Dispatcher, function).py_func
+    code, name = _code_in_single(plain.__code__), f"{plain.__qualname__}_in_single"
+    names: dict[str, Any] = {"float": np.float32, "__name__": plain.__module__}
+    for each in code.co_names:
+        found = plain.__globals__.get(each, getattr(builtins, each, None))
+        names.setdefault(each, _in_single(found))
+    copy = FunctionType(code, names, name)
+    copy.__qualname__ = name
+    return inline(copy) if function.targetoptions.get("forceinline") else kernel(copy)  # type: ignore[attr-defined]
+
+
+def _code_in_single(code: CodeType) -> CodeType:
+    return code.replace(co_consts=tuple(_in_single(each) for each in code.co_consts))
+
+
+def _in_single(value: Any) -> Any:
+    """A constant, or what a name stands for, in single precision: numbers and kernels."""
+    if isinstance(value, Dispatcher):
+        return in_single(value)
+    if isinstance(value, CodeType):
+        return _code_in_single(value)
+    if isinstance(value, float):
+        return np.float32(value.single if isinstance(value, ByPrecision) else value)
+    return tuple(map(_in_single, value)) if type(value) is tuple else value
+
+
+@dataclass(frozen=True)
+class Precision:
+    """How numbers are stored in packets of rays, in tables and in all that belongs to them."""
+
+    kind: type[np.float32 | np.float64]
+
+    def kernel(self, function: Function) -> Function:
+        """The kernel ``function`` for such numbers."""
+        return function if self.kind is np.float64 else in_single(function)
+
+    def of(self, values: Any) -> Any:
+        """Arrays of float64, numbers, and tuples of both, as the kernels take them; what else there is stays."""
+        if self.kind is np.float64:
+            return values
+        if isinstance(values, np.ndarray):
+            return values.astype(self.kind) if values.dtype == np.float64 else values
+        if isinstance(values, tuple):
+            found = map(self.of, values)
+            return type(values)(*found) if hasattr(values, "_fields") else tuple(found)
+        return self.kind(values) if isinstance(values, float) else values
+
+
+DOUBLE_PRECISION, SINGLE_PRECISION = Precision(np.float64), Precision(np.float32)

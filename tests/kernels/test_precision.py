@@ -1,0 +1,136 @@
+"""Kernels in single precision beside the same in double: rays through random lenses, and all that a scene may have."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from chains import clear, collimator, tables_of, upwards
+from nightly import scaled
+from own_media import coatings
+from scenes import random_surface
+
+from lensforge.kernels.compiled import inline, kernel
+from lensforge.kernels.fate import Fate
+from lensforge.kernels.precision import DOUBLE_PRECISION, SINGLE_PRECISION, ByPrecision, in_single
+from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media, Medium
+from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.scene.exit_rays import Sensitivities
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.bicubic_table import TableGrid, tabulate
+
+GRID = TableGrid(48)
+FACTOR = ByPrecision(3.0, 5.0)
+
+
+@inline
+def _third(x):
+    return x / 3.0
+
+
+@kernel
+def _sum_of_thirds(values):
+    total = 0.0
+    for k in range(len(values)):
+        total += FACTOR * _third(values[k]) + float(k)
+    return total
+
+
+def test_all_numbers_of_a_kernel_are_single_also_in_those_that_it_calls() -> None:
+    values = np.array([0.1, 0.7, 1.3])
+    exact, single = np.float32(0.0), values.astype(np.float32)
+    for k, value in enumerate(single):
+        exact = exact + (np.float32(5.0) * (value / np.float32(3.0)) + np.float32(k))
+    assert in_single(_sum_of_thirds)(single) == pytest.approx(float(exact), rel=2e-7)
+    assert _sum_of_thirds(values) == pytest.approx(values.sum() + 3.0, rel=1e-15), "the other one is as it was"
+    signature = in_single(_sum_of_thirds).nopython_signatures[0]
+    assert str(signature.return_type) == "float32"
+    assert in_single(_sum_of_thirds) is in_single(_sum_of_thirds)
+
+
+def test_arrays_and_numbers_are_rounded_and_the_rest_stays() -> None:
+    given = (np.array([0.1]), 0.1, True, None, np.array([1], dtype=np.int64), (0.2,))
+    array, number, flag, none, whole, (inner,) = SINGLE_PRECISION.of(given)
+    assert (array.dtype, type(number), type(inner)) == (np.float32, np.float32, np.float32)
+    assert flag is True and none is None and whole.dtype == np.int64
+    assert DOUBLE_PRECISION.of(given) is given
+
+
+def _rays(rng: np.random.Generator, count: int, scale: float) -> RayBundle:
+    """From all over the cavity and from below, every way: many graze a face or start beyond it."""
+    origins = rng.normal(size=(count, 3)) * scale * rng.choice([1e-3, 0.1, 0.5, 0.9], size=(count, 1))
+    origins[:, 2] = np.abs(origins[:, 2]) * rng.choice([0.0, 1.0], count) - 0.05 * scale * rng.choice([0.0, 1.0], count)
+    directions = rng.normal(size=(count, 3)) * [1.0, 1.0, 0.3]
+    return RayBundle(origins, directions / np.linalg.norm(directions, axis=1)[:, None], np.full(count, 1.0 / count))
+
+
+def _both(tables: np.ndarray, scene: Scene, rays: RayBundle) -> tuple[TracedBundle, TracedBundle]:
+    return TracedBundle.of(tables, scene, rays), TracedBundle.of(tables, replace(scene, single=True), rays)
+
+
+@pytest.mark.parametrize("roughness", [0.003, 0.02, 0.08])
+def test_rays_through_rough_lenses_of_any_size_have_the_same_fates(roughness: float) -> None:
+    """Two in a million end elsewhere: those that pass an edge within rounding."""
+    rng, different, count, errors = np.random.default_rng(7), 0, 0, []
+    for number in range(scaled(12)):
+        scale = 10.0 ** rng.uniform(-3.0, 3.0)
+        faces = [random_surface(2 * number + k, (1.0, 1.8)[k] * scale, roughness, (25, 81)) for k in range(2)]
+        tables, rays = np.stack([tabulate(GRID, face) for face in faces]), _rays(rng, 4096, scale)
+        double, single = _both(tables, Scene(Media(Medium(1.4936)), GRID), rays)
+        fates = double.at_lens.fates, single.at_lens.fates
+        assert not (fates[1] == Fate.NOT_CONVERGED).any()
+        different, count = different + int((fates[0] != fates[1]).sum()), count + len(rays)
+        left = (fates[0] == Fate.LEFT_LENS) & (fates[1] == Fate.LEFT_LENS)
+        errors.append(np.abs(double.exits.points - single.exits.points)[left].max(axis=1) / scale)
+    assert different <= 2e-5 * count
+    assert np.quantile(np.concatenate(errors), 0.99) < 1e-5
+    assert 0.0 < np.median(np.concatenate(errors)) < 1e-6, "exactly 0 would be double precision"
+
+
+FILM = LayerStack((CoatingLayer(IndexCurve((1.38,)), 100.0),), IndexCurve((1.49,)), (300.0, 900.0))
+MADE = AsMade(
+    source=Displacement((0.05, -0.03, 0.02), (0.01, -0.02), (0.1, 0.0, 0.0)), lens=Displacement((0.1, 0.0, 0.05)),
+    faces={"outer": Displacement((0.02, 0.05, -0.03), (0.004, 0.01))}, source_size=1.1, scale=0.99,
+    slopes={"inner": 1e-3, "outer": 2e-3},
+)  # fmt: skip
+SCENES = {
+    "bare": Scene(clear(), GRID),
+    "without losses": Scene(clear(), GRID, fresnel=False),
+    "absorbing": Scene(clear(absorption=0.02), GRID),
+    "coated": Scene(replace(clear(), coatings=coatings(FILM, FILM)), GRID),
+    "behind a glass": Scene(replace(clear(), cover_glass=CoverGlass(1.52, 2.0, 30.0, 1e-3)), GRID),
+    "as made": Scene(clear(absorption=0.02), GRID, made=MADE),
+    "as made, coated, behind a glass": Scene(
+        replace(clear(), coatings=coatings(outer=FILM), cover_glass=CoverGlass(1.52, 2.0, 30.0)), GRID, made=MADE
+    ),
+}
+
+
+@pytest.mark.parametrize("coloured", [False, True], ids=["one wavelength", "each its own"])
+@pytest.mark.parametrize("name", SCENES)
+def test_rays_and_gradients_of_every_scene_are_those_in_double(name: str, coloured: bool) -> None:
+    rng, scene = np.random.default_rng(3), SCENES[name]
+    tables = np.stack([tabulate(GRID, random_surface(k, (3.0, 6.0)[k], 0.01, (25, 81))) for k in range(2)])
+    rays = upwards(2000, 5, 0.5)
+    rays = replace(rays, wavelengths_nm=rng.uniform(400.0, 700.0, len(rays))) if coloured else rays
+    double, single = _both(tables, scene, rays)
+    assert (double.at_lens.fates == single.at_lens.fates).all()
+    assert 0.5 < (double.at_lens.fates == Fate.LEFT_LENS).mean() < 1.0
+    for field in ("points", "directions", "flux", "sin2_exit", "absorbed", "axial"):
+        wanted, found = (getattr(each.exits, field) for each in (double, single))
+        assert (wanted is None) == (found is None)
+        if wanted is not None and len(wanted):
+            assert found.dtype == np.float64
+            assert np.abs(found - wanted).max() <= 3e-5 * np.abs(wanted).max(), field
+    by = Sensitivities(rng.normal(size=(len(rays), 3)), rng.normal(size=(len(rays), 3)))
+    by_flux, by_sin2 = rng.normal(size=(2, len(rays)))
+    wanted, found = (each.gradients(by, by_flux, by_sin2) for each in (double, single))
+    for a, b in zip(wanted, found, strict=True):
+        assert 1e-9 < np.linalg.norm(b - a) / np.linalg.norm(a) < 2e-5
+
+
+def test_a_chain_of_events_stays_in_double() -> None:
+    body = collimator(0.05)
+    scene = Scene(clear(), GRID, chain=body.chain(3))
+    double, single = _both(tables_of(body, GRID), scene, upwards(500, 1, 0.5))
+    assert np.array_equal(double.exits.points, single.exits.points)
