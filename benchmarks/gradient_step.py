@@ -13,6 +13,7 @@ import resource
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -119,6 +120,7 @@ def main() -> None:
     print(f"{'functions':10s} {ratio:8.2f}  times the cost for {2 * larger.parametrisation.basis.size} functions")
     by_patches(2**16, options.repeat)
     print(f"{'chain':10s} {chain_to_double(2**16, options.repeat):8.2f}  times the cost of the flat top at equal rays")
+    print(f"{'single':10s} {single_to_double(2**16, options.repeat):8.2f}  times the cost in double precision")
 
 
 def traced_and_back(tables: Tables, scene: Scene, rays: RayBundle) -> float:
@@ -144,6 +146,16 @@ def chain_to_double(rays: int, repeat: int) -> float:
         (double, flat.merit.light.scene, flat.bundle),
     )
     times = [[traced_and_back(*case) for case in cases] for _ in range(repeat + 1)][1:]
+    return statistics.median(one / other for one, other in times)
+
+
+def single_to_double(rays: int, repeat: int) -> float:
+    """Trace and adjoint of the flat top in single precision over those in double, in turns."""
+    step = Step(rays)
+    with torch.no_grad():
+        tables = np.stack([table.numpy() for table in step.parametrisation.tables(step.weights, step.offsets)])
+    scenes = [replace(step.merit.light.scene, single=single) for single in (True, False)]
+    times = [[traced_and_back(tables, scene, step.bundle) for scene in scenes] for _ in range(repeat + 1)][1:]
     return statistics.median(one / other for one, other in times)
 
 

@@ -13,5 +13,6 @@
 - ``clearance``: a ball along a face
 - ``face_shape``: curvature and draft of a face, and their adjoint
 - ``fate.Fate``: what became of a ray
+- ``precision``: the same kernels with numbers of 32 bits, for a search
 - ``parallel.in_chunks``: work on several threads, summed in one order
 """

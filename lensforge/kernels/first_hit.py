@@ -184,20 +184,15 @@ def jet_at(rays, k, share_x, share_y, inverse_step):
     return x * inverse_step, y * inverse_step, xx * square, xy * square, yy * square
 
 
-FOUND = 0.0
-BELOW = 1.0  # passed the plane z = 0 first
-LOST = 2.0  # no convergence
-GOING = 3.0
-MISSED = 4.0  # goes past the surface, outside of it
+# Below: it passes the plane z = 0 first; lost: no convergence; missed: it goes past the surface, outside of it.
+FOUND, BELOW, LOST, GOING, MISSED = 0.0, 1.0, 2.0, 3.0, 4.0
 
-MAX_STEPS = 1000  # a ray that grazes a face takes hundreds
-MAX_CLOSING = 60
+MAX_STEPS, MAX_CLOSING = 1000, 60  # a ray that grazes a face takes hundreds
 # Shares of the distance from the origin; in single precision a few of its last bits.
 TOLERANCE = ByPrecision(1e-12, 2e-6)  # of a Newton step: the next error is its square
 ROUNDING = ByPrecision(2e-15, 5e-7)  # F below it is noise; near tangency it would keep the root moving
 STANDSTILL = ByPrecision(1e-13, 1e-6)  # a shorter safe step has arrived
-NEAR = ByPrecision(1e-12, 2e-6)  # as near to a ball, or to the surface, as counts as on it
-LAST_BIT = ByPrecision(1e-15, 2e-7)
+NEAR, LAST_BIT = ByPrecision(1e-12, 2e-6), ByPrecision(1e-15, 2e-7)  # so near to a ball or the surface is on it
 LEAP_SHARE = 0.9  # of the least radius nearby: up to there a step to that radius costs less than an evaluation
 _LEAPS = 2  # of all rays before the first evaluation: to the ball in which no surface is, and to the radius nearby
 

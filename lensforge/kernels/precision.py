@@ -2,7 +2,8 @@
 
 A vector register then holds twice as many rays. A number written in a kernel is float64 to numba, and one of them
 makes all that is computed with it float64, so :func:`in_single` compiles a copy of a kernel, and of the kernels that it
-calls, in which they are float32. Where arrays are float32, too, so is the rest.
+calls, in which they are float32. Where arrays are float32, too, so is the rest. The number of a ray stays exact up to
+2^24 of them in a chunk, as many as a search may have in all.
 """
 
 import builtins
@@ -18,8 +19,6 @@ from numba.core.dispatcher import Dispatcher
 from lensforge.kernels.compiled import inline, kernel
 
 Function = Callable[..., Any]
-
-MOST_EXACT = 2**24  # whole numbers up to here are exact in float32
 
 
 class ByPrecision(float):
