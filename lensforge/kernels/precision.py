@@ -7,7 +7,6 @@ calls, in which they are float32. Where arrays are float32, too, so is the rest.
 """
 
 import builtins
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from types import CodeType, FunctionType
@@ -16,9 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-from lensforge.kernels.compiled import inline, kernel
-
-Function = Callable[..., Any]
+from lensforge.kernels.compiled import Function, inline, kernel
 
 
 class ByPrecision(float):
@@ -38,10 +35,8 @@ def in_single(function: Function) -> Function:
     """The kernel ``function`` in single precision."""
     plain = cast(Dispatcher, function).py_func
     code, name = _code_in_single(plain.__code__), f"{plain.__qualname__}_in_single"
-    names: dict[str, Any] = {"float": np.float32, "__name__": plain.__module__}
-    for each in code.co_names:
-        found = plain.__globals__.get(each, getattr(builtins, each, None))
-        names.setdefault(each, _in_single(found))
+    known = {**vars(builtins), "float": np.float32, **plain.__globals__}
+    names = {each: _in_single(known[each]) for each in (*code.co_names, "__name__") if each in known}
     copy = FunctionType(code, names, name)
     copy.__qualname__ = name
     return inline(copy) if function.targetoptions.get("forceinline") else kernel(copy)  # type: ignore[attr-defined]
@@ -64,7 +59,7 @@ def _in_single(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Precision:
-    """How numbers are stored in packets of rays, in tables and in all that belongs to them."""
+    """Kind of the numbers in packets of rays, in tables and in all that belongs to them."""
 
     kind: type[np.float32 | np.float64]
 

@@ -47,7 +47,7 @@ class Scene:
 
     @property
     def precision(self) -> Precision:
-        """How the kernels store numbers. Events of a chain go ray by ray: there single precision would gain little."""
+        """Precision of the kernels. Events of a chain go ray by ray: there single precision would gain little."""
         return SINGLE_PRECISION if self.single and self.traced_chain is None else DOUBLE_PRECISION
 
     @property

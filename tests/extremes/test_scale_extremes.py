@@ -88,8 +88,9 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
 
 @pytest.mark.usefixtures("no_table_error")
 @pytest.mark.parametrize("size", first_by_day(1, [1e-3, 1e4]))
-def test_a_scaled_scene_is_designed_and_judged_alike(size: float) -> None:
+def test_a_scaled_scene_is_designed_and_judged_alike(size: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither the search nor the judgement knows how long a millimetre is."""
+    monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], single=False))
     spec = small_spec(optimise__steps_per_level=[2, 2], optimise__rays=256)
     histories, lights = [], []
     for each in (spec, _scaled(spec, size)):

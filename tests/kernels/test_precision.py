@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from chains import clear, collimator, tables_of, upwards
-from nightly import scaled
+from nightly import first_by_day, scaled
 from own_media import coatings
 from scenes import random_surface
 
@@ -106,8 +106,11 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("coloured", [False, True], ids=["one wavelength", "each its own"])
-@pytest.mark.parametrize("name", SCENES)
+CASES = [("bare", False), ("as made", False)]  # each has kernels of its own to compile
+CASES += [(name, coloured) for name in SCENES for coloured in (False, True) if (name, coloured) not in CASES]
+
+
+@pytest.mark.parametrize(("name", "coloured"), first_by_day(2, CASES))
 def test_rays_and_gradients_of_every_scene_are_those_in_double(name: str, coloured: bool) -> None:
     rng, scene = np.random.default_rng(3), SCENES[name]
     tables = np.stack([tabulate(GRID, random_surface(k, (3.0, 6.0)[k], 0.01, (25, 81))) for k in range(2)])

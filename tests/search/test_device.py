@@ -1,5 +1,6 @@
 """A search whose rays are traced in torch on a device is the search by the kernels, to rounding."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,14 @@ from lensforge.search.merit import MeritFunction
 from lensforge.search.optimiser import search
 from lensforge.search.problem import parameters_of
 from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import PRESETS
 
 CPU = torch.device("cpu")
 
 
 @pytest.mark.parametrize("device", DEVICES)
-def test_a_design_ends_where_the_kernels_end(device: str) -> None:
+def test_a_design_ends_where_the_kernels_end(device: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], single=False))
     spec = small_spec(optimise__steps_per_level=[2, 2])
     source = build_source(spec.source)
     kernels, found = (search(spec, source, accuracy="draft", device=d) for d in (None, torch.device(device)))
