@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,15 @@ def test_the_plan_is_coarse_to_fine_and_the_spec_outranks_the_preset() -> None:
     assert [stage.steps for stage in stages] == [4, 4]
     assert stages[0].learning_rate > stages[1].learning_rate > stages[1].rate(3)
     assert stages[0].rays == 1024
+
+
+def test_a_search_is_as_precise_as_its_preset_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert [name for name, preset in PRESETS.items() if not preset.single] == ["reference"]
+    spec, found = small_spec(optimise__steps_per_level=[1, 1]), []
+    for single in (True, False):
+        monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], single=single))
+        found.append(search(spec, build_source(spec.source), accuracy="draft").lens.outer.weights_mm)
+    assert 0.0 < np.abs(found[0] - found[1]).max() < 1e-5 * np.abs(found[1]).max()
 
 
 def test_a_search_from_a_lens_begins_with_that_lens(monkeypatch: pytest.MonkeyPatch) -> None:
