@@ -25,7 +25,7 @@ from lensforge.kernels.compiled import inline
 from lensforge.kernels.precision import DOUBLE_PRECISION, ByPrecision, Precision
 
 SIZE = 256  # rays
-WIDTH = 8  # rays in the widest vector register
+WIDTH = 8  # rays in the widest vector register, or in half of it in single precision
 
 
 def fields(first: int, count: int) -> tuple[int, ...]:

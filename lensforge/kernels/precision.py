@@ -39,7 +39,8 @@ def in_single(function: Function) -> Function:
     names = {each: _in_single(known[each]) for each in (*code.co_names, "__name__") if each in known}
     copy = FunctionType(code, names, name)
     copy.__qualname__ = name
-    return inline(copy) if function.targetoptions.get("forceinline") else kernel(copy)  # type: ignore[attr-defined]
+    options = cast(Dispatcher, function).targetoptions
+    return inline(copy) if options.get("forceinline") else kernel(copy, fastmath=options["fastmath"])
 
 
 def _code_in_single(code: CodeType) -> CodeType:

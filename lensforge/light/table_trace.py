@@ -139,7 +139,7 @@ class TracedBundle:
             run(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 part_of(indices, part), part_of(absorptions, part), *given,
-                precision.of(coatings.part(part)), precision.of(placed), precision.of(rough_part(rough, part)),
+                *precision.of((coatings.part(part), placed, rough_part(rough, part))),
                 chain, None, lengths[part], None if met is None else met[part], points[part], directions[part],
                 flux[part], absorbed[part], None if axial is None else axial[part], sin2_exit[part], fates[part],
                 None if ended is None else ended[part], empty_packet(precision),
@@ -177,8 +177,9 @@ class TracedBundle:
         def work(chunk: int, part: slice) -> None:
             run(
                 rays.origins[part], rays.directions[part], rays.flux[part],
-                part_of(indices, part), part_of(absorptions, part), *given, precision.of(coatings.part(part)),
-                precision.of(self.placed), precision.of(rough_part(self.rough, part)), chain, None, self.lengths[part],
+                part_of(indices, part), part_of(absorptions, part), *given,
+                *precision.of((coatings.part(part), self.placed, rough_part(self.rough, part))),
+                chain, None, self.lengths[part],
                 None if met is None else met[part], fates[part],
                 by.by_points[part], by.by_directions[part], by_flux[part],
                 None if by_axial is None else by_axial[part], by_sin2[part],

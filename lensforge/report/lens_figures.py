@@ -198,6 +198,9 @@ def constraint_history(levels: Sequence[Level]) -> Figure:
     return figure
 
 
+_LEVEL_ROWS = 1.01, 1.075  # of the axes' height: a level may be narrower than its number
+
+
 def _steps(start: int, values: np.ndarray) -> np.ndarray:
     return np.arange(start, start + len(values)) + 1
 
@@ -209,8 +212,8 @@ def _draw_levels(axes: Axes, levels: Sequence[Level]) -> list[tuple[int, Level]]
         end = start + len(level.nmse)
         if index % 2:
             axes.axvspan(start + 0.5, end + 0.5, color=INK, alpha=0.06, linewidth=0)
-        middle = 0.5 * (start + end + 1)
-        axes.text(middle, 1.02, f"{level.functions}", transform=axes.get_xaxis_transform(), ha="center", va="bottom")
+        place = 0.5 * (start + end + 1), _LEVEL_ROWS[index % 2]
+        axes.text(*place, f"{level.functions}", transform=axes.get_xaxis_transform(), ha="center", va="bottom")
         starts.append((start, level))
         start = end
     axes.set(xlabel="step", xlim=(0.5, max(start, 1) + 0.5))

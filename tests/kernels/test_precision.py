@@ -70,7 +70,7 @@ def _both(tables: np.ndarray, scene: Scene, rays: RayBundle) -> tuple[TracedBund
 
 @pytest.mark.parametrize("roughness", [0.003, 0.02, 0.08])
 def test_rays_through_rough_lenses_of_any_size_have_the_same_fates(roughness: float) -> None:
-    """Two in a million end elsewhere: those that pass an edge within rounding."""
+    """One in a million ends elsewhere: it passes an edge within rounding."""
     rng, different, count, errors = np.random.default_rng(7), 0, 0, []
     for number in range(scaled(12)):
         scale = 10.0 ** rng.uniform(-3.0, 3.0)

@@ -84,6 +84,7 @@ def test_every_kind_of_result_plots_saves_shows_itself_and_is_a_row(whole_run: l
         assert json.loads((tmp_path / f"{stem}.json").read_text())["schema"] == f"lensforge-{result.stage}-3"
         with pytest.raises(lf.InputError, match="saved as one of"):
             result.save(tmp_path / "result.docx")
+    assert whole_run.check.plot().figure.axes[-1].get_ylabel().startswith("outer: "), "the last face"
     whole_run.design.save(tmp_path / "design.png")  # as every page above has it
     assert (tmp_path / "design.png").read_bytes().startswith(b"\x89PNG")
     assert seen == {cls.__name__ for cls in (*STAGES, *EXTRAS)}

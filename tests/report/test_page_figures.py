@@ -121,6 +121,18 @@ def test_constraints_run_on_from_level_to_level_and_what_is_not_allowed_is_shade
     assert shaded.y0 < -0.375
 
 
+def test_numbers_of_short_levels_do_not_cover_each_other():
+    one = make_design(small_lens()).history[0]
+    sizes = {9: 60, 34: 60, 115: 60, 404: 60, 1493: 1260}
+    levels = [one.model_copy(update={"functions": n, "nmse": (0.1,) * steps}) for n, steps in sizes.items()]
+    figure = lens_figures.history(levels, "nmse")
+    figure.canvas.draw()
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert len(boxes) == len(sizes)
+    assert not any(box.overlaps(other) for k, box in enumerate(boxes) for other in boxes[:k])
+    assert all(0.0 < box.y1 < figure.bbox.y1 for box in boxes)
+
+
 def test_efficiencies_beside_each_other_have_labels_of_their_own():
     level = make_design(small_lens()).history[0].model_copy(update={"efficiency": (0.882, 0.876, 0.874)})
     figure = lens_figures.history([level], "efficiency")
