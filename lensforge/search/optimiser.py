@@ -89,14 +89,15 @@ class Descent:
         return self.schedule.next_stage(self.state.outcomes)
 
     def _compile_kernels(self) -> None:
-        """Take a derivative that nobody needs: compiled later, kernels would make the first level look dear."""
+        """Take a derivative that nobody needs, and count no time for it: kernels are compiled once on a machine."""
         stage = self.schedule.next_stage(self.state.outcomes).stage
         if stage is not None:
             problem = self.problems.of(stage.levels)
             weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
             one = self.source.sample(1, 0)
-            pair = self._pair(problem, 0)
+            pair, begun = self._pair(problem, 0), time.perf_counter()
             problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pair).loss.backward()
+            self.begun += time.perf_counter() - begun
 
     def _pair(self, problem: Problem, step: int) -> Pair | None:
         """Parts of a robust search for ``step``, counted over all levels; None for any other."""

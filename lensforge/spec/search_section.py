@@ -112,8 +112,8 @@ class OptimiseSection(Section):
     over_sources: Literal["mean", "worst"] = "mean"
     """Of several ``sources``: the "mean" error over them by their shares, or the error of the "worst"."""
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
-    """Time that the search with automatic levels may take, set-up included; by default it goes on for as long as it
-    gains.
+    """Time that the search with automatic levels may take, with its set-up but without the kernels that are compiled
+    once on a machine; by default it goes on for as long as it gains.
     """
     robust: bool = False
     """Search for the lens whose parts are best on average: every gradient step sees other parts, drawn from the

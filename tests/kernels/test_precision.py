@@ -1,6 +1,7 @@
 """Kernels in single precision beside the same in double: rays through random lenses, and all that a scene may have."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +29,6 @@ def _third(x):
     return x / 3.0
 
 
-@kernel
 def _sum_of_thirds(values):
     total = 0.0
     for k in range(len(values)):
@@ -36,16 +36,20 @@ def _sum_of_thirds(values):
     return total
 
 
-def test_all_numbers_of_a_kernel_are_single_also_in_those_that_it_calls() -> None:
+def test_all_numbers_of_a_kernel_are_single_also_in_those_that_it_calls(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Compiled anew: the cache of a folder of tests knows nothing of the code that makes the copy."""
+    monkeypatch.setattr("lensforge.kernels.compiled._folder_of", lambda _: tmp_path)
+    double = kernel(_sum_of_thirds)
     values = np.array([0.1, 0.7, 1.3])
     exact, single = np.float32(0.0), values.astype(np.float32)
     for k, value in enumerate(single):
         exact = exact + (np.float32(5.0) * (value / np.float32(3.0)) + np.float32(k))
-    assert in_single(_sum_of_thirds)(single) == pytest.approx(float(exact), rel=2e-7)
-    assert _sum_of_thirds(values) == pytest.approx(values.sum() + 3.0, rel=1e-15), "the other one is as it was"
-    signature = in_single(_sum_of_thirds).nopython_signatures[0]
-    assert str(signature.return_type) == "float32"
-    assert in_single(_sum_of_thirds) is in_single(_sum_of_thirds)
+    assert in_single(double)(single) == pytest.approx(float(exact), rel=2e-7)
+    assert double(values) == pytest.approx(values.sum() + 3.0, rel=1e-15), "the other one is as it was"
+    assert str(in_single(double).nopython_signatures[0].return_type) == "float32"
+    assert in_single(double) is in_single(double)
 
 
 def test_arrays_and_numbers_are_rounded_and_the_rest_stays() -> None:

@@ -16,6 +16,7 @@ from search_scenes import require_same_bits_after
 import lensforge as lf
 from lensforge.search import feasibility
 from lensforge.search.design_result import constraint_criteria
+from lensforge.search.merit import MeritFunction
 from lensforge.search.optimiser import search
 from lensforge.search.problem import Problems, ValidationRays
 from lensforge.search.schedule import Judgement, UsefulLevels, rays_ahead
@@ -202,7 +203,12 @@ def test_a_machine_that_becomes_slower_keeps_the_budget(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, few_steps: None
 ) -> None:
     clock, levels = [0.0], []
-    monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: clock[0])
+    compiling, evaluate = [0.0], MeritFunction.evaluate
+    monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: clock[0] + compiling[0])
+
+    def compiled(merit: MeritFunction, weights: Any, offsets: Any, rays: RayBundle, *more: Any) -> Any:
+        compiling[0] += 1000.0 if len(rays) == 1 else 0.0
+        return evaluate(merit, weights, offsets, rays, *more)
 
     def slow(*given: Any) -> Iterator[RayBundle]:
         for rays in rays_ahead(*given):
@@ -214,9 +220,11 @@ def test_a_machine_that_becomes_slower_keeps_the_budget(
             levels.append(step.functions)
 
     monkeypatch.setattr("lensforge.search.optimiser.rays_ahead", slow)
+    monkeypatch.setattr(MeritFunction, "evaluate", compiled)
     spec, path = automatic(optimise__seconds=50.0), tmp_path / "checkpoint.bin"
     found = search(spec, build_source(spec.source), accuracy="draft", progress=observe, checkpoint=path)
     assert found.seconds == 4.0 + 2 * 30.0, "the step that goes beyond the budget is the last"
+    assert compiling[0] == 1000.0, "is no time of the search"
     assert str(found.ended).endswith("optimise.seconds = 50 are used")
     assert len(levels) == len(found.lens.basis.levels)
     resumed = search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, resume=True)
