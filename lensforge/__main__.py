@@ -16,9 +16,10 @@ from lensforge.cli.interrupts import Interrupts
 
 _interrupts = Interrupts().install()
 
-from lensforge.results.worker import collect_garbage_seldom  # noqa: E402
+from lensforge.results.worker import collect_garbage_seldom, keep_freed_memory  # noqa: E402
 
 collect_garbage_seldom()
+keep_freed_memory()
 
 from lensforge.cli.cli import main  # noqa: E402
 

@@ -3,7 +3,7 @@
 - ``bicubic.SurfaceBounds``: bounds of a table by which a first hit is proven
 - ``first_hit``: the first crossing of a ray and a face
 - ``nearly_convex``: the same at once for a face in a chain, where one number of the face tells it
-- ``trace``: rays through both faces
+- ``trace``: rays through both faces, in packets of ``ray_packet`` that vector instructions take at once
 - ``adjoint``: gradients of what trace computes, backwards along each ray
 - ``fresnel``: refraction, transmittance, coatings
 - ``landing``: receivers, and their adjoint

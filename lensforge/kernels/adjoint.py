@@ -1,4 +1,4 @@
-"""Adjoint of ``trace``: a packet of rays again, forward without a search, and backward. See ``kernels.first_hit``.
+"""Adjoint of ``trace``: a packet of rays again, forward without a search, and backward. See ``kernels.ray_packet``.
 
 Here two refractions, at both faces of the usual lens, in vectors; ``kernels.chain_adjoint`` has any chain of events.
 """
@@ -12,17 +12,6 @@ from lensforge.kernels.bicubic import scatter
 from lensforge.kernels.chain_adjoint import chain_adjoint
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.fate import Fate
-from lensforge.kernels.first_hit import (
-    COEFFICIENTS,
-    SIZE,
-    fetch_table,
-    fields,
-    in_whole_vectors,
-    jet_at,
-    mark_hit,
-    three,
-    write,
-)
 from lensforge.kernels.frames import place, rough_normal, rough_normal_adjoint, turn, turn_back, z_axis
 from lensforge.kernels.fresnel import (
     dot,
@@ -36,6 +25,17 @@ from lensforge.kernels.fresnel import (
 )
 from lensforge.kernels.hit_adjoint import hit_adjoint
 from lensforge.kernels.precision import DOUBLE_PRECISION, Precision
+from lensforge.kernels.ray_packet import (
+    COEFFICIENTS,
+    SIZE,
+    fetch_table,
+    fields,
+    in_whole_vectors,
+    jet_at,
+    mark_hit,
+    three,
+    write,
+)
 
 # A ray's number; its point and direction in the inner face's frame, and its path lengths; sensitivities to the exit
 # point, the direction, the flux, that along z and the squared sine; whether it left the lens; flux, index ratios and

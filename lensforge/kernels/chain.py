@@ -12,7 +12,7 @@ from math import exp, sqrt
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import field_behind, passing, reflect, reflecting, squared_lengths, unpolarised
-from lensforge.kernels.first_hit import DX, FOUND, LOST, PX, PY, PZ, RAY, SIZE, three, write
+from lensforge.kernels.first_hit import FOUND, LOST
 from lensforge.kernels.frames import place, rough_normal, turn, z_axis
 from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scaled, through, unit
 from lensforge.kernels.nearest_face import (
@@ -30,6 +30,7 @@ from lensforge.kernels.nearest_face import (
     NEXT_Y,
     OUTSIDE,
 )
+from lensforge.kernels.ray_packet import DX, PX, PY, PZ, RAY, SIZE, three, write
 
 REFLECTED, FROM_BEHIND = 2, 1
 

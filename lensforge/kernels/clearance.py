@@ -15,9 +15,10 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.bicubic import cubic_splines, index_at, jet
 from lensforge.kernels.compiled import inline, kernel
-from lensforge.kernels.parallel import in_chunks
+from lensforge.kernels.parallel import in_pieces
 
 _STEPS, _HALVINGS = 30, 8
+_WORTH_SHARING = 2**8  # points: a millisecond of work
 _TINY = 1e-300
 _LONGEST = 0.3  # of a step, chart units
 _SPARE = 0.55  # of the diagonal of a cell: the farthest that a point of it is from its nearest node
@@ -176,11 +177,11 @@ def nearest_on_table(
     count = len(points)
     feet, columns, shares = np.full((count, 2), np.nan), np.empty((count, 16), dtype=np.int64), np.empty((count, 16))
 
-    def work(_: int, rows: slice) -> None:
+    def work(rows: slice) -> None:
         of_points = points[rows], radial_mm[rows], reach_mm, spare, feet[rows], columns[rows], shares[rows]
         nearest_points(table, origin, step, nodes, apart, *of_points)
 
-    in_chunks(work, count)
+    in_pieces(work, count, worth=_WORTH_SHARING)
     at = np.flatnonzero(~np.isnan(feet[:, 0]))
     return Feet(near[at], feet[at], columns[at], shares[at])
 

@@ -8,17 +8,24 @@ from math import inf, sqrt
 
 from lensforge.kernels.bicubic import bounds_of, jet
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.first_hit import (
+from lensforge.kernels.first_hit import BELOW, FOUND, GOING, LOST, MISSED, first_hits
+from lensforge.kernels.fresnel import dot, mixed
+from lensforge.kernels.nearly_convex import (
+    clear_ahead,
+    gauge_along,
+    is_first,
+    nodal,
+    path_to_ball,
+    quick_hits,
+    start_quick,
+    stays_outside,
+)
+from lensforge.kernels.ray_packet import (
     ALONG_X,
-    BELOW,
     CLOSING,
     DX,
-    FOUND,
-    GOING,
     LENGTH,
     LIMIT,
-    LOST,
-    MISSED,
     NUMBER,
     OF_CHAIN,
     ON_FACE,
@@ -30,19 +37,7 @@ from lensforge.kernels.first_hit import (
     X0,
     T,
     fields,
-    first_hits,
     three,
-)
-from lensforge.kernels.fresnel import dot, mixed
-from lensforge.kernels.nearly_convex import (
-    clear_ahead,
-    gauge_along,
-    is_first,
-    nodal,
-    path_to_ball,
-    quick_hits,
-    start_quick,
-    stays_outside,
 )
 
 # The medium in which a ray is, the face last met, the face that it is likely to meet; the nearest crossing found, and

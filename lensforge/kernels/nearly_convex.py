@@ -15,7 +15,9 @@ from jaxtyping import Float, Int8
 
 from lensforge.kernels.bicubic import FaceBounds, index_at, jet, nearest, tile_of
 from lensforge.kernels.compiled import inline, kernel
-from lensforge.kernels.first_hit import (
+from lensforge.kernels.first_hit import LOST, MAX_CLOSING, close_in, settle
+from lensforge.kernels.fresnel import dot, mixed
+from lensforge.kernels.ray_packet import (
     ALONG_X,
     BEFORE,
     CELL,
@@ -24,9 +26,7 @@ from lensforge.kernels.first_hit import (
     F_BEFORE,
     HIGH,
     INVERSE_BEFORE,
-    LOST,
     LOW,
-    MAX_CLOSING,
     NUMBER,
     OUTWARD,
     PX,
@@ -36,16 +36,13 @@ from lensforge.kernels.first_hit import (
     F,
     R,
     T,
-    close_in,
     evaluate,
     fetch_table,
     in_whole_vectors,
     locate,
-    settle,
     three,
     write,
 )
-from lensforge.kernels.fresnel import dot, mixed
 
 DEEP = 0.8  # of the least radius: in that ball every ray is inside by 1 - DEEP
 

@@ -16,16 +16,19 @@ import numpy as np
 from jaxtyping import Float
 
 CHUNKS = 8
-_asked: list[int] = []  # by the blocks of ``kernel_threads`` that are open
+_asked: list[Callable[[], int]] = []  # by the blocks of ``kernel_threads`` that are open
 
 
 @contextmanager
-def kernel_threads(threads: int | None) -> Iterator[None]:
-    """Let the kernels use ``threads`` threads inside the block; None leaves the number unchanged."""
+def kernel_threads(threads: int | Callable[[], int] | None) -> Iterator[None]:
+    """Let the kernels use ``threads`` threads inside the block; None leaves the number unchanged.
+
+    A function is asked at each call of :func:`in_parallel`: another process may need a core for some of the time.
+    """
     if threads is None:
         yield
         return
-    _asked.append(threads)
+    _asked.append(threads if callable(threads) else lambda: threads)
     try:
         yield
     finally:
@@ -35,7 +38,7 @@ def kernel_threads(threads: int | None) -> Iterator[None]:
 def thread_count() -> int:
     """Threads that the kernels use: those asked for, else those of torch where it is loaded, else one for each core."""
     if _asked:
-        return _asked[-1]
+        return _asked[-1]()
     torch = sys.modules.get("torch")
     if torch is not None and hasattr(torch, "get_num_threads"):  # not while it loads
         return int(torch.get_num_threads())
@@ -45,10 +48,23 @@ def thread_count() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1  # not on Windows
 
 
-def in_chunks(work: Callable[[int, slice], Any], count: int) -> None:
-    """Run ``work(chunk number, slice of rays)`` for every chunk on as many threads as the kernels may use."""
+def in_chunks(work: Callable[[int, slice], Any], count: int, *, worth: int = 1) -> None:
+    """Run ``work(chunk number, slice of rays)`` for every chunk on as many threads as the kernels may use.
+
+    Of fewer than ``worth`` rays this thread does all.
+    """
     edges = [count * i // CHUNKS for i in range(CHUNKS + 1)]
-    in_parallel(lambda i: work(i, slice(edges[i], edges[i + 1])), CHUNKS)
+    in_parallel(lambda i: work(i, slice(edges[i], edges[i + 1])), CHUNKS, shared=count >= worth)
+
+
+def in_pieces(work: Callable[[slice], Any], count: int, *, worth: int) -> None:
+    """Run ``work(slice of rays)`` where what becomes of a ray does not depend on the others of its slice.
+
+    A piece has at least half as many as are ``worth`` two threads: to hand the interpreter's lock from thread to thread
+    between two calls takes longer than most calls on a thousand rays.
+    """
+    pieces = max(1, min(CHUNKS, 2 * count // worth)) if thread_count() > 1 else 1
+    in_parallel(lambda i: work(slice(count * i // pieces, count * (i + 1) // pieces)), pieces)
 
 
 def part_of(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " i"]:
@@ -56,9 +72,12 @@ def part_of(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, "
     return values if len(values) <= 1 else values[part]
 
 
-def in_parallel(work: Callable[[int], Any], count: int) -> None:
-    """Run ``work(0)`` to ``work(count - 1)``, on as many threads as the kernels may use, of which this is one."""
-    threads, numbers = thread_count(), iter(range(count))
+def in_parallel(work: Callable[[int], Any], count: int, *, shared: bool = True) -> None:
+    """Run ``work(0)`` to ``work(count - 1)``, on as many threads as the kernels may use, of which this is one.
+
+    What is not ``shared`` this thread does alone.
+    """
+    threads, numbers = thread_count() if shared else 1, iter(range(count))
 
     def take_turns() -> None:
         for number in numbers:  # each is given to one thread

@@ -32,16 +32,25 @@ from lensforge.kernels.bicubic import bounds_of, jet, tile_of
 from lensforge.kernels.chain import begin_chain, pass_on
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.fate import Fate
-from lensforge.kernels.first_hit import (
+from lensforge.kernels.first_hit import BELOW, FOUND, first_hits, start_all
+from lensforge.kernels.frames import place, rough_normal, turn, z_axis
+from lensforge.kernels.fresnel import (
+    axial_share,
+    outward_normal,
+    polarised_share,
+    refract,
+    through_face,
+    unit,
+)
+from lensforge.kernels.nearest_face import meet_nearest
+from lensforge.kernels.ray_packet import (
     AXIAL,
     BEHIND,
-    BELOW,
     COSINE,
     DX,
     DY,
     DZ,
     EXCESS,
-    FOUND,
     LENGTH,
     MX,
     MY,
@@ -58,20 +67,8 @@ from lensforge.kernels.first_hit import (
     T_P,
     T_S,
     THROUGH,
-    first_hits,
     in_whole_vectors,
-    start_all,
 )
-from lensforge.kernels.frames import place, rough_normal, turn, z_axis
-from lensforge.kernels.fresnel import (
-    axial_share,
-    outward_normal,
-    polarised_share,
-    refract,
-    through_face,
-    unit,
-)
-from lensforge.kernels.nearest_face import meet_nearest
 
 
 @inline

@@ -17,9 +17,9 @@ from lensforge.kernels.adjoint import empty_adjoint, trace_adjoint
 from lensforge.kernels.bicubic import FaceBounds, surface_bounds
 from lensforge.kernels.chain_adjoint import empty_chain
 from lensforge.kernels.fate import Fate
-from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.nearly_convex import chain_bounds
 from lensforge.kernels.parallel import in_chunks, part_of
+from lensforge.kernels.ray_packet import empty_packet
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, face_transmittances
 from lensforge.optics.dielectric import fields_behind, passing_amplitudes, unpolarised_fields

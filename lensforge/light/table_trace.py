@@ -10,10 +10,10 @@ from lensforge.errors import InputError
 from lensforge.kernels.adjoint import empty_adjoint, trace_adjoint
 from lensforge.kernels.bicubic import FaceBounds, SurfaceBounds, surface_bounds
 from lensforge.kernels.chain_adjoint import empty_chain
-from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.nearly_convex import chain_bounds
-from lensforge.kernels.parallel import CHUNKS, in_chunks, part_of
+from lensforge.kernels.parallel import CHUNKS, in_chunks, in_pieces, part_of
 from lensforge.kernels.precision import DOUBLE_PRECISION, SINGLE_PRECISION, Precision
+from lensforge.kernels.ray_packet import empty_packet
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
 from lensforge.light.further_bodies import TWO_FACES, BodyPassage, fields_of_two_faces, polarised, through_bodies
@@ -26,6 +26,8 @@ from lensforge.surfaces.bicubic_table import TableGrid
 
 Table = Float[np.ndarray, "side side"]
 Tables = Float[np.ndarray, "f side side"]
+
+_WORTH_SHARING = 2**11  # rays: a millisecond of work
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ class TracedBundle:
         ended = np.zeros((count, 12)) if scene.media.bodies else None
         run, given = precision.kernel(trace), precision.of((tables, bounds, scene.packed(), faces))
 
-        def work(_: int, part: slice) -> None:
+        def work(part: slice) -> None:
             run(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 part_of(indices, part), part_of(absorptions, part), *given,
@@ -145,7 +147,7 @@ class TracedBundle:
                 None if ended is None else ended[part], empty_packet(precision),
             )  # fmt: skip
 
-        in_chunks(work, count)
+        in_pieces(work, count, worth=_WORTH_SHARING)
         taken = absorbed if len(absorptions) else None
         faces_met = None if met is None or scene.chain is None else met >> 2
         exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed=taken, axial=axial, met=faces_met)
@@ -187,7 +189,7 @@ class TracedBundle:
                 totals[chunk], empty_adjoint(precision), empty_chain(scene.events), np.zeros(12),
             )  # fmt: skip
 
-        in_chunks(work, len(rays))
+        in_chunks(work, len(rays), worth=_WORTH_SHARING)
         total: Tables = totals.sum(axis=0)
         return total
 

@@ -223,8 +223,7 @@ def run_later_stages(here: RunFolder, heard: Listener, second: SecondProcess) ->
 
     return_freed_memory()  # of the search: two processes are to need no more than one did
     if second.runs:
-        with threads_of_torch(max(1, torch.get_num_threads() - 1)):
-            _side_by_side(here, heard, second)
+        _side_by_side(here, heard, second, torch.get_num_threads())
     else:
         _one_after_another(here, heard)
 
@@ -243,18 +242,22 @@ def _one_after_another(here: RunFolder, heard: Listener) -> None:
         here.write(photometry(lens))
 
 
-def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> None:
-    """Run the stages with a second process, which has the part to make and to check, and then a share of verify."""
+def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess, threads: int) -> None:
+    """Run the stages with a second process, which has the part to make and to check, and then a share of verify.
+
+    It takes one of the ``threads`` while it is busy: a light of many rays takes longer than the part.
+    """
     from lensforge.shop.check import check_lens
 
     lens = here.run.lens
     made = second.call(build, lens)
     checked = second.call_after(made, lambda part: (lens, part.nodes), check_lens)
     heard.begins(Part.stage)
-    with heard.timed(Light.stage):
-        light = here.write(evaluate(lens))
-    with heard.timed(Photometry.stage):
-        here.write(photometry(lens))
+    with kernel_threads(lambda: max(1, threads - second.busy)):
+        with heard.timed(Light.stage):
+            light = here.write(evaluate(lens))
+        with heard.timed(Photometry.stage):
+            here.write(photometry(lens))
     return_freed_memory()
     part = made.result()
     for content in (part.step, part.stl, part.threemf, part.plate_stl or b""):
@@ -262,7 +265,7 @@ def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> No
     here.write(part)
     heard.ended(Part.stage, part.seconds)
     heard.begins(Check.stage)
-    with heard.timed(Proof.stage):
+    with heard.timed(Proof.stage), threads_of_torch(max(1, threads - 1)):
         proof = verify_with(second, part, light)
         check_result = here.write(checked.result())
         heard.ended(Check.stage, check_result.seconds)

@@ -45,12 +45,17 @@ class SecondProcess:
     def __init__(
         self, process: "subprocess.Popen[bytes] | None" = None, thread: ThreadPoolExecutor | None = None
     ) -> None:
-        self._process, self._thread = process, thread
+        self._process, self._thread, self._busy = process, thread, False
 
     @property
     def runs(self) -> bool:
         """True where there is a process."""
         return self._process is not None
+
+    @property
+    def busy(self) -> bool:
+        """True while it calls a function."""
+        return self._busy
 
     def call(self, function: Callable[[*_Given], _Result], *given: *_Given) -> Called[_Result]:
         """Call a function of a module there, after those that were called before."""
@@ -85,6 +90,7 @@ class SecondProcess:
         """Send a call and wait for its answer; False first where there is none, for whatever reason."""
         process = self._process
         assert process is not None and process.stdin is not None and process.stdout is not None
+        self._busy = True
         try:
             process.stdin.write(pickle.dumps(call, protocol=pickle.HIGHEST_PROTOCOL))
             process.stdin.flush()
@@ -92,6 +98,8 @@ class SecondProcess:
         except Exception:  # it has ended, or what travels cannot: nothing is lost but the time
             kill_group(process)  # half a message may be left in a pipe
             return False, None
+        finally:
+            self._busy = False
         return bool(done), result
 
 

@@ -13,12 +13,14 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.kernels.parallel import in_chunks
+from lensforge.kernels.parallel import in_pieces
 from lensforge.optics.arrays import Array, like, module_of, replaced, rows_of
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.spec.lamp_places import Stand
 from lensforge.spec.lamps_section import ALONE, Lamps
+
+_WORTH_SHARING = 2**16  # rays: half a millisecond of work
 
 ReceiverKind = Literal["plane", "far_field", "cylinder", "sphere"]
 
@@ -131,12 +133,12 @@ class PosedReceiver(ABC):
         points, directions, left = rays.points, rays.directions, rays.left_lens
         hits, reached, pose = np.empty((len(left), 2)), np.empty(len(left), dtype=bool), self.pose.packed()
 
-        def work(_: int, part: slice) -> None:
+        def work(part: slice) -> None:
             self.kernels[0](points[part], directions[part], pose, self.radius_mm, hits[part], reached[part])
             reached[part] &= left[part]  # rays that were lost have no direction
             hits[part][~reached[part]] = 0.0
 
-        in_chunks(work, len(left))
+        in_pieces(work, len(left), worth=_WORTH_SHARING)
         return Landings(hits, np.where(reached, rays.flux, 0.0), reached, left & ~reached)
 
     def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
@@ -144,11 +146,11 @@ class PosedReceiver(ABC):
         points, directions, pose = rays.points, rays.directions, self.pose.packed()
         by = Sensitivities(np.empty_like(points), np.empty_like(points))
 
-        def work(_: int, part: slice) -> None:
+        def work(part: slice) -> None:
             rest = (by_hits[part], by.by_points[part], by.by_directions[part])
             self.kernels[1](points[part], directions[part], pose, self.radius_mm, *rest)
 
-        in_chunks(work, len(points))
+        in_pieces(work, len(points), worth=_WORTH_SHARING)
         return by
 
     def land_by_arrays(self, rays: ExitRays) -> Landings:

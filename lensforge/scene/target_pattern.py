@@ -19,6 +19,7 @@ from PIL import Image, ImageDraw, ImageFont, features
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from lensforge.errors import InputError, remedy
+from lensforge.kernels.parallel import in_pieces
 from lensforge.optics.image_reading import MOST_BYTES, read_light
 from lensforge.results.files import MIB, read_file
 from lensforge.results.json_npz import arrays_in
@@ -129,6 +130,7 @@ def _from_csv(content: bytes, path: Path) -> np.ndarray:
         raise InputError(f"{path}: no table of numbers ({unquoted(error)}); {words}") from None
 
 
+_WORTH_SHARING = 2**15  # hits: three milliseconds of work
 _OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
 _LEAST_SUBPIXELS, _MOST_SUBPIXELS = 512, 4096  # across the receiver: to resolve small patterns, and to bound the memory
 _CANVAS = 1024  # pixels across the far field on which soft edges are drawn: 0.16 degrees on that to 80 degrees
@@ -153,11 +155,16 @@ class DrawnTarget:
 
     def contains(self, hits: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for hits in the target, to a sub-pixel."""
-        grid = self.fine
-        column, row = np.floor((hits / grid.size + 0.5) * (grid.columns, grid.rows)).T
-        within: Bool[np.ndarray, " n"] = (column >= 0.0) & (column < grid.columns) & (row >= 0.0) & (row < grid.rows)
-        within[within] = self.inside[row[within].astype(np.intp), column[within].astype(np.intp)]
-        return within
+        grid, found = self.fine, np.empty(len(hits), dtype=bool)
+
+        def work(part: slice) -> None:
+            column, row = np.floor((hits[part] / grid.size + 0.5) * (grid.columns, grid.rows)).T
+            within = (column >= 0.0) & (column < grid.columns) & (row >= 0.0) & (row < grid.rows)
+            within[within] = self.inside[row[within].astype(np.intp), column[within].astype(np.intp)]
+            found[part] = within
+
+        in_pieces(work, len(hits), worth=_WORTH_SHARING)
+        return found
 
     @cached_property
     def coverage(self) -> TargetImage:

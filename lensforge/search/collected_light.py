@@ -13,10 +13,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
-from lensforge.kernels.parallel import CHUNKS, in_chunks
+from lensforge.kernels.parallel import CHUNKS, in_chunks, in_pieces
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings
+
+_WORTH_SHARING = 2**16  # rays: a millisecond of work
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class _Collect(torch.autograd.Function):
         def work(chunk: int, part: slice) -> None:
             collect(*(array[part] for array in rays), *places, images[chunk], sums[chunk])
 
-        in_chunks(work, len(emitted))
+        in_chunks(work, len(emitted), worth=_WORTH_SHARING)
         ctx.rays, ctx.places = rays, places
         return torch.from_numpy(images.sum(axis=0)), torch.from_numpy(sums.sum(axis=0))
 
@@ -61,13 +63,13 @@ class _Collect(torch.autograd.Function):
         by_hits, by_flux, by_sin2 = (np.empty_like(array) for array in rays[:3])
         pixels, sums = by_image.contiguous().numpy(), by_sums.contiguous().numpy()
 
-        def work(_: int, part: slice) -> None:
+        def work(part: slice) -> None:
             collect_adjoint(
                 *(array[part] for array in rays), *ctx.places, pixels, sums,
                 by_hits[part], by_flux[part], by_sin2[part],
             )  # fmt: skip
 
-        in_chunks(work, len(by_flux))
+        in_pieces(work, len(by_flux), worth=_WORTH_SHARING)
         return *(torch.from_numpy(array) for array in (by_hits, by_flux, by_sin2)), None, None, None, None
 
 

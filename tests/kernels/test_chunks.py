@@ -5,7 +5,7 @@ import threading
 import pytest
 import torch
 
-from lensforge.kernels.parallel import CHUNKS, in_chunks, in_parallel
+from lensforge.kernels.parallel import CHUNKS, in_chunks, in_parallel, in_pieces, kernel_threads, thread_count
 from lensforge.results.arguments import threads_of_torch
 
 
@@ -22,6 +22,45 @@ def test_every_ray_is_in_one_chunk(threads: int) -> None:
         with threads_of_torch(threads):
             in_chunks(work, count)
         assert seen == [1] * count and sorted(chunks) == list(range(CHUNKS))
+
+
+@pytest.mark.parametrize(("threads", "count", "pieces"), [
+    (1, 10**6, 1), (2, 0, 1), (2, 99, 1), (2, 100, 2), (2, 149, 2), (2, 150, 3), (2, 10**6, CHUNKS), (9, 10**6, CHUNKS),
+])  # fmt: skip
+def test_every_ray_is_in_one_piece_of_at_least_half_of_what_is_worth_sharing(
+    threads: int, count: int, pieces: int
+) -> None:
+    parts: list[slice] = []
+    with kernel_threads(threads):
+        in_pieces(parts.append, count, worth=100)
+    parts.sort(key=lambda part: part.start)
+    assert len(parts) == pieces and [part.stop for part in parts[:-1]] == [part.start for part in parts[1:]]
+    assert parts[0].start == 0 and parts[-1].stop == count
+    assert pieces == 1 or min(part.stop - part.start for part in parts) >= 50
+
+
+@pytest.mark.parametrize(("count", "names"), [(99, 1), (100, 2)])
+def test_few_rays_are_left_to_this_thread(count: int, names: int) -> None:
+    both, seen = threading.Barrier(2, timeout=60.0), set()
+
+    def work(chunk: int, _: slice) -> None:
+        seen.add(threading.current_thread().name)
+        if names == 2 and chunk < 2:
+            both.wait()  # so that each thread has one
+
+    with kernel_threads(2):
+        in_chunks(work, count, worth=100)
+    assert len(seen) == names
+
+
+def test_a_number_of_threads_that_changes_is_asked_for_each_time() -> None:
+    free = [2]
+    with kernel_threads(lambda: free[0]):
+        assert thread_count() == 2
+        free[0] = 1
+        assert thread_count() == 1
+        with kernel_threads(None):
+            assert thread_count() == 1
 
 
 def test_this_thread_works_too() -> None:

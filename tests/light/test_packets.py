@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenes import random_surface
 
-from lensforge.kernels.first_hit import SIZE, WIDTH
+from lensforge.kernels.ray_packet import SIZE, WIDTH
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import Media, Medium
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
@@ -71,3 +71,10 @@ def test_no_rays_are_no_light() -> None:
     assert len(traced.exits.flux) == 0
     inner, outer = traced.gradients(Sensitivities(np.zeros((0, 3)), np.zeros((0, 3))), np.zeros(0), np.zeros(0))
     assert not inner.any() and not outer.any()
+
+
+def test_fields_of_a_ray_lie_in_different_sets_of_a_cache() -> None:
+    """Of 64 sets of 64 bytes, as the first caches of processors have: 256 rays would take two of them, or four."""
+    for kind in (np.float64, np.float32):
+        places = np.arange(64) * SIZE * np.dtype(kind).itemsize
+        assert len(set((places // 64 % 64).tolist())) >= 32

@@ -39,6 +39,46 @@ def test_functions_are_called_in_another_process_one_after_another(second: Secon
     assert len({there(number) for number in numbers} - {os.getpid()}) == 1
 
 
+def test_it_is_busy_while_it_calls_a_function() -> None:
+    with second_process() as second:
+        assert not second.busy and not IN_TURN.busy
+        quick = second.call(os.getpid)
+        there(quick)
+        assert not second.busy
+        second.call(time.sleep, 300.0)
+        deadline = time.monotonic() + 60.0
+        while not second.busy and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert second.busy
+
+
+_FAULTS = """
+import resource, sys
+from lensforge.results.worker import keep_freed_memory, return_freed_memory
+
+if sys.argv[1] == "kept":
+    keep_freed_memory()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(20):
+    for block in [bytearray(2**24), bytearray(2**24)]:  # not freed one after the other: the first lies below the second
+        block[::4096] = b"1" * 4096
+    if sys.argv[2] == "returned":
+        del block
+        return_freed_memory()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="glibc keeps and returns memory by these calls")
+def test_freed_memory_is_kept_for_what_follows_until_it_is_returned() -> None:
+    def faults(*how: str) -> int:
+        return int(subprocess.check_output([sys.executable, "-c", _FAULTS, *how]))
+
+    pages = 20 * 2 * 2**24 // 4096
+    assert faults("kept", "no") < 0.2 * pages, "one pair of blocks"
+    assert faults("kept", "returned") > 0.9 * pages
+
+
 def test_what_has_not_begun_there_is_computed_here() -> None:
     with second_process() as second:
         second.call(time.sleep, 300.0)

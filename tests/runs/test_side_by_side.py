@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import torch
@@ -15,10 +15,13 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.cli.progress import DesignProgress, StageClock
-from lensforge.report.folder import RunFolder
+from lensforge.kernels.parallel import thread_count
+from lensforge.report import pipeline
+from lensforge.report.folder import RunFolder, opened
 from lensforge.report.pipeline import Listener, _process_for_later_stages, build, run_later_stages
 from lensforge.results import second_process
 from lensforge.results.arguments import threads_of_torch
+from lensforge.results.second_process import Called, SecondProcess
 from lensforge.verbs import CHECK
 
 TIMES = {"seconds", "content_sha256"}  # computing times, and the checksum that covers them
@@ -93,6 +96,39 @@ def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
     told = in_a_copy(small_run, tmp_path / "one", threads=1)
     assert done == LATER
     assert told == [(what, name) for name in LATER for what in ("begins", "ended")]
+
+
+def test_light_takes_all_threads_that_the_second_process_leaves(
+    small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[str, int]] = []
+    part, check = small_run.part, small_run.check
+
+    class Second:
+        busy = True
+
+        def call(self, *_: object) -> Called[lf.Part]:
+            return Called(lambda: part)
+
+        def call_after(self, *_: object) -> Called[lf.Check]:
+            return Called(lambda: check)
+
+    second = Second()
+
+    def in_place_of(name: str, result: object) -> Callable[..., object]:
+        def stage(*_: object) -> object:
+            seen.append((name, thread_count()))
+            second.busy = False  # the part is made
+            return result
+
+        return stage
+
+    for verb, result in (("evaluate", small_run.light), ("photometry", None), ("verify_with", small_run.proof)):
+        monkeypatch.setattr(f"lensforge.report.pipeline.{verb}", in_place_of(verb, result))
+    monkeypatch.setattr(RunFolder, "write", lambda _, result: result)
+    with opened(small_run.folder) as here:
+        pipeline._side_by_side(here, Listener(), cast(SecondProcess, second), threads=3)
+    assert seen == [("evaluate", 2), ("photometry", 3), ("verify_with", 2)]
 
 
 def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: lf.Run, tmp_path: Path) -> None:
