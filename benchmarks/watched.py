@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-PAUSE_S = 0.1  # between two looks at the memory
+PAUSE_S = 0.5  # between two looks at the memory, which take 20 ms: more often they would take a quarter of a core
 
 
 @dataclass(frozen=True)
