@@ -11,7 +11,7 @@ from lensforge.kernels.adjoint import empty_adjoint, trace_adjoint
 from lensforge.kernels.bicubic import FaceBounds, SurfaceBounds, surface_bounds
 from lensforge.kernels.chain_adjoint import empty_chain
 from lensforge.kernels.nearly_convex import chain_bounds
-from lensforge.kernels.parallel import CHUNKS, in_chunks, in_pieces, part_of
+from lensforge.kernels.parallel import CHUNKS, in_chunks, in_parallel, in_pieces, part_of
 from lensforge.kernels.precision import DOUBLE_PRECISION, SINGLE_PRECISION, Precision
 from lensforge.kernels.ray_packet import empty_packet
 from lensforge.kernels.trace import trace
@@ -196,7 +196,13 @@ class TracedBundle:
 
 def checked_bounds(tables: Tables | Sequence[Table], scene: Scene) -> list[SurfaceBounds]:
     """The bounds of all tables. Raises :class:`InputError` when a surface has a radius that is not positive."""
-    bounds = [surface_bounds(table, scene.grid.origin, scene.grid.step) for table in tables]
+    found = dict[int, SurfaceBounds]()
+
+    def work(face: int) -> None:
+        found[face] = surface_bounds(tables[face], scene.grid.origin, scene.grid.step)
+
+    in_parallel(work, len(tables))
+    bounds = [found[face] for face in range(len(tables))]
     for name, bound in zip(scene.names, bounds, strict=True):
         if not (bound.least > 0.0 and np.isfinite(bound.most) and np.isfinite(bound.tiles).all()):
             raise InputError(f"{name} surface: its radius falls to {bound.least:.3g} mm; it must stay above 0")
