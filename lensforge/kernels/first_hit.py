@@ -197,7 +197,7 @@ def keep(rays, k, after, state, closing, low, high):
 
 @inline
 def close_in(rays, count):
-    """A step of every ray of those that all have a bracket."""
+    """A step of every ray, where all have a bracket."""
     for k in range(count):
         after, state, low, high = closed_in(rays, k)
         keep(rays, k, after, state, 1.0, low, high)
@@ -205,10 +205,10 @@ def close_in(rays, count):
 
 @inline
 def advance(rays, count, closing, least, most, tan_reach, among, outside):
-    """A step of the first ``count`` rays, of which ``closing`` have a bracket.
+    """A step of every ray, of which ``closing`` have a bracket, but not all.
 
-    Where some have one each ray takes both steps, and a choice: to write under a condition, and with it by masks, costs
-    some processors more than all else here.
+    Where some have one both steps are computed for each ray, and one is chosen: to write under a condition, which
+    becomes a store by masks, costs some processors more than all else here.
     """
     if closing == 0:
         for k in range(count):
@@ -289,7 +289,10 @@ def first_hits(rays, count, table, origin, inverse_step, bounds, among, outside)
             continue
         fetch_table(rays, count, table, CELL)
         evaluate(rays, whole, inverse_step, outside)
-        advance(rays, whole, closing, bounds.least, bounds.most, bounds.tan_reach, among, outside)
+        if closing == count:
+            close_in(rays, whole)
+        else:
+            advance(rays, whole, closing, bounds.least, bounds.most, bounds.tan_reach, among, outside)
         count, closing = settle(rays, count, among)
         if count == 0:
             return

@@ -111,9 +111,12 @@ def locate(rays, count, side, origin, inverse_step, tiles, per_unit):
         rays[TILE_COLUMN + k] = index_at((Y - origin) * per_unit, tiles - 1.0)
 
 
+# Indices without a sign need no test of whether they count from the end, as those below 0 do.
+
+
 @inline
 def fetch_bounds(rays, count, tiles):
-    """Bounds near every ray. An index without a sign is not counted from the end where it is below 0: less to do."""
+    """Bounds near every ray."""
     for k in range(count):
         i, j = np.uint32(rays[TILE_ROW + k]), np.uint32(rays[TILE_COLUMN + k])
         rays[NEARBY + k], rays[MOST_SLOPE + k] = tiles[i, j, 0], tiles[i, j, 1]

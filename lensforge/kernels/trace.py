@@ -1,4 +1,4 @@
-"""Tracing: rays from face to face and out of the body, packet by packet; see ``kernels.first_hit``.
+"""Tracing: rays from face to face and out of the body, packet by packet; see ``kernels.ray_packet``.
 
 An event is what happens where a ray meets a face: it is refracted, or reflected. ``tables`` (f, side, side) are the
 faces, ``bounds`` theirs. ``chain`` is None where every ray meets the faces in their order and is refracted at each,

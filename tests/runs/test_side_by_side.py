@@ -99,7 +99,7 @@ def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
 
 
 def test_light_takes_all_threads_that_the_second_process_leaves(
-    small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small_run: lf.Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[tuple[str, int]] = []
     part, check = small_run.part, small_run.check
