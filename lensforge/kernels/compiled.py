@@ -70,7 +70,9 @@ def kernel(function: Function, **options: Any) -> Function:
 
 
 as_written = partial(kernel, fastmath=False)  # nothing contracted: the bits of the operations as they stand
-inline = numba.njit(forceinline=True, **_OPTIONS)
+# Without code for calls from Python and from C a kernel compiles in three quarters of the time: a call from Python
+# would end the process.
+inline = numba.njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
 
 
 _CHAIN = 6  # steps of a polynomial in turn: with 11 or 22 a sum of basis functions takes 1.1 or 1.4 times as long

@@ -7,13 +7,14 @@ from exact_surface import ExactSurface
 from extremes import bundle, fuzzed, is_sound, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
+from inlined import alone
 from known_refraction import normal_transmittance
 from landed import in_torch, plane_at, trace_exact, trace_tables
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
 from lensforge.errors import InputError
+from lensforge.kernels import fresnel
 from lensforge.kernels.fate import Fate
-from lensforge.kernels.fresnel import transmittances, transmitted_cosine_squared
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
 from lensforge.sources.build_source import SquareEmitter
@@ -21,6 +22,7 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
+transmittances, transmitted_cosine_squared = map(alone, (fresnel.transmittances, fresnel.transmitted_cosine_squared))
 INDEX = st.one_of(st.just(1.0), st.just(4.0), st.floats(1.0, 4.0))
 
 

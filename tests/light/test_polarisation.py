@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from inlined import alone
 from landed import by_kernels, trace_tables
 from own_media import coatings
 from scenes import random_surface, sphere, table_of
 
-from lensforge.kernels.fresnel import axial_share, coated_transmittances, polarised_share, transmittances
+from lensforge.kernels import fresnel
 from lensforge.light.table_trace import Scene
 from lensforge.optics.coatings import coating_tables
 from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media, Medium
@@ -18,6 +19,8 @@ from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 
+transmittances, coated_transmittances = alone(fresnel.transmittances), alone(fresnel.coated_transmittances)
+axial_share, polarised_share = alone(fresnel.axial_share), alone(fresnel.polarised_share)
 N, GRID = 1.4936, TableGrid(64)
 RNG = np.random.default_rng(7)
 GLASS = CoverGlass(1.52, 4.0, 10.0)
