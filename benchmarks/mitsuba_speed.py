@@ -1,6 +1,8 @@
 """Rays per second, forward and gradient, against Mitsuba 3 (LLVM) through meshes whose normals are as good.
 
-    python benchmarks/mitsuba_speed.py [--rays 524288] [--repeat 5]
+    python benchmarks/mitsuba_speed.py [--rays 524288] [--repeat 5] [--single]
+
+``--single``: lensforge traces in single precision, too, as a search does.
 
 Needs the [mitsuba] extra and an LLVM library; DRJIT_LIBLLVM_PATH names one (15 and 16 fail on AVX-512, 19 works).
 
@@ -16,6 +18,7 @@ import lensforge  # noqa: F401  before torch, whose idle threads then sleep
 
 # isort: split
 import argparse
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -105,9 +108,9 @@ def mitsuba_step(meshes: Meshes, rays: RayBundle, index: float, distance_mm: flo
     dr.sync_thread()
 
 
-def lensforge_step(step: Step, tables: list[torch.Tensor], rays: RayBundle) -> None:
+def lensforge_step(step: Step, tables: torch.Tensor, single: bool) -> None:
     light = step.merit.light
-    (landings,), _ = landed_through(*tables, light.scene, rays, light.receivers)
+    (landings,), _ = landed_through(tables, replace(light.scene, single=single), step.bundle, light.receivers)
     (landings.flux * (landings.hits**2).sum(dim=1)).sum().backward()
 
 
@@ -115,6 +118,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--rays", type=int, default=2**19)
     parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--single", action="store_true")
     options = parser.parse_args()
     mi.set_variant("llvm_ad_mono")
     dr.set_thread_count(torch.get_num_threads())
@@ -125,13 +129,14 @@ def main() -> None:
     distance_mm = target.distance_mm
     lens = step.parametrisation.lens(step.weights.detach(), step.offsets.detach(), spec, 0, "standard")
     surfaces: list[Surface] = [lens.inner, lens.outer]
-    tables = [table.detach().requires_grad_() for table in step.parametrisation.tables(step.weights, step.offsets)]
+    tables = step.parametrisation.tables(step.weights, step.offsets).detach().requires_grad_()
     grid = step.parametrisation.grid
     ours = max(
         rms_angle(table_normals(grid, table.detach().numpy(), directions())[1], surface)
         for table, surface in zip(tables, surfaces, strict=True)
     )
-    print(f"table of {grid.nodes} nodes per side: normals {1e6 * ours:.1f} urad rms, float64")
+    precision = "single" if options.single else "double"
+    print(f"table of {grid.nodes} nodes per side: normals {1e6 * ours:.1f} urad rms, rays in {precision} precision")
 
     ratios: list[tuple[float, float]] = []
     for nodes in MESH_NODES:
@@ -141,7 +146,7 @@ def main() -> None:
             lambda meshes=meshes: mitsuba_step(meshes, step.bundle, lens.refractive_index, distance_mm),
             options.repeat,
         )
-        mine = median_seconds(lambda: lensforge_step(step, tables, step.bundle), options.repeat)
+        mine = median_seconds(lambda: lensforge_step(step, tables, options.single), options.repeat)
         ratios.append((error, seconds / mine))
         print(
             f"mesh of {nodes} nodes per side: normals {1e6 * error:.1f} urad rms, float32; "
