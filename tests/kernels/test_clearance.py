@@ -2,15 +2,34 @@
 
 import numpy as np
 import pytest
+from inlined import alone
 from nightly import first_by_day
 from scipy.spatial import cKDTree
 
+from lensforge.kernels import clearance
 from lensforge.kernels.clearance import nearest_on_table
 from lensforge.surfaces.bicubic_table import evaluate_table, grid_for, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import grid, to_sphere
 
 _REACH_MM = 1.5
+
+
+@pytest.mark.parametrize("rough", [0.0, 0.7])  # without it many nodes are equally far
+def test_the_nearest_node_of_a_window_is_that_of_a_look_at_all(rough: float) -> None:
+    rng, find = np.random.default_rng(7), alone(clearance.nearest_node)
+    nodes = np.stack([*np.mgrid[0:21, 0:21], np.zeros((21, 21))], axis=-1) + rough * rng.normal(size=(21, 21, 3))
+    boxes, missed = clearance._boxes(nodes), 0
+    for _ in range(1000):
+        point = rng.integers(-4, 50, size=3) * (0.5, 0.5, 0.1)
+        (a, b), (c, d) = (np.sort(rng.choice(22, size=2, replace=False)) for _ in range(2))
+        squared = np.full((21, 21), np.inf)
+        squared[a:b, c:d] = ((nodes[a:b, c:d] - point) ** 2).sum(axis=-1)
+        best, row, column = find(nodes, boxes, *point, (a, b, c, d), 60.0)
+        missed += squared.min() >= 60.0
+        wanted = divmod(int(squared.argmin()), 21) if squared.min() < 60.0 else (-1, -1)
+        assert (row, column) == wanted and best == pytest.approx(min(squared.min(), 60.0))
+    assert 100 < missed < 900
 
 
 @pytest.mark.parametrize("functions", first_by_day(1, [81, 9]))
