@@ -57,6 +57,22 @@ def closed_form(inner, outer, base, below, relief):
     return shell + below - opening * (base.height_mm - pocket) - relief * (area - seat)
 
 
+def sound(plan, volume):
+    """The solid of a plan and its finer mesh, both closed and of the ``volume`` (mm^3), and the STEP file alike."""
+    solid = build_solid(plan)
+    assert solid.valid
+    assert solid.volume_mm3 == pytest.approx(volume, rel=2e-9)
+    again = parse_step(step_bytes(solid, "lens"))
+    assert again.valid
+    assert set(again.faces) == set(solid.faces)
+    assert again.volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-9)
+    coarse, fine = (build_mesh(plan, rings) for rings in (24, 48))
+    closure = check_closed(fine.vertices, fine.triangles)
+    assert (closure.watertight, closure.genus) == (True, 0)
+    assert (4.0 * fine.volume() - coarse.volume()) / 3.0 == pytest.approx(volume, rel=2e-5)
+    return solid, fine
+
+
 # Each feature of a base by day, with a step and without; all pairs nightly.
 PAIRS = [("square, pocket, flange", 0.7), ("flat", 0.0), ("square", 0.0), ("flange", 0.0), ("pocket", 0.7)]
 PAIRS += [(name, relief) for name in BASES for relief in (0.0, 0.7) if (name, relief) not in PAIRS]
@@ -69,19 +85,9 @@ def test_every_base_is_one_closed_named_body_of_its_closed_form(name, relief):
     inner, outer = random_surface(6.0, 0.02, 3), random_surface(10.2, 0.01, 4)
     plan = plan_of(inner, outer, base)
     volume = closed_form(inner, outer, base, below, relief)
-    solid = build_solid(plan)
-    assert solid.valid
+    solid, fine = sound(plan, volume)
     assert {_whole(name) for name in solid.faces} == {_whole(name) for name in faces | RELIEF[relief]}
     assert len(parts_of(solid.shape, "FACE")) == len(solid.faces), "a face without a name"
-    assert solid.volume_mm3 == pytest.approx(volume, rel=2e-9)
-    again = parse_step(step_bytes(solid, name))
-    assert again.valid
-    assert set(again.faces) == set(solid.faces)
-    assert again.volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-9)
-    coarse, fine = (build_mesh(plan, rings) for rings in (24, 48))
-    closure = check_closed(fine.vertices, fine.triangles)
-    assert (closure.watertight, closure.genus) == (True, 0)
-    assert (4.0 * fine.volume() - coarse.volume()) / 3.0 == pytest.approx(volume, rel=2e-5)
     # The mesh does not tell the sides of a square apart, nor a flat from the rest of its side.
     assert {_whole(name) for name in solid.faces} - {"CLOCKING_FLAT"} == set(fine.names)
 
@@ -97,15 +103,8 @@ def test_a_step_that_stands_back_from_the_rim_is_a_circle_all_around(width):
     opening = np.pi * np.mean(inner.radius(rim_directions(np.linspace(0.0, 2.0 * np.pi, 512, endpoint=False))) ** 2)
     below = 0.7 * np.pi * wall[0] ** 2 + 1.3 * np.pi * width**2 / 4.0 - 2.0 * opening
     volume = exact_volume(inner, outer, BaseSection(kind="none")) + below
-    solid = build_solid(plan)
-    assert solid.valid
-    assert solid.volume_mm3 == pytest.approx(volume, rel=2e-9)
+    solid, _ = sound(plan, volume)
     assert {"RIM", "BASE_RELIEF"} < {re.sub(r"_\d+$", "", name) for name in solid.faces}
-    assert parse_step(step_bytes(solid, "ring")).volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-9)
-    coarse, fine = (build_mesh(plan, rings) for rings in (24, 48))
-    closure = check_closed(fine.vertices, fine.triangles)
-    assert (closure.watertight, closure.genus) == (True, 0)
-    assert (4.0 * fine.volume() - coarse.volume()) / 3.0 == pytest.approx(volume, rel=2e-5)
 
 
 # Each takes a second: a thousand of them nightly.
