@@ -13,6 +13,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,6 @@ def searched(checkout: Path, spec: str, accuracy: str, seed: int) -> dict[str, A
 
 def search_here(spec: str, accuracy: Any, seed: int) -> dict[str, Any]:
     """Search with the package that Python finds first."""
-    import time
-
     import lensforge as lf
 
     examples = Path(lf.__file__).parents[1] / "examples"

@@ -122,9 +122,10 @@ def squared_gap(box, px, py, pz):
 
 @inline
 def nearest_node(nodes, boxes, px, py, pz, window, farthest):
-    """Row and column of the node of a ``window`` (rows, then columns: first, end) that is nearest to a point.
+    """Squared distance, row and column of the node of a ``window`` (rows, then columns: first, end) nearest to a point.
 
-    Of equally near ones the first, row by row; -1 where none is nearer than ``farthest``, squared.
+    Of equally near ones the first, row by row; ``farthest`` and -1 where none is nearer than that. ``boxes``
+    (b, b, 2, 3): least and largest coordinates of blocks of ``nodes`` (n, n, 3).
     """
     best, row, column = farthest, -1, -1
     first_row, end_row, first_column, end_column = window
@@ -214,7 +215,7 @@ def nearest_on_table(
 
 
 def _boxes(nodes: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "b b 2 3"]:
-    """Least and largest coordinates of blocks of nodes."""
+    """Boxes around blocks of nodes, for :func:`nearest_node`."""
     starts = np.arange(0, len(nodes), _BLOCK)
     ends = [each.reduceat(each.reduceat(nodes, starts, axis=0), starts, axis=1) for each in (np.minimum, np.maximum)]
     return np.stack(ends, axis=2)
