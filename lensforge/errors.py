@@ -21,7 +21,9 @@ class InputError(LensforgeError):
 
 
 class SeveralErrors(LensforgeError):
-    """Several things are wrong: one complete line for each."""
+    """Several things are wrong: one complete line for each, maybe with an excerpt ``beneath`` it."""
+
+    beneath: tuple[str, ...] = ()
 
     @property
     def lines(self) -> tuple[str, ...]:

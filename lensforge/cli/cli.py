@@ -13,6 +13,7 @@ import threading
 import traceback
 import warnings
 from contextlib import suppress
+from itertools import zip_longest
 from typing import Any, NoReturn
 
 import click
@@ -161,7 +162,8 @@ def _run(interrupts: Interrupts) -> int:
 def _failure(error: BaseException) -> int:
     """Say what is wrong, and return the exit code."""
     if isinstance(error, SeveralErrors):
-        return max(_say(line, error.exit_code) for line in error.lines)
+        both = zip_longest(error.lines, error.beneath, fillvalue="")
+        return max(_say(line, error.exit_code, beneath) for line, beneath in both)
     if isinstance(error, LensforgeError):
         return _say(str(error), error.exit_code)
     if isinstance(error, click.ClickException):
@@ -187,9 +189,10 @@ def _details(error: BaseException) -> str:
     return f"details for a bug report: {log.name}"
 
 
-def _say(message: str, code: int) -> int:
-    """Print one line; return ``code``."""
-    click.echo(f"lensforge: {printable(' '.join(message.split()))}", err=True)
+def _say(message: str, code: int, beneath: str = "") -> int:
+    """Print one line, and the excerpt that may stand beneath it; return ``code``."""
+    lines = [f"lensforge: {printable(' '.join(message.split()))}", *map(printable, beneath.splitlines())]
+    click.echo("\n".join(lines), err=True)
     return code
 
 

@@ -1,7 +1,7 @@
 """Progress on stderr: a line for each stage with its time; on a terminal, running stages have a clock.
 
 A design says level, error and the time left, a study its parts. In a pipe a stage is written once it has ended, and
-how far it is every two minutes, or every two seconds in a study.
+how far it is once a minute.
 """
 
 import threading
@@ -21,16 +21,16 @@ from lensforge.search.design_result import Progress as Step
 from lensforge.spec import Accuracy, Spec
 
 _FRAMES_PER_SECOND = 4
-_SILENT_SECONDS, _SILENT_SECONDS_OF_STUDY = 120.0, 2.0  # at most, where a pipe is written
+_SILENT_SECONDS = 60.0  # at most, where a pipe is written
 _NAME_COLUMNS, _TIME_COLUMNS = 12, 12
 
 
 class StageClock:
     """Lines of the stages of one command, the first called ``name``; ``quiet``: nothing but warnings."""
 
-    def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
+    def __init__(self, name: str, *, quiet: bool = False) -> None:
         self._console = Console(stderr=True, highlight=False)
-        self._quiet, self._silent_seconds = quiet, _SILENT_SECONDS_OF_STUDY if study else _SILENT_SECONDS
+        self._quiet = quiet
         self._progress = Progress(
             _StageColumn(self._time_left),
             console=self._console,
@@ -125,8 +125,8 @@ class StageClock:
             )
 
     def _write_until_exit(self) -> None:
-        while not self._exited.wait(max(0.01, self._written + self._silent_seconds - time.monotonic())):
-            if time.monotonic() >= self._written + self._silent_seconds:
+        while not self._exited.wait(max(0.01, self._written + _SILENT_SECONDS - time.monotonic())):
+            if time.monotonic() >= self._written + _SILENT_SECONDS:
                 for task in self._progress.tasks:
                     self._write(_line(task))
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
@@ -83,7 +84,7 @@ def new(
     _write(spec, text)
     if not (folder / SCHEMA_FILE).exists():
         _write(folder / SCHEMA_FILE, _schema_text())
-    click.echo(f"{spec}\tlensforge design {spec}")
+    click.echo(f"{spec}\tlensforge design {shlex.quote(str(spec))}")
 
 
 def _asked(option: str, words: str, read: Callable[[str], Any], default: str | None = None) -> Any:
@@ -231,7 +232,7 @@ def examples(name: str | None) -> None:
     for path in wanted:
         with replacing(Path(path.name)) as temporary:
             temporary.write_bytes(path.read_bytes())
-    click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {wanted[0].name}")
+    click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {shlex.quote(wanted[0].name)}")
 
 
 def shipped_folder() -> Path:

@@ -55,7 +55,7 @@ def _run(
         raise InputError("--compare: with which LED? Give its ray file as --source, too")
     renewed = None
     with opened(directory) as here:
-        with StageClock(stage.name, quiet=output.quiet, study=bool(stage.counts)) as clock:
+        with StageClock(stage.name, quiet=output.quiet) as clock:
             heard = PartsProgress(clock, stage.counts).heard(stage.name) if stage.counts else {}
             results: list[StageResult] = [stage.run_in(here, **options, **heard)]
             for words in (*getattr(results[0], "notes", ()), *getattr(results[0], "warnings", ())):

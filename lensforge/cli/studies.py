@@ -137,7 +137,7 @@ def _run_study(
     from lensforge.report.sweep_runs import resumable, run_sweep
 
     resume_after_interrupt(lambda: resumable(directory))
-    with StageClock("sweep", quiet=output.quiet, study=True) as clock:
+    with StageClock("sweep", quiet=output.quiet) as clock:
 
         def run_design(spec: Spec, folder: Path, resume: bool) -> object:
             clock.begin("design")
@@ -179,7 +179,7 @@ def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, 
     from lensforge.cli.progress import StageClock
     from lensforge.report.tradeoff_study import run_tradeoff
 
-    with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
+    with StageClock("tradeoff", quiet=output.quiet) as clock, threads_of_torch(threads):
         begin = partial(clock.begin, "study")
         measured = run_tradeoff(content, directory, most_rays=most_rays, announce=begin, warn=clock.warn)
     finish_study(output, directory, measured, "Error of each preset on this scene", "tradeoff.html")

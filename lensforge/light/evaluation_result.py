@@ -258,6 +258,8 @@ class Light(SimulatedResult):
     def plot(self, axes: "Axes | None" = None, *, which: Picture = "map", receiver: str | None = None) -> "Axes":
         """The light on a receiver, by default the first, in false colour: in lux or candela if its lumens are known.
 
+        The line is that of the target at half of its peak.
+
         Raises :class:`InputError` for an unknown map or receiver.
         """
         from lensforge.results.plots import plot_map
@@ -268,7 +270,8 @@ class Light(SimulatedResult):
             require_choice("receiver", receiver, named)
         shown = self.first if receiver is None else named[receiver]
         unit = light_unit(self.lumens_per_watt, far_field=shown.chart.far_field)
-        return plot_map(getattr(shown, which), shown.chart, unit, axes)
+        outline = None if which == "target_map" else shown.target_map
+        return plot_map(getattr(shown, which), shown.chart, unit, axes, outline)
 
 
 def _figures(light: ReceiverLight) -> str:

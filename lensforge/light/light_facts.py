@@ -282,7 +282,7 @@ def photometry_facts(found: Photometry, spec: Spec) -> list[Group]:
 
 def _far_field(found: Photometry) -> Iterator[Fact]:
     direction = found.peak_direction
-    source = f"of {quantity(found.source_lm, 'lm')} of the source"
+    source = f"of {quantity(found.source_lm, 'lm', digits=5)} of the source"
     taken = ", which states no flux: all figures are for these" if found.per_1000_lm else ""
     yield Fact.measured("exit_lm", "Luminous flux", found.exit_lm, f"{source}{taken}")
     at = f"at C {quantity(direction.c_deg, '°', digits=4)}, gamma {quantity(direction.gamma_deg, '°', digits=3)}"

@@ -30,6 +30,7 @@ from lensforge.results import (
     stated,
 )
 from lensforge.results.arguments import require_choice
+from lensforge.results.verdict import CERTAIN
 from lensforge.spec.tolerances_section import Factor
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ class CauseShare(Record):
     @property
     def rank(self) -> tuple[float, float]:
         """Order of the causes: by what is certain of their shares, two standard errors less, and then by value."""
-        return -max(self.share - 2.0 * self.standard_error, 0.0), -self.share
+        return -max(self.share - CERTAIN * self.standard_error, 0.0), -self.share
 
 
 class Variance(Record):
@@ -167,6 +168,11 @@ class Variance(Record):
 
     causes: Annotated[tuple[CauseShare, ...], Field(max_length=_MOST_FACTORS)]
     interactions: Metric
+
+    @property
+    def certain(self) -> tuple[CauseShare, ...]:
+        """The causes that stand out of the noise of the parts, the surest first: the others are not shown."""
+        return tuple(each for each in self.causes if each.share > CERTAIN * each.standard_error)
 
 
 def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.ndarray, " n"]:

@@ -21,6 +21,7 @@ from lensforge.results.verdict import CERTAIN
 from lensforge.spec.tolerances_section import amount_words
 
 TOGETHER = "several together"
+UNCERTAIN = "none stands out of so few parts"
 _SHARES = ("efficiency", "share_in_target")  # shown in per cent
 _UNITS = {"deg": "°", "um": "µm"}
 _LEADING, _LEAST = 3, 0.005  # causes that are named, of no less than this share of the variance
@@ -57,8 +58,9 @@ def road_rows(found: Yield) -> list[Group]:
     for road in found.roads:
         rate, main = road.pass_rate, "undecided: the noise of the rays outweighs it"
         if road.variance is not None:
-            cause = road.variance.causes[0]
-            main = f"{_words(cause)}, {Fact.share('', '', _share(cause)).text}"
+            certain = road.variance.certain[:1]
+            named = [f"{cause.words}, {Fact.share('', '', _share(cause)).text}" for cause in certain]
+            main = named[0] if named else UNCERTAIN
         nearest = f"{road.nearest.removeprefix(f'{road.name}: ')}, of {percent(road.nearest_share)} of the parts"
         facts = (
             Fact("road_class", "Class", road.lighting_class),
@@ -239,8 +241,11 @@ def _passing(found: Yield) -> Iterator[Fact]:
         yield Fact("lamps", "Lamps of each part", found.lamps, note="drawn apart")
     yield Fact("rays", "Rays of each part", found.rays)
     for name in [name for name in failing_first(found) if name in found.variance][:2]:
-        cause = found.variance[name].causes[0]
-        yield Fact.share("main_cause", f"Main cause, {metric_words(name)}", _share(cause), _words(cause))
+        label = f"Main cause, {metric_words(name)}"
+        for cause in found.variance[name].certain[:1]:
+            yield Fact.share("main_cause", label, _share(cause), cause.words)
+        if not found.variance[name].certain:
+            yield Fact("main_cause", label, UNCERTAIN)
     if found.budget is not None:
         most, interval = (budget_row(found.budget.together).fact(key) for key in ("at_most", "interval"))
         note = f"all by one factor, so that {percent(found.budget.pass_rate)} pass; {interval.text}"
@@ -252,19 +257,16 @@ def _share(cause: CauseShare) -> Metric:
     return Metric(value=cause.share, standard_error=cause.standard_error)
 
 
-def _words(cause: CauseShare) -> str:
-    """Words of a cause, with doubts where there are."""
-    return cause.words + ("" if cause.share > CERTAIN * cause.standard_error else "; not certain by so few parts")
-
-
 def _causes(found: Yield, name: str) -> Iterator[Fact]:
-    """The leading causes with their shares of the variance, and that of several together."""
-    variance = found.variance[name]
-    for cause in variance.causes[:_LEADING]:
-        if cause.share > _LEAST:
-            yield Fact.share(cause.tolerance, cause.words, _share(cause))
-    if variance.interactions.value > _LEAST:
-        yield Fact.share("together", TOGETHER, variance.interactions)
+    """The leading causes with their shares of the variance, and that of several together, where they are certain."""
+    variance, together = found.variance[name], found.variance[name].interactions
+    named = [cause for cause in variance.certain[:_LEADING] if cause.share > _LEAST]
+    yield from (Fact.share(cause.tolerance, cause.words, _share(cause)) for cause in named)
+    stands_out = together.value > max(_LEAST, CERTAIN * (together.standard_error or 0.0))
+    if stands_out:
+        yield Fact.share("together", TOGETHER, together)
+    elif not named:
+        yield Fact("together", "Causes", UNCERTAIN)
 
 
 def _change(row: ErrorRow) -> Group:

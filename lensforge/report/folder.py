@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from lensforge.errors import InputError
+from lensforge.report.headline import asked_facts, further_facts, headline
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.report.stored import (
     RUN_FILE,
@@ -24,6 +25,7 @@ from lensforge.report.stored import (
 from lensforge.results import StageResult
 from lensforge.results.files import is_free_or_own, require_own, require_writable
 from lensforge.results.folder_lock import locked
+from lensforge.results.notebook_html import table_text
 from lensforge.results.validation import its_type
 from lensforge.results.verdict import Verdict
 from lensforge.search.design_result import Design
@@ -73,6 +75,12 @@ class Run(Results):
         return same_folder and super().__eq__(other)
 
     __hash__ = None
+
+    def __repr__(self) -> str:
+        """Verdict and main facts, as the notebook has them."""
+        facts = [*asked_facts(self), *further_facts(self)]
+        title = f"Run {self.spec.name} in {self.folder}: {headline(self).sentence}"
+        return table_text(title, {fact.label: fact.sentence for fact in facts})
 
     def _repr_html_(self) -> str:
         """HTML for a notebook: verdict, headline numbers, the light and a section."""

@@ -32,6 +32,7 @@ from lensforge.results.figure_style import (
     new_map,
 )
 from lensforge.results.numerals import number
+from lensforge.results.plots import draw_outline
 
 _WANTED, _LANDED = 0.01, 0.05  # of the target's peak: darker places need not be seen
 _MARGIN = 1.2  # of the frame over what it holds
@@ -87,10 +88,8 @@ def irradiance_map(
     figure, axes, bar = new_map(width, tall=frame.height / frame.width)
     light, most = drawn(unit.per_watt * image), unit.per_watt * top
     shown = show(axes, light, chart, ON_DARK, frame, cmap="inferno", vmin=0.0, vmax=most)
-    if outline is not None and min(outline.shape) > 1 and outline.max() > 0.0:
-        line = drawn(outline)
-        x, y = chart.x(line.shape[1]), chart.y(line.shape[0])
-        axes.contour(x, y, line, levels=[0.5 * line.max()], colors="white", linewidths=0.7, alpha=0.85)
+    if outline is not None:
+        draw_outline(axes, drawn(outline), chart)
     if mask is not None and mask.any():
         draw_border(axes, mask, chart)
     add_colour_bar(bar, shown, unit.label, "max" if image.max() > _ROUNDED * top else "neither")

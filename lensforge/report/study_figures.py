@@ -314,8 +314,8 @@ def beyond(values: Float[np.ndarray, " n"], value: float) -> bool:
 
 @in_report_style
 def cause_bars(variance: Variance) -> Figure:
-    """The largest shares of a metric's variance and that of several tolerances together, with standard errors."""
-    causes = variance.causes[:_BARS]
+    """The certain shares of a metric's variance and that of several tolerances together, with standard errors."""
+    causes = variance.certain[:_BARS]
     names = [*(cause.words for cause in causes), TOGETHER]
     values = 100.0 * np.array([*(cause.share for cause in causes), variance.interactions.value])
     errors = 100.0 * np.array(

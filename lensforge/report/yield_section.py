@@ -55,7 +55,7 @@ def yield_sections(results: Results) -> list[YieldSection]:
 
 def _section(stem: str, found: Yield, results: Results) -> YieldSection:
     names = list(dict.fromkeys([*failing_first(found), *found.metrics]))[:_MOST_PLOTS]  # those with bounds first
-    varied = [name for name in names if name in found.variance]
+    varied = [name for name in names if name in found.variance and found.variance[name].certain]
     return YieldSection(
         stem=stem,
         result=found,

@@ -1,14 +1,18 @@
-"""HTML of a result for a notebook (table, section as SVG, plot as image), and plots as files."""
+"""A result as it shows itself: HTML for a notebook (table, section as SVG, plot as image), text, and plots as files."""
 
 import base64
 import io
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.results.validation import shortened
+
+MOST_LINES, _MOST_CHARACTERS = 40, 100  # of a text: a result fits on a screen
 PLOT_KINDS = ("png", "svg", "pdf")
 _DATE = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # metadata that would differ from file to file
 
@@ -17,6 +21,19 @@ def table_html(facts: Mapping[str, str]) -> str:
     """A table with one row for each of ``facts``: name and text."""
     cells = (f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in facts.items())
     return f"<table>{''.join(cells)}</table>"
+
+
+def table_text(title: str, facts: Mapping[str, str]) -> str:
+    """A title, and a line for each of ``facts``, as many as fit on a screen."""
+    width = max(map(len, itertools.islice(facts, MOST_LINES)), default=0)
+    rows = (f"  {name:<{width}}  {shortened(' '.join(text.split()), _MOST_CHARACTERS)}" for name, text in facts.items())
+    return screenful([title, *rows])
+
+
+def screenful(lines: Sequence[str]) -> str:
+    """``lines`` as a text, as many as fit on a screen."""
+    left = len(lines) - MOST_LINES
+    return "\n".join(lines if left <= 0 else [*lines[: MOST_LINES - 1], f"  and {left + 1} more"])
 
 
 def section_html(title: str, outline: Float[np.ndarray, "n 2"], facts: Mapping[str, str]) -> str:

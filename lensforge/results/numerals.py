@@ -1,7 +1,8 @@
 """Numbers as text: the one formatter of pages, screens, drawings and messages, and the unit of a record's value.
 
-A number with a standard error ends at the second digit of that error (GUM 7.2.6), any other has a few significant
-digits. Groups of three are parted by a thin space (ISO 80000-1), which a screen shows as a plain one.
+A number with a standard error ends at the second digit of that error (GUM 7.2.6), but has five significant digits at
+most: the flux of an LED is known to some per cent. Any other has a few significant digits. Groups of three are parted
+by a thin space (ISO 80000-1), which a screen shows as a plain one.
 """
 
 import math
@@ -56,11 +57,20 @@ def quantity(value: float | None, unit: str = "", error: float | None = None, di
 
 
 _PLAIN = 4  # digits before the point of a number that is never written as a power of ten
+_MOST_DIGITS = 5  # of a measured value: no source is known to more
 
 
 def by_error(value: float, error: float) -> tuple[str, str]:
-    """``value`` and ``error`` (above 0) to the second digit of the error: "0.0123" and "0.0012"; "1230" and "120"."""
+    """``value`` and ``error`` (above 0) to the second digit of the error: "0.0123" and "0.0012"; "1230" and "120".
+
+    A value has five significant digits at most: "0.98765" and "1.2 × 10⁻⁷".
+    """
     decimals = 1 - math.floor(math.log10(float(f"{error:.1e}")))
+    rounded = float(f"{value:.{_MOST_DIGITS - 1}e}")
+    if rounded and decimals > (most := _MOST_DIGITS - 1 - math.floor(math.log10(abs(rounded)))):
+        plain = 1e-3 <= abs(rounded) < _LARGEST_PLAIN
+        text = f"{rounded:.{max(most, 0)}f}" if plain else f"{rounded:.{_MOST_DIGITS - 1}e}"
+        return _typeset(text), _typeset(f"{error:.2g}")
     kept = round(value, decimals) + 0.0  # no minus zero
     if decimals <= _MOST_DECIMALS:
         shown = max(decimals, 0)

@@ -11,13 +11,31 @@ from lensforge.results import Image
 from lensforge.results.chart import WATTS, Chart, LightUnit
 
 
-def plot_map(image: Float[np.ndarray, "h w"], chart: Chart, unit: LightUnit = WATTS, axes: Axes | None = None) -> Axes:
-    """Light (W/m^2 or W/sr, [row y, column x]) on a receiver in false colour, with its scale in ``unit``."""
+def plot_map(
+    image: Image,
+    chart: Chart,
+    unit: LightUnit = WATTS,
+    axes: Axes | None = None,
+    outline: Image | None = None,
+) -> Axes:
+    """Light (W/m^2 or W/sr, [row y, column x]) on a receiver in false colour, with its scale in ``unit``.
+
+    ``outline``: an image, such as the target, whose line at half of its peak is drawn.
+    """
     axes = new_axes(axes)
     shown = axes.imshow(unit.per_watt * image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0)
     axes.figure.colorbar(shown, ax=axes, label=unit.label)
+    if outline is not None:
+        draw_outline(axes, outline, chart)
     chart.label(axes)
     return axes
+
+
+def draw_outline(axes: Axes, image: Image, chart: Chart) -> None:
+    """Draw the line at half of the peak of ``image``; one row of pixels, or no light, has none."""
+    if min(image.shape) > 1 and image.max() > 0.0:
+        x, y = chart.x(image.shape[1]), chart.y(image.shape[0])
+        axes.contour(x, y, image, levels=[0.5 * image.max()], colors="white", linewidths=0.7, alpha=0.85)
 
 
 def plot_face(values: Image, half_width: float, label: str, axes: Axes | None = None) -> Axes:

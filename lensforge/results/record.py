@@ -29,6 +29,7 @@ LARGEST = 1e30
 LARGEST_COUNT = 2**53  # a float holds every whole number up to this one
 MOST_PIXELS = 4096  # along an axis; a page draws all of them
 _ROUNDING = 1e-9  # sums of shares may leave 0 to 1 by rounding
+_LONG_TEXT, _LONG_LIST = 200, 8  # characters and entries that a terminal shows
 _LONGEST_TEXT = 10_000  # characters; the longest remedy of lensforge has 300, and a page shows all of a text
 
 Scalar = float | int | bool | str | None
@@ -164,11 +165,23 @@ class Record(BaseModel):
 
     def row(self) -> dict[str, Scalar]:
         """All numbers and texts, keys joined by dots: one row for a table. Lists and arrays are left out."""
-        return dict(_flat(self, ""))
+        return dict(self._row())
+
+    def _row(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
+        """The entries of the row; ``whole``: a metric is one."""
+        return _flat(self, "", whole)
+
+    def __repr_args__(self) -> Iterator[tuple[str | None, object]]:
+        """Fields as a terminal shows them: arrays, files and long lists by their size."""
+        yield from ((name, _Brief.of(value)) for name, value in super().__repr_args__())
+
+    def shown_row(self) -> dict[str, str]:
+        """The row as text, a metric in one entry."""
+        return {key: _shown(value) for key, value in self._row(whole=True)}
 
     def _repr_html_(self) -> str:
         """HTML for a notebook: the row as a table."""
-        return table_html({key: _shown(value) for key, value in self.row().items()})
+        return table_html(self.shown_row())
 
 
 if TYPE_CHECKING:
@@ -230,15 +243,17 @@ def excluded_arrays(record: Record) -> dict[str, IncEx | bool]:
     return excluded
 
 
-def _flat(value: Any, prefix: str) -> Iterator[tuple[str, Scalar]]:
+def _flat(value: Any, prefix: str, whole: bool) -> Iterator[tuple[str, Scalar]]:
     items: Mapping[str, Any] | None = None
-    if isinstance(value, Record):
+    if whole and isinstance(value, Metric):
+        yield prefix, str(value)
+    elif isinstance(value, Record):
         items = values_of(value) | {name: getattr(value, name) for name in type(value).model_computed_fields}
     elif isinstance(value, Mapping):
         items = value
     if items is not None:
         for name, entry in items.items():
-            yield from _flat(entry, f"{prefix}.{name}" if prefix else name)
+            yield from _flat(entry, f"{prefix}.{name}" if prefix else name, whole)
     elif value is None or isinstance(value, float | int | bool | str):
         yield prefix, value
     elif isinstance(value, Sequence) and not isinstance(value, bytes) and len(value) <= 3:
@@ -249,6 +264,27 @@ def _flat(value: Any, prefix: str) -> Iterator[tuple[str, Scalar]]:
 
 def _shown(value: Scalar) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class _Brief:
+    """Words in place of a value that is too long for a terminal."""
+
+    words: str
+
+    @staticmethod
+    def of(value: object) -> object:
+        """``value``, or words on its size."""
+        if isinstance(value, np.ndarray):
+            return _Brief(f"<{' x '.join(map(str, value.shape))} numbers>")
+        if isinstance(value, str | bytes) and len(value) > _LONG_TEXT:
+            return _Brief(f"<{len(value)} {'bytes' if isinstance(value, bytes) else 'characters'}>")
+        if isinstance(value, tuple | Mapping) and len(value) > _LONG_LIST:
+            return _Brief(f"<{len(value)} entries>")
+        return value
+
+    def __repr__(self) -> str:
+        return self.words
 
 
 def printable(text: Any) -> Any:

@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError, model_serializer
 from lensforge.errors import InputError, OutdatedResult
 from lensforge.results.files import MIB, read_file, read_json, replacing
 from lensforge.results.json_npz import arrays_in
-from lensforge.results.notebook_html import PLOT_KINDS, plot_file, plot_html
+from lensforge.results.notebook_html import PLOT_KINDS, plot_file, plot_html, table_text
 from lensforge.results.record import (
     Array,
     Count,
@@ -185,10 +185,13 @@ class StageResult(Record):
             del copy.__dict__[name]  # cached from the fields of the original
         return copy
 
-    def row(self) -> dict[str, Scalar]:
-        """All numbers and texts, keys joined by dots: one row for a table. Lists, arrays and files are left out."""
+    def _row(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
         elsewhere = self.stored_elsewhere()
-        return {key: value for key, value in super().row().items() if key.split(".")[0] not in elsewhere}
+        return ((key, value) for key, value in super()._row(whole) if key.split(".")[0] not in elsewhere)
+
+    def __str__(self) -> str:
+        """The row as lines, as many as fit on a screen."""
+        return table_text(type(self).__name__, self.shown_row())
 
     def _repr_html_(self) -> str:
         """HTML for a notebook: the plot, and the row as a table."""

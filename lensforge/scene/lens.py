@@ -21,7 +21,7 @@ from lensforge.optics.material import Material
 from lensforge.optics.media import DOUBLE, Media
 from lensforge.results import Count, Record, Text
 from lensforge.results.files import json_in, read_json_bytes, write_json
-from lensforge.results.notebook_html import section_html
+from lensforge.results.notebook_html import section_html, table_text
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
 from lensforge.scene.body import Body, radii
 from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
@@ -167,22 +167,28 @@ class Lens:
         """Write ``lens.json``, with the hash of its content; weights are written with all digits."""
         write_json(Path(path), with_checksum(self.to_json()))
 
-    def _repr_html_(self) -> str:
-        """HTML for a notebook: a section at y = 0, and the facts that identify the lens."""
+    def _identity(self) -> dict[str, str]:
+        """The facts that identify the lens."""
         spec = self.spec
-        facts = {
+        return {
             "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
             "source": spec.source.title,
             "receiver": "; ".join(_where(receiver) for receiver in spec.all_receivers),
             "surfaces": ", ".join(f"{name}: {_describe(each)}" for name, each in self.surfaces.items()),
             "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
         }
+
+    def __repr__(self) -> str:
+        return table_text(f"Lens {self.spec.name}", self._identity())
+
+    def _repr_html_(self) -> str:
+        """HTML for a notebook: a section at y = 0, and the facts that identify the lens."""
         theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
         u = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], axis=1)
         outer, inner = (
             radii(faces, u).min(axis=0)[:, None] * u[:, [0, 2]] for faces in (self.body.envelope, self.body.cavity)
         )
-        return section_html(spec.name, np.concatenate([outer, inner[::-1]]), facts)
+        return section_html(self.spec.name, np.concatenate([outer, inner[::-1]]), self._identity())
 
 
 def require_one_kind(lens: Lens, verb: str) -> None:

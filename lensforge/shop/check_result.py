@@ -9,6 +9,7 @@ from pydantic import ConfigDict, computed_field, model_validator
 from lensforge.results import Array, NotNegative, Number, Point, Positive, Record, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criterion, Judged
+from lensforge.results.notebook_html import screenful
 from lensforge.results.verdict import within
 
 if TYPE_CHECKING:
@@ -259,7 +260,7 @@ class Check(StageResult):
         return self
 
     def __str__(self) -> str:
-        return "\n".join(f"{'yes' if each.holds else 'no '} {each.name}: {each.reason}" for each in self.verdicts)
+        return screenful([f"{'yes' if each.holds else 'no '} {each.name}: {each.reason}" for each in self.verdicts])
 
     def plot(
         self,

@@ -41,8 +41,9 @@ from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, O
 from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_fields import words_of
 from lensforge.spec.spec_files import changed, plain, read_toml, resolve_files, short
-from lensforge.spec.spec_section import Section, check, spec_error
+from lensforge.spec.spec_section import Section, check
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
+from lensforge.spec.wrong_fields import spec_error
 
 _Filled = TypeVar("_Filled", bound=Section)
 

@@ -17,8 +17,8 @@ from lensforge.spec.spec_section import (
     Section,
     check,
     rounded_up,
-    spec_error,
 )
+from lensforge.spec.wrong_fields import spec_error
 
 _MOST_FEET = 32
 _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008

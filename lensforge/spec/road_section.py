@@ -13,7 +13,8 @@ from pydantic import Field, ValidationError
 
 from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver
 from lensforge.spec.spec_files import read_toml, resolve_files
-from lensforge.spec.spec_section import FilePath, Label, Section, check, spec_error
+from lensforge.spec.spec_section import FilePath, Label, Section, check
+from lensforge.spec.wrong_fields import spec_error
 
 # Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001; of wet ones CIE 47.
 STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07, "W4": 0.247}

@@ -13,7 +13,8 @@ from lensforge.errors import InputError
 from lensforge.results.files import MIB, read_file
 from lensforge.spec.source_sections import NamedSource, RayfileSource, SourceSpec
 from lensforge.spec.spec_files import read_toml, resolve_files
-from lensforge.spec.spec_section import Section, spec_error
+from lensforge.spec.spec_section import Section
+from lensforge.spec.wrong_fields import spec_error
 
 _PATTERN = re.compile(r"[*?\[]")
 _NUMBERS = ("share", "flux_lm", "flux_w", "luminous_efficacy_lm_per_w")

@@ -7,7 +7,6 @@ the spec, and hashed so that a result can name its inputs.
 import hashlib
 import json
 import re
-import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,9 @@ from lensforge.errors import InputError
 from lensforge.results.files import MIB, read_file, require_regular_file
 from lensforge.results.validation import its_type
 from lensforge.spec.spec_section import Section
+from lensforge.spec.toml_slips import tables_of
 
 _MOST_BYTES = 32 * MIB  # 400,000 rays as a text, parsed in 5 seconds; more belong into a ray file
-_MOST_SHOWN = 160  # characters of the reader's own message
 
 
 def read_toml(path: Path, missing: str) -> dict[str, Any]:
@@ -28,20 +27,18 @@ def read_toml(path: Path, missing: str) -> dict[str, Any]:
     deep.
     """
     content = read_file(path, missing=missing, most_bytes=_MOST_BYTES)
-    try:
-        tables = tomllib.loads(_decoded(content))
-    except RecursionError:
-        raise InputError(f"{path}: not readable as TOML (nested too deep)") from None
-    except ValueError as error:
-        problem = " ".join(str(error).split())[:_MOST_SHOWN]
-        raise InputError(f"{path}: not readable as TOML ({problem})") from None
-    return tables
+    return tables_of(_decoded(content, path), path)
 
 
-def _decoded(content: bytes) -> str:
+def _decoded(content: bytes, path: Path) -> str:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content[:4]:
-        raise ValueError("it is in UTF-16 or UTF-32; save it as UTF-8")
-    return content.decode("utf-8-sig")
+        raise InputError(f"{path}: it is in UTF-16 or UTF-32; save it as UTF-8")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line, byte = content.count(b"\n", 0, error.start) + 1, content[error.start]
+        words = f"line {line}: the byte 0x{byte:02x} is no UTF-8"
+        raise InputError(f"{path}: not readable as TOML ({words}); save it as UTF-8") from None
 
 
 def short(value: object) -> str:

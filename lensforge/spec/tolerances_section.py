@@ -24,7 +24,8 @@ from lensforge.optics.media import DOUBLE, REFLECTOR, SIDES, TIR
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
-from lensforge.spec.spec_section import Section, check, spec_error
+from lensforge.spec.spec_section import Section, check
+from lensforge.spec.wrong_fields import spec_error
 
 TolerancePreset = Literal["precision", "standard", "moulded"]
 

@@ -11,6 +11,7 @@ from page_text import Page, folded, text_of, undrawn_page_of
 from result_folders import make_results, small_lens
 from scenes import part_tolerances
 
+from lensforge.made.tolerance_result import Variance
 from lensforge.made.yield_facts import (
     budget_row,
     budget_rows,
@@ -20,7 +21,7 @@ from lensforge.made.yield_facts import (
     spread_rows,
     yield_facts,
 )
-from lensforge.results import Conditions
+from lensforge.results import Conditions, Metric
 from lensforge.results.numerals import percent
 from lensforge.shop.sheet_tables import tolerance_table
 from lensforge.spec.tolerances_section import PartTolerances, amount_words
@@ -105,10 +106,29 @@ def test_causes_worst_parts_and_remarks_are_there_and_text_is_escaped(page, html
     assert "a &lt;remark&gt; of the study" in html and "a <remark>" not in html
 
 
+def test_a_cause_within_two_standard_errors_is_shown_nowhere(found):
+    first, second, *_ = found.variance["nmse"].causes
+    doubtful = {"share": 1.99 * first.standard_error}
+    variance = Variance(
+        causes=(second, first.model_copy(update=doubtful)), interactions=Metric(value=0.1, standard_error=0.051)
+    )
+    few = found.model_copy(update={"variance": {"nmse": variance}})
+    assert [fact.label for row in cause_rows(few) for fact in row.facts] == [second.words]
+    sure = Variance(causes=(second, first), interactions=Metric(value=0.103, standard_error=0.051))
+    rows = cause_rows(found.model_copy(update={"variance": {"nmse": sure}}))
+    assert [fact.label for row in rows for fact in row.facts] == [second.words, first.words, "several together"]
+    none = Variance(causes=(first.model_copy(update=doubtful),), interactions=Metric(value=0.5, standard_error=0.3))
+    nobody = yield_facts(found.model_copy(update={"variance": {"nmse": none}}))
+    assert [fact.text for group in nobody for fact in group.facts if fact.key in ("main_cause", "together")] == [
+        "none stands out of so few parts", budget_row(found.budget.together).fact("at_most").text,
+        "none stands out of so few parts",
+    ]  # fmt: skip
+
+
 def test_no_budget_and_no_causes_are_said(lens, found):
     text = text_of(make_results((), lens, **{"yield": found.model_copy(update={"budget": None, "variance": {}})}))
     assert "How large each tolerance may be" not in text
-    assert "no more than the noise of the rays" in text
+    assert "No cause stands out of the noise of rays and parts." in text
     assert 'id="yield"' not in undrawn_page_of(make_results((), lens))
 
 

@@ -1,0 +1,161 @@
+"""Wrong fields of a spec as lines: each has one complete line, unknown names first, with the name that was meant."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from lensforge.errors import WrongFields
+from lensforge.results.numerals import unit_in
+from lensforge.results.validation import given_words, shortened
+from lensforge.spec.renamed import MOVED
+from lensforge.spec.spec_fields import all_sections, kind_of, sections_in, words_of
+from lensforge.spec.toml_slips import cured_number
+
+_MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause
+_MOST_CHARACTERS = 480  # of what is wrong in a line
+_LIKENESS = 0.77  # of two names: "diametre_mm" and "diameter_mm" have 0.9, "cone" and "none" 0.75
+_NO_HINT = "known here: "
+_KINDS = ("union_tag_invalid", "union_tag_not_found")
+_NUMBERS = ("float_parsing", "int_parsing")  # a text that is none
+
+
+@dataclass(frozen=True)
+class _FieldPlace:
+    """Field of an error: its dotted name as the user wrote it, the sections that hold it, and its name in them."""
+
+    name: str
+    holders: tuple[type[BaseModel], ...]
+    last: str
+
+    @property
+    def known(self) -> list[str]:
+        """Names of the fields beside it."""
+        return list(dict.fromkeys(name for each in self.holders for name in each.model_fields))
+
+
+def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> WrongFields:
+    """All wrong fields of what ``origin`` names, a table that ``root`` describes."""
+    errors = error.errors(include_url=False)
+    entries = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
+    unknown = [each for each in entries if each["type"] == "extra_forbidden"]
+    meant, lines = set[str](), list[str]()
+    for entry in unknown:
+        place = _place(entry["loc"], root)
+        hint, instead = _hint(place, root)
+        meant.add(instead)
+        value = None if hint.startswith(_NO_HINT) else entry["input"]  # of another file's field: not for a message
+        lines.append(_line(origin, place.name, value, f"unknown; {hint}"))
+    for place, group in _by_place([entry for entry in entries if entry not in unknown], root):
+        if not (group[0]["type"] == "missing" and place.name in meant):
+            words = " or ".join(dict.fromkeys(_problem(each, place) for each in group))
+            name = f"{place.name}.kind".lstrip(".") if group[0]["type"] == _KINDS[0] else place.name
+            value = group[0]["ctx"]["tag"] if group[0]["type"] == _KINDS[0] else group[0]["input"]
+            lines.append(_line(origin, name, None if group[0]["type"] == "missing" else value, words))
+    more = [f"{origin}: {len(lines) - _MOST_LINES} more wrong fields"] if len(lines) > _MOST_LINES else []
+    return WrongFields("\n".join([*lines[:_MOST_LINES], *more]))
+
+
+def _line(origin: str, name: str, value: object, words: str) -> str:
+    given = "" if value is None else given_words(value)
+    parts = (origin, f"{shortened(name)}{given}" if name else "", shortened(" ".join(words.split()), _MOST_CHARACTERS))
+    return " ".join(": ".join(part for part in parts if part).split())
+
+
+def _by_place(entries: Iterable[ErrorDetails], root: type[BaseModel]) -> list[tuple[_FieldPlace, list[ErrorDetails]]]:
+    """The errors of each field together: a field that takes a number or a list has one for either."""
+    groups: dict[str, tuple[_FieldPlace, list[ErrorDetails]]] = {}
+    for entry in entries:
+        place = _place(entry["loc"], root)
+        groups.setdefault(place.name, (place, []))[1].append(entry)
+    return list(groups.values())
+
+
+def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
+    """Words for what is wrong with a known field, with the value that was meant."""
+    context = error.get("ctx", {})
+    if error["type"] == "missing":
+        words = next((words_of(each, place.last) for each in place.holders if place.last in each.model_fields), "")
+        return f"missing: {words[0].lower()}{words[1:]}" if words else "missing"
+    if error["type"] in _KINDS:
+        kinds = re.findall(r"'([^']*)'", str(context.get("expected_tags", ""))) or _kinds_of(place)
+        near = _nearest(str(context.get("tag", "")), kinds)
+        either = f"must be one of {', '.join(kinds)}" + (f"; did you mean {near}?" if near else "")
+        return either if error["type"] == _KINDS[0] else f"kind is missing; it {either}"
+    words = error["msg"].removeprefix("Value error, ")
+    given = error["input"] if isinstance(error["input"], str) else ""
+    if error["type"] in _NUMBERS:
+        cure = cured_number(place.last, given.strip())
+        meant = "" if cure is None else f"; {cure.words}" + ("" if cure.told else f"; write {cure.meant}")
+        return f"must be a number{meant}"
+    near = _nearest(given, re.findall(r"'([^']*)'", str(context.get("expected", ""))))
+    return f"{words}; did you mean {near}?" if near and error["type"] == "literal_error" else words
+
+
+def _kinds_of(place: _FieldPlace) -> list[str]:
+    fields = [each.model_fields[place.last] for each in place.holders if place.last in each.model_fields]
+    return [kind for field in fields for each in sections_in(field.annotation) if (kind := kind_of(each))]
+
+
+def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
+    """Advice on an unknown name, and the whole name that was meant, "" where none is near."""
+    before = place.name.rpartition(".")[0]
+    for old, new in MOVED.items():
+        if old.endswith(f".{place.last}"):
+            return f"it is {new} now", new
+    near = _nearest(place.last, place.known)
+    if near:
+        return f"did you mean {near}?", f"{before}.{near}".lstrip(".")
+    for name, field in root.model_fields.items():
+        having = [each for each in sections_in(field.annotation) if place.last in each.model_fields]
+        if having and name == before.partition(".")[0]:
+            return f"it goes with kind = {', '.join(str(kind_of(each)) for each in having)}", ""
+        if having:
+            return f"it belongs to [{name}]", ""
+    names = [name for each in all_sections(root) for name in each.model_fields]
+    elsewhere = _nearest(place.last, names)
+    known = f"{_NO_HINT}{', '.join(place.known)}"
+    return (f"{known}; elsewhere there is {elsewhere}" if elsewhere and len(place.last) > 2 else known), ""
+
+
+def _nearest(name: str, known: Sequence[str]) -> str | None:
+    """The known name that was meant: the same with its unit, or one that differs by a few letters."""
+    with_unit = [each for each in known if unit_in(each) and each == f"{name}_{each.removeprefix(f'{name}_')}"]
+    return next(iter(with_unit or get_close_matches(name, known, n=1, cutoff=_LIKENESS)), None)
+
+
+def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _FieldPlace:
+    """The field at ``location``, without what pydantic adds: the kind of a section, and the branch of a choice."""
+    holders: tuple[type[BaseModel], ...] = (root,)
+    inside, parts = holders, list[str]()
+    annotation: Any = None
+    for number, part in enumerate(location):
+        tagged = tuple(each for each in inside if kind_of(each) == part)
+        fields = [each.model_fields[part] for each in inside if part in each.model_fields]
+        if isinstance(part, int):
+            parts.append(str(part))
+        elif len(inside) > 1 and tagged:
+            inside = tagged
+        elif fields:
+            holders, annotation = inside, fields[0].annotation
+            inside = tuple(dict.fromkeys(each for field in fields for each in sections_in(field.annotation)))
+            parts.append(part)
+        elif tagged:
+            inside = tagged
+        elif not _is_branch(part) and ((inside and number == len(location) - 1) or _holds_names(annotation)):
+            holders = inside
+            parts.append(part)
+    return _FieldPlace(".".join(parts), holders, next((each for each in reversed(parts) if not each.isdigit()), ""))
+
+
+def _is_branch(part: str) -> bool:
+    """True for what pydantic calls a branch of a choice: ``constrained-float``, ``tuple[...]``, ``[key]``."""
+    return bool(re.fullmatch(r"[a-z]+(-[a-z]+)+|[a-z-]*\[.*\]|float|int|str|bool|list|dict", part))
+
+
+def _holds_names(annotation: Any) -> bool:
+    return get_origin(annotation) is dict or any(get_origin(each) is dict for each in get_args(annotation))
