@@ -21,7 +21,9 @@ from lensforge.results.criteria import missed
 from lensforge.results.numerals import number, percent, quantity
 from lensforge.results.verdict import Reason, judge
 from lensforge.scene.lens import Lens
+from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
+from lensforge.spec.light_limits import BeamAngleLimit
 from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES
 
 LimitBounds = Mapping[tuple[str, float], Bound]  # what is possible, by a limit's name and bound
@@ -272,7 +274,7 @@ _ZONES = {
 
 def photometry_facts(found: Photometry, spec: Spec) -> list[Group]:
     """Groups of the far field and, of a lamp for an area or a road, of the lamp and its zones."""
-    groups = [Group("far_field", "Far field", tuple(_far_field(found))), *map(road_facts, found.roads)]
+    groups = [Group("far_field", "Far field", tuple(_far_field(found, spec))), *map(road_facts, found.roads)]
     if found.road is None:
         return groups
     lamp = Group("lamp", "Lamp", tuple(_lamp(found.road, spec.photometry.lenses)))
@@ -280,7 +282,17 @@ def photometry_facts(found: Photometry, spec: Spec) -> list[Group]:
     return [*groups, lamp, Group("zones", "Zones", tuple(zones))]
 
 
-def _far_field(found: Photometry) -> Iterator[Fact]:
+def _judged_planes(spec: Spec) -> Iterator[float]:
+    """Planes C (deg) whose beam angle is a limit's figure, and told there."""
+    by_name = {receiver.name: receiver for receiver in spec.all_receivers}
+    for limit in spec.limits:
+        if isinstance(limit, BeamAngleLimit) and limit.level == BEAM_SHARE:
+            receiver = by_name[limit.receiver or next(iter(by_name))]
+            if receiver.facing == (0.0, 0.0, 1.0) and receiver.rotation_deg == 0.0:
+                yield limit.azimuth_deg % 180.0
+
+
+def _far_field(found: Photometry, spec: Spec) -> Iterator[Fact]:
     direction = found.peak_direction
     source = f"of {quantity(found.source_lm, 'lm', digits=5)} of the source"
     taken = ", which states no flux: all figures are for these" if found.per_1000_lm else ""
@@ -290,8 +302,9 @@ def _far_field(found: Photometry) -> Iterator[Fact]:
     yield Fact.measured("axis_cd", "Intensity on the axis", found.axis_cd)
     for beam in (found.beam_c0, found.beam_c90):
         plane = f"C {beam.c_deg:.0f}"
-        note = "between the outermost halves of the largest intensity"
-        yield Fact.measured(f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, note)
+        if beam.c_deg not in _judged_planes(spec):
+            note = "between the outermost halves of this plane’s largest intensity"
+            yield Fact.measured(f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, note)
         yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "of its tenths")
     noise = "" if found.node_error is None else f"the table’s noise is {percent(found.node_error.rms)} rms"
     yield Fact("photometry_rays", "Rays", found.rays, note=noise)

@@ -37,7 +37,7 @@ from lensforge.spec.road_section import RoadSection
 _GAP_COLOURS = (BLUE, GREEN, ORANGE)
 _LEAST_MM = 1e-5  # 10 nm: smaller distances have no optical meaning
 _PLANES = {0.0: (ORANGE, "C 0 – C 180"), 90.0: (BLUE, "C 90 – C 270")}
-_RINGS = 4
+_RINGS, _ROUND = 3, (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)  # of the polar diagram, at round intensities: their values fit
 _FURTHER = 1.25  # of the field angle: what the isocandela diagram shows beyond it
 _SHOWN_HEIGHTS = 6.0  # mounting heights to each side: "very long" lies beyond
 _PIXELS = 241
@@ -54,8 +54,10 @@ def polar_diagram(found: Photometry) -> Figure:
     """Intensity over gamma in the principal planes, gamma = 0 downwards, as data sheets have it."""
     figure, axes = new_figure(NARROW, 0.68 * NARROW)
     profiles = {c_deg: plane_profile(_table(found), c_deg) for c_deg in _PLANES}
-    top = max(float(values.max()) for _, values in profiles.values()) or 1.0
-    for radius in top * np.arange(1, _RINGS + 1) / _RINGS:
+    largest = max(float(values.max()) for _, values in profiles.values()) or 1.0
+    rings = [each for each in MaxNLocator(_RINGS, steps=_ROUND).tick_values(0.0, largest) if each > 0.0]
+    top = float(rings[-1])
+    for radius in rings:
         _ring(axes, radius, from_deg=180.0)
         axes.text(radius, 0.02 * top, number(radius, 3), fontsize=7.0, ha="center", va="bottom")
     for degrees in range(-90, 91, 30):

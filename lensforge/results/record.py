@@ -165,9 +165,9 @@ class Record(BaseModel):
 
     def row(self) -> dict[str, Scalar]:
         """All numbers and texts, keys joined by dots: one row for a table. Lists and arrays are left out."""
-        return dict(self._row())
+        return dict(self._entries())
 
-    def _row(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
+    def _entries(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
         """The entries of the row; ``whole``: a metric is one."""
         return _flat(self, "", whole)
 
@@ -177,7 +177,7 @@ class Record(BaseModel):
 
     def shown_row(self) -> dict[str, str]:
         """The row as text, a metric in one entry."""
-        return {key: _shown(value) for key, value in self._row(whole=True)}
+        return {key: _shown(value) for key, value in self._entries(whole=True)}
 
     def _repr_html_(self) -> str:
         """HTML for a notebook: the row as a table."""

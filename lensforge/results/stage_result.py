@@ -185,9 +185,9 @@ class StageResult(Record):
             del copy.__dict__[name]  # cached from the fields of the original
         return copy
 
-    def _row(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
+    def _entries(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
         elsewhere = self.stored_elsewhere()
-        return ((key, value) for key, value in super()._row(whole) if key.split(".")[0] not in elsewhere)
+        return ((key, value) for key, value in super()._entries(whole) if key.split(".")[0] not in elsewhere)
 
     def __str__(self) -> str:
         """The row as lines, as many as fit on a screen."""

@@ -245,7 +245,7 @@ def _list(name: str, text: str) -> Cure | None:
     part = r"\s*;\s*" if ";" in inside else r"\s*,\s*" if re.search(r",\s|,[^\d]", inside) else r"\s+"
     part = r"\s*,\s*" if "," in inside and part == r"\s+" and not re.search(r"\s", inside) else part
     entries = [each for each in re.split(part, inside) if each]
-    cured = [entry if _is_value(entry) else getattr(cured_value(name, entry), "meant", entry) for entry in entries]
+    cured = [entry if _is_value(entry) or not (cure := cured_value(name, entry)) else cure.meant for entry in entries]
     return Cure("a list is [value, value]", f"[{', '.join(cured)}]")
 
 

@@ -1,6 +1,7 @@
 """``lensforge new``: a commented spec that is valid, its derived values those of a spec without them, and refusals."""
 
 import json
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -144,3 +145,23 @@ def test_sources_in_a_word() -> None:
     assert source_in("square:2") == {"kind": "square", "side_mm": 2.0}
     with pytest.raises(InputError, match="nor a file that is there"):
         source_in("led.ray")
+
+
+def test_the_command_that_is_printed_can_be_pasted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    given = [
+        "--source",
+        "square:1.5",
+        "--target",
+        "disc:80@150",
+        "--max-radius",
+        "9",
+        "--material",
+        "PC",
+        "--cutter",
+        "1",
+    ]
+    ran = CliRunner().invoke(cli, ["new", "own lens; v2.toml", *given])
+    assert ran.exit_code == 0, ran.output
+    command = ran.output.rstrip("\n").split("\t")[1]
+    assert shlex.split(command) == ["lensforge", "design", "own lens; v2.toml"]

@@ -1,12 +1,18 @@
+import re
 from xml.etree import ElementTree
 
 import matplotlib as mpl
 import numpy as np
 import pytest
-from result_folders import evaluate_arrays, make_results, small_lens
+from made_photometry import make_photometry
+from made_yield import make_yield
+from result_folders import evaluate_arrays, make_folder, make_results, small_lens
 
+import lensforge
 from lensforge.errors import MissingResult
 from lensforge.report.lens_page import results_html
+from lensforge.report.results import STAGES
+from lensforge.search.design_result import Design
 
 mpl.use("Agg")
 
@@ -43,6 +49,36 @@ def test_the_plotted_light_is_the_one_of_the_record(results):
     axes = results.light.plot()
     assert np.asarray(axes.images[0].get_array()) == pytest.approx(evaluate_arrays()["map"])
     assert axes.images[0].get_extent() == [-150.0, 150.0, -150.0, 150.0]
+
+
+def test_the_line_on_the_light_is_the_target_at_half_of_its_peak(results):
+    target = np.zeros((16, 16))
+    target[4:8, 6:14] = 3.0  # off the axes, longer than it is high
+    first = results.light.receivers[0].model_copy(update={"target_map": target})
+    axes = results.light.model_copy(update={"receivers": (first,)}).plot()
+    lines = np.concatenate([path.vertices for path in axes.collections[0].get_paths()])
+    pitch = 300.0 / 16.0
+    assert lines.min(axis=0) == pytest.approx([-150.0 + 6.0 * pitch, -150.0 + 4.0 * pitch])
+    assert lines.max(axis=0) == pytest.approx([-150.0 + 14.0 * pitch, -150.0 + 8.0 * pitch])
+    assert not results.light.plot(which="target_map").collections, "the target itself has no line"
+
+
+def test_a_result_that_is_printed_fits_on_a_screen(results, tmp_path):
+    lens = results.lens
+    folder = tmp_path / "own"
+    make_folder(folder)
+    printed = [*results.found.values(), make_yield(lens), make_photometry(lens), lens, lensforge.load(folder)]
+    assert {type(each) for each in results.found.values()} == set(STAGES)
+    for each in printed:
+        for text in (str(each), repr(each)):
+            assert text.count("\n") < 40 and len(text) < 6000, type(each)
+    rows = str(results.find(Design)).splitlines()
+    assert rows[0] == "Design" and "  constraints.wall_margin_mm          0.25" in rows
+    assert re.search(r"^  exit_w +0\.90000 ± 0\.00010 W$", str(make_photometry(lens)), re.MULTILINE), (
+        "a metric is one line"
+    )
+    assert str(make_yield(lens)).splitlines()[-1].startswith("  and "), "the rest is counted"
+    assert "map=<16 x 16 numbers>" in repr(results.light)
 
 
 def test_plots_go_on_the_caller_s_axes(results):

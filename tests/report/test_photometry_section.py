@@ -7,6 +7,7 @@ from page_text import text_of
 from result_folders import make_results, small_lens
 from shown_folders import REGION, ROAD
 
+from lensforge.light.light_facts import photometry_facts
 from lensforge.report.light_section import photometry_pictures
 from lensforge.report.study_figures import (
     ground_diagram,
@@ -15,6 +16,8 @@ from lensforge.report.study_figures import (
     road_by_night,
     road_from_above,
 )
+from lensforge.results.figure_style import GREY
+from lensforge.results.numerals import number
 
 
 def road_lens(**changes):
@@ -70,6 +73,35 @@ def test_the_polar_diagram_has_the_stated_beam():
     assert radius.max() == pytest.approx(found.beam_c0.peak_cd.value)
     lit = angle[radius >= 0.5 * radius.max() - 1e-9]
     assert lit.max() - lit.min() == pytest.approx(found.beam_c0.beam_angle_deg.value, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("peak", "rings"), [(168_120.0, (60e3, 120e3, 180e3)), (1.7, (0.6, 1.2, 1.8)), (38.0, (15.0, 30.0, 45.0))]
+)
+def test_the_rings_of_the_polar_diagram_are_round_and_hold_the_curve(peak, rings):
+    found = make_photometry(small_lens())
+    scaled = found.candela * peak / found.candela.max()
+    axes = polar_diagram(found.model_copy(update={"candela": scaled})).axes[0]
+    assert [text.get_text() for text in axes.texts if not text.get_text().endswith("°")] == [
+        number(each, 3) for each in rings
+    ]
+    drawn = [line.get_xdata().max() for line in axes.lines if line.get_color() == GREY and len(line.get_xdata()) > 2]
+    assert drawn == pytest.approx(rings)
+
+
+def test_a_beam_angle_that_a_limit_states_is_told_once():
+    far = {"kind": "far_field", "half_angle_deg": 40.0, "targets": [{"kind": "beam", "fwhm_deg": 30.0}]}
+    limits = [{"kind": "beam_angle", "azimuth_deg": 270.0, "at_most_deg": 40.0}]
+    tenth = {"kind": "beam_angle", "azimuth_deg": 0.0, "level": 0.1, "at_most_deg": 60.0}
+    for axis, asked, shown in (
+        ((0.0, 0.0, 1.0), [*limits, tenth], {"beam_C 0"}),
+        ((0.0, 0.1, 1.0), limits, {"beam_C 0", "beam_C 90"}),  # that of another plane
+        ((0.0, 0.0, 1.0), [tenth], {"beam_C 0", "beam_C 90"}),
+    ):
+        lens = small_lens(wanted={"receivers": [far | {"axis": axis}], "limits": asked})
+        keys = {fact.key for group in photometry_facts(make_photometry(lens), lens.spec) for fact in group.facts}
+        assert {key for key in keys if key.startswith("beam_")} == shown
+        assert {"field_C 0", "field_C 90"} <= keys
 
 
 def test_isocandela_lines_lie_at_their_angles():
