@@ -88,10 +88,9 @@ def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
         return either if error["type"] == _KINDS[0] else f"kind is missing; it {either}"
     words = error["msg"].removeprefix("Value error, ")
     given = error["input"] if isinstance(error["input"], str) else ""
-    if error["type"] in _NUMBERS:
-        cure = cured_number(place.last, given.strip())
-        meant = "" if cure is None else f"; {cure.words}" + ("" if cure.told else f"; write {cure.meant}")
-        return f"must be a number{meant}"
+    cure = cured_number(place.last, given.strip()) if error["type"] in _NUMBERS else None
+    if cure is not None:
+        return f"{words}; {cure.words}" + ("" if cure.told else f"; write {cure.meant}")
     near = _nearest(given, re.findall(r"'([^']*)'", str(context.get("expected", ""))))
     return f"{words}; did you mean {near}?" if near and error["type"] == "literal_error" else words
 
