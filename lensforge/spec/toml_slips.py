@@ -44,7 +44,7 @@ class Cure:
 
 @dataclass(frozen=True)
 class _Slip:
-    """Words on what is wrong at ``column`` of line ``number``, both from 1; ``meant``: that line as it may be read on."""
+    """Words on what is wrong at ``column`` of line ``number``, from 1; ``meant``: that line as it may be read on."""
 
     number: int
     column: int
