@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS, Material
 from lensforge.optics.media import CoatingLayer, CoverGlass, Film, IndexCurve, LayerStack, ReflectanceTable
 from lensforge.results.files import MIB, read_file
+from lensforge.spec.spec_files import full_path
 from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section, check
 
 _MOST_BYTES = 32 * MIB
@@ -131,14 +132,14 @@ class CoatingSection(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _table_of_the_file(cls, content: Any) -> Any:
+    def _table_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
         if not isinstance(content, dict) or not isinstance(content.get("file"), str | Path):
             return content
         if len([value for value in content.values() if value is not None]) > 1:
             raise ValueError("file: give nothing else beside it")
         try:
-            angles, waves, rows = read_coating(Path(content["file"]))
-        except InputError as error:
+            angles, waves, rows = read_coating(full_path(Path(content["file"]), info))
+        except (InputError, ValueError) as error:
             raise ValueError(f"file: {error}") from None
         return {"angle_deg": angles, "wavelength_nm": waves, "reflectance": rows}
 

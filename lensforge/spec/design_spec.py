@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import tomli_w
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
@@ -40,8 +40,8 @@ from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_bel
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_fields import words_of
-from lensforge.spec.spec_files import changed, plain, read_toml, resolve_files, short
-from lensforge.spec.spec_section import Section, check, spec_error
+from lensforge.spec.spec_files import changed, plain, read_toml, short
+from lensforge.spec.spec_section import Section, check, section_of
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
 
 _Filled = TypeVar("_Filled", bound=Section)
@@ -155,9 +155,8 @@ class Spec(Section):
             raise InputError(
                 f"replace: {short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
             )
-        return parse_spec(
-            changed(self.model_dump(exclude_unset=True), {**(changes or {}), **sections}), f"{self.name}, changed"
-        )
+        content = changed(self.model_dump(exclude_unset=True), {**(changes or {}), **sections})
+        return parse_spec(content, f"{self.name}, changed")
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
@@ -352,17 +351,12 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
     content.setdefault("name", path.stem)
-    for section in ("source", "sources", "lens", "target", "receivers", "roads", "base", "constraints", "bodies"):
-        resolve_files(content.get(section), path.parent)
-    return parse_spec(content, str(path))
+    return parse_spec(content, str(path), path.parent)
 
 
-def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
-    """Validate ``content``; ``origin`` names it in the error, a line for each wrong field."""
-    try:
-        return Spec.model_validate(content)
-    except ValidationError as error:
-        raise spec_error(error, origin, Spec) from None
+def parse_spec(content: Mapping[str, object], origin: str, folder: Path | None = None) -> Spec:
+    """Validate ``content``, whose files count from ``folder``; ``origin`` names it in the error."""
+    return section_of(Spec, content, origin, folder)
 
 
 def require_spec(spec: object, verb: str) -> Spec:

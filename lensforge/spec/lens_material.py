@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.material import (
@@ -33,6 +33,7 @@ from lensforge.optics.material_files import read_material
 from lensforge.optics.media import CAVITY, OUTSIDE, SIDES, FaceCoating, Media, Medium, Mirror
 from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
+from lensforge.spec.spec_files import full_path
 from lensforge.spec.spec_section import FilePath, Label, Section, check
 
 _Wavelength = Annotated[float, Field(ge=100.0, le=20_000.0)]
@@ -130,7 +131,7 @@ class OpticalData(Section):
         return Material(name, self._dispersion, self._span, self.source or "the spec", None, absorption, law)
 
 
-def with_optical_data(content: Any) -> Any:
+def with_optical_data(content: Any, info: ValidationInfo) -> Any:
     """Fields of a ``[lens]`` with the data of its ``material_file`` in place of that file: they need it no more.
 
     Raises ``ValueError`` for a file that cannot be read, or where both are given.
@@ -140,8 +141,8 @@ def with_optical_data(content: Any) -> Any:
     if content.get("optical_data") is not None:
         raise ValueError("material_file: material_file and optical_data: give one of the two")
     try:
-        material = read_material(Path(content["material_file"]), content.get("material"))
-    except InputError as error:
+        material = read_material(full_path(Path(content["material_file"]), info), content.get("material"))
+    except (InputError, ValueError) as error:
         raise ValueError(f"material_file: {error}") from None
     rest = {key: value for key, value in content.items() if key != "material_file"}
     return rest | {"material": material.name, "optical_data": _fields(material)}
@@ -216,8 +217,8 @@ class LensMaterial(FacesSection):
 
     @model_validator(mode="before")
     @classmethod
-    def _material_of_the_file(cls, content: Any) -> Any:
-        return with_optical_data(content)
+    def _material_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
+        return with_optical_data(content, info)
 
     @check
     def _one_source_of_the_index(self) -> None:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver
-from lensforge.spec.spec_files import read_toml, resolve_files
-from lensforge.spec.spec_section import FilePath, Label, Section, check, spec_error
+from lensforge.spec.spec_files import read_toml
+from lensforge.spec.spec_section import FilePath, Label, Section, check, section_of
 
 # Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001; of wet ones CIE 47.
 STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07, "W4": 0.247}
@@ -281,8 +281,5 @@ class RoadFile(Section):
 def load_roads(path: Path) -> tuple[RoadSection, ...]:
     """The ``[[roads]]`` of a TOML file, a spec or one of roads alone. Raises :class:`InputError`."""
     content = read_toml(path, missing="give a TOML file with [[roads]], such as a spec")
-    resolve_files(content.get("roads"), path.parent)
-    try:
-        return RoadFile.model_validate({name: content[name] for name in content if name == "roads"}).roads
-    except ValidationError as error:
-        raise spec_error(error, str(path), RoadFile) from None
+    roads = {name: content[name] for name in content if name == "roads"}
+    return section_of(RoadFile, roads, str(path), path.parent).roads

@@ -7,13 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from lensforge.errors import InputError
 from lensforge.results.files import MIB, read_file
 from lensforge.spec.source_sections import NamedSource, RayfileSource, SourceSpec
-from lensforge.spec.spec_files import read_toml, resolve_files
-from lensforge.spec.spec_section import Section, spec_error
+from lensforge.spec.spec_files import read_toml
+from lensforge.spec.spec_section import Section, section_of
 
 _PATTERN = re.compile(r"[*?\[]")
 _NUMBERS = ("share", "flux_lm", "flux_w", "luminous_efficacy_lm_per_w")
@@ -82,11 +80,7 @@ def _of_toml(path: Path) -> tuple[NamedSource, ...]:
     content = {"sources": read_toml(path, missing="give a file with [[sources]]").get("sources")}
     if not content["sources"]:
         raise InputError(f"{path}: has no [[sources]]; give each LED a name and a source there")
-    resolve_files(content["sources"], path.parent)
-    try:
-        return _SourceList.model_validate(content).sources
-    except ValidationError as error:
-        raise spec_error(error, str(path), _SourceList) from None
+    return section_of(_SourceList, content, str(path), path.parent).sources
 
 
 def _of_table(path: Path, own: SourceSpec) -> Iterator[NamedSource]:
