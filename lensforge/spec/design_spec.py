@@ -15,7 +15,7 @@ from lensforge.optics.media import Media
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
-from lensforge.spec.derived_values import derived_sizes
+from lensforge.spec.derived_values import derived_sizes, source_extent
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
 from lensforge.spec.lamps_together import require_kinds, require_together
@@ -39,8 +39,7 @@ from lensforge.spec.receiver_sections import (
 from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource, SourceSpec
-from lensforge.spec.spec_fields import words_of
-from lensforge.spec.spec_files import changed, plain, read_toml, short
+from lensforge.spec.spec_files import changed, plain, read_toml, short, unusable_files
 from lensforge.spec.spec_section import Section, check, section_of
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
 
@@ -194,9 +193,13 @@ class Spec(Section):
 
     @check
     def _sizes_are_known(self) -> None:
-        if self.constraints.missing:
-            name = self.constraints.missing[0]
-            raise ValueError(f"constraints.{name}: missing: {words_of(ConstraintsSection, name)}")
+        missing = " and ".join(f"constraints.{name}" for name in self.constraints.missing)
+        if not missing:
+            return
+        kind = next(each.kind for each in self.each_source if source_extent(each) is None)
+        absent = [each for source in self.each_source for each in unusable_files(source)]  # what the rest follows from
+        needed = f"{missing}: missing: room for the LED, which a source of kind {kind!r} does not state; give it"
+        raise ValueError("; ".join([*absent, f"{needed} (`lensforge new` measures it in a ray file)"]))
 
     @check
     def _sections_fit_together(self) -> None:

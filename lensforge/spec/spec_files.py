@@ -141,6 +141,15 @@ def input_hashes(section: BaseModel) -> dict[str, str]:
     }
 
 
+def unusable_files(section: BaseModel) -> Iterator[str]:
+    """Words for each file that ``section`` names and that is not there, or is no file."""
+    for path in dict.fromkeys(_paths(section)):
+        try:
+            require_regular_file(path, missing=_NAMED)
+        except InputError as error:
+            yield str(error)
+
+
 def section_sha256(section: BaseModel, *, without: Collection[str] = ()) -> str:
     """SHA-256 of the fields of a section, in which a file counts by its name and content, whatever its folder.
 
