@@ -27,7 +27,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.results.files import MIB, read_file
-from lensforge.spec.road_section import STANDARD_SURFACES
+from lensforge.spec.road_section import LEAST_Q0, MOST_Q0, STANDARD_SURFACES
 
 _FOLDER = Path(__file__).with_name("road_surfaces")
 _SCALE = 1e-4  # of the numbers in a table
@@ -41,7 +41,8 @@ _NEAR, _FAR, _SIDE, _CELLS = 4.0, 12.0, 3.0, 200
 class RoadSurface:
     """Reduced luminance coefficients ``r`` (cd/m^2 per lx) at ``tan_gamma`` and ``beta_deg``; 0 where it has none.
 
-    ``q0``: average luminance coefficient: the nominal one of a class of the CIE, of another table its integral.
+    ``q0``: average luminance coefficient: the nominal one of a class of the CIE, of another table its integral, of one
+    that ends within the field of integration that over the part which it has.
     """
 
     name: str
@@ -54,14 +55,23 @@ class RoadSurface:
     def of(name: str, file: Path | None = None, q0: float | None = None) -> "RoadSurface":
         """The surface of the class ``name``, such as "R3", or of a CSV ``file``, scaled to an average ``q0``.
 
-        Raises :class:`InputError` for a file that is no such table.
+        Raises :class:`InputError` for a file that is no such table, and for one that no road has, unless it is scaled.
         """
         found = _standard(name) if file is None else read_surface(file)
-        return found if q0 is None else replace(found, r=found.r * (q0 / found.q0), q0=q0)
+        if q0 is not None:
+            return replace(found, r=found.r * (q0 / found.q0), q0=q0)
+        if not LEAST_Q0 <= found.q0 <= MOST_Q0:
+            raise InputError(
+                f"{file}: its average luminance coefficient Q0 is {found.q0:.2g}, of a road it is from {LEAST_Q0:g} to "
+                f"{MOST_Q0:g}: give r (cd/m^2 per lx) times 10^4, or surface_q0, to which the table is scaled"
+            )
+        return found
 
     @property
-    def s1(self) -> float:
-        """Specular factor S1: r at beta = 0, tan gamma = 2 over that straight below the lamp."""
+    def s1(self) -> float | None:
+        """Specular factor S1: r at beta = 0, tan gamma = 2 over that below the lamp; None of a shorter table."""
+        if self.tan_gamma[-1] < _S1_TAN:
+            return None
         return float(self.reading(np.zeros(1), np.array([_S1_TAN])).item() / self.r[0, 0])
 
     def reading(self, beta_deg: Float[np.ndarray, "*n"], tan_gamma: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -79,8 +89,8 @@ class RoadSurface:
         y = (np.arange(_CELLS) + 0.5) * (_SIDE / _CELLS)
         along, aside = np.meshgrid(x, y)
         away = np.hypot(along, aside)
-        seen = self.reading(np.degrees(np.arctan2(aside, along)), np.minimum(away, self.tan_gamma[-1]))
-        return float(seen.sum() / ((1.0 + away**2) ** -1.5).sum())
+        seen = self.reading(np.degrees(np.arctan2(aside, along)), away)
+        return float(seen.sum() / ((1.0 + away**2) ** -1.5)[away <= self.tan_gamma[-1]].sum())
 
 
 def _place(

@@ -39,7 +39,7 @@ from lensforge.spec.receiver_sections import (
 from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource, SourceSpec
-from lensforge.spec.spec_files import changed, plain, read_toml, short, unusable_files
+from lensforge.spec.spec_files import alike, changed, plain, read_toml, short, unusable_files
 from lensforge.spec.spec_section import Section, check, section_of
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
 
@@ -125,10 +125,8 @@ class Spec(Section):
     def _sources_are_told_apart(self) -> None:
         if not self.sources:
             return
-        names = [each.name for each in self.sources]
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice is not None:
-            raise ValueError(f"sources: two have the name {twice!r}; give each its own")
+        if (words := alike(each.name for each in self.sources)) is not None:
+            raise ValueError(f"sources: {words}; give each its own")
         if self.source != self.sources[0].source:
             raise ValueError("source and sources: both are given; give the one LED, or all of them as sources")
 

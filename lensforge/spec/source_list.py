@@ -10,13 +10,13 @@ from typing import Any
 from lensforge.errors import InputError
 from lensforge.results.files import MIB, read_file
 from lensforge.spec.source_sections import NamedSource, RayfileSource, SourceSpec
-from lensforge.spec.spec_files import read_toml
+from lensforge.spec.spec_files import alike, read_toml
 from lensforge.spec.spec_section import Section, section_of
 
 _PATTERN = re.compile(r"[*?\[]")
 _NUMBERS = ("share", "flux_lm", "flux_w", "luminous_efficacy_lm_per_w")
 _COLUMNS = ("name", "file", *_NUMBERS)
-_LONGEST_NAME = 32
+_LONGEST_NAME, MOST_SOURCES = 32, 100
 _MOST_BYTES = 4 * MIB
 # Fields of a source that another LED in its place has, too.
 _KEPT = ("flux_w", "flux_lm", "luminous_efficacy_lm_per_w", "rotate_z_deg", "tilt_deg", "position_mm")
@@ -122,11 +122,11 @@ def _of_row(path: Path, line: int, row: Mapping[str, Any], own: SourceSpec) -> N
 
 
 def require_told_apart(sources: Sequence[NamedSource]) -> tuple[NamedSource, ...]:
-    """The sources. Raises :class:`InputError` unless they are two or more, each with its own name."""
+    """The sources. Raises :class:`InputError` unless they are 2 to 100, each with its own name."""
     names = [led.name for led in sources]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise InputError(f"sources: two have the name {twice!r}; give each its own, by a .csv table or a .toml file")
-    if len(names) < 2:
-        raise InputError(f"sources: {', '.join(names) or 'none'} given; a study of LEDs takes two or more")
+    if not 2 <= len(names) <= MOST_SOURCES:
+        given = ", ".join(names) if 0 < len(names) < 2 else len(names)
+        raise InputError(f"sources: {given} given; a study of LEDs takes 2 to {MOST_SOURCES}")
+    if (words := alike(names)) is not None:
+        raise InputError(f"sources: {words}; give each its own, by a .csv table or a .toml file")
     return tuple(sources)

@@ -8,7 +8,7 @@ import hashlib
 import json
 import re
 import tomllib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +97,18 @@ def joined_name(name: str, end: str) -> str:
     """A spec's ``name`` with an ``end``, in characters that a spec's name may have."""
     ending = re.sub(r"[^A-Za-z0-9_-]+", "_", end)[:_LONGEST_END]
     return f"{name[: _LONGEST_NAME - 1 - len(ending)]}-{ending}"
+
+
+def alike(names: Iterable[str]) -> str | None:
+    """Words for the first two of ``names`` that are one folder somewhere, where letter case does not count; or None."""
+    known: dict[str, str] = {}
+    for name in names:
+        before = known.get(name.casefold())
+        if before is not None:
+            same = f"two have the name {name!r}"
+            return same if before == name else f"{before!r} and {name!r} differ by letter case alone"
+        known[name.casefold()] = name
+    return None
 
 
 _NAMED = "the spec names it"

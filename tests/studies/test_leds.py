@@ -175,8 +175,15 @@ def test_a_bad_list_is_one_line(name: str, content: str, message: str, tmp_path:
 def test_leds_need_names_of_their_own() -> None:
     with pytest.raises(InputError, match="two have the name 'small'"):
         require_told_apart([SPEC.sources[0]] * 2)
-    with pytest.raises(InputError, match="takes two or more"):
+    with pytest.raises(InputError, match="small given; a study of LEDs takes 2 to 100"):
         require_told_apart(SPEC.sources[:1])
+    capital, common = (SPEC.sources[0].model_copy(update={"name": name}) for name in ("SMALL", "One_for_all"))
+    with pytest.raises(InputError, match="'small' and 'SMALL' differ by letter case alone"):
+        require_told_apart([*SPEC.sources, capital])
+    with pytest.raises(InputError, match="One_for_all is the name of the design for all of them; rename the LED"):
+        sources_of([*SPEC.sources, common], SPEC).variants(SPEC)
+    with pytest.raises(InputError, match="101 given"):
+        require_told_apart([SPEC.sources[0].model_copy(update={"name": f"led{number}"}) for number in range(101)])
     with pytest.raises(InputError, match="field, values or scale, and source"):
         lf.sweep(SPEC, "constraints.max_radius_mm", [7.0, 8.0], source=SPEC.sources)
     with pytest.raises(InputError, match="a list of sources"):
@@ -187,6 +194,7 @@ def test_leds_need_names_of_their_own() -> None:
     ("changes", "message"),
     [
         ({"sources": [LEDS[0], LEDS[0]]}, "two have the name 'small'"),
+        ({"sources": [*LEDS, {**LEDS[0], "name": "Wide"}]}, "'wide' and 'Wide' differ by letter case alone"),
         ({"sources": LEDS, "source": LEDS[1]["source"]}, "source and sources: both are given"),
     ],
 )
@@ -279,6 +287,9 @@ def test_a_change_of_the_led_is_compared_with_a_lens_made_for_it(
     assert ended.code == 0 and content["renewed"]["folder"] == "old-led" and asked == [("small-small", source)]
     before, after = content["evaluate_led"]["efficiency"], content["renewed"]["evaluate"]["efficiency"]
     assert before["value"] != after["value"] and lf.load("old-led").light.efficiency.value == after["value"]
+    other = lensforge("evaluate", "old", "--source", source, "--compare")
+    assert other.code == 2 and "old-led: holds a lens for another LED" in other.stderr
+    shutil.rmtree("old-led")
     shown = lensforge("evaluate", "old", "--source", source, "--compare")
     assert "A lens made for it, in old-led" in shown.stdout
     bad = lensforge("evaluate", "old", "--compare")
