@@ -319,7 +319,8 @@ def road_facts(found: RoadJudgement) -> Group:
 
 
 def _s1_words(s1: float | None) -> str:
-    return "not known: no light of its table comes from tan γ = 2" if s1 is None else f"{s1:.3g}"
+    short = "not known: its table ends before tan γ = 2, and light from beyond its end counts as none"
+    return short if s1 is None else f"{s1:.3g}"
 
 
 def spacing_fact(held: HeldSpacing | None) -> Fact:

@@ -161,7 +161,11 @@ def test_lists_are_files_patterns_tables_and_sections(examples: Path, tmp_path: 
         ("a.csv", "file,flux_lm\nled.ray,many\n", "line 2, flux_lm: 'many'"),
         ("a.csv", "file,flux_lm\nled.ray,1,2\n", "line 2: 3 cells, line 1 has 2"),
         ("a.csv", "file,name\nled.ray,a\n,b\n", "line 3: must have a file"),
-        ("a.csv", f"file\n{'x' * 140_000}\n", "line 2: RayfileSource: file = .*: 140\\d\\d\\d characters, a path has 4096"),
+        (
+            "a.csv",
+            f"file\n{'x' * 140_000}\n",
+            "line 2: RayfileSource: file = .*: 140\\d\\d\\d characters, a path has 4096",
+        ),
         ("a.csv", "file,flux_lm\nled.ray,-1\n", "line 2: RayfileSource: flux_lm = -1"),
         ("a.csv", "file\nnone.ray\n", "no such file"),
     ],
