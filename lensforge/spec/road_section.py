@@ -87,7 +87,7 @@ Height = Annotated[float, Field(ge=0.3, le=100.0)]  # m: from a light in a handr
 Surface = Literal["R1", "R2", "R3", "R4", "C1", "C2"]
 WetSurface = Literal["W4"]
 Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
-Share = Annotated[float, Field(ge=1e-3, le=1.0)]
+Share = Annotated[float, Field(ge=1e-9, le=1.0)]
 _LEAST_SPACING = 0.1  # of the pole height: lamps of a tunnel that nearly touch; work grows by one over it
 _LEAST_LANE_M, MOST_ROADS = 2.0, 32
 _ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
@@ -104,7 +104,7 @@ class RoadSection(Section):
 
     name: Label | None = None
     """Name in records and on pages."""
-    share: Annotated[float, Field(ge=1e-6, le=1000.0)] = 1.0
+    share: Annotated[float, Field(ge=1e-12, le=1000.0)] = 1.0
     """Weight in the search of what its class lacks, beside those of other roads; the classes of all must be held."""
     lighting_class: ClassName
     """Class of EN 13201-2: M by luminance, C and P by illuminance; or of RP-8 by luminance: highways, and streets by
@@ -145,7 +145,7 @@ class RoadSection(Section):
     """
     median_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     """Width of the median, in whose middle the poles stand."""
-    mean_cd_per_m2: Annotated[float, Field(ge=1e-3, le=1000.0)] | None = None
+    mean_cd_per_m2: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = None
     """Least mean luminance; by default of the class, as the four that follow."""
     uniformity: Share | None = None
     """Least over mean luminance U0 that is wanted at least."""
@@ -153,19 +153,19 @@ class RoadSection(Section):
     """Least over mean luminance of the wet road that is wanted at least; by default 0.15, as every class M asks."""
     uniformity_along: Share | None = None
     """Least over largest luminance Ul on the middle of a lane that is wanted at least."""
-    glare_percent: Annotated[float, Field(ge=1e-3, le=1000.0)] | None = None
+    glare_percent: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = None
     """Largest threshold increment TI."""
-    luminance_per_lux: Annotated[float, Field(ge=1e-4, le=1.0)] | None = None
+    luminance_per_lux: Annotated[float, Field(ge=1e-9, le=1.0)] | None = None
     """Least mean luminance over mean illuminance Q; by default none is asked."""
     edge_ratio: Share | None = None
     """Least ratio of the illuminance beside an edge to that within; by default of a class M, for C and P none."""
     maintenance_factor: Share = 1.0
     """Share of the light that dirt and age leave; glare is that of new lamps."""
-    lamp_lm: Annotated[float, Field(ge=1e-3, le=1e9)] | None = None
+    lamp_lm: Annotated[float, Field(ge=1e-9, le=1e9)] | None = None
     """Luminous flux of the sources of a lamp; by default of the source times photometry.lenses, or as a file states."""
-    lamp_w: Annotated[float, Field(ge=1e-3, le=1e6)] | None = None
+    lamp_w: Annotated[float, Field(ge=1e-9, le=1e6)] | None = None
     """Electrical power of a lamp; with it the power density and the yearly energy are stated."""
-    hours: Annotated[float, Field(ge=1e-3, le=8784.0)] = 4000.0
+    hours: Annotated[float, Field(ge=1e-9, le=8784.0)] = 4000.0
     """Hours of full light in a year."""
 
     @property
