@@ -131,7 +131,7 @@ def _of_entry(entry: Entry, folder: Path, own: SourceSpec) -> NamedSource:
         require_regular_file(file, missing="its name counts from the folder of the table")
         return NamedSource(name=entry.words.get("name", _name(file)), share=share, source=source)
     except InputError as error:
-        raise InputError(f"{entry.where}: {error}") from None
+        raise InputError(f"{entry.where}: {'; '.join(str(error).splitlines())}") from None
 
 
 def require_told_apart(sources: Sequence[NamedSource]) -> tuple[NamedSource, ...]:

@@ -167,6 +167,7 @@ def test_lists_are_files_patterns_tables_and_sections(examples: Path, tmp_path: 
             "line 2: RayfileSource: file = .*: 140\\d\\d\\d characters, a path has 4096",
         ),
         ("a.csv", "file,flux_lm\nled.ray,-1\n", "line 2: RayfileSource: flux_lm = -1"),
+        ("a.csv", "file,flux_lm,flux_w\nled.ray,-1,0\n", "line 2: RayfileSource: .*; RayfileSource: "),
         ("a.csv", "file\nnone.ray\n", "no such file"),
     ],
 )
