@@ -84,7 +84,7 @@ def _formula(number: int, coefficients: tuple[float, ...], path: Path, glass: st
         raise InputError(f"{path}: {glass} has {words}: is one cut in two? Export the catalogue again")
     if found < expected:
         words = f"{found} of the {expected} coefficients of formula {number} in its line CD: the others are taken as 0"
-        warnings.warn(f"{path}: {glass} has {words}", FileWarning, stacklevel=2)
+        warnings.warn(f"{path}: {glass} has {words}", FileWarning, stacklevel=1)
     return Formula(name, coefficients)
 
 

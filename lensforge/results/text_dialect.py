@@ -137,7 +137,7 @@ class Dialect:
         warnings.warn(
             f"{name}: every comma stands before three digits: taken as a decimal sign, not as a mark of thousands",
             FileWarning,
-            stacklevel=2,
+            stacklevel=1,
         )
         return Dialect(self.separator, ",")
 
@@ -221,4 +221,4 @@ def _doubt_commas(rows: Sequence[Line], text: str, name: str) -> None:
     cells = [cell.strip() for cell in text.replace("\n", ",").split(",")] if pairs else []
     if pairs and set(cells[::2]) <= {"0", "1"} and not set(cells[1::2]) <= {"0", "1"}:
         words = "its commas are taken to separate numbers; separate numbers with decimal commas by semicolons"
-        warnings.warn(f"{name}: no number has a decimal point: {words}", FileWarning, stacklevel=2)
+        warnings.warn(f"{name}: no number has a decimal point: {words}", FileWarning, stacklevel=1)

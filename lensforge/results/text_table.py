@@ -23,6 +23,7 @@ from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of
 
 # A row of numbers begins with one, perhaps behind empty cells, or with a word for none.
 _ROW = re.compile(r"[\s;,\"']*(?:[-+−]?[.,]?\d|(?:[-+]?(?:nan|inf)|n/?a)\b)", re.IGNORECASE)
+_NAMED_ROW = re.compile(r".*?[\s;,\"'][-+−]?[.,]?\d")
 _STATED = re.compile(r"sep=(.)$", re.IGNORECASE)
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 
@@ -94,7 +95,7 @@ class TextTable:
     def of(content: bytes | str, name: str, *, counted: bool = False) -> "TextTable":
         """The table in the ``content`` of the file ``name``; else as :meth:`read`."""
         lines, separator = _stated_separator(content, name)
-        begin = next((place for place, line in enumerate(lines) if _ROW.match(line.text)), len(lines))
+        begin = _first_row(lines)
         count = _announced(lines[begin : begin + 2]) if counted else None
         rows = lines[begin + (count is not None) :]
         if not rows:
@@ -186,20 +187,22 @@ class TextTable:
         :class:`InputError` for a column that is missing or there twice, and for a unit that is not known; a
         :class:`FileWarning` says where names are not known.
         """
-        names = self._names(wanted)
+        names = self._names(wanted, further)
         if names is None:
             least, width = sum(column.needed for column in wanted), self.width
             if not least <= width or (width > len(wanted) and not further):
                 titles = ", ".join(column.title for column in wanted)
                 raise self.refuse(0, None, f"{width} cells, must be {titles}{self.advice}")
             names = {at: (at, 1.0) for at in range(min(width, len(wanted)))}
-        found = self.numbers(used=[place for place, _ in names.values()] if names else None)
+        if further and self.width > len(wanted):
+            self._require_points()
+        found = self.numbers(used=[place for place, _ in names.values()])
         table = np.full((len(self.rows), len(wanted)), np.nan)
         for (at, (_, factor)), column in zip(names.items(), found.T, strict=True):
             table[:, at] = factor * column
         return table
 
-    def _names(self, wanted: Sequence[Column]) -> dict[int, tuple[int, float]] | None:
+    def _names(self, wanted: Sequence[Column], further: bool) -> dict[int, tuple[int, float]] | None:
         """Places and factors of the ``wanted`` by the last line of the header; None where it has no names."""
         if not self.header:
             return None
@@ -212,9 +215,9 @@ class TextTable:
             if self.dialect.separator != " " and len(cells) == self.width:
                 titles = ", ".join(column.title for column in wanted[: self.width])
                 words = f"{where}: its names are not known: its columns are taken as {titles}"
-                warnings.warn(words, FileWarning, stacklevel=2)
+                warnings.warn(words, FileWarning, stacklevel=1)
             return None
-        if len(cells) != self.width:
+        if len(cells) != self.width and not (further and len(cells) < self.width):
             raise InputError(
                 f"{where}: {len(cells)} names, line {self.rows[0].number} has {self.width} cells{self.advice}"
             )
@@ -225,6 +228,12 @@ class TextTable:
         if missing:
             raise InputError(f"{where}: no column {wanted[missing[0]].title}; found {', '.join(map(shown, cells[:8]))}")
         return found
+
+    def _require_points(self) -> None:
+        """Refuse commas that may be decimal signs, where nobody knows how many columns there should be."""
+        if self.dialect.separator == "," and not any("." in line.text for line in self.rows):
+            words = "separate the numbers by semicolons, or write decimal points"
+            raise self.refuse(0, None, f"commas between numbers and in them cannot be told apart; {words}")
 
     def _require_words(self, line: Line, cells: Sequence[str]) -> None:
         """Refuse a damaged first row: it would be lost as a header."""
@@ -249,6 +258,15 @@ def _stated_separator(
     lines = lines_of(text, comments_behind=comments_behind)
     stated = _STATED.match(lines[0].text) if lines else None
     return (lines[1:], stated[1]) if stated else (lines, None)
+
+
+def _first_row(lines: Sequence[Line]) -> int:
+    """Place of the first line that begins with a number, or, where none does, that has one behind a name."""
+    for pattern in (_ROW, _NAMED_ROW):
+        for place, line in enumerate(lines):
+            if pattern.match(line.text):
+                return place
+    return len(lines)
 
 
 def _announced(lines: Sequence[Line]) -> int | None:
