@@ -25,6 +25,7 @@ from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of
 _ROW = re.compile(r"[\s;,\"']*(?:[-+−]?[.,]?\d|(?:[-+]?(?:nan|inf)|n/?a)\b)", re.IGNORECASE)
 _NAMED_ROW = re.compile(r".*?[\s;,\"'][-+−]?[.,]?\d")
 _STATED = re.compile(r"sep=(.)$", re.IGNORECASE)
+_MOST_SHOWN = 12  # names in a message
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 
 
@@ -225,8 +226,7 @@ class TextTable:
         others = [place for place in range(len(cells)) if place not in {at for at, _ in found.values()}]
         if len(missing) == len(others) == 1:  # the one name that is not known can only be that of the other column
             return {**found, missing[0]: (others[0], 1.0)}
-        if missing:
-            raise InputError(f"{where}: no column {wanted[missing[0]].title}; found {', '.join(map(shown, cells[:8]))}")
+        require_columns(found, cells, wanted, where)
         return found
 
     def _require_points(self) -> None:
@@ -301,6 +301,15 @@ def named_columns(cells: Sequence[str], wanted: Sequence[Column], where: str) ->
                 raise InputError(f"{here}: a second column {wanted[at].title}; leave out one")
             found[at] = (place, factor)
     return found
+
+
+def require_columns(
+    found: Mapping[int, tuple[int, float]], cells: Sequence[str], wanted: Sequence[Column], where: str
+) -> None:
+    """Raise :class:`InputError` for a needed column that is not ``found`` among ``cells``; ``where``: in the error."""
+    missing = [column.title for at, column in enumerate(wanted) if column.needed and at not in found]
+    if missing:
+        raise InputError(f"{where}: no column {missing[0]}; found {', '.join(map(shown, cells[:_MOST_SHOWN]))}")
 
 
 @dataclass(frozen=True)
