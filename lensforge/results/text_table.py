@@ -120,14 +120,17 @@ class TextTable:
         width = max(max((place for place, cell in enumerate(row, start=1) if cell), default=0) for row in rows)
         return [row[:width] for row in rows]
 
-    def numbers(self, *, used: Sequence[int] | None = None, blank: float | None = None) -> Float[np.ndarray, "n c"]:
+    def numbers(
+        self, *, used: Sequence[int] | None = None, blank: float | None = None, further: bool = False
+    ) -> Float[np.ndarray, "n c"]:
         """Finite numbers of rows of one length; ``used``: of these columns alone, in their order, from 0.
 
-        ``blank``: taken for a cell that is empty or missing. Raises :class:`InputError` with line and column.
+        ``blank``: taken for a cell that is empty or missing. ``further``: rows may have any cells behind those used.
+        Raises :class:`InputError` with line and column.
         """
-        table = self._plain(used)
+        table = self._plain(used) if used is None or further or self._is_even() else None
         if table is None:
-            rows = [self._row(place, used, blank) for place in range(len(self.rows))]
+            rows = [self._row(place, used, blank, further) for place in range(len(self.rows))]
             table = np.array(rows, dtype=np.float64).reshape(len(rows), -1)
         elif not np.isfinite(table).all():
             row, column = np.argwhere(~np.isfinite(table))[0]
@@ -151,12 +154,18 @@ class TextTable:
             return None
         return table
 
-    def _row(self, place: int, used: Sequence[int] | None, blank: float | None) -> list[float]:
+    def _is_even(self) -> bool:
+        """True where all rows have as many cells, as far as their separators tell."""
+        mark = self.dialect.separator
+        counts = (len(line.text.split()) if mark == " " else line.text.count(mark) for line in self.rows)
+        return len(set(counts)) == 1
+
+    def _row(self, place: int, used: Sequence[int] | None, blank: float | None, further: bool) -> list[float]:
         cells, width = self.cells[place], self.width
         if blank is not None:
             width = max(map(len, self.cells))
             cells = cells + [""] * (width - len(cells))
-        if len(cells) != width and (used is None or len(cells) <= max(used)):
+        if len(cells) != width and not (further and used is not None and len(cells) > max(used)):
             first = self.rows[0].number
             raise self.refuse(place, None, f"{len(cells)} cells, line {first} has {width}{self.advice}")
         columns = range(width) if used is None else used
@@ -197,7 +206,7 @@ class TextTable:
             names = {at: (at, 1.0) for at in range(min(width, len(wanted)))}
         if further and self.width > len(wanted):
             self._require_points()
-        found = self.numbers(used=[place for place, _ in names.values()])
+        found = self.numbers(used=[place for place, _ in names.values()], further=further)
         table = np.full((len(self.rows), len(wanted)), np.nan)
         for (at, (_, factor)), column in zip(names.items(), found.T, strict=True):
             table[:, at] = factor * column

@@ -134,6 +134,13 @@ def test_slopes_are_those_of_the_distances():
         np.testing.assert_allclose(slopes[:, k], difference, atol=2e-5)
 
 
+@pytest.mark.parametrize(("unit", "per_mm"), [("inches", 1 / 25.4), ("metres", 1e-3), ("µm", 1e3), ("cm", 0.1)])
+@pytest.mark.parametrize("registration", ["rigid", "none"])
+def test_points_in_another_unit_are_named(unit, per_mm, registration):
+    with pytest.raises(InputError, match=rf"half of them lie within .* mm of the origin, .* are they in {unit}\?"):
+        register(PATCH, per_mm * probed(LENS.outer, 300), registration)
+
+
 def test_points_elsewhere_are_input_error():
     with pytest.raises(InputError, match="lens coordinates"):
         register(PATCH, probed(LENS.outer, 500) - np.array([0.0, 0.0, 100.0]))

@@ -187,8 +187,10 @@ _UTF_16 = 0.9  # share of zeros in its upper bytes
 def as_plain_text(image: FileImage) -> FileImage:
     """A text in UTF-16, or with the line ends of an old Macintosh, as others are; any other file as it is."""
     head = image.part(0, HEAD_BYTES)
-    zeros = {b"\xff\xfe": head[3::2], b"\xfe\xff": head[2::2]}.get(head[:2], b"")  # of the letters of numbers
-    utf_16 = zeros.count(0) > _UTF_16 * len(zeros)
+    utf_16 = any(
+        upper.count(0) > _UTF_16 * len(upper) and min(lower, default=0) >= _LEAST_IN_TEXT
+        for upper, lower in ((head[3::2], head[2::2]), (head[2::2], head[3::2]))  # behind a mark, if it has one
+    )
     if not utf_16 and (min(head, default=0) < _LEAST_IN_TEXT or b"\r" not in head or b"\n" in head):
         return image
     text = decoded_text(image.part(0, image.size), str(image.path)).replace("\r\n", "\n").replace("\r", "\n")
