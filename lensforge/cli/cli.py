@@ -133,11 +133,13 @@ def main(interrupts: Interrupts | None = None) -> None:
 
 def _show_own_warnings_in_a_line() -> None:
     """Let a warning of an old name in a spec, or of a file, be a line, as all warnings of a command are."""
-    others = warnings.showwarning
+    others, said = warnings.showwarning, set[str]()
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if issubclass(category, RenamedWarning | FileWarning):
-            click.echo(warning_line(str(message)), err=True)
+            if str(message) not in said:  # a file may be read again by the next stage
+                click.echo(warning_line(str(message)), err=True)
+            said.add(str(message))
         else:
             others(message, category, *place, **more)
 

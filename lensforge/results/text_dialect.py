@@ -17,6 +17,7 @@ from typing import NamedTuple
 from lensforge.errors import FileWarning, InputError
 
 _LINE_END = re.compile(r"\r\n|\r|\n")  # those that an editor counts: no form feed, no U+2028
+_CONTROL = re.compile(r"[\0-\x08\x0b\x0c\x0e-\x1f\x7f\x85\u2028\u2029]")  # Python takes some of them for blanks
 _COMMENT = re.compile(r"(?:^|\s)#.*")
 _PADDING = "\0\x1a \n\r"  # behind the last line in files of old programs
 _SAMPLE = 2**12  # bytes that tell UTF-16 without a mark
@@ -36,8 +37,11 @@ def decoded_text(content: bytes, name: str) -> str:
     Raises :class:`InputError` for bytes that are no text.
     """
     text = _decoded(content).rstrip(_PADDING)
-    if "\0" in text:
-        raise InputError(f"{name}: not a text file: it has zero bytes; export it as text or CSV")
+    strange = _CONTROL.search(text)
+    if strange:
+        line = len(_LINE_END.findall(text, 0, strange.start())) + 1
+        byte = f"the character {ord(strange[0]):02x} hex"
+        raise InputError(f"{name}, line {line}: not a text file: it has {byte}; export it as text or CSV")
     return text
 
 
@@ -137,7 +141,7 @@ class Dialect:
         warnings.warn(
             f"{name}: every comma stands before three digits: taken as a decimal sign, not as a mark of thousands",
             FileWarning,
-            stacklevel=2,
+            stacklevel=1,
         )
         return Dialect(self.separator, ",")
 
@@ -221,4 +225,4 @@ def _doubt_commas(rows: Sequence[Line], text: str, name: str) -> None:
     cells = [cell.strip() for cell in text.replace("\n", ",").split(",")] if pairs else []
     if pairs and set(cells[::2]) <= {"0", "1"} and not set(cells[1::2]) <= {"0", "1"}:
         words = "its commas are taken to separate numbers; separate numbers with decimal commas by semicolons"
-        warnings.warn(f"{name}: no number has a decimal point: {words}", FileWarning, stacklevel=2)
+        warnings.warn(f"{name}: no number has a decimal point: {words}", FileWarning, stacklevel=1)

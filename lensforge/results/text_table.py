@@ -23,7 +23,9 @@ from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of
 
 # A row of numbers begins with one, perhaps behind empty cells, or with a word for none.
 _ROW = re.compile(r"[\s;,\"']*(?:[-+−]?[.,]?\d|(?:[-+]?(?:nan|inf)|n/?a)\b)", re.IGNORECASE)
+_NAMED_ROW = re.compile(r".*?[\s;,\"'][-+−]?[.,]?\d")
 _STATED = re.compile(r"sep=(.)$", re.IGNORECASE)
+_MOST_SHOWN = 12  # names in a message
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 
 
@@ -94,7 +96,7 @@ class TextTable:
     def of(content: bytes | str, name: str, *, counted: bool = False) -> "TextTable":
         """The table in the ``content`` of the file ``name``; else as :meth:`read`."""
         lines, separator = _stated_separator(content, name)
-        begin = next((place for place, line in enumerate(lines) if _ROW.match(line.text)), len(lines))
+        begin = _first_row(lines)
         count = _announced(lines[begin : begin + 2]) if counted else None
         rows = lines[begin + (count is not None) :]
         if not rows:
@@ -118,14 +120,17 @@ class TextTable:
         width = max(max((place for place, cell in enumerate(row, start=1) if cell), default=0) for row in rows)
         return [row[:width] for row in rows]
 
-    def numbers(self, *, used: Sequence[int] | None = None, blank: float | None = None) -> Float[np.ndarray, "n c"]:
+    def numbers(
+        self, *, used: Sequence[int] | None = None, blank: float | None = None, further: bool = False
+    ) -> Float[np.ndarray, "n c"]:
         """Finite numbers of rows of one length; ``used``: of these columns alone, in their order, from 0.
 
-        ``blank``: taken for a cell that is empty or missing. Raises :class:`InputError` with line and column.
+        ``blank``: taken for a cell that is empty or missing. ``further``: rows may have any cells behind those used.
+        Raises :class:`InputError` with line and column.
         """
-        table = self._plain(used)
+        table = self._plain(used) if used is None or further or self._is_even() else None
         if table is None:
-            rows = [self._row(place, used, blank) for place in range(len(self.rows))]
+            rows = [self._row(place, used, blank, further) for place in range(len(self.rows))]
             table = np.array(rows, dtype=np.float64).reshape(len(rows), -1)
         elif not np.isfinite(table).all():
             row, column = np.argwhere(~np.isfinite(table))[0]
@@ -149,12 +154,18 @@ class TextTable:
             return None
         return table
 
-    def _row(self, place: int, used: Sequence[int] | None, blank: float | None) -> list[float]:
+    def _is_even(self) -> bool:
+        """True where all rows have as many cells, as far as their separators tell."""
+        mark = self.dialect.separator
+        counts = (len(line.text.split()) if mark == " " else line.text.count(mark) for line in self.rows)
+        return len(set(counts)) == 1
+
+    def _row(self, place: int, used: Sequence[int] | None, blank: float | None, further: bool) -> list[float]:
         cells, width = self.cells[place], self.width
         if blank is not None:
             width = max(map(len, self.cells))
             cells = cells + [""] * (width - len(cells))
-        if len(cells) != width and (used is None or len(cells) <= max(used)):
+        if len(cells) != width and not (further and used is not None and len(cells) > max(used)):
             first = self.rows[0].number
             raise self.refuse(place, None, f"{len(cells)} cells, line {first} has {width}{self.advice}")
         columns = range(width) if used is None else used
@@ -186,20 +197,22 @@ class TextTable:
         :class:`InputError` for a column that is missing or there twice, and for a unit that is not known; a
         :class:`FileWarning` says where names are not known.
         """
-        names = self._names(wanted)
+        names = self._names(wanted, further)
         if names is None:
             least, width = sum(column.needed for column in wanted), self.width
             if not least <= width or (width > len(wanted) and not further):
                 titles = ", ".join(column.title for column in wanted)
                 raise self.refuse(0, None, f"{width} cells, must be {titles}{self.advice}")
             names = {at: (at, 1.0) for at in range(min(width, len(wanted)))}
-        found = self.numbers(used=[place for place, _ in names.values()] if names else None)
+        if further and self.width > len(wanted):
+            self._require_points()
+        found = self.numbers(used=[place for place, _ in names.values()], further=further)
         table = np.full((len(self.rows), len(wanted)), np.nan)
         for (at, (_, factor)), column in zip(names.items(), found.T, strict=True):
             table[:, at] = factor * column
         return table
 
-    def _names(self, wanted: Sequence[Column]) -> dict[int, tuple[int, float]] | None:
+    def _names(self, wanted: Sequence[Column], further: bool) -> dict[int, tuple[int, float]] | None:
         """Places and factors of the ``wanted`` by the last line of the header; None where it has no names."""
         if not self.header:
             return None
@@ -212,9 +225,9 @@ class TextTable:
             if self.dialect.separator != " " and len(cells) == self.width:
                 titles = ", ".join(column.title for column in wanted[: self.width])
                 words = f"{where}: its names are not known: its columns are taken as {titles}"
-                warnings.warn(words, FileWarning, stacklevel=2)
+                warnings.warn(words, FileWarning, stacklevel=1)
             return None
-        if len(cells) != self.width:
+        if len(cells) != self.width and not (further and len(cells) < self.width):
             raise InputError(
                 f"{where}: {len(cells)} names, line {self.rows[0].number} has {self.width} cells{self.advice}"
             )
@@ -222,9 +235,14 @@ class TextTable:
         others = [place for place in range(len(cells)) if place not in {at for at, _ in found.values()}]
         if len(missing) == len(others) == 1:  # the one name that is not known can only be that of the other column
             return {**found, missing[0]: (others[0], 1.0)}
-        if missing:
-            raise InputError(f"{where}: no column {wanted[missing[0]].title}; found {', '.join(map(shown, cells[:8]))}")
+        require_columns(found, cells, wanted, where)
         return found
+
+    def _require_points(self) -> None:
+        """Refuse commas that may be decimal signs, where nobody knows how many columns there should be."""
+        if self.dialect.separator == "," and not any("." in line.text for line in self.rows):
+            words = "separate the numbers by semicolons, or write decimal points"
+            raise self.refuse(0, None, f"commas between numbers and in them cannot be told apart; {words}")
 
     def _require_words(self, line: Line, cells: Sequence[str]) -> None:
         """Refuse a damaged first row: it would be lost as a header."""
@@ -249,6 +267,15 @@ def _stated_separator(
     lines = lines_of(text, comments_behind=comments_behind)
     stated = _STATED.match(lines[0].text) if lines else None
     return (lines[1:], stated[1]) if stated else (lines, None)
+
+
+def _first_row(lines: Sequence[Line]) -> int:
+    """Place of the first line that begins with a number, or, where none does, that has one behind a name."""
+    for pattern in (_ROW, _NAMED_ROW):
+        for place, line in enumerate(lines):
+            if pattern.match(line.text):
+                return place
+    return len(lines)
 
 
 def _announced(lines: Sequence[Line]) -> int | None:
@@ -283,6 +310,15 @@ def named_columns(cells: Sequence[str], wanted: Sequence[Column], where: str) ->
                 raise InputError(f"{here}: a second column {wanted[at].title}; leave out one")
             found[at] = (place, factor)
     return found
+
+
+def require_columns(
+    found: Mapping[int, tuple[int, float]], cells: Sequence[str], wanted: Sequence[Column], where: str
+) -> None:
+    """Raise :class:`InputError` for a needed column that is not ``found`` among ``cells``; ``where``: in the error."""
+    missing = [column.title for at, column in enumerate(wanted) if column.needed and at not in found]
+    if missing:
+        raise InputError(f"{where}: no column {missing[0]}; found {', '.join(map(shown, cells[:_MOST_SHOWN]))}")
 
 
 @dataclass(frozen=True)

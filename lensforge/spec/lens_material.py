@@ -22,6 +22,7 @@ from lensforge.optics.material import (
     REFERENCE_C,
     UNKNOWN,
     Absorption,
+    AgainstVacuum,
     Dispersion,
     Formula,
     IndexTable,
@@ -64,6 +65,8 @@ class OpticalData(Section):
     """Wavelengths of a table of the index, rising; between them it is linear."""
     refractive_index: Annotated[tuple[float, ...], Field(max_length=_MOST_ROWS)] = ()
     """Index at each of these wavelengths."""
+    absolute: bool = False
+    """True where the index is that against vacuum: it is divided by that of air at 20 °C."""
     absorption_nm: _Wavelengths = ()
     """Wavelengths of a table of the absorption, rising; without it the material is clear."""
     absorption_per_mm: Annotated[
@@ -118,9 +121,9 @@ class OpticalData(Section):
 
     @property
     def _dispersion(self) -> Dispersion:
-        if self.formula is not None:
-            return Formula(self.formula, self.coefficients)
-        return IndexTable(self.wavelength_nm, self.refractive_index)
+        table = IndexTable(self.wavelength_nm, self.refractive_index)
+        stated = table if self.formula is None else Formula(self.formula, self.coefficients)
+        return AgainstVacuum(stated) if self.absolute else stated
 
     def material(self, name: str) -> Material:
         """The material of these numbers."""
@@ -151,7 +154,10 @@ def with_optical_data(content: Any, info: ValidationInfo) -> Any:
 def _fields(material: Material) -> dict[str, Any]:
     """Fields of :class:`OpticalData`, plain, as a file would have them."""
     fields: dict[str, Any] = {"source": material.source}
-    match material.dispersion:
+    index = material.dispersion
+    if isinstance(index, AgainstVacuum):
+        index, fields["absolute"] = index.absolute, True
+    match index:
         case Formula(name, coefficients):
             fields |= {"formula": name, "coefficients": list(coefficients), "range_nm": list(material.range_nm)}
         case IndexTable(waves, indices):

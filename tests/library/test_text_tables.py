@@ -91,7 +91,9 @@ def test_what_can_be_read_in_two_ways_is_said(content, rows, message):
         ("1;٣", "column 2: '٣' is no number"),
         ("1.234.56;1,5", "column 1: '1.234.56' beside numbers with decimal commas"),
         ('1;"2\n3";4', "line 1: a quotation mark that is not closed"),
-        (b"1;2\0\n3;4", "not a text file"),
+        (b"1;2\n3\0;4", "line 2: not a text file: it has the character 00 hex"),
+        ("1;2\r\n3\x1c;4\r\n", "line 2: not a text file: it has the character 1c hex"),
+        ("1;2\u2028;3", "line 1: not a text file: it has the character 2028 hex"),
     ],
 )
 def test_a_refusal_has_a_place(content, message):
@@ -152,9 +154,18 @@ def test_a_number_alone_before_the_rows_is_their_count():
 
 def test_chosen_columns_leave_words_and_rows_of_any_length_behind():
     found = table("1;2,5;P1\n3;4;\n5;6;a;b\n")
-    np.testing.assert_array_equal(found.numbers(used=[1, 0]), [[2.5, 1.0], [4.0, 3.0], [6.0, 5.0]])
+    np.testing.assert_array_equal(found.numbers(used=[1, 0], further=True), [[2.5, 1.0], [4.0, 3.0], [6.0, 5.0]])
+    with pytest.raises(InputError, match="line 3: 4 cells, line 1 has 3"):
+        found.numbers(used=[1, 0])
     with pytest.raises(InputError, match="line 2: 1 cells"):
-        table("1;2;P1\n3\n").numbers(used=[0, 1])
+        table("1;2;P1\n3\n").numbers(used=[0, 1], further=True)
+
+
+def test_columns_by_names_have_rows_of_one_length():
+    """A row that is there twice in one line would else give a first number of the one, a second of the other."""
+    for text in ("lambda;n\n400;1.5\n500;1.5500;1.5\n", "400 1.5 0.9\n500 1.5 0.9500 1.5 0.9\n"):
+        with pytest.raises(InputError, match=r"line [23]: [35] cells, line [12] has [23]"):
+            table(text).columns(COLUMNS)
 
 
 def test_blank_cells_count_as_what_the_caller_says():
