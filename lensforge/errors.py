@@ -61,6 +61,10 @@ class SourceWarning(UserWarning):
     """A doubt about a source, told before its light is traced."""
 
 
+class FileWarning(UserWarning):
+    """A file that can be read in two ways, or that was repaired: which way was taken."""
+
+
 class RenamedWarning(UserWarning):
     """A field of a spec under an old name, which this version reads for the last time."""
 

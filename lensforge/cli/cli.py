@@ -27,7 +27,7 @@ from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
 from lensforge.cli.streams import lasting_streams, open_standard_streams
 from lensforge.cli.studies import sweep, tradeoff
-from lensforge.errors import LensforgeError, RenamedWarning, SeveralErrors
+from lensforge.errors import FileWarning, LensforgeError, RenamedWarning, SeveralErrors
 from lensforge.version import __version__
 
 # Commands by what they are for; those of no heading come last.
@@ -115,7 +115,7 @@ def main(interrupts: Interrupts | None = None) -> None:
     ``interrupts``: installed already.
     """
     open_standard_streams()
-    _show_renamed_fields_in_a_line()
+    _show_own_warnings_in_a_line()
     own = Interrupts().install() if interrupts is None else interrupts
     try:
         with lasting_streams() as stdout_failure:
@@ -132,13 +132,15 @@ def main(interrupts: Interrupts | None = None) -> None:
     sys.exit(code)
 
 
-def _show_renamed_fields_in_a_line() -> None:
-    """Let a warning of an old name in a spec be a line, as all warnings of a command are."""
-    others = warnings.showwarning
+def _show_own_warnings_in_a_line() -> None:
+    """Let a warning of an old name in a spec, or of a file, be a line, as all warnings of a command are."""
+    others, said = warnings.showwarning, set[str]()
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-        if issubclass(category, RenamedWarning):
-            click.echo(warning_line(str(message)), err=True)
+        if issubclass(category, RenamedWarning | FileWarning):
+            if str(message) not in said:  # a file may be read again by the next stage
+                click.echo(warning_line(str(message)), err=True)
+            said.add(str(message))
         else:
             others(message, category, *place, **more)
 

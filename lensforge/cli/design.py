@@ -31,6 +31,7 @@ from lensforge.search import searches
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.searches import SearchOptions
 from lensforge.spec import Spec, load_spec
+from lensforge.spec.spec_files import alike
 
 _PICTURE_FILE = "light.png"  # of a preview
 _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 2.8 times its errors
@@ -112,10 +113,8 @@ def _design_several(
 
     Raises :class:`FailedDesigns` when all have ended, :class:`InputError` before the first.
     """
-    names = [content.name for content in contents]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise InputError(f"SPEC: two have the name {twice!r}, and would go to one folder; rename one")
+    if (words := alike(content.name for content in contents)) is not None:
+        raise InputError(f"SPEC: {words}, and would go to one folder; rename one")
     for given, option in ((out, "--out"), (resume, "--resume"), (shown, "--open")):
         if given:
             raise InputError(f"{option}: goes with one SPEC, {len(contents)} are given; design that one by itself")

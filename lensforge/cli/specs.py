@@ -28,7 +28,6 @@ from lensforge.spec import Spec, parse_spec
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, new_text, source_in, target_in
 from lensforge.spec.source_sections import RayfileSource
-from lensforge.spec.spec_files import resolve_files
 from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
 
 Tables = dict[str, Any]  # of a spec, by their names
@@ -156,7 +155,6 @@ def _checked_text(content: Tables, folder: Path, force: bool) -> str:
     from lensforge.search.scene_check import SceneCheck
 
     resolved = deepcopy(content)
-    resolve_files(resolved, Path())
     if content["source"]["kind"] == "rayfile":
         measured = cavity_around(RayfileSource(**resolved["source"]))
         content["constraints"].update(measured)
@@ -174,18 +172,18 @@ def _checked_text(content: Tables, folder: Path, force: bool) -> str:
             table[field], reasons[name] = value, why
     for section in ("source", "target"):
         if "file" in content[section]:
-            content[section]["file"] = _relative(resolved[section]["file"], folder)
+            content[section]["file"] = _relative(getattr(made, section).file.resolve(), folder)
     title = f"{made.source.title}, target {made.target.kind}" if made.target is not None else made.source.title
     possible = f"The target: {scene.targets[0].possible_words} through the largest lens."
     return new_text(content, reasons, title[:1].upper() + title[1:], possible)
 
 
-def _relative(file: str, folder: Path) -> str:
+def _relative(file: Path, folder: Path) -> str:
     """Name of ``file`` as a spec in ``folder`` has it."""
     try:
-        return Path(file).relative_to(folder.resolve()).as_posix()
+        return file.relative_to(folder.resolve()).as_posix()
     except ValueError:
-        return file
+        return str(file)
 
 
 def _schema_text() -> str:

@@ -21,16 +21,19 @@ from lensforge.cli.options import (
 )
 from lensforge.cli.output import Output, with_output
 from lensforge.errors import CriterionMissed, InputError
-from lensforge.light.lens_light import evaluate
+from lensforge.light.lens_light import evaluate, is_same_source, other_source
 from lensforge.report import pipeline
 from lensforge.report.folder import Run, RunFolder, opened
 from lensforge.report.variation import AnyVariation, parse_variation, sources_of
 from lensforge.results.arguments import threads_of_torch
 from lensforge.results.criteria import require
+from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.search.searches import SearchOptions, redesign
 from lensforge.spec import Accuracy, Spec, load_spec
+from lensforge.spec.source_sections import SourceSpec
 from lensforge.spec.spec_files import joined_name
+from lensforge.surfaces.imported_face import LENS_FILE
 
 if TYPE_CHECKING:
     from lensforge.cli.progress import StageClock
@@ -62,17 +65,27 @@ def run_with_progress(
 
 
 def renewed_for(here: RunFolder, source: Path, clock: "StageClock", threads: int | None) -> Run:
-    """Search a lens for ``source`` from the lens of a folder on, with its light, in a folder beside it."""
+    """Search a lens for ``source`` from the lens of a folder on, with its light, in a folder beside it.
+
+    Raises :class:`InputError` where that folder holds a lens for another LED, such as one of a file of the same stem.
+    """
     from lensforge.cli.progress import DesignProgress
 
     lens, folder = here.run.lens, here.path.parent / joined_name(here.path.resolve().name, source.stem)
     heard = DesignProgress(clock, lens.spec)
     clock.begin("design")
     with opened(folder, create=True) as there:
+        _require_same_led(folder, other_source(lens.spec, source))
         made = there.write(redesign(lens, source, threads=threads, progress=heard.on_step, warn=clock.warn))
         clock.begin("evaluate")
         there.write(evaluate(made.lens, threads=threads))
         return there.run
+
+
+def _require_same_led(folder: Path, led: SourceSpec) -> None:
+    path = folder / LENS_FILE
+    if path.exists() and not is_same_source(led, load_lens(path).spec.source):
+        raise InputError(f"{folder}: holds a lens for another LED; rename it, or the ray file")
 
 
 @click.command()

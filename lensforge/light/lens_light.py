@@ -119,7 +119,9 @@ def source_of(spec: Spec) -> Source:
 
 def searched_source(spec: Spec) -> Source:
     """The source of a search: all LEDs that the lens of ``spec`` is for."""
-    return SeveralSources(tuple(map(source_of, spec.of_each_source))) if spec.sources else source_of(spec)
+    if not spec.sources:
+        return source_of(spec)
+    return SeveralSources(tuple(map(source_of, spec.of_each_source)), spec.lens.design_wavelength_nm)
 
 
 def judging_source(spec: Spec) -> Source:

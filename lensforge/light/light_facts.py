@@ -322,13 +322,18 @@ def road_facts(found: RoadJudgement) -> Group:
     facts += [
         Fact.measured("road_lx", "Mean illuminance", found.mean_lx),
         Fact.measured("road_least_lx", "Least illuminance", found.least_lx),
-        Fact("surface", "Surface", found.surface, note=f"Q0 {found.q0:.3g}, S1 {found.s1:.3g}"),
+        Fact("surface", "Surface", found.surface, note=f"Q0 {found.q0:.3g}, S1 {_s1_words(found.s1)}"),
     ]
     if found.power_density is not None:
         facts.append(Fact.measured("power_density", "Power density D_P", found.power_density))
     if found.yearly_energy is not None:
         facts.append(Fact.measured("yearly_energy", "Energy of a year", found.yearly_energy))
     return Group("road", found.name, tuple(facts))
+
+
+def _s1_words(s1: float | None) -> str:
+    short = "not known: its table ends before tan γ = 2, and light from beyond its end counts as none"
+    return short if s1 is None else f"{s1:.3g}"
 
 
 def spacing_fact(held: HeldSpacing | None) -> Fact:

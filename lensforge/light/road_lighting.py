@@ -11,7 +11,7 @@ from jaxtyping import Float
 from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
 from lensforge.light.metrics import largest_without_noise, scaled
-from lensforge.results import Count, Metric, Positive, Record, Text
+from lensforge.results import Count, Metric, NotNegative, Positive, Record, Text
 from lensforge.spec.light_limits import PhotometrySection
 
 _NONE = "none"
@@ -103,7 +103,7 @@ class RoadJudgement(Record):
     """Light of a row of lamps on one road. ``limits``: what its ``lighting_class`` asks, each judged.
 
     ``reached``: the best class M, C or P of the figures, by RP-8 all classes that they have; "none" below all.
-    ``drivers``: by their lanes.
+    ``drivers``: by their lanes. ``s1``: None of a table that ends before tan gamma = 2.
     ``edges``: ratio of the illuminance beside the road to that within, at the right and at the left edge. ``mean_lx``,
     ``least_lx``, ``uniformity_lx``: horizontal illuminance of the road. ``power_density`` (W per lx and m^2, D_P) and
     ``yearly_energy`` (kWh per m^2, AECI): None where the power of a lamp is not known.
@@ -114,7 +114,7 @@ class RoadJudgement(Record):
     reached: Text
     surface: Text
     q0: Positive
-    s1: Positive
+    s1: NotNegative | None
     drivers: tuple[SeenRoad, ...]
     edges: tuple[Metric, Metric]
     mean_lx: Metric

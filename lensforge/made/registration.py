@@ -170,6 +170,7 @@ def register(patch: Patch, points: Float[np.ndarray, "n 3"], registration: Regis
     """
     if np.mean(over_surface(points)) < _START_SHARE:
         raise InputError("points: fewer than half of them lie above z = 0 around the origin; give lens coordinates")
+    _require_size(patch, points)
     if registration == "none":
         _require_enough(over_surface(points))
         return RigidMotion(*np.zeros((4, 3)))
@@ -184,6 +185,25 @@ def register(patch: Patch, points: Float[np.ndarray, "n 3"], registration: Regis
     errors = np.zeros(6)
     errors[free] = motion_errors(directions, gaps, slopes[:, free])
     return RigidMotion(motion[:3], motion[3:], errors[:3], errors[3:])
+
+
+_SIZES = 0.25, 4.0  # of points to the face under them; a misplaced cloud of a small lens has half or twice
+_UNITS = {"inches": 1.0 / 25.4, "cm": 0.1, "metres": 1e-3, "µm": 1e3}  # millimetres, if written in these
+
+
+def _require_size(patch: Patch, points: Float[np.ndarray, "n 3"]) -> None:
+    """Raise :class:`InputError` for points that are all much nearer or farther than the face: in another unit."""
+    over = points[over_surface(points) & (points[:, 2] >= 0.0)]
+    if not len(over):
+        return
+    lengths = np.linalg.norm(over, axis=1)
+    face, measured = float(np.median(patch.radius(over / lengths[:, None]))), float(np.median(lengths))
+    if not _SIZES[0] * face <= measured <= _SIZES[1] * face:
+        unit = min(_UNITS, key=lambda name: abs(np.log(measured / face / _UNITS[name])))
+        raise InputError(
+            f"points: half of them lie within {measured:.3g} mm of the origin, the face at {face:.3g} mm: are they in "
+            f"{unit}? Give mm, or name the unit with the columns: x [in], y [in], z [in]"
+        )
 
 
 def _require_enough(over: Bool[np.ndarray, " n"]) -> None:

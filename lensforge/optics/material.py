@@ -105,12 +105,12 @@ _KINDS = {
         True, 6, lambda c, um: c[0] + c[1] / (um**2 - c[2]) + c[3] * (um - c[4]) / ((um - c[4]) ** 2 + c[5])
     ),
 }
-NAMES = tuple(_KINDS)
+COEFFICIENTS = {name: kind.least for name, kind in _KINDS.items()}  # by the name of a formula: as many as it has
 
 
 @dataclass(frozen=True)
 class Formula:
-    """A dispersion formula with its coefficients; wavelengths in um inside. ``name``: one of ``NAMES``."""
+    """A dispersion formula with its coefficients; wavelengths in um inside. ``name``: one of ``COEFFICIENTS``."""
 
     name: str
     coefficients: tuple[float, ...]
@@ -118,7 +118,7 @@ class Formula:
     def __post_init__(self) -> None:
         kind = _KINDS.get(self.name)
         if kind is None:
-            raise InputError(f"dispersion formula {self.name!r}: must be one of {', '.join(NAMES)}")
+            raise InputError(f"dispersion formula {self.name!r}: must be one of {', '.join(COEFFICIENTS)}")
         if len(self.coefficients) > MOST_COEFFICIENTS:
             raise InputError(f"{self.name}: {len(self.coefficients)} coefficients, at most {MOST_COEFFICIENTS}")
 
@@ -236,6 +236,18 @@ class Absorption:
 
 
 @dataclass(frozen=True)
+class AgainstVacuum:
+    """The index of ``absolute``, which is that against vacuum, against air at 20 C, as rays here have it."""
+
+    absolute: Dispersion
+
+    def index(self, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """The refractive index at each wavelength."""
+        relative: Waves = self.absolute.index(wavelengths_nm) / air_index(wavelengths_nm, REFERENCE_C)
+        return relative
+
+
+@dataclass(frozen=True)
 class IndexAtTemperature:
     """The index of ``cold``, which is that at the reference temperature of ``law``, at ``celsius``."""
 
@@ -338,11 +350,7 @@ _TOPAS = "G. Khanarian, Opt. Eng. 40, 1024 (2001): TOPAS 5013, n_d and V_d"
 _OKP = "Osaka Gas Chemicals, OKP4 data sheet: n_d and V_d"
 
 
-def _catalogue(materials: Sequence[Material]) -> dict[str, Material]:
-    return {material.name: material for material in materials}
-
-
-MATERIALS = _catalogue([
+MATERIALS = {material.name: material for material in [
     Material(
         "PMMA",
         Formula("agf 13", (2.1778, 6.1209e-3, -1.5004e-3, 2.3678e-2, -4.2137e-3, 7.3417e-4, -4.5042e-5)),
@@ -387,4 +395,4 @@ MATERIALS = _catalogue([
         _BOROFLOAT,
         0.0043,
     ),
-])  # fmt: skip
+]}  # fmt: skip

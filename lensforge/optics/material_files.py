@@ -5,16 +5,16 @@ in um, internal transmittance, thickness in mm), TD (D0, D1, D2, E0, E1, pole in
 SCHOTT's formula of the index against temperature), ED (coefficient of expansion from -30 to 70 C, in 1e-6/K). Indices
 are relative to air at the reference temperature, as rays here are. Zeros in TD and ED mean that nothing is known.
 
-Columns of a table are wavelength (nm), index, and internal transmittance over 1 mm or nothing, separated by commas,
-semicolons, tabs or blanks; comments start with ``#``, and one line of names may come first. Index and transmittance
-are linear between the rows, the latter in its logarithm.
+Columns of a table are wavelength (nm), index, and internal transmittance over 1 mm or nothing, in this order or as a
+line of names has them. Index and transmittance are linear between the rows, the latter in its logarithm.
 
 A file of refractiveindex.info has a dispersion formula or a table of n, and a table of k where there is one;
-wavelengths are in um. Absorption follows from the extinction coefficient k: 4 pi k / wavelength.
+wavelengths are in um. An index that its SPECS call absolute is that against vacuum. Absorption follows from the
+extinction coefficient k: 4 pi k / wavelength.
 """
 
-import re
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from math import log, nan, pi
 from pathlib import Path
@@ -23,21 +23,25 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.errors import InputError
+from lensforge.errors import FileWarning, InputError
 from lensforge.optics.material import (
+    COEFFICIENTS,
     HIGHEST_C,
     HUGE,
     LOWEST_C,
-    NAMES,
+    MOST_COEFFICIENTS,
     REFERENCE_C,
     SCHOTT_COEFFICIENTS,
     Absorption,
+    AgainstVacuum,
     Formula,
     IndexTable,
     Material,
     TemperatureLaw,
 )
 from lensforge.results.files import MIB, read_file
+from lensforge.results.text_dialect import Line, decoded_text, lines_of, shown
+from lensforge.results.text_table import Column, TextTable
 
 _TAGS = ("NM", "CD", "LD", "TD", "ED")
 _MOST_AGF_BYTES = 4 * MIB  # the largest catalogue of a glass maker has 1 MiB
@@ -49,20 +53,20 @@ _LEAST_TRANSMITTANCE = 1e-6
 def read_agf(path: Path, glass: str) -> Material:
     """Read ``glass``, in capitals or not, from the catalogue at ``path``.
 
-    Raises :class:`InputError` for a glass that is not there, with the closest names, and for one without its lines.
+    Raises :class:`InputError` for a glass that is not there, with the closest names, for one that is there twice with
+    different data, and for one without its lines.
     """
     lines = _lines_of(path, glass)
-    words = {tag: line.split()[1:] for line in lines for tag in [line[:2].upper()] if tag in _TAGS}
+    words = {tag: line.text.split()[1:] for line in lines for tag in [line.text[:2].upper()] if tag in _TAGS}
     missing = [tag for tag in ("CD", "LD") if tag not in words]
     if missing or len(words["NM"]) < 2:
         raise InputError(f"{path}: {glass} has no line {missing[0] if missing else 'NM that names its formula'}")
     number, (low, high) = int(_number(words["NM"][1], path, glass)), _two(words["LD"], path, glass)
-    if f"agf {number}" not in NAMES:
+    if f"agf {number}" not in COEFFICIENTS:
         raise InputError(f"{path}: {glass} has the dispersion formula {number}, known are 1 to 13")
-    formula = Formula(f"agf {number}", tuple(_number(word, path, glass) for word in words["CD"]))
     return Material(
         name=words["NM"][0],
-        dispersion=formula,
+        dispersion=_formula(number, tuple(_number(word, path, glass) for word in words["CD"]), path, glass),
         range_nm=(1e3 * low, 1e3 * high),
         source=f"{path.name}: {words['NM'][0]}",
         extrapolation_error=None,
@@ -71,24 +75,38 @@ def read_agf(path: Path, glass: str) -> Material:
     )
 
 
+def _formula(number: int, coefficients: tuple[float, ...], path: Path, glass: str) -> Formula:
+    """The formula of a catalogue; a :class:`FileWarning` tells of coefficients that are not there."""
+    name = f"agf {number}"
+    found, expected = len(coefficients), COEFFICIENTS[name]
+    if any(coefficients[expected:]):
+        words = f"{found} coefficients in its line CD, formula {number} has {expected}"
+        raise InputError(f"{path}: {glass} has {words}: is one cut in two? Export the catalogue again")
+    if found < expected:
+        words = f"{found} of the {expected} coefficients of formula {number} in its line CD: the others are taken as 0"
+        warnings.warn(f"{path}: {glass} has {words}", FileWarning, stacklevel=1)
+    return Formula(name, coefficients)
+
+
 def _absorption_of(rows: Sequence[Sequence[float]]) -> Absorption | None:
     """Absorption by rows of wavelength (nm) and absorption (1/mm); None without any."""
     return Absorption(*(tuple(column) for column in zip(*rows, strict=True))) if rows else None
 
 
-def _lines_of(path: Path, glass: str) -> list[str]:
-    """Lines of one glass, from its NM to the next."""
-    raw = read_file(path, missing="give a glass catalogue", most_bytes=_MOST_AGF_BYTES)
-    utf_16 = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
-    text = raw.decode("utf-16" if utf_16 else "latin-1", errors="replace")
-    blocks: dict[str, list[str]] = {}
-    current: list[str] = []
-    for line in text.splitlines():
-        words = line.split()
-        if words and words[0].upper() == "NM" and len(words) > 1:
-            current = blocks.setdefault(words[1].upper(), [])
-        if words:
-            current.append(line.strip())
+def _lines_of(path: Path, glass: str) -> list[Line]:
+    """Lines of one glass, from its NM to the next; a line that begins with a number goes on with the one before it."""
+    content = read_file(path, missing="give a glass catalogue", most_bytes=_MOST_AGF_BYTES)
+    blocks: dict[str, list[list[Line]]] = {}
+    current: list[Line] = []
+    for line in lines_of(decoded_text(content, str(path)), comments_behind=False):
+        words = line.text.split()
+        if words[0].upper() == "NM" and len(words) > 1:
+            current = []
+            blocks.setdefault(words[1].upper(), []).append(current)
+        if current and _is_number(words[0]):
+            current[-1] = Line(current[-1].number, f"{current[-1].text} {line.text}")
+        else:
+            current.append(line)
     if len(blocks) > _MOST_GLASSES or max(map(len, blocks), default=0) > _LONGEST_NAME:
         raise InputError(
             f"{path}: {len(blocks)} glasses, at most {_MOST_GLASSES} are read, with names of {_LONGEST_NAME} "
@@ -98,15 +116,20 @@ def _lines_of(path: Path, glass: str) -> list[str]:
         close = get_close_matches(glass.upper(), blocks, 3, 0.5)
         hint = f"closest: {', '.join(map(repr, close))}" if close else "lens.material must be one of its names"
         raise InputError(f"{path}: no glass {glass!r} among its {len(blocks)}; {hint}")
-    return blocks[glass.upper()]
+    first, *others = blocks[glass.upper()]
+    for other in others:
+        if [line.text.split() for line in other] != [line.text.split() for line in first]:
+            places = f"lines {first[0].number} and {other[0].number}"
+            raise InputError(f"{path}: {glass} is there twice, in {places}, with different data; delete one")
+    return first
 
 
-def _absorptions(lines: list[str], path: Path, glass: str) -> list[tuple[float, float]]:
+def _absorptions(lines: list[Line], path: Path, glass: str) -> list[tuple[float, float]]:
     """Wavelength (nm) and absorption (1/mm) of each IT line with a thickness."""
     absorptions = []
     for line in lines:
-        words = line.split()[1:]
-        if line[:2].upper() != "IT" or len(words) < 3:
+        words = line.text.split()[1:]
+        if line.text[:2].upper() != "IT" or len(words) < 3:
             continue
         um, transmittance, thickness = (_number(word, path, glass) for word in words[:3])
         if thickness > 0.0:
@@ -155,33 +178,32 @@ def _number(word: str, path: Path, glass: str) -> float:
 
 _MOST_TABLE_BYTES = 4 * MIB  # ten thousand rows, the most of a spec, have 0.3 MiB
 _LEAST_NM = 100.0  # below that are um: no light here is shorter
+_COLUMNS = (
+    Column(("wavelength", "lambda", "λ", "wl", "nm", "wellenlänge"), {"nm": 1.0, "": 1.0, "um": 1e3}),
+    Column(("index", "n", "refractive index", "brechzahl")),
+    Column(
+        ("transmittance", "t", "tau", "internal transmittance", "transmittance of 1 mm"),
+        {"": 1.0, "%": 0.01},
+        needed=False,
+    ),
+)
 
 
 def read_material_table(path: Path, name: str) -> Material:
     """Read the table at ``path``; ``name``: what the material is called. Raises :class:`InputError`, one line."""
-    text = read_file(path, missing="give a table of the index", most_bytes=_MOST_TABLE_BYTES).decode(
-        "utf-8-sig", "replace"
-    )
-    lines = [line.split("#")[0].strip() for line in text.splitlines()]
-    rows = [re.split(r"[,;\s]+", line) for line in lines if line]
-    if rows and not _is_number(rows[0][0]):
-        rows = rows[1:]  # names
-    try:
-        table = np.array([[float(word) for word in row if word] for row in rows])
-    except ValueError:
-        table = np.empty((0, 0))
-    if table.ndim != 2 or len(table) < 2 or table.shape[1] not in (2, 3) or not np.isfinite(table).all():
-        raise InputError(
-            f"{path}: must be two rows at least of wavelength (nm), index and, if known, internal transmittance of 1 mm"
-        )
+    rows = TextTable.read(path, missing="give a table of the index", most_bytes=_MOST_TABLE_BYTES)
+    table = rows.columns(_COLUMNS)
+    if len(table) < 2:
+        raise InputError(f"{path}: must be two rows at least of wavelength (nm), index and, if known, transmittance")
     table = table[np.argsort(table[:, 0])]
-    waves = table[:, 0]
+    waves, transmittance = table[:, 0], table[:, 2]
     if waves[-1] < _LEAST_NM or (np.diff(waves) <= 0.0).any():
         raise InputError(f"{path}: wavelengths must be in nm, each once; they go from {waves[0]:g} to {waves[-1]:g}")
-    if table.shape[1] == 3 and not ((table[:, 2] > 0.0) & (table[:, 2] <= 1.0)).all():
-        raise InputError(f"{path}: an internal transmittance must be above 0 and at most 1")
+    known = not np.isnan(transmittance).all()
+    if known and not ((transmittance > 0.0) & (transmittance <= 1.0)).all():
+        raise InputError(f"{path}: an internal transmittance must be above 0 and at most 1{rows.advice}")
     index = IndexTable(tuple(waves.tolist()), tuple(table[:, 1].tolist()))
-    absorption = [] if table.shape[1] == 2 else np.column_stack([waves, -np.log(table[:, 2]) + 0.0]).tolist()
+    absorption = np.column_stack([waves, -np.log(transmittance) + 0.0]).tolist() if known else []
     return Material(name, index, (float(waves[0]), float(waves[-1])), path.name, None, _absorption_of(absorption))
 
 
@@ -200,13 +222,24 @@ _MOST_EVENTS, _DEEPEST = 10_000, 16  # of YAML: a file of the database has a few
 
 def read_refractive_index_info(path: Path, name: str) -> Material:
     """Read the material at ``path``; ``name``: what it is called. Raises :class:`InputError`, one line."""
-    blocks = _blocks(path)
+    content = _content(path)
+    blocks = _blocks(content, path)
     index, span = _index(blocks, path)
-    return Material(name, index, span, path.name, None, _absorption_of(_absorption(blocks, path)))
+    dispersion = AgainstVacuum(index) if _is_absolute(content, path) else index
+    return Material(name, dispersion, span, path.name, None, _absorption_of(_absorption(blocks, path)))
 
 
-def _blocks(path: Path) -> dict[str, dict[str, Any]]:
-    """Blocks of data by their type."""
+def _is_absolute(content: Mapping[str, Any], path: Path) -> bool:
+    """True where the file states its index against vacuum."""
+    specs = content.get("SPECS")
+    stated = str(specs.get("n_is_absolute", "false")).lower() if isinstance(specs, dict) else "false"
+    if stated not in ("true", "false"):
+        raise InputError(f"{path}: n_is_absolute: {shown(stated)}, must be true or false")
+    return stated == "true"
+
+
+def _content(path: Path) -> Mapping[str, Any]:
+    """Everything in the file, words alone."""
     raw = read_file(path, missing="give a file of refractiveindex.info", most_bytes=_MOST_BYTES)
     import yaml  # seldom needed, and slow to load
 
@@ -220,10 +253,18 @@ def _blocks(path: Path) -> dict[str, dict[str, Any]]:
         raise InputError(f"{path}: not YAML{place}; download it again") from None
     except ValueError as error:
         raise InputError(f"{path}: {error}; give a file of refractiveindex.info") from None
-    data = content.get("DATA") if isinstance(content, dict) else None
+    return content if isinstance(content, dict) else {}
+
+
+def _blocks(content: Mapping[str, Any], path: Path) -> dict[str, dict[str, Any]]:
+    """Blocks of data by their type."""
+    data = content.get("DATA")
     if not isinstance(data, list) or not all(isinstance(block, dict) for block in data):
         raise InputError(f"{path}: has no list DATA; give a file of refractiveindex.info")
-    return {str(block.get("type")): block for block in data}
+    blocks = {str(block.get("type")): block for block in data}
+    if len(blocks) < len(data):
+        raise InputError(f"{path}: DATA has two blocks of one type; leave out one")
+    return blocks
 
 
 def _require_plain(events: Iterable[Any]) -> None:
@@ -242,8 +283,8 @@ def _require_plain(events: Iterable[Any]) -> None:
 def _index(blocks: dict[str, dict[str, Any]], path: Path) -> tuple[Formula | IndexTable, tuple[float, float]]:
     """The index, and the range (nm) in which it holds."""
     for kind, block in blocks.items():
-        if kind.replace("formula", "rii") in NAMES:
-            low, high = _numbers(block, "wavelength_range", path, 2)
+        if kind.replace("formula", "rii") in COEFFICIENTS:
+            low, high = _numbers(block, "wavelength_range", path, 2, 2)
             formula = Formula(kind.replace("formula", "rii"), tuple(_numbers(block, "coefficients", path, 1)))
             return formula, (1e3 * low, 1e3 * high)
         if kind in ("tabulated n", "tabulated nk"):
@@ -267,28 +308,24 @@ def _absorption(blocks: dict[str, dict[str, Any]], path: Path) -> list[list[floa
 
 def _table(block: dict[str, Any], path: Path, columns: int) -> Float[np.ndarray, "k c"]:
     """Numbers of a table, by rising wavelength, each wavelength once."""
-    rows = [line.split() for line in str(block.get("data", "")).splitlines() if line.strip()]
-    try:
-        table = np.array([[float(word) for word in row[:columns]] for row in rows])
-        if (
-            table.ndim != 2
-            or table.shape[1] != columns
-            or not (np.abs(table) < HUGE).all()
-            or table[:, 0].min() < _LEAST_UM
-        ):
-            raise ValueError
-    except ValueError:
-        raise InputError(f"{path}: its table is not {columns} columns of numbers; download it again") from None
+    name = f"{path}: table of {block['type']}"
+    table = TextTable.of(str(block.get("data", "")), name).numbers(used=range(columns))
+    if not (np.abs(table) < HUGE).all() or table[:, 0].min() < _LEAST_UM:
+        raise InputError(
+            f"{name}: numbers must be below {HUGE:g}, wavelengths at least {_LEAST_UM:g} um; download it again"
+        )
     return table[np.unique(table[:, 0], return_index=True)[1]]
 
 
-def _numbers(block: dict[str, Any], name: str, path: Path, least: int) -> list[float]:
+def _numbers(block: dict[str, Any], name: str, path: Path, least: int, most: int = MOST_COEFFICIENTS) -> list[float]:
+    words = str(block.get(name, "")).split()
     try:
-        numbers = [float(word) for word in str(block[name]).split()]
-    except (KeyError, ValueError):
+        numbers = [float(word) for word in words]
+    except ValueError:
         numbers = []
-    if len(numbers) < least:
-        raise InputError(f"{path}: {name} must be {least} numbers at least; download it again")
+    if not least <= len(numbers) <= most or not np.isfinite(numbers).all():
+        count = f"{least}" if least == most else f"{least} to {most}"
+        raise InputError(f"{path}: {name}: {shown(' '.join(words))}, must be {count} numbers; download it again")
     return numbers
 
 

@@ -98,6 +98,7 @@ def run_sweep(
     with locked(directory, create=True):
         sweep = _finished(directory, spec, variation, accuracy, seed) if resume else None
         wanted = [variant for variant in variants if sweep is None or variant.value not in sweep.values]
+        _require_other_folders(wanted, sweep)
 
         def tell(number: int, variant: Variant) -> None:
             announce(f"design {number} of {len(wanted)}: {variation.field} = {variant.words}")
@@ -109,6 +110,18 @@ def run_sweep(
             answers = runs_on_workers([variant.spec for variant in wanted], options, scheduler)
             made = _written(wanted, directory, answers, tell)
         return _joined(spec, variation, made, directory, sweep)
+
+
+def _require_other_folders(wanted: Sequence[Variant], sweep: Sweep | None) -> None:
+    """Raise :class:`InputError` where a design would replace one of another value that an earlier call finished."""
+    finished = {} if sweep is None else {row.folder.casefold(): row for row in sweep.designs}
+    for variant in wanted:
+        row = finished.get(variant.folder)
+        if row is not None:
+            raise InputError(
+                f"{row.folder}: holds the design of {row.value}, that of {variant.value} would go there, too; give "
+                "another folder, or start again without resume"
+            )
 
 
 def resumable(directory: Path) -> bool:

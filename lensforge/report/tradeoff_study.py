@@ -141,12 +141,16 @@ def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> N
     wanted = settled_symmetry(spec, source)
     if wanted.lens.levels == "auto":
         wanted = wanted.with_levels(lens.spec.lens.basis.levels)
-    for section in ("source", "lens", "target", "receivers"):
+    for section in (name for name in Spec.model_fields if name not in _NOT_OF_THE_SCENE):
         if _hashes(lens.spec, section) != _hashes(wanted, section):
             raise InputError(
                 f"{origin}: its lens was designed for another [{section}] than {spec.name!r} has now; "
                 "give another folder, or design it again"
             )
+
+
+# Fields of a spec that change neither its light nor what its lens is searched for: all others count, new ones, too.
+_NOT_OF_THE_SCENE = ("name", "optimise", "evaluate", "base", "plate", "manufacture", "drawing", "tolerances")
 
 
 def _hashes(spec: Spec, section: str) -> list[str]:

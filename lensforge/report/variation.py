@@ -25,6 +25,11 @@ class Variant:
     spec: Spec
 
     @property
+    def folder(self) -> str:
+        """Name of its folder, as it is where letter case does not count."""
+        return self.spec.name.casefold()
+
+    @property
     def words(self) -> str:
         """The value, as a text."""
         return self.value if isinstance(self.value, str) else f"{self.value:g}"
@@ -39,8 +44,11 @@ class Variation:
     scaled: tuple[str, ...] = ()
 
     def variants(self, base: Spec) -> list[Variant]:
-        """The designs, smallest value first. Raises :class:`InputError` for values that a spec cannot have."""
-        return [self._variant(base, value) for value in self.values]
+        """The designs, smallest value first.
+
+        Raises :class:`InputError` for values that a spec cannot have, and for two whose designs would share a folder.
+        """
+        return _with_own_folders(self.field, [self._variant(base, value) for value in self.values])
 
     def _variant(self, base: Spec, value: float) -> Variant:
         for field in (self.field, *self.scaled):
@@ -64,15 +72,32 @@ class SourceVariation:
     scaled: ClassVar[tuple[str, ...]] = ()
 
     def variants(self, base: Spec) -> list[Variant]:
-        """The designs, in the order of the sources. Raises :class:`InputError` for a source the spec cannot have."""
+        """The designs, in the order of the sources.
+
+        Raises :class:`InputError` for a source the spec cannot have, and for one with the name of the design for all.
+        """
         designs = []
         for led in self.sources:
+            if led.name.casefold() == ONE_FOR_ALL:
+                raise InputError(f"sources: {led.name} is the name of the design for all of them; rename the LED")
             with remedy(f"the LED is {led.name}"):
                 changed = base.replace(source=led.source, sources=(), name=joined_name(base.name, led.name))
             designs.append(Variant(led.name, {}, changed))
         if {led.name for led in base.sources} == {led.name for led in self.sources}:
             designs.append(Variant(ONE_FOR_ALL, {}, base.replace(name=joined_name(base.name, ONE_FOR_ALL))))
-        return designs
+        return _with_own_folders(self.field, designs)
+
+
+def _with_own_folders(field: str, designs: list[Variant]) -> list[Variant]:
+    known: dict[str, Variant] = {}
+    for design in designs:
+        before = known.setdefault(design.folder, design)
+        if before is not design:
+            raise InputError(
+                f"{field} = {before.value} and {design.value}: both designs would go to the folder {design.spec.name}; "
+                "give values that differ in six digits, or other names"
+            )
+    return designs
 
 
 AnyVariation = Variation | SourceVariation

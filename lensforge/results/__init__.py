@@ -8,6 +8,7 @@
 - ``criteria.Criterion``: a value and its limit
 - ``verdict.Verdict``: the judgement on light, files and cutting
 - ``files.replacing``: a file that is written whole or not at all
+- ``text_table.TextTable``: the one reader of tables in text files
 - ``sandbox.work_in_child``: foreign files, read in a child process
 - ``cluster.connected``: work on many machines
 """

@@ -17,21 +17,24 @@ limits of its class there, 9.8 and 12. W3 has 17 columns in the place of 20 in t
 which several choices are as smooth, and a wrong number; N1 to N4, W1 and W2 were not at hand.
 """
 
-import csv
 from dataclasses import dataclass, replace
 from functools import cache
+from math import nan
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.results.files import MIB, read_file
-from lensforge.spec.road_section import STANDARD_SURFACES
+from lensforge.results.files import MIB
+from lensforge.results.text_table import TextTable, header_cells
+from lensforge.spec.road_section import LEAST_Q0, MOST_Q0, STANDARD_SURFACES
 
 _FOLDER = Path(__file__).with_name("road_surfaces")
 _SCALE = 1e-4  # of the numbers in a table
 _MOST_BYTES = 1 * MIB
+_LEAST_BELOW, _MOST = 1e-6, 1e6  # numbers of a table in any unit: between these it can be scaled
+_LEAST_STEP_DEG, _LEAST_STEP_TAN, _MOST_TAN = 0.01, 1e-3, 100.0  # lamps of a road count up to 12
 _S1_TAN = 2.0
 # The field of integration of Q0, in heights of the lamp: towards the eye, away from it, and to either side (CIE 144).
 _NEAR, _FAR, _SIDE, _CELLS = 4.0, 12.0, 3.0, 200
@@ -41,7 +44,8 @@ _NEAR, _FAR, _SIDE, _CELLS = 4.0, 12.0, 3.0, 200
 class RoadSurface:
     """Reduced luminance coefficients ``r`` (cd/m^2 per lx) at ``tan_gamma`` and ``beta_deg``; 0 where it has none.
 
-    ``q0``: average luminance coefficient: the nominal one of a class of the CIE, of another table its integral.
+    ``q0``: average luminance coefficient: the nominal one of a class of the CIE, of another table its integral, of one
+    that ends within the field of integration that over the part which it has.
     """
 
     name: str
@@ -54,14 +58,23 @@ class RoadSurface:
     def of(name: str, file: Path | None = None, q0: float | None = None) -> "RoadSurface":
         """The surface of the class ``name``, such as "R3", or of a CSV ``file``, scaled to an average ``q0``.
 
-        Raises :class:`InputError` for a file that is no such table.
+        Raises :class:`InputError` for a file that is no such table, and for one that no road has, unless it is scaled.
         """
         found = _standard(name) if file is None else read_surface(file)
-        return found if q0 is None else replace(found, r=found.r * (q0 / found.q0), q0=q0)
+        if q0 is not None:
+            return replace(found, r=found.r * (q0 / found.q0), q0=q0)
+        if not LEAST_Q0 <= found.q0 <= MOST_Q0:
+            raise InputError(
+                f"{file}: its average luminance coefficient Q0 is {found.q0:.2g}, of a road it is from {LEAST_Q0:g} to "
+                f"{MOST_Q0:g}: give r (cd/m^2 per lx) times 10^4, or surface_q0, to which the table is scaled"
+            )
+        return found
 
     @property
-    def s1(self) -> float:
-        """Specular factor S1: r at beta = 0, tan gamma = 2 over that straight below the lamp."""
+    def s1(self) -> float | None:
+        """Specular factor S1: r at beta = 0, tan gamma = 2 over that below the lamp; None of a shorter table."""
+        if self.tan_gamma[-1] < _S1_TAN:
+            return None
         return float(self.reading(np.zeros(1), np.array([_S1_TAN])).item() / self.r[0, 0])
 
     def reading(self, beta_deg: Float[np.ndarray, "*n"], tan_gamma: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -79,8 +92,8 @@ class RoadSurface:
         y = (np.arange(_CELLS) + 0.5) * (_SIDE / _CELLS)
         along, aside = np.meshgrid(x, y)
         away = np.hypot(along, aside)
-        seen = self.reading(np.degrees(np.arctan2(aside, along)), np.minimum(away, self.tan_gamma[-1]))
-        return float(seen.sum() / ((1.0 + away**2) ** -1.5).sum())
+        seen = self.reading(np.degrees(np.arctan2(aside, along)), away)
+        return float(seen.sum() / ((1.0 + away**2) ** -1.5)[away <= self.tan_gamma[-1]].sum())
 
 
 def _place(
@@ -97,55 +110,90 @@ def _standard(name: str) -> RoadSurface:
 
 
 def read_surface(path: Path) -> RoadSurface:
-    """Read a CSV table: a row of beta (degrees), then for each tan gamma a row of 10^4 r; blank where it has none.
+    """Read a table: a row of beta (degrees), then for each tan gamma a row of 10^4 r; blank where it has none.
 
     Blanks end a row, and go on below. Raises :class:`InputError`, one line, for anything else.
     """
-    content = read_file(path, missing="give a CSV file, or a class of surface", most_bytes=_MOST_BYTES)
-    text = content.decode("utf-8-sig", "replace")
-    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and line[0] != "#"))
-    if len(rows) < 3 or len(rows[0]) < 3:
-        raise InputError(f"{path}: no r-table; give a row of beta from 0 to 180, then rows of tan gamma and 10^4 r")
-    if any(len(row) > len(rows[0]) for row in rows):
-        raise InputError(f"{path}: a row is longer than its first, which has beta; give a column for each beta")
-    beta = _numbers(rows[0][1:], "beta", path)
-    tan_gamma = _numbers([row[0] for row in rows[1:]], "tan gamma", path)
-    cells = [[cell.strip() for cell in row[1:]] + [""] * (len(rows[0]) - len(row)) for row in rows[1:]]
-    _require_no_gaps(cells, tan_gamma, beta, path)
-    r = np.array([_numbers([cell or "0" for cell in row], "10^4 r", path) for row in cells])
-    for nodes, words in ((beta, "beta"), (tan_gamma, "tan gamma")):
-        if nodes[0] != 0.0 or not (np.diff(nodes) > 0.0).all():
-            raise InputError(f"{path}: {words} must begin with 0 and rise; found {nodes[0]:g}, {nodes[1]:g}, ...")
-    if beta[-1] != 180.0:
+    table = TextTable.read(path, missing="give a CSV file, or a class of surface", most_bytes=_MOST_BYTES)
+    beta, tan_gamma, r = _grid(table)
+    _require_places(beta, tan_gamma, table.name)
+    _require_no_gaps(r, tan_gamma, beta, table.name)
+    r = np.nan_to_num(r)
+    if not (r.min() >= 0.0 and r[0].min() > _LEAST_BELOW and r.max() <= _MOST):
         raise InputError(
-            f"{path}: beta ends at {beta[-1]:g} degrees, must end at 180, where the lamp is behind the eye"
+            f"{path}: 10^4 r must be from 0 to {_MOST:g}, and above {_LEAST_BELOW:g} at tan gamma = 0; found "
+            f"{r.min():g} to {r.max():g}, and {r[0].min():g} there"
         )
-    if not (r.min() >= 0.0 and r[0].min() > 0.0):
-        raise InputError(f"{path}: 10^4 r must be 0 or above, and above 0 at tan gamma = 0")
     whole = RoadSurface(path.stem, tan_gamma, beta, _SCALE * r, 1.0)
     return replace(whole, q0=whole.integrated_q0())
 
 
-def _numbers(words: list[str], meaning: str, path: Path) -> Float[np.ndarray, " n"]:
-    try:
-        found = np.array([float(word) for word in words])
-    except ValueError:
-        raise InputError(f"{path}: a word among its numbers of {meaning}; write points in numbers") from None
-    if not np.isfinite(found).all():
-        raise InputError(f"{path}: a number of {meaning} is not finite; leave it blank where there is none")
-    return found
+def _grid(table: TextTable) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, " g"], Float[np.ndarray, "g b"]]:
+    """Beta, tan gamma and 10^4 r of a table, NaN where a cell is blank; beta may stand behind a word in a header."""
+    rows = table.numbers(blank=nan)
+    beta, first = _beta_of_header(table), 0
+    if beta is None:
+        beta, rows, first = rows[0, 1:], rows[1:], 1
+    if len(beta) < 2 or len(rows) < 2:
+        raise InputError(
+            f"{table.name}: no r-table; give a row of beta from 0 to 180, then rows of tan gamma and 10^4 r"
+        )
+    blank = np.flatnonzero(np.isnan(rows[:, 0]))
+    if len(blank):
+        raise table.refuse(first + int(blank[0]), 0, "no tan gamma")
+    if np.isnan(beta).any():
+        raise InputError(f"{table.name}: a blank in its row of beta; give a beta for each column")
+    if rows.shape[1] - 1 > len(beta):
+        longer = first + int(np.flatnonzero(~np.isnan(rows[:, len(beta) + 1 :]).all(axis=1))[0])
+        raise table.refuse(longer, None, "is longer than the row of beta; give a beta for each column")
+    r = np.full((len(rows), len(beta)), nan)
+    r[:, : rows.shape[1] - 1] = rows[:, 1:]
+    return beta, rows[:, 0], r
+
+
+def _beta_of_header(table: TextTable) -> Float[np.ndarray, " b"] | None:
+    """Numbers behind the first word of the line before the rows; None where there are none."""
+    if not table.header:
+        return None
+    line = table.header[-1]
+    found, cells = [], header_cells(line, table.dialect, table.name)[1:]
+    for place, cell in enumerate(cells, start=2):
+        try:
+            found.append(table.dialect.number(cell))
+        except ValueError as error:
+            if not found:
+                return None
+            raise InputError(f"{table.name}, line {line.number}, column {place}: beta: {error}") from None
+    return np.array(found) if found else None
+
+
+def _require_places(beta: Float[np.ndarray, " b"], tan_gamma: Float[np.ndarray, " g"], name: str) -> None:
+    for nodes, words, step in ((beta, "beta", _LEAST_STEP_DEG), (tan_gamma, "tan gamma", _LEAST_STEP_TAN)):
+        if nodes[0] != 0.0 or (np.diff(nodes) < step).any():
+            bad = int(np.argmax(np.diff(nodes) < step)) if nodes[0] == 0.0 else 0
+            raise InputError(
+                f"{name}: {words} must begin with 0 and rise, by {step:g} at least; found {nodes[bad]:g}, "
+                f"{nodes[bad + 1]:g}"
+            )
+    if beta[-1] != 180.0:
+        swapped = "; rows and columns are swapped" if tan_gamma[-1] == 180.0 else ""
+        raise InputError(
+            f"{name}: beta ends at {beta[-1]:g} degrees, must end at 180, where the lamp is behind the eye{swapped}"
+        )
+    if tan_gamma[-1] > _MOST_TAN:
+        raise InputError(f"{name}: tan gamma ends at {tan_gamma[-1]:g}, must be at most {_MOST_TAN:g}")
 
 
 def _require_no_gaps(
-    cells: list[list[str]], tan_gamma: Float[np.ndarray, " g"], beta: Float[np.ndarray, " b"], path: Path
+    r: Float[np.ndarray, "g b"], tan_gamma: Float[np.ndarray, " g"], beta: Float[np.ndarray, " b"], name: str
 ) -> None:
     """Raise for a blank with a number farther to the right or below: light would be taken for none."""
-    given = np.array([[bool(cell) for cell in row] for row in cells])
+    given = ~np.isnan(r)
     later = np.logical_or.accumulate(given[:, ::-1], axis=1)[:, ::-1]
     below = np.logical_or.accumulate(given[::-1], axis=0)[::-1]
     gaps = np.argwhere(~given & (later | below))
     if len(gaps):
         row, column = gaps[0]
         raise InputError(
-            f"{path}: no number at tan gamma = {tan_gamma[row]:g}, beta = {beta[column]:g}, but some beyond it; give it"
+            f"{name}: no number at tan gamma = {tan_gamma[row]:g}, beta = {beta[column]:g}, but some beyond it; give it"
         )

@@ -1,12 +1,11 @@
 """Target patterns as relative light on the pixels of a receiver: means over each pixel, of all targets together.
 
-Text is drawn in a font that comes with a dependency: no font of the system has a part in it. Tables of light are a CSV
-file with a line for each row from the top, or an npz file with one array [row, column]. The regions of a receiver in
+Text is drawn in a font that comes with a dependency: no font of the system has a part in it. Tables of light are a text
+with a line for each row from the top, or an npz file with one array [row, column]. The regions of a receiver in
 which uniformity counts, and in which light counts as in the target, follow from its targets.
 """
 
 import hashlib
-import io
 import unicodedata
 from collections.abc import Collection
 from dataclasses import dataclass, replace
@@ -24,7 +23,8 @@ from lensforge.optics.image_reading import MOST_BYTES, read_light
 from lensforge.results.files import MIB, read_file
 from lensforge.results.json_npz import arrays_in
 from lensforge.results.record import LARGEST
-from lensforge.results.validation import unquoted
+from lensforge.results.text_dialect import shown
+from lensforge.results.text_table import TextTable
 from lensforge.scene import target_shapes
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver
@@ -98,7 +98,7 @@ _ZIP = b"PK\x03\x04"  # begins every npz file
 def read_table(path: Path) -> Float[np.ndarray, "h w"]:
     """Light (relative) in ``path``. Raises :class:`InputError` for anything that is no table of numbers from 0 up."""
     content = read_file(path, missing="give a CSV or npz file", most_bytes=_MOST_BYTES)
-    values = _from_npz(content, path) if content.startswith(_ZIP) else _from_csv(content, path)
+    values = _from_npz(content, path) if content.startswith(_ZIP) else _from_text(content, path)
     if values.ndim != 2 or values.size == 0:
         raise InputError(f"{path}: shape {values.shape}, must be a table of rows and columns")
     if not (values.min() >= 0.0 and 1.0 / LARGEST <= values.max() <= LARGEST):
@@ -119,15 +119,12 @@ def _from_npz(content: bytes, path: Path) -> np.ndarray:
     return next(iter(arrays.values())).astype(np.float64)
 
 
-def _from_csv(content: bytes, path: Path) -> np.ndarray:
-    try:
-        lines = content.decode("utf-8-sig").splitlines()
-        rows = [line.replace(";", ",").replace("\t", ",").split("#")[0].strip() for line in lines]
-        delimiter = "," if any("," in row for row in rows) else None
-        return np.loadtxt(io.StringIO("\n".join(rows)), delimiter=delimiter, ndmin=2)
-    except ValueError as error:
-        words = "write commas between numbers, and points in them"
-        raise InputError(f"{path}: no table of numbers ({unquoted(error)}); {words}") from None
+def _from_text(content: bytes, path: Path) -> np.ndarray:
+    table = TextTable.of(content, str(path))
+    if table.header:
+        line = table.header[0]
+        raise InputError(f"{path}, line {line.number}: {shown(line.text)}: must be rows of numbers alone; leave it out")
+    return table.numbers()
 
 
 _WORTH_SHARING = 2**15  # hits: three milliseconds of work

@@ -1,7 +1,7 @@
 """The search for a lens, once or from several starts: the verbs ``design`` and ``best_design``."""
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +18,7 @@ from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Observer, Start
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import searched, smoothed
+from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.design_spec import require_spec
@@ -176,12 +177,24 @@ def _checked_scene(
             scene.require_light(force=force)
         of_scene += tuple(f"{name}{words}" for words in scene.warnings())
         remarks += [f"{name}{words}" for words in (*summary.warnings, *scene.warnings(), *room)]
+    wanted = searched_source(spec)
+    if isinstance(wanted, SeveralSources):
+        remarks += _led_warnings(wanted, leds)
     for words in remarks:
         if warn is None:
             warnings.warn(words, SourceWarning, stacklevel=3)
         else:
             warn(words)
-    return searched_source(spec), of_scene
+    return wanted, of_scene
+
+
+def _led_warnings(source: SeveralSources, names: Sequence[str]) -> Iterator[str]:
+    """A line for each LED that is traced at one wavelength beside others with theirs."""
+    for number in source.without_wavelengths:
+        yield (
+            f"{names[number]}: no wavelengths, as other LEDs have: its light is traced at lens.design_wavelength_nm = "
+            f"{source.wavelength_nm:g}; give its source a spectrum"
+        )
 
 
 @dataclass(frozen=True)

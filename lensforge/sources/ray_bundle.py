@@ -7,7 +7,7 @@ blocks of a long series do not depend on how it is read.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -81,18 +81,18 @@ class RayBundle:
 
     @classmethod
     def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":
-        """Join the rays of all parts in their order; a wavelength, a number or a colour all of them have, or none."""
-        waves = [part.wavelengths_nm for part in parts if part.wavelengths_nm is not None]
-        numbers = [part.of_source for part in parts if part.of_source is not None]
-        colours = [part.tristimulus for part in parts if part.tristimulus is not None]
-        return cls(
-            np.concatenate([part.origins for part in parts]),
-            np.concatenate([part.directions for part in parts]),
-            np.concatenate([part.flux for part in parts]),
-            np.concatenate(waves) if waves else None,
-            np.concatenate(numbers) if numbers else None,
-            np.concatenate(colours) if colours else None,
-        )
+        """Join the rays of all parts in their order.
+
+        Raises ``ValueError`` where some parts have wavelengths, numbers or colours, and others none: all have, or none.
+        """
+        return cls(**{name: _joined(name, [getattr(part, name) for part in parts]) for name in vars(parts[0])})
+
+
+def _joined(name: str, columns: Sequence[np.ndarray | None]) -> Any:
+    given = [column for column in columns if column is not None]
+    if 0 < len(given) < len(columns):
+        raise ValueError(f"{name}: {len(given)} of {len(columns)} bundles of rays have them; all must, or none")
+    return np.concatenate(given) if given else None
 
 
 @runtime_checkable

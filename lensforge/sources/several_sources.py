@@ -15,9 +15,13 @@ from lensforge.surfaces.mirror_group import shared_symmetry
 
 @dataclass(frozen=True, eq=False)
 class SeveralSources:
-    """The LEDs of a lens, as one source; ``flux_w``: of all together."""
+    """The LEDs of a lens, as one source; ``flux_w``: of all together.
+
+    ``wavelength_nm``: of the rays of an LED that has none, where others have: that at which media have their one index.
+    """
 
     sources: tuple[Source, ...]
+    wavelength_nm: float
 
     @property
     def flux_w(self) -> float:
@@ -42,10 +46,23 @@ class SeveralSources:
         """
         several = len(self.sources)
         of_each = -(-count // several)
-        rays = RayBundle.joined([source.sample(of_each, seed) for source in self.sources])
+        parts = [source.sample(of_each, seed) for source in self.sources]
+        if any(part.wavelengths_nm is not None for part in parts):
+            parts = [self._with_wavelengths(part) for part in parts]
+        rays = RayBundle.joined(parts)
         numbers = np.repeat(np.arange(several, dtype=np.int16), of_each)
         in_turn = np.arange(several * of_each).reshape(several, of_each).T.ravel()
         return replace(rays, of_source=numbers).take(in_turn)
+
+    def _with_wavelengths(self, rays: RayBundle) -> RayBundle:
+        known = rays.wavelengths_nm is not None
+        return rays if known else replace(rays, wavelengths_nm=np.full(len(rays), self.wavelength_nm))
+
+    @property
+    def without_wavelengths(self) -> tuple[int, ...]:
+        """Numbers of the LEDs whose rays have no wavelength of their own, where those of another have."""
+        without = [source.sample(1, 0).wavelengths_nm is None for source in self.sources]
+        return () if all(without) else tuple(np.flatnonzero(without).tolist())
 
     def shared_out(self, rays: RayBundle) -> list[RayBundle]:
         """The rays of each LED, of a sample or a part of it."""
@@ -54,7 +71,7 @@ class SeveralSources:
 
     def changed(self, change: Callable[[Source], Source]) -> "SeveralSources":
         """The same LEDs, each of them changed."""
-        return SeveralSources(tuple(map(change, self.sources)))
+        return replace(self, sources=tuple(map(change, self.sources)))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Outline (mm) of the smallest: it shows the finest shapes of a lens."""

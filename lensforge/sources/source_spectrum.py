@@ -1,58 +1,55 @@
 """Spectrum of a source: a density of power over wavelength, wavelengths drawn from it, and its text files.
 
-A file is rows of two columns, wavelength (nm) and relative power density, separated by blanks, tabs, semicolons, or
-commas. Comments start with ``#``. Lines of text before the rows are a header: names of the columns, that of an OPTIS
-spectrum (``.spectrum``, with the number of its samples as last line), or that of LightTools (``.sre``). Verified with
-two files of OSRAM; the layouts of the others are those of public programs that read and write them.
+A file is rows of two columns, wavelength (nm) and relative power density. Lines of text before the rows are a header:
+names of the columns, that of an OPTIS spectrum (``.spectrum``, with the number of its samples as last line), or that of
+LightTools (``.sre``). Verified with two files of OSRAM; the layouts of the others are those of public programs that
+read and write them.
 """
 
 import re
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.random import Generator
 
-from lensforge.errors import InputError, remedy
+from lensforge.errors import FileWarning, InputError, remedy
 from lensforge.optics.photopic import efficacy_at
-from lensforge.results.files import MIB, read_file
+from lensforge.results.files import MIB
+from lensforge.results.text_dialect import shown
+from lensforge.results.text_table import Column, TextTable
 from lensforge.sources.inverse_cdf import choose, linear_inverse
-from lensforge.sources.photometric.photometric_file import number_in
+from lensforge.sources.photometric.half_planes import not_below_zero
 from lensforge.spec.emitter_section import FileSpectrum, GaussianSpectrum, LineSpectrum, SpectrumSpec, TableSpectrum
 
 _ANOTHER_KIND = re.compile(r"OPTIS\s*-(?!\s*Spectrum\b)|discrete\b|photometric\b", re.IGNORECASE)
 _MOST_BYTES = 8 * MIB  # a spectrum of 0.01 nm from 200 to 3000 nm has 6 MB
 _HUGE = 1e12  # no wavelength in nm, no power density: what is larger comes from a damaged file
-_MOST_LINES = 500_000
+_MOST_ROWS = 500_000
 _LEAST_NM = 100.0  # below that are µm: no light here is shorter
+_COLUMNS = (
+    Column(("wavelength", "lambda", "λ", "wl", "nm", "wellenlänge"), {"nm": 1.0, "": 1.0, "um": 1e3}),
+    Column(("power", "weight", "value", "intensity", "counts", "power density", "spectral power", "irradiance"), None),
+)
 
 Columns = tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]
 
 
 def read_spectrum_file(path: Path) -> Columns:
-    """Read wavelengths (nm), rising, and relative power densities. Raises :class:`InputError`, one line."""
-    lines = _lines(Path(path))
-    first = next((place for place, (_, text) in enumerate(lines) if _numbers(text) is not None), len(lines))
-    for number, text in lines[:first]:
-        words = re.split(r"[\s;,]+", text)
-        if len(words) > 1 and _is_number(words[0]):
-            raise InputError(f"{path}, line {number}: not two columns of numbers; wavelength (nm) and power")
-        if _ANOTHER_KIND.match(text):
-            shown = "".join(character if character.isprintable() else "?" for character in text[:40])
-            raise InputError(
-                f"{path}, line {number}: {shown!r}: only continuous, radiometric spectra are read; export it so"
-            )
-    if first == len(lines):
-        raise InputError(f"{path}: not two columns of numbers: it has none; wavelength (nm) and relative power density")
-    announced = re.fullmatch(r"0*([0-9]+)", lines[first - 1].text) if first else None
-    if first and announced is None and lines[0].text.upper().startswith("OPTIS"):
-        raise InputError(f"{path}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
-    if announced and announced[1] != str(len(lines) - first):
-        raise InputError(f"{path}: {announced[0][:9]} samples announced, {len(lines) - first} found; export it again")
-    table = np.array([_row(line, path) for line in lines[first:]])
+    """Read wavelengths (nm), rising, and relative power densities; noise below 0 is taken as 0, and said.
+
+    Raises :class:`InputError`, one line.
+    """
+    found = TextTable.read(path, missing="give the file of a spectrum", most_bytes=_MOST_BYTES, counted=True)
+    if len(found.rows) > _MOST_ROWS:
+        raise InputError(f"{path}: {len(found.rows)} rows, at most {_MOST_ROWS} are read; export it coarser")
+    _require_continuous(found)
+    table = found.columns(_COLUMNS)
+    for row, column in np.argwhere(np.abs(table) >= _HUGE)[:1]:
+        raise found.refuse(row, column, f"a number of {table[row, column]:g}, must be below {_HUGE:g}; export it again")
     if (np.diff(table[:, 0]) < 0.0).all():
         table = table[::-1]  # from red to blue
     if table[:, 0].max() < _LEAST_NM:
@@ -60,54 +57,20 @@ def read_spectrum_file(path: Path) -> Columns:
             f"{path}: wavelengths from {table[:, 0].min():g} to {table[:, 0].max():g}: nm are expected, µm can be one "
             "cause; multiply them by 1000"
         )
-    return table[:, 0], table[:, 1]
+    density, noise = not_below_zero(table[:, 1:], str(path), "power densities", "")
+    for words in noise:
+        warnings.warn(f"{path}: {words}", FileWarning, stacklevel=1)
+    return table[:, 0], density[:, 0]
 
 
-class _Line(NamedTuple):
-    """A line that is neither empty nor a comment, without the blanks around it, and its ``number`` in the file."""
-
-    number: int
-    text: str
-
-
-def _lines(path: Path) -> list[_Line]:
-    raw = read_file(path, missing="give the file of a spectrum", most_bytes=_MOST_BYTES)
-    if b"\0" in raw:
-        raise InputError(f"{path}: not a text file; export the spectrum as text, two columns")
-    text = raw.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
-    numbered = (_Line(number, line.strip()) for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1))
-    lines = [line for line in numbered if line.text and not line.text.startswith("#")]
-    if len(lines) > _MOST_LINES:
-        raise InputError(f"{path}: {len(lines)} lines, at most {_MOST_LINES} are read; export it coarser")
-    return lines
-
-
-def _row(line: _Line, path: Path) -> list[float]:
-    numbers = _numbers(line.text)
-    if numbers is None:
-        raise InputError(f"{path}, line {line.number}: not two columns of numbers; wavelength (nm) and power")
-    if not all(abs(number) < _HUGE for number in numbers):
-        raise InputError(
-            f"{path}, line {line.number}: its numbers are not all finite and below {_HUGE:g}; export it again"
-        )
-    return numbers
-
-
-def _numbers(text: str) -> list[float] | None:
-    """Two numbers separated by blanks or a semicolon, then with a point or a comma as decimal sign, or by a comma."""
-    words = [word.strip(",") for word in re.split(r"[\s;]+", text) if word.strip(",")]
-    words = [word.replace(",", ".") for word in words] if len(words) > 1 else text.split(",")
-    try:
-        return [number_in(word) for word in words] if len(words) == 2 else None
-    except ValueError:
-        return None
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return bool(np.isfinite(number_in(word)))
-    except ValueError:
-        return False
+def _require_continuous(found: TextTable) -> None:
+    """Refuse a file whose header says that its rows are no continuous spectrum, or does not say how many they are."""
+    for line in found.header:
+        if _ANOTHER_KIND.match(line.text):
+            words = "only continuous, radiometric spectra are read; export it so"
+            raise InputError(f"{found.name}, line {line.number}: {shown(line.text)}: {words}")
+    if found.count is None and found.header and found.header[0].text.upper().startswith("OPTIS"):
+        raise InputError(f"{found.name}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
 
 
 _LIGHT_NM = 1.0, 1e7  # from X-rays to 1 cm: other wavelengths come from a damaged file

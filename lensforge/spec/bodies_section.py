@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS, Material, by_abbe_number
@@ -78,8 +78,8 @@ class BodySection(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _material_of_the_file(cls, content: Any) -> Any:
-        return with_optical_data(content)
+    def _material_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
+        return with_optical_data(content, info)
 
     @check
     def _has_one_index(self) -> None:

@@ -5,22 +5,27 @@ commas, semicolons, tabs or blanks, in this order or as a first line names them;
 glass is a plane-parallel plate between the lens and the receivers.
 """
 
-import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS, Material
 from lensforge.optics.media import CoatingLayer, CoverGlass, Film, IndexCurve, LayerStack, ReflectanceTable
-from lensforge.results.files import MIB, read_file
+from lensforge.results.files import MIB
+from lensforge.results.text_table import Column, TextTable
+from lensforge.spec.spec_files import full_path
 from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section, check
 
 _MOST_BYTES = 32 * MIB
-_COLUMNS = ("angle_deg", "wavelength_nm", "reflectance")
+_COLUMNS = (
+    Column(("angle", "aoi", "theta", "winkel"), {"deg": 1.0, "": 1.0, "rad": float(np.rad2deg(1.0))}),
+    Column(("wavelength", "lambda", "λ", "wl", "wellenlänge"), {"nm": 1.0, "": 1.0, "um": 1e3}),
+    Column(("reflectance", "reflectivity", "r", "reflexion"), {"": 1.0, "%": 0.01}),
+)
 
 Rows = list[list[float]]
 
@@ -30,19 +35,7 @@ def read_coating(path: Path) -> tuple[list[float], list[float], Rows]:
 
     Raises :class:`InputError`, one line, for a file that is none.
     """
-    content = read_file(path, missing="give a table of the reflectance", most_bytes=_MOST_BYTES)
-    lines = (line.split("#")[0].strip() for line in content.decode("utf-8-sig", "replace").splitlines())
-    rows = [[word for word in re.split(r"[,;\s]+", line) if word] for line in lines if line]
-    order = [0, 1, 2]
-    if rows and set(rows[0]) == set(_COLUMNS):
-        order = [rows[0].index(name) for name in _COLUMNS]
-        rows = rows[1:]
-    try:
-        table = np.array([[float(row[column]) for column in order] for row in rows])
-    except (ValueError, IndexError):  # words, or too few columns
-        table = np.empty((0, 3))
-    if len(table) == 0 or not np.isfinite(table).all():
-        raise InputError(f"{path}: must be rows of three numbers: {', '.join(_COLUMNS)}")
+    table = TextTable.read(path, missing="give a table of the reflectance", most_bytes=_MOST_BYTES).columns(_COLUMNS)
     angles, columns = np.unique(table[:, 0], return_inverse=True)
     waves, places = np.unique(table[:, 1], return_inverse=True)
     pairs, count = {*zip(columns.tolist(), places.tolist(), strict=True)}, len(angles) * len(waves)
@@ -131,14 +124,14 @@ class CoatingSection(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _table_of_the_file(cls, content: Any) -> Any:
+    def _table_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
         if not isinstance(content, dict) or not isinstance(content.get("file"), str | Path):
             return content
         if len([value for value in content.values() if value is not None]) > 1:
             raise ValueError("file: give nothing else beside it")
         try:
-            angles, waves, rows = read_coating(Path(content["file"]))
-        except InputError as error:
+            angles, waves, rows = read_coating(full_path(Path(content["file"]), info))
+        except (InputError, ValueError) as error:
             raise ValueError(f"file: {error}") from None
         return {"angle_deg": angles, "wavelength_nm": waves, "reflectance": rows}
 

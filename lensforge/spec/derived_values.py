@@ -68,7 +68,8 @@ def derived_sizes(sources: Sequence[Any], lens: Any, limits: Any, target: Any) -
     """Values of fields that the spec leaves out, by the rules, in tables by section and face.
 
     The arguments are the sections of a spec, ``target`` may be None. The cavity has room for each of the ``sources``.
-    Of a source that is no uniform area the cavity is not known, and of a target without a size its receiver.
+    Of a source that states no size, such as a ray file, the cavity is not known, and of a target without one its
+    receiver.
     """
     reaches = list(map(_reach_mm, sources))
     heights = [source.position_mm[2] for source in sources]
@@ -87,13 +88,13 @@ def derived_sizes(sources: Sequence[Any], lens: Any, limits: Any, target: Any) -
 
 
 def _reach_mm(source: Any) -> float | None:
-    """Largest distance (mm) of a uniform emitting area from the axis; None for any other source."""
+    """Largest distance (mm) of an emitting area from the axis; None for a source that states no size."""
     extent, (x, y, _) = source_extent(source), source.position_mm
     return None if extent is None else extent + hypot(x, y)
 
 
 def source_extent(source: Any) -> float | None:
-    """Radius (mm) of the circle around a uniform emitting area, in its own plane; None for any other source."""
+    """Radius (mm) of the circle about its own axis that holds an emitting area; None for a source without a size."""
     match source.kind:
         case "square":
             return float(source.side_mm / 2.0**0.5)
@@ -105,6 +106,8 @@ def source_extent(source: Any) -> float | None:
             across, up = source.pitch_mm
             width, height = (source.columns - 1) * across + source.width_mm, (source.rows - 1) * up + source.height_mm
             return 0.5 * hypot(width, height)
+        case "chips":
+            return max(hypot(abs(c.x_mm) + 0.5 * c.width_mm, abs(c.y_mm) + 0.5 * c.height_mm) for c in source.chips)
     return None
 
 

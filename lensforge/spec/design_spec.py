@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import tomli_w
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
-from lensforge.spec.derived_values import derived_sizes
+from lensforge.spec.derived_values import derived_sizes, source_extent
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
 from lensforge.spec.lamps_together import require_kinds, require_together
@@ -39,11 +39,9 @@ from lensforge.spec.receiver_sections import (
 from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource, SourceSpec
-from lensforge.spec.spec_fields import words_of
-from lensforge.spec.spec_files import changed, plain, read_toml, resolve_files, short
-from lensforge.spec.spec_section import Section, check
+from lensforge.spec.spec_files import alike, changed, plain, read_toml, short, unusable_files
+from lensforge.spec.spec_section import Section, check, section_of
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
-from lensforge.spec.wrong_fields import spec_error
 
 _Filled = TypeVar("_Filled", bound=Section)
 
@@ -127,10 +125,8 @@ class Spec(Section):
     def _sources_are_told_apart(self) -> None:
         if not self.sources:
             return
-        names = [each.name for each in self.sources]
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice is not None:
-            raise ValueError(f"sources: two have the name {twice!r}; give each its own")
+        if (words := alike(each.name for each in self.sources)) is not None:
+            raise ValueError(f"sources: {words}; give each its own")
         if self.source != self.sources[0].source:
             raise ValueError("source and sources: both are given; give the one LED, or all of them as sources")
 
@@ -156,9 +152,8 @@ class Spec(Section):
             raise InputError(
                 f"replace: {short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
             )
-        return parse_spec(
-            changed(self.model_dump(exclude_unset=True), {**(changes or {}), **sections}), f"{self.name}, changed"
-        )
+        content = changed(self.model_dump(exclude_unset=True), {**(changes or {}), **sections})
+        return parse_spec(content, f"{self.name}, changed")
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
@@ -196,9 +191,13 @@ class Spec(Section):
 
     @check
     def _sizes_are_known(self) -> None:
-        if self.constraints.missing:
-            name = self.constraints.missing[0]
-            raise ValueError(f"constraints.{name}: missing: {words_of(ConstraintsSection, name)}")
+        missing = " and ".join(f"constraints.{name}" for name in self.constraints.missing)
+        if not missing:
+            return
+        kind = next(each.kind for each in self.each_source if source_extent(each) is None)
+        absent = [each for source in self.each_source for each in unusable_files(source)]  # what the rest follows from
+        needed = f"{missing}: missing: room for the LED, which a source of kind {kind!r} does not state; give it"
+        raise ValueError("; ".join([*absent, f"{needed} (`lensforge new` measures it in a ray file)"]))
 
     @check
     def _sections_fit_together(self) -> None:
@@ -353,17 +352,12 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
     content.setdefault("name", path.stem)
-    for section in ("source", "sources", "lens", "target", "receivers", "roads", "base", "constraints", "bodies"):
-        resolve_files(content.get(section), path.parent)
-    return parse_spec(content, str(path))
+    return parse_spec(content, str(path), path.parent)
 
 
-def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
-    """Validate ``content``; ``origin`` names it in the error, a line for each wrong field."""
-    try:
-        return Spec.model_validate(content)
-    except ValidationError as error:
-        raise spec_error(error, origin, Spec) from None
+def parse_spec(content: Mapping[str, object], origin: str, folder: Path | None = None) -> Spec:
+    """Validate ``content``, whose files count from ``folder``; ``origin`` names it in the error."""
+    return section_of(Spec, content, origin, folder)
 
 
 def require_spec(spec: object, verb: str) -> Spec:

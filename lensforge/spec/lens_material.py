@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.material import (
@@ -22,6 +22,7 @@ from lensforge.optics.material import (
     REFERENCE_C,
     UNKNOWN,
     Absorption,
+    AgainstVacuum,
     Dispersion,
     Formula,
     IndexTable,
@@ -33,6 +34,7 @@ from lensforge.optics.material_files import read_material
 from lensforge.optics.media import CAVITY, OUTSIDE, SIDES, FaceCoating, Media, Medium, Mirror
 from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
+from lensforge.spec.spec_files import full_path
 from lensforge.spec.spec_section import FilePath, Label, Section, check
 
 _Wavelength = Annotated[float, Field(ge=100.0, le=20_000.0)]
@@ -63,6 +65,8 @@ class OpticalData(Section):
     """Wavelengths of a table of the index, rising; between them it is linear."""
     refractive_index: Annotated[tuple[float, ...], Field(max_length=_MOST_ROWS)] = ()
     """Index at each of these wavelengths."""
+    absolute: bool = False
+    """True where the index is that against vacuum: it is divided by that of air at 20 °C."""
     absorption_nm: _Wavelengths = ()
     """Wavelengths of a table of the absorption, rising; without it the material is clear."""
     absorption_per_mm: Annotated[
@@ -117,9 +121,9 @@ class OpticalData(Section):
 
     @property
     def _dispersion(self) -> Dispersion:
-        if self.formula is not None:
-            return Formula(self.formula, self.coefficients)
-        return IndexTable(self.wavelength_nm, self.refractive_index)
+        table = IndexTable(self.wavelength_nm, self.refractive_index)
+        stated = table if self.formula is None else Formula(self.formula, self.coefficients)
+        return AgainstVacuum(stated) if self.absolute else stated
 
     def material(self, name: str) -> Material:
         """The material of these numbers."""
@@ -130,7 +134,7 @@ class OpticalData(Section):
         return Material(name, self._dispersion, self._span, self.source or "the spec", None, absorption, law)
 
 
-def with_optical_data(content: Any) -> Any:
+def with_optical_data(content: Any, info: ValidationInfo) -> Any:
     """Fields of a ``[lens]`` with the data of its ``material_file`` in place of that file: they need it no more.
 
     Raises ``ValueError`` for a file that cannot be read, or where both are given.
@@ -140,8 +144,8 @@ def with_optical_data(content: Any) -> Any:
     if content.get("optical_data") is not None:
         raise ValueError("material_file: material_file and optical_data: give one of the two")
     try:
-        material = read_material(Path(content["material_file"]), content.get("material"))
-    except InputError as error:
+        material = read_material(full_path(Path(content["material_file"]), info), content.get("material"))
+    except (InputError, ValueError) as error:
         raise ValueError(f"material_file: {error}") from None
     rest = {key: value for key, value in content.items() if key != "material_file"}
     return rest | {"material": material.name, "optical_data": _fields(material)}
@@ -150,7 +154,10 @@ def with_optical_data(content: Any) -> Any:
 def _fields(material: Material) -> dict[str, Any]:
     """Fields of :class:`OpticalData`, plain, as a file would have them."""
     fields: dict[str, Any] = {"source": material.source}
-    match material.dispersion:
+    index = material.dispersion
+    if isinstance(index, AgainstVacuum):
+        index, fields["absolute"] = index.absolute, True
+    match index:
         case Formula(name, coefficients):
             fields |= {"formula": name, "coefficients": list(coefficients), "range_nm": list(material.range_nm)}
         case IndexTable(waves, indices):
@@ -216,8 +223,8 @@ class LensMaterial(FacesSection):
 
     @model_validator(mode="before")
     @classmethod
-    def _material_of_the_file(cls, content: Any) -> Any:
-        return with_optical_data(content)
+    def _material_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
+        return with_optical_data(content, info)
 
     @check
     def _one_source_of_the_index(self) -> None:

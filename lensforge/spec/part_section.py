@@ -4,7 +4,7 @@ from math import cos, pi, radians, sin, tau
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.spec.spec_files import read_toml
@@ -17,8 +17,8 @@ from lensforge.spec.spec_section import (
     Section,
     check,
     rounded_up,
+    section_of,
 )
-from lensforge.spec.wrong_fields import spec_error
 
 _MOST_FEET = 32
 _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008
@@ -253,7 +253,4 @@ def read_drawing(path: Path) -> DrawingSection:
     content = read_toml(path, "give a TOML file with [drawing]").get("drawing")
     if not isinstance(content, dict):
         raise InputError(f"{path}: has no [drawing]; add one, or give another file")
-    try:
-        return DrawingSection.model_validate(content)
-    except ValidationError as error:
-        raise spec_error(error, f"{path}: drawing", DrawingSection) from None
+    return section_of(DrawingSection, content, f"{path}: drawing", path.parent)

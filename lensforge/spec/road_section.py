@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver
-from lensforge.spec.spec_files import read_toml, resolve_files
-from lensforge.spec.spec_section import FilePath, Label, Section, check
-from lensforge.spec.wrong_fields import spec_error
+from lensforge.spec.spec_files import read_toml
+from lensforge.spec.spec_section import FilePath, Label, Section, check, section_of
 
 # Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001; of wet ones CIE 47.
 STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07, "W4": 0.247}
+LEAST_Q0, MOST_Q0 = 0.02, 0.5  # of any road: fresh black asphalt has 0.04, a wet surface 0.25
 
 
 @dataclass(frozen=True)
@@ -82,11 +82,13 @@ ClassName = Literal[
     "collector high", "collector medium", "collector low", "local high", "local medium", "local low",
 ]  # fmt: skip
 Edition = Literal["RP-8-00", "RP-8-14"]
-Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
+Width = Annotated[float, Field(ge=0.5, le=200.0)]  # m: from a footpath to all lanes of a motorway
+Height = Annotated[float, Field(ge=0.3, le=100.0)]  # m: from a light in a handrail to a high mast
 Surface = Literal["R1", "R2", "R3", "R4", "C1", "C2"]
 WetSurface = Literal["W4"]
 Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
-Share = Annotated[float, Field(gt=0.0, le=1.0)]
+Share = Annotated[float, Field(ge=1e-9, le=1.0)]
+_LEAST_SPACING = 0.1  # of the pole height: lamps of a tunnel that nearly touch; work grows by one over it
 _LEAST_LANE_M, MOST_ROADS = 2.0, 32
 _ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _OF_M = ("uniformity_along", "glare_percent", "wet_surface", "wet_surface_file", "wet_uniformity")
@@ -102,7 +104,7 @@ class RoadSection(Section):
 
     name: Label | None = None
     """Name in records and on pages."""
-    share: Annotated[float, Field(gt=0.0, le=1000.0)] = 1.0
+    share: Annotated[float, Field(ge=1e-12, le=1000.0)] = 1.0
     """Weight in the search of what its class lacks, beside those of other roads; the classes of all must be held."""
     lighting_class: ClassName
     """Class of EN 13201-2: M by luminance, C and P by illuminance; or of RP-8 by luminance: highways, and streets by
@@ -110,7 +112,7 @@ class RoadSection(Section):
     """
     edition: Edition | None = None
     """Edition of RP-8 by whose law glare is summed; by default "RP-8-14", whose law later ones have, too."""
-    width_m: Metres
+    width_m: Width
     """Width of the road."""
     lanes: Annotated[int, Field(ge=1, le=12)] = 2
     """Lanes side by side, the first at the edge of ``driving_side``."""
@@ -122,16 +124,16 @@ class RoadSection(Section):
     """Class of the surface by the CIE."""
     surface_file: FilePath | None = None
     """CSV file with a table of its own in place of the class: a row of beta, then rows of tan gamma and 10^4 r."""
-    surface_q0: Annotated[float, Field(ge=1e-3, le=1.0)] | None = None
+    surface_q0: Annotated[float, Field(ge=LEAST_Q0, le=MOST_Q0)] | None = None
     """Average luminance coefficient to which the table is scaled; by default the nominal one of the class."""
     wet_surface: WetSurface | None = None
     """Class of the surface when it is wet, for which a class M asks that it be even, too; by default it is dry."""
     wet_surface_file: FilePath | None = None
     """CSV file of a wet surface in place of its class."""
-    pole_height_m: Metres
+    pole_height_m: Height
     """Height of the lamps above the road."""
-    pole_spacing_m: Metres
-    """Distance between the lamps of a row."""
+    pole_spacing_m: Annotated[float, Field(ge=0.2, le=1200.0)]
+    """Distance between the lamps of a row, from a tenth of the pole height to 12 of it."""
     overhang_m: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
     """Distance of a lamp from the edge beside which it stands, over the road; below 0 beside it."""
     tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = 0.0
@@ -143,7 +145,7 @@ class RoadSection(Section):
     """
     median_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     """Width of the median, in whose middle the poles stand."""
-    mean_cd_per_m2: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    mean_cd_per_m2: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = None
     """Least mean luminance; by default of the class, as the four that follow."""
     uniformity: Share | None = None
     """Least over mean luminance U0 that is wanted at least."""
@@ -151,19 +153,19 @@ class RoadSection(Section):
     """Least over mean luminance of the wet road that is wanted at least; by default 0.15, as every class M asks."""
     uniformity_along: Share | None = None
     """Least over largest luminance Ul on the middle of a lane that is wanted at least."""
-    glare_percent: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    glare_percent: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = None
     """Largest threshold increment TI."""
-    luminance_per_lux: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    luminance_per_lux: Annotated[float, Field(ge=1e-9, le=1.0)] | None = None
     """Least mean luminance over mean illuminance Q; by default none is asked."""
     edge_ratio: Share | None = None
     """Least ratio of the illuminance beside an edge to that within; by default of a class M, for C and P none."""
-    maintenance_factor: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    maintenance_factor: Share = 1.0
     """Share of the light that dirt and age leave; glare is that of new lamps."""
-    lamp_lm: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
+    lamp_lm: Annotated[float, Field(ge=1e-9, le=1e9)] | None = None
     """Luminous flux of the sources of a lamp; by default of the source times photometry.lenses, or as a file states."""
-    lamp_w: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
+    lamp_w: Annotated[float, Field(ge=1e-9, le=1e6)] | None = None
     """Electrical power of a lamp; with it the power density and the yearly energy are stated."""
-    hours: Annotated[float, Field(gt=0.0, le=8784.0)] = 4000.0
+    hours: Annotated[float, Field(ge=1e-9, le=8784.0)] = 4000.0
     """Hours of full light in a year."""
 
     @property
@@ -234,6 +236,12 @@ class RoadSection(Section):
                 f"pole_spacing_m = {self.pole_spacing_m:g} is above 12 pole heights, {12.0 * self.pole_height_m:g} m: "
                 "no table of a surface has light from so far; put the poles closer, or make them higher"
             )
+        least_m = _LEAST_SPACING * self.pole_height_m
+        if self.pole_spacing_m < least_m:
+            raise ValueError(
+                f"pole_spacing_m = {self.pole_spacing_m:g} is below a tenth of pole_height_m = {self.pole_height_m:g}, "
+                f"{least_m:g} m: give the spacing in metres, or join so many lamps into one"
+            )
         if self.wet_uniformity is not None and not self.has_wet_surface:
             raise ValueError(
                 f"wet_uniformity = {self.wet_uniformity:g} is of a wet road; name its wet_surface, or leave it out"
@@ -282,8 +290,5 @@ class RoadFile(Section):
 def load_roads(path: Path) -> tuple[RoadSection, ...]:
     """The ``[[roads]]`` of a TOML file, a spec or one of roads alone. Raises :class:`InputError`."""
     content = read_toml(path, missing="give a TOML file with [[roads]], such as a spec")
-    resolve_files(content.get("roads"), path.parent)
-    try:
-        return RoadFile.model_validate({name: content[name] for name in content if name == "roads"}).roads
-    except ValidationError as error:
-        raise spec_error(error, str(path), RoadFile) from None
+    roads = {name: content[name] for name in content if name == "roads"}
+    return section_of(RoadFile, roads, str(path), path.parent).roads

@@ -27,9 +27,13 @@ class ConstraintsSection(Section):
     """Feasible lenses, Eqs. (10) to (14). Optional limits, of each face too, are for manufacture and assembly."""
 
     cavity_height_mm: DerivedMillimetres = LEFT_OUT
-    """Height of the paraboloid that stays inside the cavity: room for the LED. A ray file needs it given."""
+    """Height of the paraboloid that stays inside the cavity: room for the LED. A source whose size its section does not
+    state, such as a ray file, needs it given.
+    """
     cavity_radius_mm: DerivedMillimetres = LEFT_OUT
-    """Radius of that paraboloid at z = 0. A ray file needs it given."""
+    """Radius of that paraboloid at z = 0. A source whose size its section does not state, such as a ray file,
+    needs it given.
+    """
     min_thickness_mm: DerivedMillimetresOrZero = LEFT_OUT
     """Least wall along the normal: the least distance between the two faces."""
     max_radius_mm: Millimetres

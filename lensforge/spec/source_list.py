@@ -1,28 +1,33 @@
 """A list of LEDs from files: ray files by name or pattern, a table of them, or the ``[[sources]]`` of a TOML file."""
 
-import csv
-import io
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
-from typing import Any
-
-from pydantic import ValidationError
 
 from lensforge.errors import InputError
-from lensforge.results.files import MIB, read_file
+from lensforge.results.files import MIB, require_regular_file
+from lensforge.results.text_table import Column, Entry, read_list
+from lensforge.spec.emitter_section import EmitterSection, FluxSection
 from lensforge.spec.source_sections import NamedSource, RayfileSource, SourceSpec
-from lensforge.spec.spec_files import read_toml, resolve_files
-from lensforge.spec.spec_section import Section
-from lensforge.spec.wrong_fields import spec_error
+from lensforge.spec.spec_files import alike, read_toml
+from lensforge.spec.spec_section import Section, section_of
 
 _PATTERN = re.compile(r"[*?\[]")
-_NUMBERS = ("share", "flux_lm", "flux_w", "luminous_efficacy_lm_per_w")
-_COLUMNS = ("name", "file", *_NUMBERS)
-_LONGEST_NAME = 32
+_REPEATED = re.compile(r"(?<![^/])(?:\*\*/)+(?=\*\*/)")
+_MOST_DEPTHS = 2  # of **: each goes through all folders below each of the one before
+_NUMBERS = ("share", *FluxSection.model_fields, "luminous_efficacy_lm_per_w")
+_COLUMNS = (
+    Column(("file",), words=True),
+    Column(("name",), needed=False, words=True),
+    *(Column((name,), needed=False) for name in _NUMBERS),
+)
+_LONGEST_NAME, MOST_SOURCES = 32, 100
 _MOST_BYTES = 4 * MIB
-# Fields of a source that another LED in its place has, too.
-_KEPT = ("flux_w", "flux_lm", "luminous_efficacy_lm_per_w", "rotate_z_deg", "tilt_deg", "position_mm")
+_SHOWN = 100  # characters of a name in a message
+_ADVICE = "give ray files, a .csv table or a .toml file"
+# Fields of a source that another LED in its place has, too: how much light it gives, and where it sits.
+_KEPT = tuple(name for name in EmitterSection.model_fields if name != "spectrum")
 
 
 class _SourceList(Section):
@@ -42,98 +47,99 @@ def read_sources(given: Sequence[Path | str], own: SourceSpec) -> tuple[NamedSou
 
 
 def _read(given: str, own: SourceSpec) -> Iterator[NamedSource]:
-    if _PATTERN.search(given) and not Path(given).exists():
-        root = Path(given).anchor
-        files = sorted(Path(root or ".").glob(given.removeprefix(root)))
-        if not files:
-            raise InputError(f"sources: {given}: no file of this pattern; give ray files, a .csv table or a .toml file")
-        for file in files:
-            yield _of_file(file, own)
-    elif given.endswith(".toml"):
+    if not given.isprintable():
+        raise InputError(f"sources: {_shown(given)}: holds a character that cannot be printed; rename the file")
+    if _PATTERN.search(given) and not _is_there(given):
+        yield from (_of_file(file, own) for file in _files_of(given))
+    elif given.lower().endswith(".toml"):
         yield from _of_toml(Path(given))
-    elif given.endswith(".csv"):
-        yield from _of_table(Path(given), own)
+    elif given.lower().endswith(".csv"):
+        entries = read_list(Path(given), _COLUMNS, missing="give a table with a column file", most_bytes=_MOST_BYTES)
+        yield from (_of_entry(entry, Path(given).parent, own) for entry in entries)
     else:
         yield _of_file(Path(given), own)
 
 
-def source_with_file(own: SourceSpec, file: Path) -> SourceSpec:
-    """The source ``own`` with ``file`` as its ray file.
+def _is_there(name: str) -> bool:
+    try:
+        return Path(name).exists()
+    except OSError:  # longer than any name
+        return False
+
+
+def _shown(name: str) -> str:
+    return name if name.isprintable() and len(name) <= _SHOWN else f"{name[:_SHOWN]!r} ..."
+
+
+def _files_of(pattern: str) -> list[Path]:
+    """Files of a pattern, sorted. Raises :class:`InputError` for none, and for more than a study takes."""
+    root, shorter = Path(pattern).anchor, _REPEATED.sub("", pattern)
+    if Path(shorter).parts.count("**") > _MOST_DEPTHS:
+        raise InputError(f"sources: {_shown(pattern)}: ** may stand {_MOST_DEPTHS} times; name the folders")
+    try:
+        matches = Path(root or ".").glob(shorter.removeprefix(root))
+        found = sorted(islice(filter(Path.is_file, matches), MOST_SOURCES + 1))
+    except (OSError, ValueError, RecursionError) as error:
+        words = "it has too many parts" if isinstance(error, RecursionError) else error
+        raise InputError(f"sources: {_shown(pattern)}: not usable as a pattern ({words}); {_ADVICE}") from None
+    if not found:
+        raise InputError(f"sources: {_shown(pattern)}: no file of this pattern; {_ADVICE}")
+    if len(found) > MOST_SOURCES:
+        raise InputError(f"sources: {_shown(pattern)}: more than {MOST_SOURCES} files; narrow the pattern")
+    return found
+
+
+def source_with_file(own: SourceSpec, file: Path, **changes: object) -> SourceSpec:
+    """The source ``own`` with ``file`` as its ray file, and with the fields of ``changes``.
 
     Another source is replaced by the file with its virtual focus at the origin, placed as the source was, and with the
-    flux that the spec states.
+    flux that the spec states. Raises :class:`InputError` for fields that do not fit.
     """
-    if isinstance(own, RayfileSource):
-        return own.model_copy(update={"file": file.absolute()})
-    kept = {name: getattr(own, name) for name in _KEPT}
-    return RayfileSource(file=file, origin="virtual_focus", **kept)
+    placed = isinstance(own, RayfileSource)
+    kept: dict[str, object] = {} if placed else {"origin": "virtual_focus"}
+    kept |= {name: getattr(own, name) for name in (own.model_fields_set if placed else _KEPT)}
+    return RayfileSource(**{**kept, "file": file, **changes})
 
 
 def _of_file(file: Path, own: SourceSpec) -> NamedSource:
-    if not file.is_file():
-        raise InputError(f"sources: {file}: no such file; give ray files, a .csv table or a .toml file")
-    return NamedSource(name=_name(file.stem), source=source_with_file(own, file))
+    source = source_with_file(own, file)
+    require_regular_file(file, missing=_ADVICE)
+    return NamedSource(name=_name(file), source=source)
 
 
-def _name(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_")[:_LONGEST_NAME] or "led"
+def _name(file: Path) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", file.stem).strip("_")[:_LONGEST_NAME] or "led"
 
 
 def _of_toml(path: Path) -> tuple[NamedSource, ...]:
     content = {"sources": read_toml(path, missing="give a file with [[sources]]").get("sources")}
     if not content["sources"]:
         raise InputError(f"{path}: has no [[sources]]; give each LED a name and a source there")
-    resolve_files(content["sources"], path.parent)
-    try:
-        return _SourceList.model_validate(content).sources
-    except ValidationError as error:
-        raise spec_error(error, str(path), _SourceList) from None
+    return section_of(_SourceList, content, str(path), path.parent).sources
 
 
-def _of_table(path: Path, own: SourceSpec) -> Iterator[NamedSource]:
-    """A row for each LED; its file counts from the folder of the table."""
-    try:
-        text = read_file(path, missing="give a table with a column file", most_bytes=_MOST_BYTES).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not readable as text; save the table as CSV in UTF-8") from None
-    table = csv.DictReader(io.StringIO(text))
-    columns = list(table.fieldnames or ())
-    unknown = [name for name in columns if name not in _COLUMNS]
-    if unknown or "file" not in columns:
-        wrong = f"column {unknown[0]!r}" if unknown else "no column file"
-        raise InputError(f"{path}: {wrong}; the columns are {', '.join(_COLUMNS)}, of which file is needed")
-    for row in table:
-        yield _of_row(path, table.line_num, row, own)
-
-
-def _of_row(path: Path, line: int, row: Mapping[str, Any], own: SourceSpec) -> NamedSource:
-    where = f"{path}, line {line}"
-    if None in row or not row.get("file"):
-        raise InputError(f"{where}: must have a file, and as many entries as there are columns")
-    led = _of_file(path.parent / row["file"], own)
-    try:
-        numbers: dict[str, float | None] = {
-            name: float(row[name]) for name in _COLUMNS if name not in ("name", "file") and row.get(name)
-        }
-    except ValueError:
-        raise InputError(f"{where}: flux and share must be numbers") from None
+def _of_entry(entry: Entry, folder: Path, own: SourceSpec) -> NamedSource:
+    """The LED in a row of a table; its file counts from the ``folder`` of the table."""
+    if "file" not in entry.words:
+        raise InputError(f"{entry.where}: must have a file")
+    file = folder / entry.words["file"]
+    numbers = {name: number for name in _NUMBERS if (number := entry.number(name)) is not None}
     share = numbers.pop("share", 1.0)
-    if "flux_lm" in numbers or "flux_w" in numbers:  # not half of what the spec states of its own LED
-        numbers = {"flux_lm": None, "flux_w": None, **numbers}
-    given = {name: getattr(led.source, name) for name in led.source.model_fields_set}
-    try:
-        source = type(led.source)(**{**given, **numbers})
-        return NamedSource(name=row.get("name") or led.name, share=share, source=source)
+    stated = dict.fromkeys(FluxSection.model_fields) if numbers.keys() & FluxSection.model_fields.keys() else {}
+    try:  # of what the spec states of its own LED not half
+        source = source_with_file(own, file, **{**stated, **numbers})
+        require_regular_file(file, missing="its name counts from the folder of the table")
+        return NamedSource(name=entry.words.get("name", _name(file)), share=share, source=source)
     except InputError as error:
-        raise InputError(f"{where}: {error}") from None
+        raise InputError(f"{entry.where}: {'; '.join(str(error).splitlines())}") from None
 
 
 def require_told_apart(sources: Sequence[NamedSource]) -> tuple[NamedSource, ...]:
-    """The sources. Raises :class:`InputError` unless they are two or more, each with its own name."""
+    """The sources. Raises :class:`InputError` unless they are 2 to 100, each with its own name."""
     names = [led.name for led in sources]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise InputError(f"sources: two have the name {twice!r}; give each its own, by a .csv table or a .toml file")
-    if len(names) < 2:
-        raise InputError(f"sources: {', '.join(names) or 'none'} given; a study of LEDs takes two or more")
+    if not 2 <= len(names) <= MOST_SOURCES:
+        given = ", ".join(names) if 0 < len(names) < 2 else len(names)
+        raise InputError(f"sources: {given} given; a study of LEDs takes 2 to {MOST_SOURCES}")
+    if (words := alike(names)) is not None:
+        raise InputError(f"sources: {words}; give each its own, by a .csv table or a .toml file")
     return tuple(sources)

@@ -1,20 +1,21 @@
-"""Files of a spec: its TOML, and the files it names, resolved and hashed.
+"""Files of a spec: its TOML, and the files it names, found and hashed.
 
-Its tables are changed by dotted names, and made plain enough for TOML. Named files are resolved against the folder of
-the spec, and hashed so that a result can name its inputs.
+Its tables are changed by dotted names, and made plain enough for TOML. Named files are hashed so that a result can name
+its inputs.
 """
 
 import hashlib
 import json
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from pydantic import BaseModel, ValidationInfo
 
 from lensforge.errors import InputError
 from lensforge.results.files import MIB, read_file, require_regular_file
 from lensforge.results.validation import its_type
-from lensforge.spec.spec_section import Section
 from lensforge.spec.toml_slips import tables_of
 
 _MOST_BYTES = 32 * MIB  # 400,000 rays as a text, parsed in 5 seconds; more belong into a ray file
@@ -95,32 +96,45 @@ def joined_name(name: str, end: str) -> str:
     return f"{name[: _LONGEST_NAME - 1 - len(ending)]}-{ending}"
 
 
+def alike(names: Iterable[str]) -> str | None:
+    """Words for the first two of ``names`` that are one folder somewhere, where letter case does not count; or None."""
+    known: dict[str, str] = {}
+    for name in names:
+        before = known.get(name.casefold())
+        if before is not None:
+            same = f"two have the name {name!r}"
+            return same if before == name else f"{before!r} and {name!r} differ by letter case alone"
+        known[name.casefold()] = name
+    return None
+
+
 _NAMED = "the spec names it"
-_FIELDS = ("file", "keep_out", "outline", "start", "material_file", "surface_file")  # fields that name a file
+_MOST_PATH_CHARACTERS = 4096  # of Linux; other systems take fewer
 
 
-def resolve_files(table: object, folder: Path) -> None:
-    """Make every field of ``table`` that names a file, however deep, relative to ``folder``."""
-    if isinstance(table, list):
-        for entry in table:
-            resolve_files(entry, folder)
-    elif isinstance(table, dict):
-        for key, value in table.items():
-            if key in _FIELDS and isinstance(value, str):
-                table[key] = _in_folder(value, folder)
-            else:
-                resolve_files(value, folder)
+def full_path(path: Path, info: ValidationInfo) -> Path:
+    """The whole path of a field: one that is relative counts from the folder in ``info``, else from the current one.
 
-
-def _in_folder(name: str, folder: Path) -> str:
-    """Full path of ``name`` in ``folder``; a name that no file can have stays as it is, for the section to refuse."""
+    Raises ``ValueError`` for a name that no file can have.
+    """
+    name = str(path)
+    if len(name) > _MOST_PATH_CHARACTERS:
+        raise ValueError(f"{len(name)} characters, a path has {_MOST_PATH_CHARACTERS} at most")
+    if not name.isprintable():
+        escape = "in double quotes \\t and \\n are none of a path: write / or single quotes; else "
+        tab = escape if re.search("[\a\b\t\n\f\r]", name) else ""
+        raise ValueError(f"holds a character that cannot be printed, such as a line break; {tab}rename the file")
+    if name.startswith("~"):
+        raise ValueError("~ does not stand for the home folder here, which differs by user; write the whole path")
+    if info.context is None:
+        return path.absolute()
     try:
-        return name if name.startswith("~") else str((folder / name).resolve())
-    except (OSError, ValueError, RuntimeError):  # too long, a NUL, links in a circle
-        return name
+        return Path(info.context, path).resolve()
+    except (OSError, RuntimeError) as error:  # links in a circle
+        raise ValueError(f"{error}; name the file itself") from None
 
 
-def input_hashes(section: Section) -> dict[str, str]:
+def input_hashes(section: BaseModel) -> dict[str, str]:
     """SHA-256 of each file that ``section`` names, as ``file:NAME``.
 
     Another file of the same name is ``file:NAME (2)``, and so on, in the order of the section: no folder is part of
@@ -138,7 +152,16 @@ def input_hashes(section: Section) -> dict[str, str]:
     }
 
 
-def section_sha256(section: Section, *, without: Collection[str] = ()) -> str:
+def unusable_files(section: BaseModel) -> Iterator[str]:
+    """Words for each file that ``section`` names and that is not there, or is no file."""
+    for path in dict.fromkeys(_paths(section)):
+        try:
+            require_regular_file(path, missing=_NAMED)
+        except InputError as error:
+            yield str(error)
+
+
+def section_sha256(section: BaseModel, *, without: Collection[str] = ()) -> str:
     """SHA-256 of the fields of a section, in which a file counts by its name and content, whatever its folder.
 
     ``without``: dotted names of fields that do not count. Raises :class:`InputError` for a file that is not there.
@@ -168,7 +191,7 @@ def _by_content(value: object) -> object:
 def _paths(value: object) -> Iterator[Path]:
     if isinstance(value, Path):
         yield value
-    elif isinstance(value, Section):
+    elif isinstance(value, BaseModel):
         for name in type(value).model_fields:
             yield from _paths(getattr(value, name))
     elif isinstance(value, Mapping):

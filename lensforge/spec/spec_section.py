@@ -4,7 +4,6 @@ Arrays are given as arrays or nested lists, and written as text without loss.
 """
 
 import base64
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date, datetime
@@ -33,9 +32,8 @@ from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import same
 from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_fields import help_of, signature_of
+from lensforge.spec.spec_files import full_path
 from lensforge.spec.wrong_fields import spec_error
-
-_MOST_PATH_CHARACTERS = 4096  # of Linux; other systems take fewer
 
 
 class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metaclass, which has no public name
@@ -126,6 +124,17 @@ class Section(_Model):
         return hash(self.model_dump_json())
 
 
+def section_of(kind: type[_Section], content: object, origin: str, folder: Path | None = None) -> _Section:
+    """A section of ``kind`` from a table; the files that it names count from ``folder``, else from the current one.
+
+    ``origin`` names the table in :class:`InputError`, which has a line for each wrong field.
+    """
+    try:
+        return kind.model_validate(content, context=folder)
+    except ValidationError as error:
+        raise spec_error(error, origin, kind) from None
+
+
 def rounded_up(value: float, digits: int = 4) -> str:
     """``value`` > 0 to ``digits`` significant digits, rounded up: a least value in a message must itself be allowed."""
     unit = 10.0 ** (floor(log10(value)) + 1 - digits)
@@ -136,19 +145,6 @@ def _printable(words: str) -> str:
     if not words.isprintable():
         raise ValueError("holds a character that cannot be printed, such as a line break; leave it out")
     return words
-
-
-def _usable_path(path: Path) -> Path:
-    name = str(path)
-    if len(name) > _MOST_PATH_CHARACTERS:
-        raise ValueError(f"{len(name)} characters, a path has {_MOST_PATH_CHARACTERS} at most")
-    if not name.isprintable():
-        escape = "in double quotes \\t and \\n are none of a path: write / or single quotes; else "
-        tab = escape if re.search("[\a\b\t\n\f\r]", name) else ""
-        raise ValueError(f"holds a character that cannot be printed, such as a line break; {tab}rename the file")
-    if name.startswith("~"):
-        raise ValueError("~ does not stand for the home folder here, which differs by user; write the whole path")
-    return path.absolute()
 
 
 def iso_date(value: Any) -> str:
@@ -186,8 +182,8 @@ LEFT_OUT: Any = None  # of such a size
 Watts = Annotated[float, Field(ge=1e-30, le=1e12)]
 Lumens = Annotated[float, Field(ge=1e-30, le=1e12)]
 Weight = Annotated[float, Field(ge=0.0, le=1e12)]
-# A relative name counts from the folder of the spec's file, in a script from the folder in which it runs.
-FilePath = Annotated[Path, AfterValidator(_usable_path)]
+# A relative name counts from the folder of the file that has it, in a script from the folder in which it runs.
+FilePath = Annotated[Path, AfterValidator(full_path)]
 Label = Annotated[str, Field(max_length=200), AfterValidator(_printable)]  # words of the user, shown on pages
 CalendarDate = Annotated[str, BeforeValidator(iso_date)]  # 2026-01-31; a date of TOML, too
 

@@ -15,17 +15,16 @@ from dataclasses import dataclass
 from functools import cache
 from math import pi
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import BeforeValidator, Field
 
 from lensforge.errors import InputError
 from lensforge.optics.media import DOUBLE, REFLECTOR, SIDES, TIR
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
-from lensforge.spec.spec_section import Section, check
-from lensforge.spec.wrong_fields import spec_error
+from lensforge.spec.spec_section import Section, check, section_of
 
 TolerancePreset = Literal["precision", "standard", "moulded"]
 
@@ -379,19 +378,9 @@ def read_tolerances(name: str, names: tuple[str, ...] = DOUBLE) -> FacesToleranc
             raise InputError(f"{name}: lens.{face}: the faces of this lens are {', '.join(names)}; give these")
     if not isinstance(section := content.get("tolerances", {} if any(faces.values()) else None), dict):
         raise InputError(f"{name}: has no [tolerances]; give {', '.join(PRESET_AMOUNTS)}, or a file that has")
-    found = _validated(TolerancesSection, section, f"{name}: tolerances")
-    own = {face: _validated(FaceTolerances, table, f"{name}: lens.{face}") for face, table in faces.items()}
+    found = section_of(TolerancesSection, section, f"{name}: tolerances")
+    own = {face: section_of(FaceTolerances, table, f"{name}: lens.{face}") for face, table in faces.items()}
     try:
         return own_kind.of(found, own)
     except InputError as error:
         raise InputError(str(error).replace(own_kind.__name__, f"{name}: lens", 1)) from None
-
-
-_Table = TypeVar("_Table", bound=_Amounts)
-
-
-def _validated(section: type[_Table], content: dict[str, Any], origin: str) -> _Table:
-    try:
-        return section.model_validate(content)
-    except ValidationError as error:
-        raise spec_error(error, origin, section) from None

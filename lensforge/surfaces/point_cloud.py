@@ -5,7 +5,6 @@ last of them the spline bends as little as it can (P-splines: P. H. C. Eilers an
 89, 1996).
 """
 
-import re
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.results.files import MIB, read_file
+from lensforge.results.files import MIB
+from lensforge.results.text_table import Column, TextTable
 from lensforge.surfaces.chart_spline import DEGREE, HALF_WIDTH, ChartSpline, detail_of
 from lensforge.surfaces.imported_face import GivenFace, place_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -21,49 +21,26 @@ from lensforge.surfaces.surface import to_chart
 
 LEAST_POINTS = 100
 _MOST_BYTES = 128 * MIB  # four million points, which take 1 GiB while they are read; scanners measure a million
-# In a line that begins with a number, a comma between digits beside another mark between numbers: 1,5;2,5;3 or 1,5 2,5.
-_DECIMAL_COMMAS = re.compile(r"^(?=\s*[-+]?\d)(?:[^#]*\d,\d+[;\s]+[-+]?\d+(?:,\d+|[;\s]|$)|[^#]*;.*\d,\d)")
 _FURTHEST_MM = 1e6  # a machine's own zero may be metres away
+_MM = {"mm": 1.0, "": 1.0, "in": 25.4, "inch": 25.4, "cm": 10.0, "m": 1000.0, "um": 1e-3}
+_COLUMNS = tuple(Column((axis,), _MM) for axis in "xyz")
 
 
 def read_cloud(path: Path, missing: str = "give the file of the measured points") -> Float[np.ndarray, "n 3"]:
-    """Read points (mm) from a text file: x, y, z first in each line, separated by commas, semicolons, tabs or blanks.
+    """Read points (mm) from a text file: x, y, z first in each line, or in columns of these names.
 
-    Lines before the first point, lines that begin with # and further columns are skipped. Raises :class:`InputError`,
-    for decimal commas too, which show where another mark separates the numbers.
+    Their unit may stand with the names. Lines before the first point, a count of points and further columns are
+    skipped. Raises :class:`InputError`, with a line.
     """
-    content = read_file(path, missing=missing, most_bytes=_MOST_BYTES)
-    try:
-        lines = content.decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not readable as text ({error})") from None
-    points: list[tuple[float, ...]] = []
-    skipped = ""
-    for number, line in enumerate(lines, start=1):
-        fields = line.replace(",", " ").replace(";", " ").split()
-        if not fields or fields[0].startswith("#"):
-            continue
-        if _DECIMAL_COMMAS.search(line):
-            raise InputError(f"{path}: line {number}: decimal commas; write decimal points")
-        try:
-            points.append(tuple(map(float, fields[:3])))
-        except ValueError:
-            if points:
-                raise InputError(f"{path}: line {number}: must be x, y, z in mm") from None
-            skipped = skipped or f"line {number}"
-            continue
-        if len(points[-1]) < 3:
-            raise InputError(f"{path}: line {number}: {len(fields)} numbers, must be x, y, z in mm")
-    if skipped and not points:
-        raise InputError(f"{path}: {skipped}: no line begins with x, y, z in mm; remove names before the numbers")
-    cloud = np.array(points, dtype=np.float64).reshape(-1, 3)
+    table = TextTable.read(path, missing=missing, most_bytes=_MOST_BYTES, counted=True)
+    cloud = table.columns(_COLUMNS, further=True)
     if len(cloud) < LEAST_POINTS:
         raise InputError(f"{path}: {len(cloud)} points, must be at least {LEAST_POINTS}")
-    if not np.isfinite(cloud).all():
-        raise InputError(f"{path}: some points are not finite; remove them")
-    furthest = float(np.abs(cloud).max())
-    if furthest > _FURTHEST_MM:
-        raise InputError(f"{path}: a coordinate of {furthest:.4g} mm, must be at most {_FURTHEST_MM:g}; remove it")
+    furthest = np.abs(cloud).max(axis=1)
+    row = int(furthest.argmax())
+    if furthest[row] > _FURTHEST_MM:
+        words = f"a coordinate of {furthest[row]:.4g} mm, must be at most {_FURTHEST_MM:g}; remove it"
+        raise table.refuse(row, int(np.abs(cloud[row]).argmax()), words)
     return cloud
 
 

@@ -32,15 +32,19 @@ def test_common_layouts_hold_the_same_points(tmp_path, mark, head):
     ("content", "message"),
     [
         (None, "no such file"),
-        (b"\xff\xfe\x00", "not readable as text"),
+        (b"\xff\xfe\x00", "has no row of numbers"),
         (b"1 2 3\n", "1 points, must be at least 100"),
-        (b"1 2 3\n" * 120 + b"1 2\n", "line 121: 2 numbers"),
-        (b"1 2 3\n" * 120 + b"1 2 x\n", "line 121: must be x, y, z"),
-        (b"1 2 3\n" * 120 + b"1 2 nan\n", "not finite"),
-        (b"1,234;5,678;9,012\n" * 120, "line 1: decimal commas; write decimal points"),
-        (b"1,234\t5,678\t9,012\n" * 120, r"line 1: decimal commas"),
-        (b"x y z\n" + b"1,234 -5,678 9\n" * 120, "line 2: decimal commas"),
-        (b"P1,1.0,2.0,3.0\n" * 120, "line 1: no line begins with x, y, z"),
+        (b"1 2 3\n" * 120 + b"1 2\n", "line 121: 2 cells"),
+        (b"1 2 3\n" * 120 + b"1 2 x\n", "line 121, column 3: 'x' is no number"),
+        (b"1 2 3\n" * 120 + b"1 2 nan\n", "line 121, column 3: 'nan' is not a finite"),
+        (b"121\n" + b"1 2 3\n" * 120, "line 1: 121 rows announced, 120 found"),
+        (b"1;2;3\n" * 120 + b"1;2,500;3.5\n", "line 121, column 2: '2,500' beside numbers with decimal points"),
+        (b"1,234,5,678,9,012\n" * 120, "line 1: '9,012': commas between numbers and in them"),
+        (b"x,y,z\n" + b"1,234,5,678,9,112\n" * 120, "line 2: commas between numbers and in them cannot be told"),
+        (b"x,y,x\n" + b"1.5,2,3\n" * 120, "line 1, column 3: 'x' is there twice"),
+        (b"x [yd],y,z\n" + b"1.5,2,3\n" * 120, "line 1, column 1: 'x .yd.': its unit must be one of mm, in"),
+        (b"1 2 3\n" * 120 + b"1 2 2e6\n", r"line 121, column 3: a coordinate of 2e\+06 mm"),
+        (b"P1,1.0,2.0,3.0\n" * 120, "line 1, column 1: 'P1' is no number"),
     ],
 )
 def test_what_is_no_cloud_is_input_error(tmp_path, content, message):
@@ -48,6 +52,22 @@ def test_what_is_no_cloud_is_input_error(tmp_path, content, message):
         (tmp_path / "cloud.csv").write_bytes(content)
     with pytest.raises(InputError, match=message):
         read_cloud(tmp_path / "cloud.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "factor"),
+    [
+        ("{0};{1};{2}\n", 1.0),
+        ("{0}\t{1}\t{2}\tP1\n", 1.0),
+        ("{0} {1} {2}\n", 1.0),
+        ("name;z [in];x [in];y [in]\nP1;{2};{0};{1}\n", 25.4),
+    ],
+)
+def test_decimal_commas_names_and_units_are_read(tmp_path, content, factor):
+    head, _, line = content[:-1].rpartition("\n")
+    rows = [line.format(*(f"{value:.9f}".replace(".", ",") for value in point)) for point in POINTS]
+    (tmp_path / "cloud.txt").write_text("\r\n".join([head, *rows]), encoding="utf-16")
+    np.testing.assert_allclose(read_cloud(tmp_path / "cloud.txt"), factor * POINTS, atol=1e-7)
 
 
 def test_a_moved_surface_is_moved_back():
@@ -112,6 +132,13 @@ def test_slopes_are_those_of_the_distances():
             _gaps_and_slopes(PATCH, level, motion + step)[0] - _gaps_and_slopes(PATCH, level, motion - step)[0]
         ) / 2e-6
         np.testing.assert_allclose(slopes[:, k], difference, atol=2e-5)
+
+
+@pytest.mark.parametrize(("unit", "per_mm"), [("inches", 1 / 25.4), ("metres", 1e-3), ("µm", 1e3), ("cm", 0.1)])
+@pytest.mark.parametrize("registration", ["rigid", "none"])
+def test_points_in_another_unit_are_named(unit, per_mm, registration):
+    with pytest.raises(InputError, match=rf"half of them lie within .* mm of the origin, .* are they in {unit}\?"):
+        register(PATCH, per_mm * probed(LENS.outer, 300), registration)
 
 
 def test_points_elsewhere_are_input_error():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes import small_spec
 
-from lensforge.errors import InputError
+from lensforge.errors import FileWarning, InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.material_files import read_material
 from lensforge.spec import load_spec
@@ -102,6 +102,55 @@ def test_a_table_has_index_and_transmittance(tmp_path):
     assert bare.absorption is None and bare.dispersion.indices == (1.52, 1.50)
 
 
+@pytest.mark.parametrize("cut", [" 0.231792344", " 1.01046945", " 103.560653"])
+def test_a_line_of_a_catalogue_that_goes_on_in_the_next_is_one(tmp_path, cut):
+    whole = read_material(written(tmp_path, "c.agf", AGF), "GLASS-A")
+    found = read_material(
+        written(tmp_path, "cut.agf", AGF.replace(cut, f"\n{cut}").replace("IT 0.70 0 ", "IT 0.70\n0 ")), "GLASS-A"
+    )
+    assert (found.dispersion, found.absorption) == (whole.dispersion, whole.absorption)
+
+
+def test_coefficients_that_are_missing_are_said_and_a_glass_twice_alike_is_one(tmp_path):
+    short = written(tmp_path, "c.agf", AGF.replace(" 1.01046945 103.560653 0 0 0 0", ""))
+    with pytest.warns(FileWarning, match="GLASS-A has 4 of the 6 coefficients of formula 2 in its line CD"):
+        read_material(short, "GLASS-A")
+    twice = written(tmp_path, "twice.agf", AGF + AGF.replace("CD 1.03961212 ", "CD  1.03961212  "))
+    assert read_material(twice, "GLASS-A").range_nm == (300.0, 2500.0)
+
+
+@pytest.mark.parametrize("kind", ["formula", "table"])
+def test_an_index_against_vacuum_becomes_that_against_air(tmp_path, kind):
+    """Air at 20 C: 1.0002724 at the d line, by Birch and Downs, Metrologia 30, 155 (1993)."""
+    table = "DATA:\n  - type: tabulated n\n    data: |\n        0.5 1.52\n        0.6751236 1.51\n"
+    text = {"formula": NK, "table": table}[kind]
+    plain = read_material(written(tmp_path, "a.yml", text), None).index_at(587.5618)
+    path = written(tmp_path, "b.yml", text + "SPECS:\n    n_is_absolute: true\n    wavelength_is_vacuum: true\n")
+    assert read_material(path, None).index_at(587.5618) == pytest.approx(plain / 1.0002724, abs=1.5e-6)
+    spec = small_spec(lens__material_file=str(path))
+    assert spec.lens.refractive_index == pytest.approx(plain / 1.0002724, abs=1.5e-6)
+    spec.save(tmp_path / "again.toml")
+    assert load_spec(tmp_path / "again.toml").lens.dispersion == spec.lens.dispersion
+    same = text + "SPECS:\n    n_is_absolute: false\n"
+    assert read_material(written(tmp_path, "c.yml", same), None).index_at(587.5618) == plain
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "wavelength_nm;index;T\n400;1,52;0,99\n500;1,51;0,995\n700;1,50;1\n",
+        "T [%]\tn\tWavelength [µm]\n99\t1.52\t0.4\n99.5\t1.51\t0.5\n100\t1.50\t0.7\n",
+        "Wellenlänge;Brechzahl;Transmittance\r700;1,50;1,0\r400;1,52;0,99\r500;1,51;0,995\r",
+    ],
+)
+def test_a_table_of_a_spreadsheet_is_the_same_table(tmp_path, text):
+    (tmp_path / "t.csv").write_text(text, encoding="utf-16", newline="")
+    found, wanted = read_material(tmp_path / "t.csv", None), read_material(written(tmp_path, "u.csv", TABLE), None)
+    assert found.dispersion.indices == wanted.dispersion.indices
+    np.testing.assert_allclose(found.dispersion.wavelengths_nm, wanted.dispersion.wavelengths_nm, rtol=1e-15)
+    np.testing.assert_allclose(found.absorption.per_mm, wanted.absorption.per_mm, atol=1e-15)
+
+
 def spec_file(folder, lens):
     small_spec().save(folder / "small.toml")
     text = (folder / "small.toml").read_text(encoding="utf-8")
@@ -140,11 +189,35 @@ def test_a_spec_keeps_the_numbers_and_needs_the_file_no_more(tmp_path):
         ("a.yml", "a: &a secret\nb: *a", {}, r"a\.yml: an alias in line 2, which no material needs"),
         ("a.yml", "DATA: [" + "1, " * 10_000 + "1]", {}, r"more than 10000 entries, or more than 16 levels"),
         ("a.yml", "DATA: " + ":".join(["1"] * 300_000), {}, r"a\.yml: has no list DATA"),
-        ("a.yml", NK.replace("0.400 2", "0.0 2"), {}, r"its table is not 2 columns of numbers"),
+        ("a.yml", NK.replace("0.400 2", "0.0 2"), {}, r"table of tabulated k: numbers must be below 1e\+30"),
         ("a.yml", "DATA:\n  - type: tabulated k\n    data: 1 2\n", {}, r"a\.yml: has no index, only tabulated k"),
-        ("a.yml", NK.replace("0.4368 1.052", "0.4368"), {}, r"wavelength_range must be 2 numbers at least"),
-        ("a.yml", NK.replace("2.0E-7", "two"), {}, r"its table is not 2 columns of numbers"),
-        ("t.csv", TABLE.replace("1.51", "x"), {}, r"must be two rows at least of wavelength \(nm\)"),
+        ("a.yml", NK.replace("0.4368 1.052", "0.4368"), {}, r"wavelength_range: '0\.4368', must be 2 numbers"),
+        (
+            "a.yml",
+            NK.replace("1.052", "1.052 3"),
+            {},
+            r"a\.yml: wavelength_range: '0\.4368 1\.052 3', must be 2 numbers",
+        ),
+        ("a.yml", NK.replace("0.4368", "1e999"), {}, r"a\.yml: wavelength_range: '1e999 1\.052', must be 2 numbers"),
+        ("a.yml", NK + NK[NK.index("  - type: tab") :], {}, r"a\.yml: DATA has two blocks of one type"),
+        ("a.yml", NK + "SPECS:\n  n_is_absolute: perhaps\n", {}, r"n_is_absolute: 'perhaps', must be true or false"),
+        (
+            "c.agf",
+            AGF + AGF.replace("1.0396", "1.0397"),
+            {"material": "glass-a"},
+            r"twice, in lines 2 and 21, with dif",
+        ),
+        (
+            "c.agf",
+            AGF.replace(" 0.23179", " 0.23\n179"),
+            {"material": "glass-a"},
+            r"11 coefficients in its line CD, for",
+        ),
+        ("t.csv", "nm;n\n450;1,526\n550;1.5185\n", {}, r"t\.csv, line 2, column 2: '1,526' beside numbers with"),
+        ("t.csv", "450,1,526\n550,1,5185\n", {}, r"transmittance of 1 mm must|internal transmittance must be above 0"),
+        ("a.yml", NK.replace("2.0E-7", "two"), {}, r"table of tabulated k, line 1, column 2: 'two' is no number"),
+        ("t.csv", TABLE.replace("1.51", "x"), {}, r"t\.csv, line 3, column 2: 'x' is no number"),
+        ("t.csv", "400, 1.52\n", {}, r"must be two rows at least of wavelength \(nm\)"),
         ("t.csv", TABLE.replace("0.995", "1.2"), {}, r"an internal transmittance must be above 0 and at most 1"),
         ("t.csv", "0.4, 1.52\n0.7, 1.50\n", {}, r"wavelengths must be in nm, each once; they go from 0\.4 to 0\.7"),
         ("t.csv", TABLE.replace("1.52", "5.2"), {}, r"its index at 400 nm is 5\.2, must be 1 to 4"),

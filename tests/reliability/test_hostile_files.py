@@ -24,6 +24,7 @@ import lensforge as lf
 from lensforge.optics.image_reading import read_light
 from lensforge.optics.material_files import read_material
 from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.scene.target_pattern import read_table
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity
@@ -33,14 +34,16 @@ from lensforge.sources.photometric.photometric_summary import rays
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.rayfiles.ray_file_io import FORMATS, read_rayfile
 from lensforge.sources.source_spectrum import read_spectrum_file
+from lensforge.spec.coating_section import read_coating
 from lensforge.surfaces.point_cloud import read_cloud
 
 
 @pytest.fixture(autouse=True)
 def no_warnings() -> Iterator[None]:
-    """A warning is an error."""
+    """A warning is an error, but for one that says how a file was read."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", lf.FileWarning)
         yield
 
 
@@ -153,6 +156,18 @@ def formats() -> dict[str, tuple[str, bytes, Reader]]:
         **{name: ("rays.bin", encoded(name, CASES[name][0]), drawn) for name in FORMATS},
         **{suffix[1:]: (f"light{suffix}", photometric(suffix), rays) for suffix in PHOTOMETRIC},
         "spectrum": ("spectrum.txt", b"nm value\n400 0.5\n500 1.0\n600 0.25\n", read_spectrum_file),
+        "coating": ("coating.csv", b"angle_deg;reflectance;nm\n0;0,05;500\n60;0,1;500\n", read_coating),
+        "target": ("light.csv", b"1,0.5,0\n2.5,3,4\n", read_table),
+        "table": (
+            "glass.csv",
+            "n\tWavelength [µm]\r1,52\t0,4\r1,5\t0,7\r".encode("utf-16"),
+            lambda path: read_material(path, "g"),
+        ),
+        "rays of a spreadsheet": (
+            "rays.csv",
+            b"x_mm;y_mm;z_mm;kx;ky;kz;flux_w\r\n" + b"0,5;1;0;0;0,6;0,8;0,1\r\n" * 9,
+            drawn,
+        ),
         "points": ("points.csv", b"x;y;z\n" + b"0.1;0.25;5\n" * 120, read_cloud),
         "radiance": ("radiance.npz", radiance(), read_radiance),
         "catalogue": ("glass.agf", _GLASS, lambda path: read_material(path, "GLASS-A")),

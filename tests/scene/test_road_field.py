@@ -392,21 +392,78 @@ _HEAD = "tan_gamma,0,90,180\n0,300,300,300\n"
     [
         (_HEAD + "1,100,,90\n2,50,40,30\n", "no number at tan gamma = 1, beta = 90"),
         (_HEAD + "1,100,,\n2,50,40,\n", "no number at tan gamma = 1, beta = 90"),
-        (_HEAD + "1,100,x,90\n", "a word among its numbers of 10^4 r"),
-        (_HEAD + "1,100,nan,90\n", "is not finite"),
+        (_HEAD + "1,100,x,90\n", "line 3, column 3: 'x' is no number"),
+        (_HEAD + "1,100,nan,90\n", "line 3, column 3: 'nan' is not a finite number"),
+        (_HEAD.replace("90", "x0") + "1,100,90,80\n", "line 1, column 3: beta: 'x0' is no number"),
         (_HEAD + "0,100,90,80\n", "tan gamma must begin with 0 and rise"),
-        (_HEAD + "1,100,-3,90\n", "must be 0 or above"),
-        (_HEAD + "1,100,90,80,70\n", "a row is longer"),
+        (_HEAD + "1,100,-3,90\n", "must be from 0 to 1e+06, and above 1e-06 at tan gamma = 0; found -3 to 300"),
+        (_HEAD + "1,1e308,1e308,90\n", "must be from 0 to 1e+06"),
+        (_HEAD.replace("300", "1e-320") + "1,0,0,0\n", "above 1e-06 at tan gamma = 0"),
+        (
+            _HEAD + "1,100,90,80\n1.0005,90,80,70\n",
+            "tan gamma must begin with 0 and rise, by 0.001 at least; found 1, 1",
+        ),
+        (
+            _HEAD.replace("90", "1e-3") + "1,100,90,80\n",
+            "beta must begin with 0 and rise, by 0.01 at least; found 0, 0.001",
+        ),
+        (_HEAD + "1e300,100,90,80\n", "tan gamma ends at 1e+300, must be at most 100"),
+        (_HEAD + ",100,90,80\n2,90,80,70\n", "line 3, column 1: no tan gamma"),
+        (_HEAD + "1,100,90,80,70\n", "line 3: is longer than the row of beta"),
+        (",0,,180\n0,300,300,300\n1,90,80,70\n", "a blank in its row of beta"),
+        ("t,0,1,2\n0,300,300,300\n90,100,90,80\n180,90,80,70", "beta ends at 2 .*; rows and columns are swapped"),
         (_HEAD.replace("180", "170") + "1,100,90,80\n", "beta ends at 170"),
-        ("", "no r-table"),
+        ("", "has no row of numbers"),
+        ("t,0,180\n0,1,1\n", "no r-table"),
     ],
 )
 def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -> None:
     path = tmp_path / "surface.csv"
     path.write_text(content)
-    with pytest.raises(InputError, match=words.replace("^", r"\^")) as found:
+    with pytest.raises(InputError, match=words.replace("^", r"\^").replace("+", r"\+")) as found:
         read_surface(path)
     assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "t;0;90;180\r\n0;300,5;300,5;300,5\r\n1,5;100;80;\r\n",
+        ",0,90,180\n0,300.5,300.5,300.5\n1.5,100,80\n",
+        "# R9\nany words, with commas\n0\t0\t90\t180\n0\t300.5\t300.5\t300.5\n1.5\t100\t80\n",
+        "tan 0 90 180\r0 300.5 300.5 300.5\r1.5 100 80 0",
+    ],
+    ids=["German Excel", "a blank corner", "tabs and words", "blanks, Macintosh"],
+)
+def test_a_table_of_any_program_is_the_same(content: str, tmp_path) -> None:
+    path = tmp_path / "surface.csv"
+    path.write_bytes(content.encode())
+    found = read_surface(path)
+    assert found.tan_gamma.tolist() == [0.0, 1.5] and found.beta_deg.tolist() == [0.0, 90.0, 180.0]
+    np.testing.assert_allclose(1e4 * found.r, [[300.5] * 3, [100.0, 80.0, 0.0]])
+    assert found.s1 is None, "the table ends before tan gamma = 2"
+
+
+def test_a_table_in_another_unit_is_no_road_unless_it_is_scaled(tmp_path) -> None:
+    """Without the factor 10^4, and in mcd; Q0 of a surface that looks alike from everywhere is its r below a lamp."""
+    path, tan_gamma = tmp_path / "alike.csv", np.linspace(0.0, 3.0, 301)
+
+    def written(q: float, unit: float) -> None:
+        rows = [f"{t},{','.join(3 * [str(unit * q * (1.0 + t * t) ** -1.5)])}" for t in tan_gamma]
+        path.write_text("\n".join(["t,0,90,180", *rows]))
+
+    for q, unit, allowed in (
+        (0.07, 1.0, False), (0.07, 1e3, False), (0.019, 1e4, False), (0.021, 1e4, True), (0.49, 1e4, True),
+        (0.51, 1e4, False),
+    ):  # fmt: skip
+        written(q, unit)
+        if allowed:
+            assert RoadSurface.of("", path).q0 == pytest.approx(q, rel=1e-4), "of the part that it has"
+        else:
+            with pytest.raises(InputError, match=r"Q0 is .*, of a road it is from 0.02 to 0.5: give r .* times 10"):
+                RoadSurface.of("", path)
+        scaled = RoadSurface.of("", path, 0.08)
+        assert scaled.r[0, 0] == pytest.approx(0.08, rel=1e-4) and scaled.s1 == pytest.approx(5.0**-1.5, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -415,6 +472,12 @@ def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -
         ({"lanes": 4}, "no class by luminance has lanes as narrow"),
         ({"overhang_m": 7.5}, "hangs over the other side"),
         ({"pole_spacing_m": 120.0}, "above 12 pole heights"),
+        ({"pole_spacing_m": 0.89}, "pole_spacing_m = 0.89 is below a tenth of pole_height_m = 9, 0.9 m"),
+        ({"pole_spacing_m": 1e-300}, "pole_spacing_m = 1e-300: .*greater than or equal to 0.2"),
+        ({"width_m": 7000.0}, "width_m = 7000.0: .*less than or equal to 200"),
+        ({"pole_height_m": 9000.0}, "pole_height_m = 9000.0: .*less than or equal to 100"),
+        ({"pole_height_m": 0.2, "pole_spacing_m": 1.0}, "pole_height_m = 0.2: .*greater than or equal to 0.3"),
+        ({"uniformity": 1e-300}, "uniformity = 1e-300: .*greater than or equal to"),
         ({"lighting_class": "P2", "uniformity": 0.5}, "uniformity is of a class M"),
         ({"surface": "R5"}, "surface"),
         ({"arrangement": "median", "overhang_m": -1.0, "median_m": 1.8}, "inside the lane of the other"),
@@ -431,3 +494,13 @@ def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -
 def test_no_such_road(fields, words: str) -> None:
     with pytest.raises(InputError, match=words):
         RoadSection(**ROAD | fields)
+
+
+def test_the_longest_work_of_a_road_is_bounded() -> None:
+    """Lamps at the least spacing, as many lanes as there may be: the largest matrix of weights."""
+    most = {"width_m": 200.0, "lanes": 12, "pole_height_m": 100.0, "pole_spacing_m": 10.0, "arrangement": "opposite"}
+    readings = RoadReadings.of(RoadSection(**ROAD | most))
+    assert sum(each.weights.nnz for each in readings.luminance) < 2_000_000
+    low = {"width_m": 30.0, "lanes": 12, "pole_height_m": 2.0, "pole_spacing_m": 0.2, "oncoming_lanes": 6}
+    glaring = RoadReadings.of(RoadSection(**ROAD | low | {"lighting_class": "local low"})).veiling
+    assert sum(each.weights.nnz for each in glaring) < 2_000_000

@@ -108,7 +108,17 @@ ROWS = np.array([[1.0, 0.5, 0.0], [2.5e1, 3.0, 4.0]])
 
 
 @pytest.mark.parametrize(
-    "text", ["1,0.5,0\n2.5e1,3,4\n", "1;0.5;0\n2.5e1;3;4", "1\t.5\t0\n25\t3\t4", "1 0.5 0 # a\n25 3 4"]
+    "text",
+    [
+        "1,0.5,0\n2.5e1,3,4\n",
+        "1;0.5;0\n2.5e1;3;4",
+        "1\t.5\t0\n25\t3\t4",
+        "1 0.5 0 # a\n25 3 4",
+        "1;0,5;0\n25,0;3;4",
+        "1\t0,5\t0\r25\t3\t4\r",
+        "1 0,5 0\n2,5e1 3 4",
+        '"1","0,5","0"\n"25","3","4"',
+    ],
 )
 def test_numbers_are_read_whatever_stands_between_them(tmp_path, text):
     path = tmp_path / "light.csv"
@@ -124,8 +134,14 @@ def test_one_array_of_an_archive_is_a_table(tmp_path):
         read_table(tmp_path / "two.npz")
 
 
-def test_what_is_no_table_is_refused_with_its_place_and_not_its_words(tmp_path) -> None:
+def test_what_is_no_table_is_refused_with_its_place_and_few_of_its_words(tmp_path) -> None:
     (tmp_path / "light.csv").write_text("1," + 1000 * "x")
-    with pytest.raises(InputError, match=r"no table of numbers \(no number at row 0, column 2\.\);") as refusal:
+    with pytest.raises(InputError, match=r"light\.csv, line 1, column 2: 'x{24}' is no number; commas") as refusal:
         read_table(tmp_path / "light.csv")
-    assert "xx" not in str(refusal.value)
+    assert 25 * "x" not in str(refusal.value)
+    (tmp_path / "light.csv").write_text("left,right\n1,2\n")
+    with pytest.raises(InputError, match=r"light\.csv, line 1: 'left,right': must be rows of numbers alone"):
+        read_table(tmp_path / "light.csv")
+    (tmp_path / "light.csv").write_text("0,1;0,5\n1,0;0.5\n")
+    with pytest.raises(InputError, match=r"light\.csv, line 1, column 1: '0,1' beside numbers with decimal points"):
+        read_table(tmp_path / "light.csv")

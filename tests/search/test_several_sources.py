@@ -1,5 +1,6 @@
 """One lens for several LEDs: rays shared out, the mean or the worst merit, and the light of each."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from lensforge.search.optimiser import search
 from lensforge.search.parameters import SphereParameters
 from lensforge.search.problem import Problems, ValidationRays
 from lensforge.sources.measured_rays import held_back, searched, smoothed
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import Spec
 
@@ -32,7 +34,7 @@ LEDS = [{"name": "left", "share": 3.0, "source": LEFT}, {"name": "right", "sourc
 
 
 def _spec(**changes: Any) -> Spec:
-    return small_spec(source=None, sources=LEDS, target__uniform_mm=None, **changes)
+    return small_spec(**{"source": None, "sources": LEDS, "target__uniform_mm": None, **changes})
 
 
 def test_a_sample_has_rays_of_each_in_turn_and_each_is_a_sample_of_its_own() -> None:
@@ -55,9 +57,44 @@ def test_the_symmetry_is_what_all_have() -> None:
     assert (several.symmetry, searched_source(_spec()).symmetry) == ("rectangle", "none")
 
 
-@pytest.mark.parametrize("over", ["mean", "worst"])
-def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str) -> None:
-    spec = _spec(optimise__over_sources=over)
+BLUE = {"kind": "gaussian", "peak_nm": 450.0, "fwhm_nm": 20.0}
+ONE_WITH_WAVELENGTHS = {"sources": [LEDS[0], {**LEDS[1], "source": {**RIGHT, "spectrum": BLUE}}], "source": None}
+GREEN_PMMA = {"lens__material": "PMMA", "lens__design_wavelength_nm": 520.0, "target__uniform_mm": None}
+
+
+def test_an_led_without_wavelengths_beside_one_with_them_has_that_of_the_design() -> None:
+    source = searched_source(small_spec(**ONE_WITH_WAVELENGTHS, **GREEN_PMMA))
+    rays = source.sample(4096, 7)
+    plain, blue = source.shared_out(rays)
+    assert source.without_wavelengths == (0,) and set(plain.wavelengths_nm) == {520.0}
+    assert blue.wavelengths_nm.mean() == pytest.approx(450.0, abs=0.5)
+    assert (
+        searched_source(_spec()).without_wavelengths == ()
+        and searched_source(_spec()).sample(4, 0).wavelengths_nm is None
+    )
+    with pytest.raises(lf.Cancelled), pytest.warns(lf.SourceWarning, match="^left: no wavelengths, as other LEDs have"):
+        lf.design(small_spec(**ONE_WITH_WAVELENGTHS, **GREEN_PMMA), accuracy="draft", progress=lambda _: False)
+
+
+@pytest.mark.parametrize("name", ["wavelengths_nm", "of_source", "tristimulus"])
+def test_bundles_of_which_one_has_no_wavelength_number_or_colour_are_not_joined(name: str) -> None:
+    rays = searched_source(_spec()).sample(8, 0)
+    with_it, without = (
+        replace(rays, **{"wavelengths_nm": None, "of_source": None, "tristimulus": None, **own})
+        for own in ({name: np.ones(8)}, {})
+    )
+    for pair in ((with_it, without), (without, with_it)):
+        with pytest.raises(ValueError, match=f"{name}: 1 of 2 bundles"):
+            RayBundle.joined(pair)
+    assert len(getattr(RayBundle.joined([with_it, with_it]), name)) == 16
+    assert getattr(RayBundle.joined([without, without]), name) is None
+
+
+@pytest.mark.parametrize(
+    ("over", "changes"), [("mean", {}), ("worst", {}), ("mean", {**ONE_WITH_WAVELENGTHS, **GREEN_PMMA})]
+)
+def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str, changes: dict[str, Any]) -> None:
+    spec = _spec(**{"optimise__over_sources": over, **changes})
     source, parametrisation = searched_source(spec), SphereParameters.of(spec, 3.0)
     merit = MeritOfSources.of(spec, source, parametrisation)
     rng = np.random.default_rng(0)

@@ -37,7 +37,15 @@ def test_a_number_is_a_table_of_one_reflectance():
     assert angles.lens.media.coating("inner") == ReflectanceTable((0.0, 60.0), ((0.01, 0.1),))
 
 
-@pytest.mark.parametrize("text", [TABLE, TABLE.replace(",", "; ").replace("angle_deg", "# a comment\nangle_deg")])
+@pytest.mark.parametrize(
+    "text",
+    [
+        TABLE,
+        TABLE.replace(",", "; ").replace("angle_deg", "# a comment\nangle_deg"),
+        TABLE.replace(",", ";").replace(".", ","),
+        "\ufeffsep=;\n" + TABLE.replace(",", ";").replace(".", ",").split("\n", 1)[1],
+    ],
+)
 def test_a_spec_keeps_the_table_and_needs_the_file_no_more(tmp_path, text):
     small_spec().save(tmp_path / "small.toml")
     content = (tmp_path / "small.toml").read_text(encoding="utf-8")
@@ -109,7 +117,9 @@ def test_a_coating_that_cannot_be_is_one_line(coating, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("angle reflectance\n0 0.1\n", r"must be rows of three numbers: angle_deg, wavelength_nm, reflectance"),
+        ("angle reflectance\n0 0.1\n", r"line 1: no column wavelength_nm; found 'angle', 'reflectance'"),
+        ("0 0.1\n5 0.2\n", r"line 1: 2 cells, must be angle_deg, wavelength_nm, reflectance"),
+        ("0,500,0,05\n60,500,0,10\n", r"line 1: '0,05': commas between numbers and in them cannot be told apart"),
         (TABLE.rsplit("\n", 2)[0], r"5 rows for 3 angles and 2 wavelengths; must be one a pair"),
         (TABLE.replace("0,600", "45,600", 1), r"6 rows for 3 angles and 2 wavelengths"),
         (TABLE.replace("0.03", "3"), r"reflectance.*less than or equal to 1"),

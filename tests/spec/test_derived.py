@@ -3,6 +3,7 @@
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lensforge as lf
@@ -105,9 +106,25 @@ def test_a_lens_of_any_size_holds_its_source_and_starts_with_a_wall(radius_mm: f
     assert outer_mm - inner_mm > sizes.min_thickness_mm > 0.0
 
 
-def test_a_ray_file_needs_its_cavity_and_given_tables_are_not_changed() -> None:
+def test_the_mistyped_file_is_named_before_the_cavity_that_would_follow_from_it(tmp_path: Path) -> None:
     content = tomllib.loads(SHORTEST) | {"source": {"kind": "rayfile", "file": "led.ray"}}
     before = repr(content)
-    with pytest.raises(lf.InputError, match="cavity_height_mm: missing") as refusal:
-        parse_spec(content, "lamp")
+    missing = "constraints.cavity_height_mm and constraints.cavity_radius_mm: missing: room for the LED"
+    with pytest.raises(lf.InputError, match=f"/led.ray: no such file; the spec names it; {missing}"):
+        parse_spec(content, "lamp", tmp_path)
+    (tmp_path / "led.ray").write_text("")
+    with pytest.raises(lf.InputError, match=f"^lamp: {missing}.* kind 'rayfile' does not state") as refusal:
+        parse_spec(content, "lamp", tmp_path)
     assert "max_radius" not in str(refusal.value) and repr(content) == before
+
+
+def test_chips_have_the_cavity_of_the_circle_that_holds_all_of_them() -> None:
+    """The farthest corner decides: of the second chip, whose centre is nearer than that of the first."""
+    chips = [
+        {"x_mm": 0.0, "y_mm": 1.0, "width_mm": 0.2, "height_mm": 0.2},
+        {"x_mm": -0.7, "y_mm": -0.4, "width_mm": 1.0, "height_mm": 2.0},
+    ]
+    content = tomllib.loads(SHORTEST) | {"source": {"kind": "chips", "chips": chips, "position_mm": [0.3, 0.4, 0.1]}}
+    limits = parse_spec(content, "lamp").constraints
+    assert 0.0 <= limits.cavity_radius_mm - 1.2 * (np.hypot(1.2, 1.4) + 0.5) < 0.01  # rounded up to three digits
+    assert 0.0 <= limits.cavity_height_mm - (0.6 * limits.cavity_radius_mm + 0.1) < 0.01

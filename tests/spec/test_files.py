@@ -1,18 +1,20 @@
-"""Hashes of what a spec names: the content of a file counts, and its name, not the folder in which it lies."""
+"""Files that a spec names: where they lie, and their hashes, in which the content and the name count, no folder."""
 
 import hashlib
 import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import get_args
+from typing import Annotated, get_args
 
 import pytest
+from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 import lensforge as lf
+from lensforge.spec.road_section import load_roads
 from lensforge.spec.spec_files import input_hashes, section_sha256
-from lensforge.spec.spec_section import Section
+from lensforge.spec.spec_section import FilePath, Section, section_of
 
 LED = Path(__file__).parents[2] / "examples" / "led.tm25ray"
 
@@ -81,6 +83,63 @@ def _needed(kind: type[Section]) -> list[str]:
 
 def _is_file(field: FieldInfo) -> bool:
     return Path in (field.annotation, *get_args(field.annotation))
+
+
+NAMED = [
+    pytest.param(kind, name, id=f"{kind.__name__}.{name}")
+    for kind in dict.fromkeys(_sections(Section))
+    for name, field in kind.model_fields.items()
+    if "Path" in repr(field)
+]
+
+
+@pytest.mark.parametrize(("kind", "name"), NAMED)
+def test_every_named_file_counts_from_the_folder_of_its_spec(kind: type[Section], name: str, tmp_path: Path) -> None:
+    """By the type of the field, and where files are read before the fields are valid, too."""
+    field, meant = kind.model_fields[name], str(tmp_path / "sub" / "named.step")
+    by_itself = _words(TypeAdapter(Annotated[field.annotation, "", *field.metadata]), "sub/named.step", tmp_path)
+    assert meant in by_itself
+    in_its_section = _words(TypeAdapter(kind), {name: "sub/named.step"}, tmp_path)
+    assert meant in in_its_section or "no such file" not in in_its_section
+
+
+def _words(adapter: TypeAdapter[object], content: object, folder: Path) -> str:
+    """Words for the value, or for its errors."""
+    try:
+        return str(adapter.validate_python(content, context=folder))
+    except ValidationError as error:
+        return str(error)
+
+
+def test_the_named_files_are_all_there() -> None:
+    assert {"surface_file", "wet_surface_file", "outline", "keep_out", "material_file", "start", "file"} == {
+        each.values[1] for each in NAMED
+    }
+
+
+def test_a_file_in_lists_tables_and_choices_counts_from_its_folder(tmp_path: Path) -> None:
+    class Inner(Section):
+        tables: tuple[dict[str, FilePath | float], ...]
+
+    class Outer(Section):
+        either: Inner | FilePath
+        several: list[Inner]
+
+    given = {"tables": [{"a": 1.0}, {"b": "../x.csv"}]}
+    found = section_of(Outer, {"either": "y.csv", "several": [given, given]}, "t.toml", tmp_path / "sub")
+    assert found.either == tmp_path / "sub" / "y.csv"
+    assert [each.tables[1] for each in found.several] == [{"b": tmp_path / "x.csv"}] * 2
+    assert section_of(Inner, given, "script").tables[1]["b"] == Path("../x.csv").absolute()
+
+
+def test_the_wet_surface_of_a_road_is_the_one_beside_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    road = 'lighting_class="M3"\nwidth_m=7.0\npole_height_m=9.0\npole_spacing_m=30.0\nwet_surface_file="wet.csv"\n'
+    for folder in ("sub", "other"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "wet.csv").write_text(folder)
+    (tmp_path / "sub" / "r.toml").write_text(f"[[roads]]\n{road}[[roads]]\n{road}")
+    monkeypatch.chdir(tmp_path / "other")
+    assert [each.wet_surface_file for each in load_roads(Path("../sub/r.toml"))] == [tmp_path / "sub" / "wet.csv"] * 2
 
 
 @pytest.mark.skipif(os.name != "posix", reason="makes a pipe")

@@ -155,11 +155,19 @@ def test_lists_are_files_patterns_tables_and_sections(examples: Path, tmp_path: 
         ("none.toml", "", "no such file"),
         ("a.toml", "x = 1\n", r"has no \[\[sources\]\]"),
         ("a.toml", '[[sources]]\nname = "a"\nsource = { kind = "sqare" }\n', "did you mean square"),
-        ("a.csv", "name,lumens\n", "column 'lumens'; the columns are name, file"),
-        ("a.csv", "name,flux_lm\n", "no column file"),
-        ("a.csv", "file,flux_lm\nled.ray,many\n", "line 2: flux and share must be numbers"),
-        ("a.csv", "file,flux_lm\nled.ray,1,2\n", "line 2: must have a file"),
+        ("a.csv", "file,lumens\nled.ray,1\n", "line 1: 'lumens'; the columns are file, name"),
+        ("a.csv", "name,flux_lm\na,1\n", "no column file"),
+        ("a.csv", "file,flux_lm,flux_lm\nled.ray,100,900\n", "line 1, column 3: 'flux_lm' is there twice"),
+        ("a.csv", "file,flux_lm\nled.ray,many\n", "line 2, flux_lm: 'many'"),
+        ("a.csv", "file,flux_lm\nled.ray,1,2\n", "line 2: 3 cells, line 1 has 2"),
+        ("a.csv", "file,name\nled.ray,a\n,b\n", "line 3: must have a file"),
+        (
+            "a.csv",
+            f"file\n{'x' * 140_000}\n",
+            "line 2: RayfileSource: file = .*: 140\\d\\d\\d characters, a path has 4096",
+        ),
         ("a.csv", "file,flux_lm\nled.ray,-1\n", "line 2: RayfileSource: flux_lm = -1"),
+        ("a.csv", "file,flux_lm,flux_w\nled.ray,-1,0\n", "line 2: RayfileSource: .*; RayfileSource: "),
         ("a.csv", "file\nnone.ray\n", "no such file"),
     ],
 )
@@ -172,11 +180,70 @@ def test_a_bad_list_is_one_line(name: str, content: str, message: str, tmp_path:
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    ("pattern", "message"),
+    [
+        ("**x/*.ray", "not usable as a pattern"),
+        ("*" * 300, "not usable as a pattern"),
+        ("*/" * 2000, "it has too many parts"),
+        ("**/a/**/b/**", "may stand 2 times"),
+        ("a\0*", "cannot be printed"),
+        ("x" * 300 + "[1].ray", "no file of this pattern"),
+        ("x" * 300, "cannot be read"),
+        ("**/*.many", "more than 100 files; narrow the pattern"),
+        ("~/led.ray", "~ does not stand for the home folder"),
+    ],
+)
+def test_a_pattern_that_is_none_is_one_line(
+    pattern: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for number in range(101):
+        (tmp_path / f"{number}.many").write_bytes(b"")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=message) as raised:
+        read_sources([pattern], SPEC.source)
+    assert str(raised.value).isprintable() and len(str(raised.value)) < 500
+
+
+def test_patterns_name_files_alone_and_what_is_called_like_one_is_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a" / "b.ray").mkdir(parents=True)
+    for name in ("a/c.ray", "a/b.ray/d.ray", "led[1].ray", "led1.ray"):
+        (tmp_path / name).write_bytes(b"")
+    monkeypatch.chdir(tmp_path)
+    for pattern, names in (("led[1].ray", ["led_1"]), ("led?.ray", ["led1"]), ("**/**/**/[b-d].ray", ["d", "c"])):
+        assert [led.name for led in read_sources([pattern], SPEC.source)] == names
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"file\rl0.ray\rl1.ray", "\ufefffile;flux (lm)\r\nl0.ray;100,5\r\nl1.ray;\r\n".encode("utf-16")],
+    ids=["Macintosh", "German Excel"],
+)
+def test_tables_of_other_programs_are_read(content: bytes, tmp_path: Path) -> None:
+    for name in ("l0.ray", "l1.ray"):
+        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "T.CSV").write_bytes(content)
+    own = lf.SquareSource(side_mm=1.0, flux_w=0.5)
+    first, second = read_sources([tmp_path / "T.CSV"], own)
+    assert (first.name, second.name, second.source.flux_w, second.source.flux_lm) == ("l0", "l1", 0.5, None)
+    stated = (None, 100.5) if b"f\0l\0u\0x" in content else (0.5, None)
+    assert (first.source.flux_w, first.source.flux_lm) == stated
+
+
 def test_leds_need_names_of_their_own() -> None:
     with pytest.raises(InputError, match="two have the name 'small'"):
         require_told_apart([SPEC.sources[0]] * 2)
-    with pytest.raises(InputError, match="takes two or more"):
+    with pytest.raises(InputError, match="small given; a study of LEDs takes 2 to 100"):
         require_told_apart(SPEC.sources[:1])
+    capital, common = (SPEC.sources[0].model_copy(update={"name": name}) for name in ("SMALL", "One_for_all"))
+    with pytest.raises(InputError, match="'small' and 'SMALL' differ by letter case alone"):
+        require_told_apart([*SPEC.sources, capital])
+    with pytest.raises(InputError, match="One_for_all is the name of the design for all of them; rename the LED"):
+        sources_of([*SPEC.sources, common], SPEC).variants(SPEC)
+    with pytest.raises(InputError, match="101 given"):
+        require_told_apart([SPEC.sources[0].model_copy(update={"name": f"led{number}"}) for number in range(101)])
     with pytest.raises(InputError, match="field, values or scale, and source"):
         lf.sweep(SPEC, "constraints.max_radius_mm", [7.0, 8.0], source=SPEC.sources)
     with pytest.raises(InputError, match="a list of sources"):
@@ -187,6 +254,7 @@ def test_leds_need_names_of_their_own() -> None:
     ("changes", "message"),
     [
         ({"sources": [LEDS[0], LEDS[0]]}, "two have the name 'small'"),
+        ({"sources": [*LEDS, {**LEDS[0], "name": "Wide"}]}, "'wide' and 'Wide' differ by letter case alone"),
         ({"sources": LEDS, "source": LEDS[1]["source"]}, "source and sources: both are given"),
     ],
 )
@@ -279,6 +347,9 @@ def test_a_change_of_the_led_is_compared_with_a_lens_made_for_it(
     assert ended.code == 0 and content["renewed"]["folder"] == "old-led" and asked == [("small-small", source)]
     before, after = content["evaluate_led"]["efficiency"], content["renewed"]["evaluate"]["efficiency"]
     assert before["value"] != after["value"] and lf.load("old-led").light.efficiency.value == after["value"]
+    other = lensforge("evaluate", "old", "--source", source, "--compare")
+    assert other.code == 2 and "old-led: holds a lens for another LED" in other.stderr
+    shutil.rmtree("old-led")
     shown = lensforge("evaluate", "old", "--source", source, "--compare")
     assert "A lens made for it, in old-led" in shown.stdout
     bad = lensforge("evaluate", "old", "--compare")

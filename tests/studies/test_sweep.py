@@ -8,6 +8,7 @@ from PIL import Image
 from scenes import small_spec
 from undrawn import undrawn
 
+import lensforge as lf
 from lensforge import build, check, design, evaluate
 from lensforge.errors import InputError
 from lensforge.report.results import Results
@@ -174,6 +175,31 @@ def test_bad_variations_are_one_line(text, scaled, message, tmp_path):
 
 
 @pytest.mark.nightly("a sweep of its own")
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ("14.0000001,8,14.0000002", "14.0000001 and 14.0000002: both designs would go to the folder small-14"),
+        ("1e6,1000000.1", "1000000.0 and 1000000.1: both designs would go to the folder small-1e06"),
+    ],
+)
+def test_values_whose_designs_would_share_a_folder_are_refused_before_the_first(values, words, tmp_path):
+    variation = parse_variation(f"constraints.max_radius_mm={values}")
+    with pytest.raises(InputError, match=words):
+        run_sweep(SPEC, variation, tmp_path, pytest.fail, **SETTINGS)
+    with pytest.raises(InputError, match=words):
+        lf.sweep(SPEC, variation.field, variation.values)
+    assert not list(tmp_path.iterdir())
+    kept = parse_variation("constraints.max_radius_mm=14.0001,14.0002,8").variants(SPEC.replace({"name": "a"}))
+    assert [each.spec.name for each in kept] == ["a-8", "a-14_0001", "a-14_0002"]
+
+
+def test_a_value_never_replaces_the_design_of_another_that_is_finished(swept):
+    folder, _ = swept
+    variation = parse_variation("constraints.max_radius_mm=6.5000001,9", SCALED)
+    with pytest.raises(InputError, match=r"small-6_5: holds the design of 6.5, that of 6.5000001 would go there"):
+        run_sweep(SPEC, variation, folder, pytest.fail, resume=True, **SETTINGS)
+
+
 def test_criteria_are_named_by_their_design(tmp_path):
     def whole(spec, folder, resume) -> None:
         Designer()(spec, folder, resume)

@@ -106,9 +106,14 @@ def test_a_measured_source_has_no_more_rays_than_its_file():
     assert tradeoff_study.ray_counts(2**16, Measured()) == (4096, 5000)
 
 
-def test_the_lens_of_another_scene_is_refused(folder):
-    other = small_spec(base={"kind": "none"}, target__width_mm=140.0)
-    with pytest.raises(InputError, match=r"another \[target\]"):
+@pytest.mark.parametrize(
+    ("changes", "section"),
+    [({"target__width_mm": 140.0}, "target"), ({"constraints__min_thickness_mm": 0.9}, "constraints"),
+     ({"limits": [{"kind": "points", "unit": "relative", "at_mm": [[0.0, 0.0]], "at_least": 0.1}]}, "limits")],
+)  # fmt: skip
+def test_the_lens_of_another_scene_is_refused(folder, changes, section):
+    other = small_spec(base={"kind": "none"}, **changes)
+    with pytest.raises(InputError, match=rf"another \[{section}\]"):
         run_tradeoff(other, folder)
 
 

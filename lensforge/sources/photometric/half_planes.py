@@ -80,22 +80,24 @@ def require_angles(planes_deg: Float[np.ndarray, " c"], angles_deg: Float[np.nda
             raise InputError(f"{name}: its angles must rise, by {_FINEST_DEG:g} degrees or more; export it again")
 
 
-def not_below_zero(candela: Float[np.ndarray, "c g"], name: str) -> tuple[Float[np.ndarray, "c g"], tuple[str, ...]]:
-    """Intensities with the noise below 0 taken as 0, and the warning that says so.
+def not_below_zero(
+    candela: Float[np.ndarray, "c g"], name: str, quantity: str = "intensities", unit: str = " cd"
+) -> tuple[Float[np.ndarray, "c g"], tuple[str, ...]]:
+    """Intensities, or another ``quantity``, with the noise below 0 taken as 0, and the warning that says so.
 
     Raises :class:`InputError` where one is below 0 by more than a hundredth of the largest, or none is above 0.
     """
     least, largest = float(candela.min()), float(candela.max())
     if not (SMALLEST < largest < HUGE and least >= -_MOST_BELOW_ZERO * largest):
         raise InputError(
-            f"{name}: intensities from {least:g} to {largest:g} cd must lie within 0 and {HUGE:g} cd, not all 0 "
+            f"{name}: {quantity} from {least:g} to {largest:g}{unit} must lie within 0 and {HUGE:g}{unit}, not all 0 "
             f"(noise down to -{_MOST_BELOW_ZERO:g} of the largest is taken as 0); export it again"
         )
     below = candela < 0.0
     if not below.any():
         return candela, ()
     warning = (
-        f"{np.count_nonzero(below)} of {candela.size} intensities are below 0, the least {least:.3g} cd "
+        f"{np.count_nonzero(below)} of {candela.size} {quantity} are below 0, the least {least:.3g}{unit} "
         f"({-least / largest:.2g} of the largest): taken as 0"
     )
     return np.maximum(candela, 0.0), (warning,)

@@ -149,7 +149,7 @@ def _decode_text(image: FileImage) -> RayFile:
     coloured = _choice(image, header, "lt_color_info", _COLOUR)
     mm_per_unit = _choice(image, header, "lt_length_units", _MM_PER_UNIT)
     end = image.size - len(ending[2]) - len(_END)
-    rows = parse_rows(image, len(head) + len(_START), end, first_line=head.count(b"\n") + 2)
+    rows = parse_rows(image, len(head) + len(_START), end, first_line=head.count(b"\n") + 1)
     expected = 7 - 3 * far_field + coloured
     if rows.shape[1] != expected:
         raise image.refuse(f"rows of {rows.shape[1]} numbers, its header announces {expected}; export it again")

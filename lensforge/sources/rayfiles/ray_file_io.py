@@ -11,8 +11,15 @@ from lensforge.errors import InputError
 from lensforge.results import Count, Record, Text
 from lensforge.results.files import replacing
 from lensforge.sources.rayfiles import asap, csv_table, lighttools, speos, tm25, zemax
-from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile
-from lensforge.sources.rayfiles.ray_file_rows import HEAD_BYTES, FileImage, release_pages, scaled
+from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile, column_product
+from lensforge.sources.rayfiles.ray_file_rows import (
+    HEAD_BYTES,
+    FileImage,
+    as_float64,
+    as_plain_text,
+    release_pages,
+    scaled,
+)
 from lensforge.sources.rayfiles.zemax import NM_PER_MICRON
 
 FORMATS: Mapping[str, Format] = {
@@ -43,19 +50,20 @@ def is_rayfile(path: Path) -> bool:
         image = FileImage.open(path)
     except InputError:
         return False
-    return _matching(image) is not None
+    return _matching(as_plain_text(image)) is not None
 
 
 def decode(image: FileImage) -> RayFile:
     """Decode a mapped file, whatever its format."""
-    layout = _matching(image)
+    text = as_plain_text(image)
+    layout = _matching(text)
     if layout is None:
         titles = ", ".join(entry.title for entry in FORMATS.values())
         raise image.refuse(
             f"its content is none of the known formats ({titles}); the layouts of other programs are not public: "
             "export TM-25 (.tm25ray), LightTools or Zemax from there"
         )
-    rayfile = replace(_in_nanometres(layout.decode(image)), path=str(image.path))
+    rayfile = _with_checked_directions(replace(_in_nanometres(layout.decode(text)), path=str(image.path)))
     object.__setattr__(rayfile, "verbatim", image.data)
     return rayfile
 
@@ -171,3 +179,26 @@ def _in_nanometres(rayfile: RayFile) -> RayFile:
             for table in tables
         ]
     return replace(rayfile, wavelengths_nm=waves, header=header, warnings=tuple(warnings))
+
+
+_UNIT_LENGTH = 0.01  # error of a direction's length: two digits of its cosines
+_VECTORS = 0.1, 10.0  # typical lengths beyond this, and not all the same, are of angles in degrees, or of no vectors
+
+
+def _with_checked_directions(rayfile: RayFile) -> RayFile:
+    """The rays, with a warning where their directions are not of length 1, by some of them.
+
+    Raises :class:`InputError` for numbers that can be no direction cosines, such as angles in degrees.
+    """
+    cosines = as_float64(rayfile.directions[:: max(1, len(rayfile) // _SAMPLE)])
+    with np.errstate(invalid="ignore", over="ignore"):
+        lengths = np.sqrt(column_product(cosines, cosines))
+    lengths = lengths[(lengths > 0.0) & (lengths < np.inf)]
+    if not len(lengths) or np.mean(np.abs(lengths - 1.0) > _UNIT_LENGTH) <= _UNIT_LENGTH:
+        return rayfile
+    low, typical, high = np.quantile(lengths, (0.01, 0.5, 0.99))
+    words = f"its direction cosines have lengths of {low:.4g} to {high:.4g}, must be 1"
+    alike = high - low < _UNIT_LENGTH * typical
+    if not (alike or _VECTORS[0] <= typical <= _VECTORS[1]):
+        raise InputError(f"{rayfile.path}: {words}: are they angles? Export direction cosines")
+    return replace(rayfile, warnings=(*rayfile.warnings, f"{words}: taken for the directions of such vectors"))

@@ -6,6 +6,7 @@ Text is written with enough digits to read back the same.
 import io
 import mmap
 import struct
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,8 @@ from jaxtyping import Float, UInt8
 
 from lensforge.errors import InputError
 from lensforge.results.files import require_regular_file
-from lensforge.results.validation import unquoted
+from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of
+from lensforge.results.text_table import TextTable
 
 HEAD_BYTES = 2**14  # what tells the format of a file, and holds the header of a text
 CHUNK_ROWS = 2**18  # rays handled at a time: bounds the memory whatever the size of the file
@@ -177,6 +179,22 @@ def _owner(array: np.ndarray | None) -> object:
 
 
 _BLOCK = 2**24  # bytes of text parsed at a time
+BLANKS = Dialect(" ")  # of numbers with decimal points
+_LEAST_IN_TEXT = 9  # no byte of a text is below a tab
+_UTF_16 = 0.9  # share of zeros in its upper bytes
+
+
+def as_plain_text(image: FileImage) -> FileImage:
+    """A text in UTF-16, or with the line ends of an old Macintosh, as others are; any other file as it is."""
+    head = image.part(0, HEAD_BYTES)
+    utf_16 = any(
+        upper.count(0) > _UTF_16 * len(upper) and min(lower, default=0) >= _LEAST_IN_TEXT
+        for upper, lower in ((head[3::2], head[2::2]), (head[2::2], head[3::2]))  # behind a mark, if it has one
+    )
+    if not utf_16 and (min(head, default=0) < _LEAST_IN_TEXT or b"\r" not in head or b"\n" in head):
+        return image
+    text = decoded_text(image.part(0, image.size), str(image.path)).replace("\r\n", "\n").replace("\r", "\n")
+    return FileImage(image.path, np.frombuffer(f"{text}\n".encode(), dtype=np.uint8))
 
 
 def parse_rows(
@@ -184,7 +202,7 @@ def parse_rows(
     begin: int,
     end: int,
     first_line: int,
-    delimiter: str | None = None,
+    dialect: Dialect = BLANKS,
     columns: Sequence[int] | None = None,
     width: int | None = None,
 ) -> Float[np.ndarray, "n columns"]:
@@ -192,7 +210,7 @@ def parse_rows(
 
     Block by block. ``columns``: those to keep, in their order, of ``width``.
     """
-    blocks = _parsed(image, begin, end, first_line, delimiter, width)
+    blocks = _parsed(image, begin, end, first_line, dialect, width)
     if columns is not None:
         blocks = (block[:, columns] for block in blocks)
     every = list(blocks)
@@ -204,7 +222,7 @@ def parse_rows(
 
 
 def _parsed(
-    image: FileImage, begin: int, end: int, line: int, delimiter: str | None, width: int | None
+    image: FileImage, begin: int, end: int, line: int, dialect: Dialect, width: int | None
 ) -> Iterator[Float[np.ndarray, "n columns"]]:
     while begin < end:
         body = image.part(begin, min(begin + _BLOCK, end))
@@ -212,8 +230,8 @@ def _parsed(
             body = body[: body.rfind(b"\n") + 1]
         if not body:
             raise image.refuse(f"line {line} has more than {_BLOCK} bytes: no rays; export it again")
-        if body.strip():
-            rows = _numbers(image, body, line, delimiter)
+        rows = _numbers(image, body, line, dialect) if body.strip() else None
+        if rows is not None:
             width = width or rows.shape[1]
             if rows.shape[1] != width:
                 raise image.refuse(f"line {line}: {rows.shape[1]} numbers, {width} expected; export it again")
@@ -222,14 +240,24 @@ def _parsed(
         release_pages(image.data)
 
 
-def _numbers(image: FileImage, body: bytes, line: int, delimiter: str | None) -> Float[np.ndarray, "n columns"]:
-    try:
-        rows: Float[np.ndarray, "n columns"] = np.loadtxt(
-            io.BytesIO(body), ndmin=2, comments=None, delimiter=delimiter, encoding="latin-1"
-        )
-    except ValueError as error:
-        raise image.refuse(f"rows from line {line} on cannot be read as numbers ({unquoted(error)})") from None
-    return rows
+_COMMAS_TO_POINTS = bytes.maketrans(b",", b".")
+
+
+def _numbers(image: FileImage, body: bytes, line: int, dialect: Dialect) -> Float[np.ndarray, "n columns"] | None:
+    """Numbers of a block, read as the one reader of tables does where it is not numbers alone; None for none."""
+    plain = body.translate(_COMMAS_TO_POINTS) if dialect.decimal == "," else body
+    delimiter = None if dialect.separator == " " else dialect.separator
+    if dialect.decimal == "." or b"." not in body:
+        try:
+            rows: Float[np.ndarray, "n columns"] = np.loadtxt(
+                io.BytesIO(plain), ndmin=2, comments=None, delimiter=delimiter, encoding="latin-1"
+            )
+        except ValueError:
+            pass
+        else:
+            return rows
+    lines = [Line(line + each.number - 1, each.text) for each in lines_of(body.decode("latin-1"))]
+    return TextTable(str(image.path), (), lines, dialect).numbers() if lines else None
 
 
 def cut_warnings(image: FileImage) -> tuple[str, ...]:
@@ -248,11 +276,11 @@ def print_rows(*columns: Float[np.ndarray, "n ..."] | None, delimiter: str = " "
     return "".join(line % tuple(row) for row in rows.tolist()).encode("ascii")
 
 
-def numbers(line: str) -> list[float] | None:
-    """The numbers of one line separated by blanks, or None if any word is not a number."""
+def numbers(line: str, dialect: Dialect = BLANKS) -> list[float] | None:
+    """The numbers of one line, by default separated by blanks, or None if any word is not a number."""
     try:
-        return [float(word) for word in line.split()]
-    except ValueError:
+        return [dialect.number(word) for word in dialect.cells(Line(1, line), "")] if line.strip() else None
+    except (ValueError, InputError):
         return None
 
 
@@ -261,19 +289,34 @@ def is_counted_text(head: bytes, counts: tuple[int, int], widths: Sequence[int])
 
     ``counts``: fewest and most numbers of the first line, ``widths``: numbers that a ray may have.
     """
-    lines = head.decode("latin-1").split("\n")
-    if any(byte < 9 for byte in head) or len(lines) < 2:
+    if min(head, default=0) < _LEAST_IN_TEXT or b"\n" not in head:
         return False
-    first, ray = numbers(lines[0]) or [], numbers(lines[1]) or []
+    first, ray, dialect = _counted(head)
     whole = all(number.is_integer() for number in first)
-    return counts[0] <= len(first) <= counts[1] and whole and first[0] >= 1.0 and len(ray) in widths
+    return (
+        counts[0] <= len(first) <= counts[1]
+        and whole
+        and first[0] >= 1.0
+        and len(numbers(ray, dialect) or []) in widths
+    )
+
+
+def _counted(head: bytes) -> tuple[list[float], str, Dialect]:
+    """Numbers of the first line, the second line, and how its numbers are written."""
+    first, ray = head.decode("latin-1").split("\n")[:2]
+    with warnings.catch_warnings(action="ignore"):  # said once, by who reads the file
+        try:
+            dialect, counts = Dialect.of([Line(2, ray)], ""), Dialect.of([Line(1, first)], "")
+        except InputError:
+            dialect = counts = BLANKS
+    return numbers(first, counts) or [0.5], ray, dialect
 
 
 def counted_rows(image: FileImage, widths: tuple[int, int]) -> tuple[list[float], Float[np.ndarray, "n columns"]]:
     """Numbers of the first line, and the rows below it, as many as its first number promises."""
-    line = image.part(0, HEAD_BYTES).partition(b"\n")[0]
-    first = numbers(line.decode("latin-1")) or [0.0]
-    rows = parse_rows(image, len(line) + 1, image.size, first_line=2)
+    head = image.part(0, HEAD_BYTES)
+    first, _, dialect = _counted(head)
+    rows = parse_rows(image, head.index(b"\n") + 1, image.size, 2, dialect)
     if rows.shape[1] not in widths:
         raise image.refuse(f"line 2: {rows.shape[1]} numbers, a ray has {widths[0]} or {widths[1]}; export it again")
     if len(rows) != first[0]:

@@ -1,0 +1,373 @@
+"""Tables in text files: numbers in rows, columns by their names and units, and lists of things.
+
+One reader for spectra, coatings, targets, points, roads, materials, lists of LEDs, and the names of rays. Its numbers
+are read by ``numpy.loadtxt``, which is there already, reads numbers alone, and refuses rows of other lengths: polars
+and pandas read four times as fast, but weigh 180 and 84 MB, fill up short rows without a word, and name no line. What
+it cannot read is read cell by cell, with line and column in the refusal.
+"""
+
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import isnan, nan
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import FileWarning, InputError
+from lensforge.results.files import read_file
+from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of, shown
+
+# A row of numbers begins with one, perhaps behind empty cells, or with a word for none.
+_ROW = re.compile(r"[\s;,\"']*(?:[-+−]?[.,]?\d|(?:[-+]?(?:nan|inf)|n/?a)\b)", re.IGNORECASE)
+_NAMED_ROW = re.compile(r".*?[\s;,\"'][-+−]?[.,]?\d")
+_STATED = re.compile(r"sep=(.)$", re.IGNORECASE)
+_MOST_SHOWN = 12  # names in a message
+_MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column that a table may have, by its ``names`` in lower case, of which the first is ours.
+
+    ``units``: their factors to the first, ours; "" where a header may leave it out; None where any will do. ``needed``:
+    False where a table may lack it. ``words``: of a list, which holds no numbers there.
+    """
+
+    names: tuple[str, ...]
+    units: Mapping[str, float] | None = field(default_factory=lambda: {"": 1.0})
+    needed: bool = True
+    words: bool = False
+
+    @property
+    def title(self) -> str:
+        """Its name and unit as our own tables have them."""
+        return "_".join(filter(None, (self.names[0], next(iter(self.units or ()), ""))))
+
+    def factor_of(self, cell: str) -> float | None:
+        """The factor of the unit in ``cell``, NaN for one that is not known; None where it names another column."""
+        parts = _UNIT.fullmatch(cell.strip())
+        stem, unit = (parts[1], next(filter(None, parts.groups()[1:]), "")) if parts else (cell, "")
+        names, units = [_plain(name) for name in self.names], self.units
+        if _plain(stem) in names:
+            return 1.0 if units is None else units.get(_spelt(unit), nan)
+        joined = {name + _plain(each): factor for each, factor in (units or {}).items() for name in names}
+        return joined.get(_plain(cell))
+
+
+_UNIT = re.compile(r"(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])]|/\s*([^\s/]+)|\bin\s+([^\s/]+))$")
+_NAME = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")
+
+
+def _spelt(text: str) -> str:
+    return text.lower().replace("µ", "u").replace("μ", "u").replace("°", "deg").strip()
+
+
+def _plain(text: str) -> str:
+    return "".join(mark for mark in _spelt(text) if mark.isalnum())
+
+
+@dataclass(frozen=True, eq=False)
+class TextTable:
+    """Rows of the file ``name``, with the lines of words before them as its ``header``.
+
+    ``count``: the number of rows that the file announces, alone in the line before the first; None where it does not.
+    """
+
+    name: str
+    header: Sequence[Line]
+    rows: Sequence[Line]
+    dialect: Dialect
+    count: int | None = None
+
+    @staticmethod
+    def read(path: Path | str, *, missing: str, most_bytes: int, counted: bool = False) -> "TextTable":
+        """Read the table at ``path``, of at most ``most_bytes``; ``missing``: the remedy where there is none.
+
+        ``counted``: a whole number alone before the rows says how many they are.
+        Raises :class:`InputError`, one line, for a file without rows of numbers.
+        """
+        return TextTable.of(read_file(path, missing=missing, most_bytes=most_bytes), str(path), counted=counted)
+
+    @staticmethod
+    def of(content: bytes | str, name: str, *, counted: bool = False) -> "TextTable":
+        """The table in the ``content`` of the file ``name``; else as :meth:`read`."""
+        lines, separator = _stated_separator(content, name)
+        begin = _first_row(lines)
+        count = _announced(lines[begin : begin + 2]) if counted else None
+        rows = lines[begin + (count is not None) :]
+        if not rows:
+            first = f"; line {lines[0].number} begins with {shown(lines[0].text)}" if lines else ""
+            raise InputError(f"{name}: has no row of numbers{first}")
+        if count not in (None, len(rows)):
+            raise InputError(
+                f"{name}, line {lines[begin].number}: {count} rows announced, {len(rows)} found; export it again"
+            )
+        return TextTable(name, lines[:begin], rows, Dialect.of(rows, name, separator), count)
+
+    def refuse(self, row: int, column: int | None, words: str) -> InputError:
+        """The error at a row and a column, counted from 0."""
+        place = "" if column is None else f", column {column + 1}"
+        return InputError(f"{self.name}, line {self.rows[row].number}{place}: {words}")
+
+    @cached_property
+    def cells(self) -> list[list[str]]:
+        """Cells of all rows; without columns at their end that are blank in all of them."""
+        rows = [self.dialect.cells(line, self.name) for line in self.rows]
+        width = max(max((place for place, cell in enumerate(row, start=1) if cell), default=0) for row in rows)
+        return [row[:width] for row in rows]
+
+    def numbers(
+        self, *, used: Sequence[int] | None = None, blank: float | None = None, further: bool = False
+    ) -> Float[np.ndarray, "n c"]:
+        """Finite numbers of rows of one length; ``used``: of these columns alone, in their order, from 0.
+
+        ``blank``: taken for a cell that is empty or missing. ``further``: rows may have any cells behind those used.
+        Raises :class:`InputError` with line and column.
+        """
+        table = self._plain(used) if used is None or further or self._is_even() else None
+        if table is None:
+            rows = [self._row(place, used, blank, further) for place in range(len(self.rows))]
+            table = np.array(rows, dtype=np.float64).reshape(len(rows), -1)
+        elif not np.isfinite(table).all():
+            row, column = np.argwhere(~np.isfinite(table))[0]
+            place = column if used is None else used[column]
+            raise self.refuse(row, place, f"{shown(self.cells[row][place])} is not a finite number")
+        return table
+
+    def _plain(self, used: Sequence[int] | None) -> Float[np.ndarray, "n c"] | None:
+        """The numbers where no cell needs a second look, else None."""
+        lines = [line.text for line in self.rows]
+        if self.dialect.decimal == ",":
+            if any("." in line for line in lines):
+                return None
+            lines = [line.replace(",", ".") for line in lines]
+        delimiter = None if self.dialect.separator == " " else self.dialect.separator
+        try:
+            table: Float[np.ndarray, "n c"] = np.loadtxt(
+                lines, comments=None, delimiter=delimiter, ndmin=2, usecols=used
+            )
+        except ValueError:
+            return None
+        return table
+
+    def _is_even(self) -> bool:
+        """True where all rows have as many cells, as far as their separators tell."""
+        mark = self.dialect.separator
+        counts = (len(line.text.split()) if mark == " " else line.text.count(mark) for line in self.rows)
+        return len(set(counts)) == 1
+
+    def _row(self, place: int, used: Sequence[int] | None, blank: float | None, further: bool) -> list[float]:
+        cells, width = self.cells[place], self.width
+        if blank is not None:
+            width = max(map(len, self.cells))
+            cells = cells + [""] * (width - len(cells))
+        if len(cells) != width and not (further and used is not None and len(cells) > max(used)):
+            first = self.rows[0].number
+            raise self.refuse(place, None, f"{len(cells)} cells, line {first} has {width}{self.advice}")
+        columns = range(width) if used is None else used
+        return [blank if blank is not None and not cells[at] else self.number(place, at) for at in columns]
+
+    @cached_property
+    def width(self) -> int:
+        """Cells of the first row."""
+        return len(self.cells[0])
+
+    def number(self, row: int, column: int) -> float:
+        """The finite number of a cell. Raises :class:`InputError` for what is none."""
+        try:
+            return self.dialect.number(self.cells[row][column])
+        except ValueError as error:
+            raise self.refuse(row, column, f"{error}{self.advice}") from None
+
+    @property
+    def advice(self) -> str:
+        """Words on how the table was read, to end a message."""
+        marks = _MARKS.get(self.dialect.separator, shown(self.dialect.separator))
+        decimal = "points" if self.dialect.decimal == "." else "commas"
+        return f"; {marks} separate its cells, numbers have decimal {decimal}"
+
+    def columns(self, wanted: Sequence[Column], *, further: bool = False) -> Float[np.ndarray, "n k"]:
+        """The ``wanted`` columns in their order and units, by the names in the header, where it has none by place.
+
+        NaN in one that is not needed and not there. ``further``: without names there may be more. Raises
+        :class:`InputError` for a column that is missing or there twice, and for a unit that is not known; a
+        :class:`FileWarning` says where names are not known.
+        """
+        names = self._names(wanted, further)
+        if names is None:
+            least, width = sum(column.needed for column in wanted), self.width
+            if not least <= width or (width > len(wanted) and not further):
+                titles = ", ".join(column.title for column in wanted)
+                raise self.refuse(0, None, f"{width} cells, must be {titles}{self.advice}")
+            names = {at: (at, 1.0) for at in range(min(width, len(wanted)))}
+        if further and self.width > len(wanted):
+            self._require_points()
+        found = self.numbers(used=[place for place, _ in names.values()], further=further)
+        table = np.full((len(self.rows), len(wanted)), np.nan)
+        for (at, (_, factor)), column in zip(names.items(), found.T, strict=True):
+            table[:, at] = factor * column
+        return table
+
+    def _names(self, wanted: Sequence[Column], further: bool) -> dict[int, tuple[int, float]] | None:
+        """Places and factors of the ``wanted`` by the last line of the header; None where it has no names."""
+        if not self.header:
+            return None
+        line = self.header[-1]
+        cells = header_cells(line, self.dialect, self.name)
+        self._require_words(line, cells)
+        where = f"{self.name}, line {line.number}"
+        found = named_columns(cells, wanted, where)
+        if not found:
+            if self.dialect.separator != " " and len(cells) == self.width:
+                titles = ", ".join(column.title for column in wanted[: self.width])
+                words = f"{where}: its names are not known: its columns are taken as {titles}"
+                warnings.warn(words, FileWarning, stacklevel=1)
+            return None
+        if len(cells) != self.width and not (further and len(cells) < self.width):
+            raise InputError(
+                f"{where}: {len(cells)} names, line {self.rows[0].number} has {self.width} cells{self.advice}"
+            )
+        missing = [at for at, column in enumerate(wanted) if column.needed and at not in found]
+        others = [place for place in range(len(cells)) if place not in {at for at, _ in found.values()}]
+        if len(missing) == len(others) == 1:  # the one name that is not known can only be that of the other column
+            return {**found, missing[0]: (others[0], 1.0)}
+        require_columns(found, cells, wanted, where)
+        return found
+
+    def _require_points(self) -> None:
+        """Refuse commas that may be decimal signs, where nobody knows how many columns there should be."""
+        if self.dialect.separator == "," and not any("." in line.text for line in self.rows):
+            words = "separate the numbers by semicolons, or write decimal points"
+            raise self.refuse(0, None, f"commas between numbers and in them cannot be told apart; {words}")
+
+    def _require_words(self, line: Line, cells: Sequence[str]) -> None:
+        """Refuse a damaged first row: it would be lost as a header."""
+        words = [cell for cell in cells if not self._is_number(cell)]
+        if len(cells) > len(words) == 1 and re.search(r"\d", words[0]):
+            column = list(cells).index(words[0]) + 1
+            raise InputError(f"{self.name}, line {line.number}, column {column}: {shown(words[0])} is no number")
+
+    def _is_number(self, cell: str) -> bool:
+        try:
+            self.dialect.number(cell)
+        except ValueError:
+            return False
+        return True
+
+
+def _stated_separator(
+    content: bytes | str, name: str, *, comments_behind: bool = True
+) -> tuple[list[Line], str | None]:
+    """Lines of a table, and the separator that a first line ``sep=`` states."""
+    text = decoded_text(content, name) if isinstance(content, bytes) else content
+    lines = lines_of(text, comments_behind=comments_behind)
+    stated = _STATED.match(lines[0].text) if lines else None
+    return (lines[1:], stated[1]) if stated else (lines, None)
+
+
+def _first_row(lines: Sequence[Line]) -> int:
+    """Place of the first line that begins with a number, or, where none does, that has one behind a name."""
+    for pattern in (_ROW, _NAMED_ROW):
+        for place, line in enumerate(lines):
+            if pattern.match(line.text):
+                return place
+    return len(lines)
+
+
+def _announced(lines: Sequence[Line]) -> int | None:
+    """The whole number that stands alone before rows of more."""
+    alone = re.fullmatch(r"0*(\d{1,9})", lines[0].text.strip()) if lines else None
+    return int(alone[1]) if alone and (len(lines) == 1 or len(re.split(r"[\s;,]+", lines[1].text)) > 1) else None
+
+
+def header_cells(line: Line, dialect: Dialect, name: str) -> list[str]:
+    """Names in a line of them: separated as the rows are, or otherwise."""
+    for separator in (dialect.separator.strip(" "), ";", "\t", ","):
+        if separator and separator in line.text:
+            cells = Dialect(separator).cells(line, name)
+            return cells[: max((place for place, cell in enumerate(cells, start=1) if cell), default=0)]
+    return _NAME.findall(line.text) if dialect.separator == " " else [line.text.strip()]
+
+
+def named_columns(cells: Sequence[str], wanted: Sequence[Column], where: str) -> dict[int, tuple[int, float]]:
+    """Place and factor of each of the ``wanted``, by its number, that ``cells`` name; ``where``: in errors."""
+    found: dict[int, tuple[int, float]] = {}
+    for place, cell in enumerate(cells):
+        here = f"{where}, column {place + 1}: {shown(cell)}"
+        if cell and _plain(cell) in map(_plain, cells[:place]):
+            raise InputError(f"{here} is there twice; leave out one")
+        known = {at: factor for at, column in enumerate(wanted) if (factor := column.factor_of(cell)) is not None}
+        fitting = {at: factor for at, factor in known.items() if not isnan(factor)}
+        if known and not fitting:
+            units = ", ".join(unit for at in known for unit in wanted[at].units or () if unit)
+            raise InputError(f"{here}: its unit must be one of {units}")
+        for at, factor in list(fitting.items())[:1]:
+            if at in found:
+                raise InputError(f"{here}: a second column {wanted[at].title}; leave out one")
+            found[at] = (place, factor)
+    return found
+
+
+def require_columns(
+    found: Mapping[int, tuple[int, float]], cells: Sequence[str], wanted: Sequence[Column], where: str
+) -> None:
+    """Raise :class:`InputError` for a needed column that is not ``found`` among ``cells``; ``where``: in the error."""
+    missing = [column.title for at, column in enumerate(wanted) if column.needed and at not in found]
+    if missing:
+        raise InputError(f"{where}: no column {missing[0]}; found {', '.join(map(shown, cells[:_MOST_SHOWN]))}")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A row of a list of things: its ``words`` by the titles of their columns, those that are not empty."""
+
+    where: str
+    words: Mapping[str, str]
+    dialect: Dialect
+
+    def number(self, title: str) -> float | None:
+        """The finite number under ``title``; None where there is none. Raises :class:`InputError` for a word."""
+        word = self.words.get(title)
+        if word is None:
+            return None
+        try:
+            return self.dialect.number(word)
+        except ValueError as error:
+            raise InputError(f"{self.where}, {title}: {error}") from None
+
+
+def read_list(path: Path, wanted: Sequence[Column], *, missing: str, most_bytes: int) -> list[Entry]:
+    """Things in the rows below a line of names; ``missing``: the remedy where there is no file.
+
+    Names are words; what follows a # in a row belongs to it. Raises :class:`InputError` with line and column for
+    columns that are missing, there twice or not among the ``wanted``, and for rows of other lengths.
+    """
+    name = str(path)
+    content = read_file(path, missing=missing, most_bytes=most_bytes)
+    lines, separator = _stated_separator(content, name, comments_behind=False)
+    titles = ", ".join(column.title for column in wanted)
+    if len(lines) < 2:
+        raise InputError(f"{name}: must have a line of names, of {titles}, and rows below it")
+    marks = (separator or "", ";", "\t", ",")
+    dialect = Dialect(next((mark for mark in marks if mark and mark in lines[0].text), " "))
+    where, cells = f"{name}, line {lines[0].number}", dialect.cells(lines[0], name)
+    found = named_columns(cells, wanted, where)
+    wrong = [shown(cell) for place, cell in enumerate(cells) if place not in {at for at, _ in found.values()} and cell]
+    wrong += [f"no column {column.title}" for at, column in enumerate(wanted) if column.needed and at not in found]
+    if wrong:
+        raise InputError(f"{where}: {wrong[0]}; the columns are {titles}")
+    rows = [(line, dialect.cells(line, name)) for line in lines[1:]]
+    for line, row in rows:
+        if len(row) != len(cells):
+            raise InputError(f"{name}, line {line.number}: {len(row)} cells, line {lines[0].number} has {len(cells)}")
+    numeric = [place for at, (place, _) in found.items() if not wanted[at].words]
+    signs = dialect.with_signs_of("\n".join(row[place] for _, row in rows for place in numeric), name)
+    named = {wanted[at].title: place for at, (place, _) in found.items()}
+    return [
+        Entry(f"{name}, line {line.number}", {title: row[at] for title, at in named.items() if row[at]}, signs)
+        for line, row in rows
+    ]
