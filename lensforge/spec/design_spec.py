@@ -39,7 +39,7 @@ from lensforge.spec.receiver_sections import (
 from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource, SourceSpec
-from lensforge.spec.spec_files import alike, changed, plain, read_toml, short, unusable_files
+from lensforge.spec.spec_files import NamedFrom, alike, changed, plain, read_toml, short
 from lensforge.spec.spec_section import Section, check, section_of
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
 
@@ -195,9 +195,8 @@ class Spec(Section):
         if not missing:
             return
         kind = next(each.kind for each in self.each_source if source_extent(each) is None)
-        absent = [each for source in self.each_source for each in unusable_files(source)]  # what the rest follows from
         needed = f"{missing}: missing: room for the LED, which a source of kind {kind!r} does not state; give it"
-        raise ValueError("; ".join([*absent, f"{needed} (`lensforge new` measures it in a ray file)"]))
+        raise ValueError(f"{needed} (`lensforge new` measures it in a ray file)")
 
     @check
     def _sections_fit_together(self) -> None:
@@ -352,12 +351,12 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
     content.setdefault("name", path.stem)
-    return parse_spec(content, str(path), path.parent)
+    return section_of(Spec, content, str(path), NamedFrom(path.parent, there=True))
 
 
 def parse_spec(content: Mapping[str, object], origin: str, folder: Path | None = None) -> Spec:
     """Validate ``content``, whose files count from ``folder``; ``origin`` names it in the error."""
-    return section_of(Spec, content, origin, folder)
+    return section_of(Spec, content, origin, None if folder is None else NamedFrom(folder, there=False))
 
 
 def require_spec(spec: object, verb: str) -> Spec:

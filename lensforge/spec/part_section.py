@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.spec.spec_files import read_toml
+from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import (
     CalendarDate,
     FilePath,
@@ -253,4 +253,4 @@ def read_drawing(path: Path) -> DrawingSection:
     content = read_toml(path, "give a TOML file with [drawing]").get("drawing")
     if not isinstance(content, dict):
         raise InputError(f"{path}: has no [drawing]; add one, or give another file")
-    return section_of(DrawingSection, content, f"{path}: drawing", path.parent)
+    return section_of(DrawingSection, content, f"{path}: drawing", NamedFrom(path.parent, there=True))

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver
-from lensforge.spec.spec_files import read_toml
+from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import FilePath, Label, Section, check, section_of
 
 # Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001; of wet ones CIE 47.
@@ -291,4 +291,4 @@ def load_roads(path: Path) -> tuple[RoadSection, ...]:
     """The ``[[roads]]`` of a TOML file, a spec or one of roads alone. Raises :class:`InputError`."""
     content = read_toml(path, missing="give a TOML file with [[roads]], such as a spec")
     roads = {name: content[name] for name in content if name == "roads"}
-    return section_of(RoadFile, roads, str(path), path.parent).roads
+    return section_of(RoadFile, roads, str(path), NamedFrom(path.parent, there=True)).roads

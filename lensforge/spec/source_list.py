@@ -10,7 +10,7 @@ from lensforge.results.files import MIB, require_regular_file
 from lensforge.results.text_table import Column, Entry, read_list
 from lensforge.spec.emitter_section import EmitterSection, FluxSection
 from lensforge.spec.source_sections import NamedSource, RayfileSource, SourceSpec
-from lensforge.spec.spec_files import alike, read_toml
+from lensforge.spec.spec_files import NamedFrom, alike, read_toml
 from lensforge.spec.spec_section import Section, section_of
 
 _PATTERN = re.compile(r"[*?\[]")
@@ -115,7 +115,7 @@ def _of_toml(path: Path) -> tuple[NamedSource, ...]:
     content = {"sources": read_toml(path, missing="give a file with [[sources]]").get("sources")}
     if not content["sources"]:
         raise InputError(f"{path}: has no [[sources]]; give each LED a name and a source there")
-    return section_of(_SourceList, content, str(path), path.parent).sources
+    return section_of(_SourceList, content, str(path), NamedFrom(path.parent, there=True)).sources
 
 
 def _of_entry(entry: Entry, folder: Path, own: SourceSpec) -> NamedSource:

@@ -8,6 +8,7 @@ import hashlib
 import json
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -112,10 +113,21 @@ _NAMED = "the spec names it"
 _MOST_PATH_CHARACTERS = 4096  # of Linux; other systems take fewer
 
 
-def full_path(path: Path, info: ValidationInfo) -> Path:
-    """The whole path of a field: one that is relative counts from the folder in ``info``, else from the current one.
+@dataclass(frozen=True)
+class NamedFrom:
+    """The ``folder`` from which files in a table count; ``there``: all of them must be there, as in a file to be used.
 
-    Raises ``ValueError`` for a name that no file can have.
+    A record may outlive the files that it names.
+    """
+
+    folder: Path
+    there: bool
+
+
+def full_path(path: Path, info: ValidationInfo) -> Path:
+    """The whole path of a field: one that is relative counts as ``info`` says, else from the current folder.
+
+    Raises ``ValueError`` for a name that no file can have, and for a file that must be there and is not.
     """
     name = str(path)
     if len(name) > _MOST_PATH_CHARACTERS:
@@ -126,12 +138,17 @@ def full_path(path: Path, info: ValidationInfo) -> Path:
         raise ValueError(f"holds a character that cannot be printed, such as a line break; {tab}rename the file")
     if name.startswith("~"):
         raise ValueError("~ does not stand for the home folder here, which differs by user; write the whole path")
-    if info.context is None:
+    named: NamedFrom | None = info.context
+    if named is None:
         return path.absolute()
     try:
-        return Path(info.context, path).resolve()
+        found = Path(named.folder, path).resolve()
+        lacks = named.there and not found.exists()
     except (OSError, RuntimeError) as error:  # links in a circle
         raise ValueError(f"{error}; name the file itself") from None
+    if lacks:
+        raise ValueError(f"no such file in {found.parent}")
+    return found
 
 
 def input_hashes(section: BaseModel) -> dict[str, str]:
@@ -150,15 +167,6 @@ def input_hashes(section: BaseModel) -> dict[str, str]:
         for name, contents in sorted(digests.items())
         for number, digest in enumerate(contents, start=1)
     }
-
-
-def unusable_files(section: BaseModel) -> Iterator[str]:
-    """Words for each file that ``section`` names and that is not there, or is no file."""
-    for path in dict.fromkeys(_paths(section)):
-        try:
-            require_regular_file(path, missing=_NAMED)
-        except InputError as error:
-            yield str(error)
 
 
 def section_sha256(section: BaseModel, *, without: Collection[str] = ()) -> str:

@@ -32,7 +32,7 @@ from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import same
 from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_fields import help_of, signature_of
-from lensforge.spec.spec_files import full_path
+from lensforge.spec.spec_files import NamedFrom, full_path
 from lensforge.spec.wrong_fields import spec_error
 
 
@@ -124,13 +124,13 @@ class Section(_Model):
         return hash(self.model_dump_json())
 
 
-def section_of(kind: type[_Section], content: object, origin: str, folder: Path | None = None) -> _Section:
-    """A section of ``kind`` from a table; the files that it names count from ``folder``, else from the current one.
+def section_of(kind: type[_Section], content: object, origin: str, files: NamedFrom | None = None) -> _Section:
+    """A section of ``kind`` from a table; ``files``: from where those that it names count, else the current folder.
 
     ``origin`` names the table in :class:`InputError`, which has a line for each wrong field.
     """
     try:
-        return kind.model_validate(content, context=folder)
+        return kind.model_validate(content, context=files)
     except ValidationError as error:
         raise spec_error(error, origin, kind) from None
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import lensforge as lf
+from lensforge.errors import WrongFields
 from lensforge.spec import load_spec, parse_spec
 from lensforge.spec.derived_values import WHY, LensSizes
 
@@ -106,16 +107,27 @@ def test_a_lens_of_any_size_holds_its_source_and_starts_with_a_wall(radius_mm: f
     assert outer_mm - inner_mm > sizes.min_thickness_mm > 0.0
 
 
-def test_the_mistyped_file_is_named_before_the_cavity_that_would_follow_from_it(tmp_path: Path) -> None:
-    content = tomllib.loads(SHORTEST) | {"source": {"kind": "rayfile", "file": "led.ray"}}
-    before = repr(content)
+def test_all_that_is_wrong_is_named_at_once_and_nothing_that_follows_from_it(tmp_path: Path) -> None:
+    """Three files are not there and a number is wrong; the room for the LED would follow from its file."""
+    spec = tmp_path / "lamp.toml"
+    spec.write_text(
+        '[source]\nkind = "rayfile"\nfile = "led.ray"\n[constraints]\nmax_radius_mm = -9.0\nkeep_out = "clip.step"\n'
+        '[target]\nkind = "image"\nfile = "cat.png"\nwidth_mm = 80.0\ndistance_mm = 100.0\n'
+    )
+    with pytest.raises(WrongFields) as refusal:
+        lf.load_spec(spec)
+    source, radius, keep_out, target = refusal.value.lines
+    assert source == f"{spec}: source.file = 'led.ray': no such file in {tmp_path}"
+    assert keep_out == f"{spec}: constraints.keep_out = 'clip.step': no such file in {tmp_path}"
+    assert target == f"{spec}: target.file = 'cat.png': no such file in {tmp_path}"
+    assert radius.startswith(f"{spec}: constraints.max_radius_mm = -9.0: ")
+    for name in ("led.ray", "clip.step", "cat.png"):
+        (tmp_path / name).touch()
+    spec.write_text(spec.read_text().replace("-9.0", "9.0"))
+    with pytest.raises(WrongFields) as refusal:
+        lf.load_spec(spec)
     missing = "constraints.cavity_height_mm and constraints.cavity_radius_mm: missing: room for the LED"
-    with pytest.raises(lf.InputError, match=f"/led.ray: no such file; the spec names it; {missing}"):
-        parse_spec(content, "lamp", tmp_path)
-    (tmp_path / "led.ray").write_text("")
-    with pytest.raises(lf.InputError, match=f"^lamp: {missing}.* kind 'rayfile' does not state") as refusal:
-        parse_spec(content, "lamp", tmp_path)
-    assert "max_radius" not in str(refusal.value) and repr(content) == before
+    assert [line.partition(", which")[0] for line in refusal.value.lines] == [f"{spec}: {missing}"]
 
 
 def test_chips_have_the_cavity_of_the_circle_that_holds_all_of_them() -> None:

@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 
 import lensforge as lf
 from lensforge.spec.road_section import load_roads
-from lensforge.spec.spec_files import input_hashes, section_sha256
+from lensforge.spec.spec_files import NamedFrom, input_hashes, section_sha256
 from lensforge.spec.spec_section import FilePath, Section, section_of
 
 LED = Path(__file__).parents[2] / "examples" / "led.tm25ray"
@@ -106,7 +106,7 @@ def test_every_named_file_counts_from_the_folder_of_its_spec(kind: type[Section]
 def _words(adapter: TypeAdapter[object], content: object, folder: Path) -> str:
     """Words for the value, or for its errors."""
     try:
-        return str(adapter.validate_python(content, context=folder))
+        return str(adapter.validate_python(content, context=NamedFrom(folder, there=False)))
     except ValidationError as error:
         return str(error)
 
@@ -126,7 +126,9 @@ def test_a_file_in_lists_tables_and_choices_counts_from_its_folder(tmp_path: Pat
         several: list[Inner]
 
     given = {"tables": [{"a": 1.0}, {"b": "../x.csv"}]}
-    found = section_of(Outer, {"either": "y.csv", "several": [given, given]}, "t.toml", tmp_path / "sub")
+    found = section_of(
+        Outer, {"either": "y.csv", "several": [given, given]}, "t.toml", NamedFrom(tmp_path / "sub", there=False)
+    )
     assert found.either == tmp_path / "sub" / "y.csv"
     assert [each.tables[1] for each in found.several] == [{"b": tmp_path / "x.csv"}] * 2
     assert section_of(Inner, given, "script").tables[1]["b"] == Path("../x.csv").absolute()
