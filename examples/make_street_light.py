@@ -9,7 +9,7 @@ import numpy as np
 
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import write_photometric
-from lensforge.sources.photometric.photometric_file import PhotometricFile
+from lensforge.sources.photometric.photometric_file import LampSet, PhotometricFile
 
 ALONG_DEG, ACROSS_DEG = 55.0, 30.0  # standard deviations of the beam along the road (C 0 and C 180) and across it
 AHEAD_DEG = 12.0  # tilt of the beam across the road, towards C 90
@@ -31,7 +31,8 @@ def intensity() -> TabulatedIntensity:
 if __name__ == "__main__":
     path = Path(__file__).parent / "street_light.ies"
     file = PhotometricFile(
-        intensity(), LUMENS, title="light along a road", test="none: a formula", laboratory="", generated="", method=""
-    )
+        intensity(), (LampSet(LUMENS),), title="light along a road", test="none: a formula", laboratory="",
+        generated="", method="",
+    )  # fmt: skip
     write_photometric(path, file)
     print(path)

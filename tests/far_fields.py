@@ -8,6 +8,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
+from lensforge.sources.photometric.photometric_file import LampSet
 
 GAMMA = np.linspace(0.0, 90.0, 37)
 TURN = np.linspace(0.0, 360.0, 25)
@@ -20,7 +21,9 @@ def far_field(kind, lumens):
     shape = {"revolution": 0.0 * c, "rectangle": 0.4 * np.cos(2.0 * c), "none": 0.5 * np.cos(c - 0.3)}[kind]
     values = 123.4567 * np.cos(gamma) ** 2 * (1.0 + shape * np.sin(gamma)) + 1e-5
     values[-1] = values[0]
-    file = PhotometricFile(TabulatedIntensity(turn, GAMMA, values), lumens, title="a lens", catalogue="L 1", watts=2.5)
+    file = PhotometricFile(
+        TabulatedIntensity(turn, GAMMA, values), (LampSet(lumens, 2.5),), title="a lens", catalogue="L 1"
+    )
     assert ("revolution" if kind == "revolution" else file.intensity.symmetry) == kind
     return file
 

@@ -11,7 +11,7 @@ import click
 from lensforge import seeds
 from lensforge.cli.interrupts import Interrupts
 from lensforge.search.searches import RENAMED_ANYWAY
-from lensforge.sources.photometric.ies import NEWEST, IesVersion
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.spec import Spec
 
 if TYPE_CHECKING:

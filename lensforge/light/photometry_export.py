@@ -39,7 +39,9 @@ from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
 from lensforge.sources.photometric import PhotometricFile
-from lensforge.sources.photometric.ies import NEWEST, IesVersion
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
+from lensforge.sources.photometric.opening import LuminousOpening
+from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_io import encoded, photometric_of
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.rayfiles.ray_file import HeaderValue, RayFile, shared_wavelength
@@ -154,9 +156,9 @@ def measure_photometry(
     errors, warnings = fitted.standard_errors, tuple(_warnings(bright, source, light, lens.spec))
     photometric = PhotometricFile(
         candela,
-        bright.lumens,
+        (LampSet(bright.lumens, kind="LED"),),
         title=f"lensforge {lens.spec.name}",
-        diameter_mm=2.0 * largest_mm,
+        opening=LuminousOpening.disc(2.0 * largest_mm),
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )

@@ -238,7 +238,7 @@ def of_file(file: PhotometricFile, street_c_deg: float, lamp_lm: float | None) -
 
     ``lamp_lm``: of its sources; None: as the file states. An absolute file states the light that leaves the lamp.
     """
-    stated = file.lamp_lumens or file.intensity.flux()
+    stated = file.rated_lumens
     return of_table(file.intensity, street_c_deg, 1.0 if lamp_lm is None else lamp_lm / stated)
 
 

@@ -39,7 +39,7 @@ from lensforge.search.design_result import Design, Observer
 from lensforge.search.searches import SearchOptions, best_design, design
 from lensforge.shop.check_result import Check
 from lensforge.shop.point_tables import GridRequest
-from lensforge.sources.photometric.ies import NEWEST, IesVersion, require_ies_version
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
 from lensforge.spec import Accuracy, DrawingSection, Spec
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.design_spec import require_spec

@@ -18,6 +18,15 @@ from lensforge.results.json_npz import parse_json
 from lensforge.version import __version__
 
 MIB = 2**20
+# Bytes, and where they stand, by which archives are known: no format that is read here begins so.
+_PACKED = {
+    "gzip": (0, b"\x1f\x8b\x08"), "zip": (0, b"PK\x03\x04"), "empty zip": (0, b"PK\x05\x06"),
+    "zip in parts": (0, b"PK\x07\x08"), "7z": (0, b"7z\xbc\xaf\x27\x1c"), "RAR": (0, b"Rar!\x1a\x07"),
+    "xz": (0, b"\xfd7zXZ\0"), "bzip2": (4, b"1AY&SY"), "zstd": (0, b"\x28\xb5\x2f\xfd"),
+    "lz4": (0, b"\x04\x22\x4d\x18"), "cabinet": (0, b"MSCF\0\0\0\0"), "tar": (257, b"ustar"),
+}  # fmt: skip
+_HEAD_BYTES = 512  # that hold them
+_READ_AS_ZIP = (".npy", "[Content_Types].xml", ".model")  # ends of the first name in NumPy's archives and in 3MF
 _WRITING = ".lensforge-writing-"  # begins the names of half-written files
 _SHOWN = 300  # characters of a path that no file can have
 _LONGEST_SHOWN = 1024  # characters of a path that one may have
@@ -154,6 +163,20 @@ def require_regular_file(path: Path | str, *, missing: str, most_bytes: int | No
     if most_bytes is not None and status.st_size > most_bytes:
         size, most = status.st_size / MIB, most_bytes / MIB
         raise InputError(f"{path}: {size:.0f} MiB, must be at most {most:g} MiB; is it the right file?")
+    _require_unpacked(Path(path))
+
+
+def _require_unpacked(path: Path) -> None:
+    """Raise :class:`InputError` for an archive; one of NumPy's, or a 3MF, is none: it is read as it is."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError:
+        return  # the reader says so
+    packing = next((name for name, (at, mark) in _PACKED.items() if head.startswith(mark, at)), None)
+    first_name = head[30 : 30 + int.from_bytes(head[26:28], "little")].decode("latin-1")
+    if packing and not (packing == "zip" and first_name.endswith(_READ_AS_ZIP)):
+        raise InputError(f"{path}: packed ({packing}); unpack it")
 
 
 def _kind_of(mode: int) -> str:

@@ -68,6 +68,11 @@ class TabulatedIntensity:
         part = TabulatedIntensity(self.c_deg, np.append(self.gamma_deg[below], 90.0), values)
         return min(part.flux() / self.flux(), 1.0)
 
+    def pole_mean(self, gamma_deg: float) -> float:
+        """Mean intensity over the half-planes at the first or last gamma, each half-plane once."""
+        column = 0 if gamma_deg == self.gamma_deg[0] else -1
+        return float(self.values[: max(len(self.c_deg) - 1, 1), column].mean())
+
     def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
         """Interpolate the half-plane at ``c_deg``, any angle."""
         if len(self.c_deg) == 1:

@@ -128,6 +128,8 @@ def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceF
     if isinstance(spec, ChipsSource):
         names = [f"source.chips[{number}]" for number in range(len(spec.chips))]
         settled = joined_flux(spec, chip_fluxes(spec), spec.luminous_efficacy_lm_per_w, names)
+        if settled.least_power:  # lumens are what data sheets of chips state: nothing to doubt
+            settled = replace(settled, warnings=tuple(each for each in settled.warnings if each != _LEAST_POWER))
     else:
         settled = settled_flux(spec, spec.luminous_efficacy_lm_per_w, spectral, OwnFlux(own_w))
     return with_spectrum_compared(settled, spec, spectral)

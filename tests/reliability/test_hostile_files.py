@@ -29,6 +29,7 @@ from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
+from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_io import _FORMATS as PHOTOMETRIC
 from lensforge.sources.photometric.photometric_summary import rays
 from lensforge.sources.radiance_emitter import read_radiance
@@ -130,7 +131,7 @@ def radiance() -> bytes:
 def photometric(suffix: str) -> bytes:
     values = np.array([[100.0, 80.0, 30.0, 0.0]] * 3)
     table = TabulatedIntensity(np.array([0.0, 180.0, 360.0]), np.array([0.0, 30.0, 60.0, 90.0]), values)
-    file = PhotometricFile(intensity=table, lamp_lumens=500.0, title="sample", maker="nobody", watts=5.0)
+    file = PhotometricFile(intensity=table, lamps=(LampSet(500.0, 5.0),), title="sample", maker="nobody")
     return PHOTOMETRIC[suffix].encode(file).encode("latin-1")
 
 

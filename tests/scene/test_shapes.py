@@ -15,7 +15,7 @@ from lensforge.scene.receiver_shapes import Plane, receivers_of
 from lensforge.scene.target_pattern import coarser_target, drawn_target, target_light, uniform_region
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import write_photometric
-from lensforge.sources.photometric.photometric_file import PhotometricFile, turned_over
+from lensforge.sources.photometric.photometric_file import LampSet, PhotometricFile, turned_over
 from lensforge.spec import RectangleTarget
 from lensforge.spec.shape_targets import RingTarget
 
@@ -114,7 +114,9 @@ def test_a_photometric_file_is_wanted_as_it_stands(tmp_path: Path) -> None:
     c, gamma = np.arange(0.0, 361.0, 15.0), np.arange(0.0, 91.0, 2.5)
     shape = 1.0 + 0.6 * np.cos(np.radians(c - 30.0))[:, None] * np.sin(np.radians(gamma))
     values = 100.0 * shape * np.cos(np.radians(gamma)) ** 2
-    write_photometric(tmp_path / "lamp.ies", PhotometricFile(TabulatedIntensity(c, gamma, values), lamp_lumens=1000.0))
+    write_photometric(
+        tmp_path / "lamp.ies", PhotometricFile(TabulatedIntensity(c, gamma, values), lamps=(LampSet(1000.0),))
+    )
     target = {"kind": "photometric", "file": str(tmp_path / "lamp.ies")}
     x, on_x, y, on_y = along(*wanted(target, **FAR))
     own = turned_over(TabulatedIntensity(c, gamma, values))

@@ -7,6 +7,7 @@ from rayfile_samples import SHARED
 from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
+from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.spec.source_sections import DiscSource
 
 FILES = SHARED / "photometry"
@@ -58,7 +59,9 @@ def test_c_90_of_a_file_is_minus_y_of_a_lens_that_shines_up(tmp_path):
     c_deg, gamma_deg = np.linspace(0.0, 360.0, 13), np.linspace(0.0, 90.0, 10)
     values = np.zeros((13, 10))
     values[3, 3:6], values[4, 3:6] = 100.0, 300.0  # C 90 and 120 degrees, linear to 0 at 60 and 150
-    write_photometric(tmp_path / "chiral.ies", PhotometricFile(TabulatedIntensity(c_deg, gamma_deg, values), 1000.0))
+    write_photometric(
+        tmp_path / "chiral.ies", PhotometricFile(TabulatedIntensity(c_deg, gamma_deg, values), (LampSet(1000.0),))
+    )
     profile = {"kind": "photometric", "file": tmp_path / "chiral.ies"}
     rays = build_source(DiscSource(diameter_mm=1e-6, intensity=profile)).sample(2**14, 0)
     down = rays.directions * [1.0, -1.0, -1.0]

@@ -15,17 +15,20 @@ from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, write_photometric
-from lensforge.sources.photometric.photometric_io import convert_photometric
+from lensforge.sources.photometric.photometric_conversion import convert_photometric
+from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_summary import PhotometricSummary
 
 GAMMA = np.linspace(0.0, 180.0, 361)
 
 
-def saved(path: Path, profile, lamp_lumens=None, c_deg=(0.0,), gamma=GAMMA, **fields) -> Path:
+def saved(path: Path, profile, lamp_lumens=None, c_deg=(0.0,), gamma=GAMMA, watts=0.0, **fields) -> Path:
     """A file of ``profile(c, gamma)`` in cd, both in rad; by default a body of revolution."""
     c = np.array(c_deg)
     values = np.stack([profile(turn, np.deg2rad(gamma)) for turn in np.deg2rad(c)])
-    write_photometric(path, PhotometricFile(TabulatedIntensity(c, gamma, values), lamp_lumens, **fields))
+    write_photometric(
+        path, PhotometricFile(TabulatedIntensity(c, gamma, values), (LampSet(lamp_lumens, watts),), **fields)
+    )
     return path
 
 

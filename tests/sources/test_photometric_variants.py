@@ -107,7 +107,7 @@ def _ldt(numbers="{}", lamp="2000", extra="", dc="45"):
 def test_end_marks_and_padding_after_the_last_number(text, tail, tmp_path):
     plain, marked = _read(tmp_path, text), _read(tmp_path, text + ("\r\n" if tail.startswith("END") else "") + tail)
     np.testing.assert_array_equal(marked.intensity.values, plain.intensity.values)
-    assert marked.warnings == ()
+    assert marked.warnings == plain.warnings  # at gamma 0 its planes differ
 
 
 @pytest.mark.parametrize("text", [PLAIN, _ldt()], ids=["ies", "ldt"])

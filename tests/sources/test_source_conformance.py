@@ -21,6 +21,7 @@ from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.photometric import PhotometricFile, write_photometric
+from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.radiance_emitter import RadianceTable
 from lensforge.sources.ray_bundle import ChangedSource, Source
 from lensforge.sources.several_sources import SeveralSources
@@ -135,7 +136,7 @@ def _with_far_field(fields, folder):
         return fields
     c, gamma = np.linspace(0.0, 360.0, 25), np.linspace(0.0, 80.0, 17)
     values = 100.0 * (1.5 + np.sin(np.deg2rad(c)))[:, None] * np.cos(np.deg2rad(gamma)) + 5.0
-    write_photometric(folder / "far.ldt", PhotometricFile(TabulatedIntensity(c, gamma, values), 1000.0))
+    write_photometric(folder / "far.ldt", PhotometricFile(TabulatedIntensity(c, gamma, values), (LampSet(1000.0),)))
     return {**fields, "intensity": {**FAR_FIELD, "file": str(folder / "far.ldt")}}
 
 

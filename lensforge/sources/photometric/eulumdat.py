@@ -12,16 +12,21 @@ the tables of its time: programs read numbers of any length, so they are written
 """
 
 import re
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.sources.photometric.half_planes import tabulated
+from lensforge.sources.photometric.opening import LuminousOpening
 from lensforge.sources.photometric.photometric_file import (
     HUGE,
     MOST_NUMBERS,
     SMALLEST,
     UNDEFINED,
+    LampSet,
     PhotometricFile,
     PhotometricFormat,
     count_in,
@@ -37,9 +42,14 @@ _LINES_PER_SET = 6
 _RATIOS = 10  # direct ratios of the utilisation method, not used here; 0 where written: not given
 _NUMBERS = (*range(1, 7), *range(12, 26))  # lines of the header that hold one
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}([.,]\d{3})+")  # what is written like 1,234: in thousands, or with decimals
-_SYMMETRY, _PLANES, _GAMMAS, _TEST, _NAME, _NUMBER, _LORL, _FACTOR, _SETS = 2, 3, 5, 7, 8, 9, 22, 23, 25
+_TYPE, _SYMMETRY, _PLANES, _GAMMAS, _TEST, _NAME, _NUMBER, _FILE, _DATE = 1, 2, 3, 5, 7, 8, 9, 10, 11
+_HOUSING, _AREA, _HEIGHTS = 12, 15, 17  # length or diameter, width (0: round) and height; of the light; of its sides
+_LORL, _FACTOR, _TILT, _SETS = 22, 23, 24, 25
+_COUNT, _KIND, _LUMENS, _COLOUR, _RENDERING, _WATTS = range(_LINES_PER_SET)  # lines of a set of lamps
+_LINEAR = 2.0  # type of a linear luminaire
 _TEXT = 78  # characters of a line of text
-_OPENING = 15  # length or diameter of the luminous area; its width follows, 0 for a round one
+_REMARK = "; "  # between date and remark
+_FEW_LM = 100.0  # of lamps whose watts are not known; of others, 1 lm/W: less is no lamp, but thousands may be meant
 
 
 def matches(text: str) -> bool:
@@ -72,12 +82,14 @@ def decode(text: str, name: str) -> PhotometricFile:
         )
     words = words_of("\n".join(lines[body:]))
     require_promised(len(words), needed, name, f" below line {body}")
-    _require_one_reading([*(lines[i].strip() for i in _NUMBERS), *words], name)
+    of_lamps = [lines[at + each].strip() for at in range(_HEADER_LINES, body, 6) for each in (_COUNT, _LUMENS, _WATTS)]
+    _require_one_reading([*(lines[i].strip() for i in _NUMBERS), *of_lamps, *words], name)
     numbers = np.array([_number(word, name) for word in words])
-    lumens = _number(lines[_HEADER_LINES + 2], name)  # of the first set; others are alternatives to it
-    lumens = lumens if lumens > 0.0 else 1000.0
+    lamps = tuple(_lamps(lines[at : at + _LINES_PER_SET], name) for at in range(_HEADER_LINES, body, _LINES_PER_SET))
+    absolute = _number_or_0(lines[_HEADER_LINES + _COUNT]) < 0.0  # the number of lamps
+    lumens = lamps[0].lumens
     c_deg, gamma_deg = np.split(numbers[_RATIOS : _RATIOS + planes + gammas], [planes])
-    factor = (_number(lines[_FACTOR], name) or 1.0) * lumens / 1000.0
+    factor = (_number(lines[_FACTOR], name) or 1.0) * (lumens or 1000.0) / 1000.0
     candela = factor * numbers[_RATIOS + planes + gammas :].reshape(len(stored), gammas)
     if symmetry > 1 and len(stored) < 2:
         raise InputError(f"{name}: symmetry {symmetry} with {planes} half-planes C, which leaves one; export it again")
@@ -85,23 +97,52 @@ def decode(text: str, name: str) -> PhotometricFile:
     if symmetry == 3:  # in the order of the angles, C 90 to C 270
         c_deg, candela = c_deg[::-1], candela[::-1]
     intensity, warnings = tabulated(c_deg, gamma_deg, candela, name)
-    if symmetry == 0 and planes == 1:
-        warnings = (*warnings, "one half-plane and symmetry 0, none: taken as light of revolution")
-    return PhotometricFile(
+    date, _, remark = lines[_DATE].strip().partition(_REMARK)
+    file = PhotometricFile(
         intensity=intensity,
-        lamp_lumens=None if _number_or_0(lines[_HEADER_LINES]) < 0.0 else lumens,  # the number of lamps
-        stated_lumens=stated_or_none(lumens * _number(lines[_LORL], name) / 100.0),
+        lamps=(replace(lamps[0], lumens=None), *lamps[1:]) if absolute else lamps,
+        stated_lumens=stated_or_none((lumens or 0.0) * _number(lines[_LORL], name) / 100.0),
         title=lines[_NAME].strip(),
-        diameter_mm=_number(lines[_OPENING], name) if _number(lines[_OPENING + 1], name) == 0.0 else 0.0,
-        watts=stated_or_none(_number_or_0(lines[_HEADER_LINES + _LINES_PER_SET - 1])) or 0.0,
         maker=lines[0].strip(),
         test=lines[_TEST].strip(),
         catalogue=lines[_NUMBER].strip(),
+        file_name=lines[_FILE].strip(),
+        issued=date,
+        remarks=(remark,) if remark else (),
         generated=UNDEFINED,
         method="",
         laboratory="",
         format="eulumdat",
-        warnings=warnings,
+        warnings=(*warnings, *_warnings(lines, lamps, c_deg, words[_RATIOS + planes + gammas :])),
+        per_1000_lm=lumens is None,
+    )
+    return _with_sizes(file, lines, numbers[:_RATIOS])
+
+
+def _lamps(lines: list[str], name: str) -> LampSet:
+    """A set of lamps by its six lines."""
+    return LampSet(
+        lumens=stated_or_none(_number(lines[_LUMENS], name)),
+        watts=stated_or_none(_number_or_0(lines[_WATTS])) or 0.0,
+        count=int(abs(_number_or_0(lines[_COUNT]))),
+        kind=lines[_KIND].strip(),
+        colour=lines[_COLOUR].strip(),
+        rendering=lines[_RENDERING].strip(),
+    )
+
+
+def _with_sizes(file: PhotometricFile, lines: list[str], ratios: Float[np.ndarray, " ratios"]) -> PhotometricFile:
+    """Add what the lines say of the luminaire and of its light, its direct ratios too."""
+    sizes = [max(_number_or_0(line), 0.0) for line in lines[_HOUSING : _HEIGHTS + 4]]
+    long, wide, high, length, width, c0, c90, c180, c270 = sizes
+    circular = length > 0.0 and width == 0.0
+    return replace(
+        file,
+        linear=_number_or_0(lines[_TYPE]) == _LINEAR,
+        housing_mm=(long, wide, high),
+        opening=LuminousOpening.of_area(length, length if circular else width, (c0, c90, c180, c270), circular),
+        tilt_deg=_number_or_0(lines[_TILT]),
+        direct_ratios=tuple(ratios.tolist()) if ratios.any() else (),
     )
 
 
@@ -111,25 +152,37 @@ def encode(photometric: PhotometricFile) -> str:
     The latter is absolute photometry.
     """
     table = photometric.intensity
-    lumens = photometric.lamp_lumens or table.flux()
+    lumens = photometric.rated_lumens
     if not SMALLEST < lumens < HUGE:
         raise InputError(f"EULUMDAT holds intensities per 1000 lm: {lumens:g} lm must be above 0 and below {HUGE:g}")
     revolution = len(table.c_deg) == 1
     planes = table.c_deg if revolution else table.c_deg[:-1]
     values = table.values[: len(planes)] * (1000.0 / lumens)
-    size = f"{photometric.diameter_mm:.6g}"
-    date_and_remark = "; ".join(filter(None, (photometric.issued, *photometric.remarks[:1])))
+    kind = _LINEAR if photometric.linear else 1 if revolution else 3
+    opening, count = photometric.opening, max(photometric.lamps[0].count, 1)
+    first = replace(photometric.lamps[0], lumens=None if photometric.per_1000_lm else lumens)
+    date_and_remark = _REMARK.join(filter(None, (photometric.issued, *photometric.remarks[:1])))
     lines = [
-        _text(photometric.maker), "1" if revolution else "3", "1" if revolution else "0", str(len(planes)),
+        _text(photometric.maker), f"{kind:g}", "1" if revolution else "0", str(len(planes)),
         _step(planes), str(len(table.gamma_deg)), _step(table.gamma_deg), _text(photometric.test),
-        _text(photometric.title), _text(photometric.catalogue), "", _text(date_and_remark),
-        size, "0", "0", size, "0", "0", "0", "0", "0",
-        f"{100.0 * table.share_up_to_90():.6g}", f"{100.0 * table.flux() / lumens:.6g}", "1", "0", "1",
-        "-1" if photometric.lamp_lumens is None else "1", "LED", f"{lumens:.7g}", "", "", f"{photometric.watts:.6g}",
+        _text(photometric.title), _text(photometric.catalogue), _text(photometric.file_name), _text(date_and_remark),
+        *(f"{size:.6g}" for size in photometric.housing_mm), f"{opening.length_mm:.6g}",
+        f"{0.0 if opening.diameter_mm > 0.0 else opening.width_mm:.6g}",
+        *(f"{height:.6g}" for height in opening.heights_mm),
+        f"{100.0 * table.share_up_to_90():.6g}", f"{100.0 * table.flux() / lumens:.6g}", "1",
+        f"{photometric.tilt_deg:.6g}", str(len(photometric.lamps)),
+        *_lines_of(first, -count if photometric.absolute else first.count),
+        *(line for lamps in photometric.lamps[1:] for line in _lines_of(lamps, lamps.count)),
     ]  # fmt: skip
-    numbers = [np.zeros(_RATIOS), planes, table.gamma_deg, values.ravel()]
+    ratios = photometric.direct_ratios or np.zeros(_RATIOS)
+    numbers = [ratios, planes, table.gamma_deg, values.ravel()]
     lines += [f"{number:.7g}" for number in np.concatenate(numbers)]
     return "\r\n".join(lines) + "\r\n"
+
+
+def _lines_of(lamps: LampSet, count: int) -> Iterator[str]:
+    yield from (str(count), _text(lamps.kind), f"{lamps.lumens or 0.0:.7g}", _text(lamps.colour))
+    yield from (_text(lamps.rendering), f"{lamps.watts:.6g}")
 
 
 def _text(text: str) -> str:
@@ -173,16 +226,53 @@ def _require_one_reading(words: list[str], name: str) -> None:
             )
 
 
+def _warnings(
+    lines: list[str], lamps: tuple[LampSet, ...], c_deg: Float[np.ndarray, " c"], intensities: list[str]
+) -> Iterator[str]:
+    """Words on what the file leaves open, and how it is taken."""
+    if lamps[0].lumens is None:
+        yield "it states no lumens of its lamps: its intensities are taken as they stand, per 1000 lm of the lamps"
+    if len(lamps) > 1:
+        each = ", ".join(f"{lamp.lumens or 0.0:.6g}" for lamp in lamps)
+        yield f"{len(lamps)} sets of lamps, of {each} lm, one of which is in it: the first is taken"
+    if tilt := _number_or_0(lines[_TILT]):
+        yield f"tilted by {tilt:g} degrees during its measurement: its angles are taken as those of no tilt"
+    if _number_or_0(lines[_SYMMETRY]) == 0.0 and len(c_deg) == 1:
+        yield "one half-plane and symmetry 0, none: taken as light of revolution"
+    elif _number_or_0(lines[_SYMMETRY]) == 0.0 and len(c_deg) > 2 and c_deg[-1] - c_deg[0] <= 180.0:
+        yield f"symmetry 0, none, but its half-planes end at C {c_deg[-1]:g}: taken as mirrored there"
+    of_lamps = (at for lines_of in range(len(lamps)) for at in (_COUNT + 6 * lines_of, _WATTS + 6 * lines_of))
+    for place in (_TYPE, *range(_HOUSING, _HEIGHTS + 4), _TILT, *(_HEADER_LINES + at for at in of_lamps)):
+        if not _is_number(lines[place]):
+            yield f"line {place + 1}: {lines[place].strip()[:20]!r} where EULUMDAT has a number: left out"
+    yield from _thousands_or_decimals(lines[_HEADER_LINES + _LUMENS].strip(), lamps[0], intensities)
+
+
+def _thousands_or_decimals(lumens: str, lamps: LampSet, intensities: list[str]) -> Iterator[str]:
+    """Words on lumens and intensities whose decimals, if that they are, look like thousands."""
+    marked = [word for word in intensities if "." in word or "," in word]
+    whole = max((float(word) for word in intensities if word.lstrip("+-").isdecimal()), default=0.0)
+    doubtful = marked[:1] if 100.0 <= whole < 1000.0 and all(map(_THOUSANDS.fullmatch, marked)) else []
+    if _THOUSANDS.fullmatch(lumens) and (lamps.lumens or 0.0) < (lamps.watts or _FEW_LM):
+        doubtful = [lumens, *doubtful]
+    for word in doubtful:
+        yield f"{word!r} is read as {_number(word, ''):g}: if it is in thousands, write it without a separator"
+
+
 def _number(word: str, name: str) -> float:
     return finite_number(word.strip() or "0", "EULUMDAT", name, commas=True)
 
 
 def _number_or_0(line: str) -> float:
     """Number of a line in which some files have a text, or nothing: 0 there."""
+    return _number(line, "") if _is_number(line) else 0.0
+
+
+def _is_number(line: str) -> bool:
     try:
-        return _number(line, "")
+        return bool(np.isfinite(_number(line, "")))
     except InputError:
-        return 0.0
+        return False
 
 
-FORMAT = PhotometricFormat(".ldt", matches, decode, encode)
+FORMAT = PhotometricFormat("EULUMDAT", ".ldt", matches, decode, encode)

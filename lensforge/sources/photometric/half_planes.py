@@ -14,6 +14,7 @@ Type A is defined there with its direction V = H = 0 in the horizontal; it is th
 gamma = 0, as in type B. Both types end at 90 degrees: no light goes backwards.
 """
 
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
@@ -28,7 +29,8 @@ from lensforge.sources.photometric.photometric_file import HUGE, MOST_GAMMAS, MO
 _MOST_BELOW_ZERO = 0.01
 _FINEST_DEG = 1e-4  # files state angles to 0.001 degrees; flux over less is rounding
 _SAME_PLANE = 1e-3  # of the largest intensity, by which C 360 may differ from C 0, the same half-plane
-_WIDEST_GAP = 90.0  # degrees that a file may leave open before C 360; wider, it lacks half-planes
+_SAME_POLE = 0.01  # of the largest intensity, by which half-planes may differ in the direction that they share
+_WIDEST_GAP = 90.0  # degrees that a file may leave open before C 360; wider than that and its steps, it lacks planes
 
 
 def tabulated(
@@ -57,7 +59,17 @@ def tabulated(
     table = TabulatedIntensity(c_deg, gamma_deg, candela)
     if not table.flux() > SMALLEST:
         raise InputError(f"{name}: its intensities hold no flux, gamma {gamma_deg[0]:g} to {gamma_deg[-1]:g}")
-    return table, warnings
+    return table, (*warnings, *_pole_warnings(table))
+
+
+def _pole_warnings(table: TabulatedIntensity) -> Iterator[str]:
+    """Words on gamma 0 and 180, each one direction, where the half-planes have different intensities for it."""
+    for gamma, values in ((0.0, table.values[:, 0]), (180.0, table.values[:, -1])):
+        if gamma in table.gamma_deg and np.ptp(values) > _SAME_POLE * table.values.max():
+            yield (
+                f"at gamma {gamma:g}, one direction, its half-planes have {values.min():.4g} to {values.max():.4g} cd: "
+                f"each is taken as it stands, their mean is {table.pole_mean(gamma):.4g} cd"
+            )
 
 
 def _one_seam(
@@ -118,7 +130,8 @@ def _whole_turn(
     if c_deg[0] == 0.0 and c_deg[-1] == 360.0:
         return c_deg, candela
     gap = float(c_deg[0] + 360.0 - c_deg[-1])
-    if gap >= _WIDEST_GAP or (c_deg[0] > 0.0 and gap > np.diff(c_deg).max() + 1e-6):
+    widest = float(np.diff(c_deg).max()) + 1e-6
+    if (gap > widest or len(c_deg) < 3) and (gap >= _WIDEST_GAP or c_deg[0] > 0.0):
         raise InputError(f"{name}: C angles from {ends[0]:g} to {ends[1]:g}: from 0 to 0, 90, 180 or 360")
     return _closed(c_deg, candela)
 
@@ -168,7 +181,9 @@ def converted(
     """
     require_angles(h_deg, v_deg, name)
     for label, angles in (("V", v_deg), ("H", h_deg)):
-        if len(angles) < 2 or np.abs(angles).max() > 90.0:
+        if len(angles) < 2:
+            raise InputError(f"{name}: one {label} angle; a type {kind} file needs two; export it again, or as type C")
+        if np.abs(angles).max() > 90.0:
             raise InputError(f"{name}: type {kind}: its {label} angles must rise within -90 to 90; export it again")
     v_deg, candela = _both_sides(v_deg, candela)
     h_deg, turned = _both_sides(h_deg, candela.T)

@@ -1,4 +1,4 @@
-"""Record of a photometric file of any format: candela over C and gamma, lamp lumens, luminous opening.
+"""Record of a photometric file of any format: candela over C and gamma, and all that its header states.
 
 Generation of the data: section 5.13 and table 2 of ANSI/IES LM-63-19, a number 1.XXXXX in the place that LM-63-2002
 keeps for later use. Its digits say: accredited laboratory, interpolated angles, scaled lumens, computer simulation,
@@ -12,14 +12,15 @@ instead, every pattern without mirror symmetry would appear mirrored in a lighti
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import LARGEST_LM_PER_W
 from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
 from lensforge.version import __version__
 
 SIMULATED, UNDEFINED = "Computer Simulation", "Undefined"
@@ -117,38 +118,103 @@ def require_promised(found: int, needed: int, name: str, where: str = "") -> Non
         raise InputError(f"{name}: {promise}: {found - needed} too many; export it again")
 
 
+def _stated(default: Any, words: str) -> Any:
+    """A field that a file states, and the ``words`` by which an account of a conversion calls it."""
+    return field(default=default, metadata={"words": words})
+
+
+@dataclass(frozen=True)
+class LampSet:
+    """Lamps of a luminaire: lumens and watts (with ballast) of all ``count`` together.
+
+    ``lumens``: None where the file states none; ``count``: 0 where it states none. ``colour``, the appearance or the
+    colour temperature, and ``rendering``, a group or an index, are texts in EULUMDAT.
+    """
+
+    lumens: float | None = _stated(None, "lumens of the lamps")
+    watts: float = _stated(0.0, "watts")
+    count: int = _stated(1, "number of lamps")
+    kind: str = _stated("", "lamp")
+    catalogue: str = _stated("", "catalogue number of the lamp")
+    colour: str = _stated("", "colour of the lamp")
+    rendering: str = _stated("", "colour rendering of the lamp")
+
+    def __str__(self) -> str:
+        flux = "" if self.lumens is None else f"{self.lumens:.6g} lm"
+        power = f"{self.watts:.6g} W" if self.watts > 0.0 else ""
+        lamps = f"{self.count} x {self.kind or 'not named'}"
+        return ", ".join(filter(None, (lamps, self.catalogue, flux, self.colour, self.rendering, power)))
+
+
 @dataclass(frozen=True, eq=False)
 class PhotometricFile:
-    """Far field. ``intensity`` in cd for ``lamp_lumens``; None where the file is absolute and states no lamp flux.
+    """Far field, and all that a file states beside it.
 
-    ``stated_lumens`` is the luminaire's flux by the file itself (EULUMDAT's light output ratio), None where it states
-    none. ``diameter_mm``: of the luminous opening, where it is round; 0 elsewhere. ``photometric_type``: of the angles
-    in the file, C, B or A; ``intensity`` is always over C and gamma. ``warnings``: whatever was not taken as it
-    stands, one line each. ``remarks``: lines on the data, such as its noise, for whoever opens the file; written to
-    LM-63 as [OTHER], not read. ``maker`` of the luminaire, its number in the ``catalogue``, and the ``test`` report
-    that the data come from. ``generated``: by simulation or measurement, in the words of LM-63-2019; ``method``: more
-    on that; ``laboratory``, and the date on which the data were ``issued``, empty where nothing states one: it is never
-    that of the clock. ``edition``: of the standard that the file follows, by its own words.
+    ``intensity`` in cd for the ``lamp_lumens``, over C and gamma, whatever the ``photometric_type`` of the angles in
+    the file. ``lamps``: sets of lamps, the first that of the intensities, others instead of it. Its lumens are None
+    where the file is absolute, or gives ``per_1000_lm`` of lamps whose lumens it does not state. ``stated_lumens``: the
+    luminaire's flux by the file itself, None where it states none. ``warnings``: whatever was not taken as it stands,
+    one line each. ``remarks``: lines on the data, such as its noise, for whoever opens the file.
+
+    ``generated``: by simulation or measurement, in the words of LM-63-2019; ``method``: more on that. ``issued``: date
+    of the data, empty where nothing states one: it is never that of the clock. ``edition``: of the standard that the
+    file follows, by its own words. ``housing_mm``: length, width (0: round) and height of the luminaire. ``tilt_deg``:
+    of the luminaire during the measurement. ``lamp_tilt``: what stands behind TILT= in LM-63, in words; its factors and
+    the ``ballast_factor`` are LM-63's, the latter is in the intensities. ``others``: what no other field holds, by name
+    and text: keywords of LM-63, elements of TM-33 by their path.
     """
 
     intensity: TabulatedIntensity
-    lamp_lumens: float | None = None
-    stated_lumens: float | None = None
-    title: str = ""
-    diameter_mm: float = 0.0
-    watts: float = 0.0
+    lamps: tuple[LampSet, ...] = (LampSet(),)
+    stated_lumens: float | None = _stated(None, "stated lumens of the luminaire")
+    title: str = _stated("", "name of the luminaire")
+    opening: LuminousOpening = field(default=NO_OPENING, metadata={"words": "opening"})
     format: str = ""
     photometric_type: Literal["A", "B", "C"] = "C"
     warnings: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
-    maker: str = "lensforge"
-    test: str = "none: computed by tracing rays"
-    catalogue: str = ""
-    generated: str = SIMULATED
-    method: str = f"rays traced through the lens by lensforge {__version__}"
-    laboratory: str = "none: not measured, computed by lensforge"
-    issued: str = ""
+    remarks: tuple[str, ...] = _stated((), "remark")
+    maker: str = _stated("lensforge", "maker")
+    test: str = _stated("none: computed by tracing rays", "number of the report")
+    catalogue: str = _stated("", "catalogue number")
+    generated: str = _stated(SIMULATED, "generation of the data")
+    method: str = _stated(f"rays traced through the lens by lensforge {__version__}", "method")
+    laboratory: str = _stated("none: not measured, computed by lensforge", "laboratory")
+    issued: str = _stated("", "date of issue")
     edition: str = ""
+    per_1000_lm: bool = False
+    housing_mm: tuple[float, float, float] = _stated((0.0, 0.0, 0.0), "length, width and height of the luminaire (mm)")
+    linear: bool = _stated(False, "type of the luminaire, linear")
+    tilt_deg: float = _stated(0.0, "tilt during the measurement (deg)")
+    lamp_tilt: str = _stated("", "TILT of the lamp")
+    ballast_factor: float = _stated(1.0, "ballast factor, which is in the intensities")
+    direct_ratios: tuple[float, ...] = _stated((), "direct ratios")
+    file_name: str = _stated("", "name of the file in it")
+    others: tuple[tuple[str, str], ...] = _stated((), "")
+
+    @property
+    def lamp_lumens(self) -> float | None:
+        """Lumens of the lamps for which the intensities are; None where they are not known."""
+        return self.lamps[0].lumens
+
+    @property
+    def absolute(self) -> bool:
+        """True where the intensities are those of the luminaire, whatever the lumens of its lamps."""
+        return self.lamp_lumens is None and not self.per_1000_lm
+
+    @property
+    def written_lumens(self) -> float | None:
+        """Lumens of the lamps for a format that needs them: 1000 where they are not known; None of an absolute file."""
+        return 1000.0 if self.per_1000_lm else self.lamp_lumens
+
+    @property
+    def watts(self) -> float:
+        """Electric power of these lamps; 0 where it is not known."""
+        return self.lamps[0].watts
+
+    @property
+    def rated_lumens(self) -> float:
+        """Lumens to which the intensities belong: of the lamps, of an absolute file those of its light."""
+        return self.written_lumens or self.intensity.flux()
 
 
 def single_line(text: str) -> str:
@@ -163,6 +229,7 @@ class PhotometricFormat:
     The texts have "\\n" for line ends, whatever the file has. ``encoding``: of the bytes that are written.
     """
 
+    title: str
     suffix: str
     matches: Callable[[str], bool]
     decode: Callable[[str, str], PhotometricFile]

@@ -1,25 +1,21 @@
-"""Reading, writing and conversion of photometric files; the format is recognised by the content.
+"""Reading and writing of photometric files; the format is recognised by the content.
 
-Encoding, line ends and end marks vary by program and age. A conversion has an account of what the new file says
-differently.
+Encoding, line ends and end marks vary by program and age.
 """
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.results import Count, Record, Text
 from lensforge.results.files import MIB, read_file, replacing
-from lensforge.results.validation import shortened
 from lensforge.sources.photometric import ies
 from lensforge.sources.photometric.eulumdat import FORMAT as EULUMDAT
 from lensforge.sources.photometric.ies import FORMAT as IES
-from lensforge.sources.photometric.ies import NEWEST, IesVersion
-from lensforge.sources.photometric.photometric_file import UNDEFINED, PhotometricFile
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
+from lensforge.sources.photometric.photometric_file import PhotometricFile, PhotometricFormat
 from lensforge.sources.photometric.tm33 import FORMAT as TM33
 
 _LINE_END = re.compile(r"\r*\n|\r")  # Unix, DOS (also with the carriage return doubled), old Macintosh
@@ -59,6 +55,7 @@ def _decoded(content: bytes) -> str:
 
 
 _FORMATS = {entry.suffix: entry for entry in (IES, EULUMDAT, TM33)} | {".xml": TM33}
+TITLES = {"ies": IES.title, "eulumdat": EULUMDAT.title, "tm33": TM33.title}
 
 _MOST_BYTES = 16 * MIB  # a million numbers of 16 characters: more than any table that is read
 
@@ -76,16 +73,23 @@ def photometric_of(content: bytes, name: str) -> PhotometricFile:
         if entry.matches(text):
             file = entry.decode(text, name)
             return replace(file, warnings=(*warnings, *file.warnings))
+    # loaded where a file is none of these: few that read them need the formats of rays
+    from lensforge.sources.rayfiles.ray_file_formats import format_of
+    from lensforge.sources.rayfiles.ray_file_rows import FileImage, as_plain_text
+
+    image = FileImage(Path(name), np.frombuffer(content, dtype=np.uint8))
+    if (rays := format_of(as_plain_text(image))) is not None:
+        raise InputError(f'{name}: a ray file ({rays.title}): use it as a source of kind "rayfile"')
     raise InputError(f"{name}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
 
 
-def is_photometric(path: Path) -> bool:
-    """True where the content of ``path`` is recognised as one of the formats; False where it cannot be read."""
+def photometric_format(path: Path) -> PhotometricFormat | None:
+    """The format of the content of ``path``, damaged or not; None of any other file, or one that cannot be read."""
     try:
         text, _ = text_of(read_file(path, missing="", most_bytes=_MOST_BYTES))
     except InputError:
-        return False
-    return any(entry.matches(text) for entry in _FORMATS.values())
+        return None
+    return next((entry for entry in _FORMATS.values() if entry.matches(text)), None)
 
 
 def write_photometric(path: Path, photometric: PhotometricFile, *, ies_version: IesVersion = NEWEST) -> None:
@@ -105,85 +109,3 @@ def encoded(path: Path, photometric: PhotometricFile, ies_version: IesVersion = 
         raise InputError(f"{path}: its suffix must be one of {', '.join(_FORMATS)}")
     text = ies.encode(photometric, ies_version) if entry is IES else entry.encode(photometric)
     return text.encode(entry.encoding, "replace")
-
-
-_FIELDS = {
-    "lamp_lumens": "lumens of the lamps",
-    "stated_lumens": "stated lumens of the luminaire",
-    "watts": "watts",
-    "diameter_mm": "diameter of the opening",
-    "title": "name of the luminaire",
-    "maker": "maker",
-    "catalogue": "catalogue number",
-    "laboratory": "laboratory",
-    "issued": "date of issue",
-    "generated": "generation of the data",
-}
-
-
-_SAME = 1e-6  # relative: numbers are written with seven digits
-
-
-class PhotometricConversion(Record):
-    """Conversion of a photometric file: formats, size of the table, and what the new file lost."""
-
-    from_format: Text
-    to_format: Text
-    planes: Count
-    gammas: Count
-    bytes: Count
-    lost: tuple[Text, ...]
-    warnings: tuple[Text, ...]
-
-
-def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersion = NEWEST) -> PhotometricConversion:
-    """Convert ``path_in`` to the format of the suffix of ``path_out``; the new file is read back and compared.
-
-    ``ies_version``: year of LM-63 that an IES file follows.
-    Raises :class:`InputError` for a suffix of another format.
-    """
-    original, warnings = read_photometric(path_in), []
-    kept = replace(
-        original, test=f"{original.test} (converted from {shortened(Path(path_in).name)} by lensforge)".strip()
-    )
-    if Path(path_out).suffix.lower() == ".ldt" and original.lamp_lumens is None:
-        warnings.append(
-            "absolute photometry: the lumens of the luminaire are written as lumens of its lamps, whose number is -1"
-        )
-    write_photometric(path_out, kept, ies_version=ies_version)
-    back = read_photometric(path_out)
-    if not _same_intensities(kept, back):
-        raise InputError(f"{path_out}: its intensities read back are not those of {path_in}; report this")
-    return PhotometricConversion(
-        from_format=original.format,
-        to_format=back.format,
-        planes=max(len(back.intensity.c_deg) - 1, 1),
-        gammas=len(back.intensity.gamma_deg),
-        bytes=Path(path_out).stat().st_size,
-        lost=tuple(_lost(original, back)),
-        warnings=(*original.warnings, *warnings),
-    )
-
-
-def _same_intensities(before: PhotometricFile, after: PhotometricFile) -> bool:
-    """True where both have the same table, to the digits written."""
-    one, other = before.intensity, after.intensity
-    if one.values.shape != other.values.shape:
-        return False
-    peak = float(one.values.max())
-    return bool(
-        np.allclose(one.gamma_deg, other.gamma_deg, rtol=_SAME, atol=1e-9)
-        and np.allclose(one.c_deg, other.c_deg, rtol=_SAME, atol=1e-9)
-        and np.allclose(one.values, other.values, rtol=0.0, atol=_SAME * peak)
-    )
-
-
-def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
-    """List the statements of ``before`` that ``after`` does not make, or makes differently."""
-    for name, words in _FIELDS.items():
-        had, has = getattr(before, name), getattr(after, name)
-        same = abs(has - had) <= 1e-4 * abs(had) if isinstance(had, float) and isinstance(has, float) else has == had
-        if had and had != UNDEFINED and not same:
-            yield f"{words} ({had:.6g})" if isinstance(had, float) else f"{words} ({had})"
-    if before.photometric_type != after.photometric_type:
-        yield f"photometric type {before.photometric_type}: the angles are now of type {after.photometric_type}"

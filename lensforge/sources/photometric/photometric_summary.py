@@ -15,9 +15,8 @@ from pydantic import PrivateAttr
 from lensforge.errors import InputError
 from lensforge.results import Count, NotNegative, Number, Record, Share, StageResult, Text
 from lensforge.sources.intensity import PlaneBeam, TabulatedIntensity, beam_in_plane, plane_profile
-from lensforge.sources.photometric import is_photometric
 from lensforge.sources.photometric.photometric_file import far_field_warnings
-from lensforge.sources.photometric.photometric_io import read_photometric
+from lensforge.sources.photometric.photometric_io import TITLES, photometric_format, read_photometric
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +54,6 @@ def _round_step(step: float) -> float:
     return float(next(power * each for each in (1.0, 2.0, 5.0, 10.0) if power * each >= step * (1.0 - 1e-9)))
 
 
-TITLES = {"ies": "IES LM-63", "eulumdat": "EULUMDAT", "tm33": "ANSI/IES TM-33"}
 _PLANES = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
 
 
@@ -84,7 +82,9 @@ class PhotometricSummary(StageResult):
     ``revolution``, or the largest mirror group of the light. ``edition``: of the standard, empty where the format has
     one only. ``generated``: by simulation or measurement, by the titles of LM-63-2019; "Undefined" where the file does
     not say. ``laboratory``, and the date on which the data were ``issued``: as the file has them. ``share_above_90``:
-    of the flux, at gamma above 90. ``beam_c0`` and ``beam_c90``: in the planes C 0 - C 180 and C 90 - C 270.
+    of the flux, at gamma above 90. ``opening_mm``: width, length and height; the diameter is that of a round opening, 0
+    of another. ``lamps``: each set in words, the first that of the intensities. ``beam_c0`` and ``beam_c90``: in the
+    planes C 0 - C 180 and C 90 - C 270.
     """
 
     stage: ClassVar[str] = "photometric_file"
@@ -114,6 +114,9 @@ class PhotometricSummary(StageResult):
     watts: NotNegative | None
     lumens_per_electric_watt: NotNegative | None
     opening_diameter_mm: NotNegative
+    opening_shape: Text
+    opening_mm: tuple[NotNegative, NotNegative, NotNegative]
+    lamps: tuple[Text, ...]
     warnings: tuple[Text, ...]
     _intensity: TabulatedIntensity | None = PrivateAttr(None)
 
@@ -150,7 +153,7 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
     plane, angle = np.unravel_index(int(np.argmax(table.values)), table.values.shape)
     summary = PhotometricSummary(
         format=file.format,
-        title=TITLES.get(file.format, file.format),
+        title=TITLES[file.format],
         luminaire=file.title,
         symmetry="revolution" if len(table.c_deg) == 1 else table.symmetry,
         angles=FarFieldAngles(
@@ -166,12 +169,15 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
             c_deg=float(table.c_deg[plane]),
             gamma_deg=float(table.gamma_deg[angle]),
         ),
-        axis_cd=float(table.values[:, 0].mean()) if axis else 0.0,
+        axis_cd=table.pole_mean(0.0) if axis else 0.0,
         beam_c0=beam_in_plane(table, _PLANES[0]),
         beam_c90=beam_in_plane(table, _PLANES[1]),
         watts=watts,
         lumens_per_electric_watt=None if watts is None else lumens / watts,
-        opening_diameter_mm=max(file.diameter_mm, 0.0),
+        opening_diameter_mm=file.opening.diameter_mm,
+        opening_shape=file.opening.shape,
+        opening_mm=(file.opening.width_mm, file.opening.length_mm, file.opening.height_mm),
+        lamps=tuple(map(str, file.lamps)),
         warnings=far_field_warnings(file),
         **{name: getattr(file, name) for name in _AS_STATED},
     )
@@ -188,7 +194,7 @@ def holds_far_field(path: Path) -> bool:
 
     if not path.is_file() or is_rayfile(path):
         return False
-    return is_photometric(path) or path.suffix.lower() in _SUFFIXES
+    return photometric_format(path) is not None or path.suffix.lower() in _SUFFIXES
 
 
 def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":

@@ -4,135 +4,66 @@ Roots: ``IESTM33-22`` of TM-33-23, ``IESTM33`` of TM-33-18, ``UNI11733`` of the 
 that are read here. Each ``IntData`` is an intensity with its angles h (C) and v (gamma). ``AbsolutePhotometry`` false:
 candela for ``RatedLumens``, as LM-63 has them. The standard library's parser is enough, without a package to harden it:
 a file with a DOCTYPE is refused, and entities, by which a small file may grow or fetch another, are declared nowhere
-else.
-
-Names, order and types of the written elements are those of the schema in TM-33-23 (root ``IESTM33-22``, version 1.1),
-as eulumdat-rs reprints it; the DesignLights Consortium's template for TM-33-18 has the same names, one ``IntData`` for
-each pair of angles, v running first and h to 360, and lengths in metres. ``Symm`` may be left out, and is: the whole
-turn is written. The schema requires a date of the report and watts: without them, the epoch and 0 are written, and a
-comment says so.
+else. Elements that the record has no field for are kept by their paths.
 """
 
 import re
 from collections.abc import Iterator
-from datetime import date
+from dataclasses import replace
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.half_planes import tabulated
+from lensforge.sources.photometric.ies_labels import NOT_STATED
+from lensforge.sources.photometric.opening import LuminousOpening
 from lensforge.sources.photometric.photometric_file import (
     MOST_NUMBERS,
     SIMULATED,
     UNDEFINED,
+    LampSet,
     PhotometricFile,
     PhotometricFormat,
     finite_number,
     single_line,
     stated_or_none,
 )
-from lensforge.version import __version__
-
-NO_DATE = "1970-01-01"  # of a document that states none: the clock's would change its bytes from run to run
-_NOT_STATED = "not stated"
-
-
-def document(photometric: PhotometricFile) -> str:
-    """XML text of ``photometric``: absolute candela, or relative to the lumens of the lamp where they are known."""
-    root = Element("IESTM33-22")
-    _put(root, "Version", "1.1")
-    _header(SubElement(root, "Header"), photometric)
-    gonioradiometer = SubElement(SubElement(root, "Equipment"), "Gonioradiometer")
-    _put(gonioradiometer, "Type", "IES_C")  # of the angles; the data themselves say that they are simulated
-    _emitter_element(SubElement(root, "Emitter"), photometric)
-    indent(root)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
-
-
-def _header(header: Element, photometric: PhotometricFile) -> None:
-    _put(header, "Manufacturer", photometric.maker or _NOT_STATED)
-    if photometric.catalogue:
-        _put(header, "CatalogNumber", photometric.catalogue)
-    _put(header, "Description", photometric.title or _NOT_STATED)
-    _put(header, "Laboratory", photometric.laboratory or _NOT_STATED)
-    _put(header, "ReportNumber", photometric.test or _NOT_STATED)
-    _put(header, "ReportDate", _date(photometric) or NO_DATE)
-    _put(header, "DocumentCreator", f"lensforge {__version__}")
-    for comment in _comments(photometric):
-        _put(header, "Comment", comment)
-
-
-def _comments(photometric: PhotometricFile) -> Iterator[str]:
-    yield from filter(None, (photometric.method, *photometric.remarks))
-    if not _date(photometric):
-        yield f"date of the report: {photometric.issued or _NOT_STATED}; {NO_DATE} stands for none"
-    if photometric.watts <= 0.0:
-        yield "input wattage not known: 0 stands for none"
-
-
-def _date(photometric: PhotometricFile) -> str:
-    """Date as the schema has it; empty where none is stated, or in another way than ISO 8601, such as 7/8/2021."""
-    try:
-        return date.fromisoformat(photometric.issued).isoformat()
-    except ValueError:
-        return ""
-
-
-def _emitter_element(emitter: Element, photometric: PhotometricFile) -> None:
-    """One emitter: what it is, how its data were made, intensities, and the round opening from which they come."""
-    _put(emitter, "Quantity", "1")
-    _put(emitter, "Description", photometric.title or _NOT_STATED)
-    if photometric.lamp_lumens is not None:
-        _put(emitter, "RatedLumens", _decimal(photometric.lamp_lumens))
-    _put(emitter, "InputWattage", _decimal(photometric.watts))
-    if photometric.generated != UNDEFINED:
-        made = SubElement(emitter, "DataGeneration")
-        _put(made, "Simulation", _boolean(photometric.generated == SIMULATED))
-        _put(made, "IntensityScaling", _boolean("scaled" in photometric.generated))
-        _put(made, "AngleInterpolation", _boolean("interpolated" in photometric.generated))
-    data = SubElement(emitter, "LuminousData")
-    _intensities(SubElement(data, "LuminousIntensity"), photometric)
-    _put(data, "LuminousFlux", _decimal(photometric.intensity.flux()))
-    if photometric.diameter_mm > 0.0:
-        face = SubElement(SubElement(emitter, "EmissionAreas"), "BottomFace")
-        _put(face, "NumberBottom", "1")
-        area, diameter = SubElement(face, "BottomArea"), _decimal(photometric.diameter_mm / 1000.0)
-        for name, text in (("Length", diameter), ("Width", diameter), ("LengthOffset", "0"), ("WidthOffset", "0")):
-            _put(area, name, text)
-        _put(area, "Circular", "true")
-
-
-def _intensities(parent: Element, photometric: PhotometricFile) -> None:
-    table = photometric.intensity
-    h, v = [_decimal(angle) for angle in table.c_deg], [_decimal(angle) for angle in table.gamma_deg]
-    _put(parent, "AbsolutePhotometry", _boolean(photometric.lamp_lumens is None))
-    for name, count in (("NumberMeasured", len(h) * len(v)), ("NumberHorz", len(h)), ("NumberVert", len(v))):
-        _put(parent, name, str(count))
-    for row, plane in enumerate(h):
-        for column, angle in enumerate(v):
-            SubElement(parent, "IntData", h=plane, v=angle).text = _decimal(table.values[row, column])
-
-
-def _put(parent: Element, name: str, text: str) -> None:
-    SubElement(parent, name).text = single_line(text)
-
-
-def _boolean(value: bool) -> str:
-    return "true" if value else "false"
-
-
-def _decimal(number: float) -> str:
-    """Seven digits without an exponent, which xs:decimal does not have."""
-    return np.format_float_positional(float(f"{number:.7g}"), trim="-")
-
+from lensforge.sources.photometric.tm33_document import (
+    DATE_UNKNOWN,
+    GENERATED,
+    ISSUED,
+    METHOD,
+    NO_DATE,
+    ORDER,
+    ROUND_HOUSING,
+    TURNS,
+    WATTS_UNKNOWN,
+    document,
+)
 
 _ROOT = re.compile(r"<(?:\w+:)?(IESTM33(?:-\d\d)?|UNI11733)(?=[\s>])")
 _EDITIONS = {"IESTM33-22": "TM-33-23", "IESTM33": "TM-33-18", "UNI11733": "UNI 11733"}
+_LABEL = re.compile(r"\[(\w+)\] (.+)")
 _HEAD = 65536  # characters in which the root begins, after comments of any sensible length
-_INTENSITY = "LuminousData/LuminousIntensity"
+_INTENSITY, _AREA = "LuminousData/LuminousIntensity", "EmissionAreas/BottomFace/BottomArea"
+# Paths below which all is in fields of the record, or follows from the rest of the document.
+_KEPT = ("GTIN", "DocumentCreationDate", "UniqueIdentifier", "Reference", "MoreInfoURI")  # of the header, as others
+_HELD = (
+    "Version", "Luminaire/Dimensions", "Luminaire/NumEmitter", "Equipment/Gonioradiometer/Type",
+    *(f"Header/{name}" for name in ORDER["Header"] if name not in _KEPT),
+    *(f"Emitter/{name}" for name in (*ORDER["Emitter"][:5], "LuminousData", "ColorTemperature/FixedCCT")),
+    *(f"Emitter/DataGeneration/{name}" for name in ("Simulation", "IntensityScaling", "AngleInterpolation")),
+    "Emitter/ColorRendering/CIE_CRI/Ra",
+    *(f"Emitter/EmissionAreas/{face}Face/Number{face}" for face in ("Bottom", *TURNS)),
+    *(
+        f"Emitter/EmissionAreas/{face}Face/{face}Area/{size}"
+        for face in ("Bottom", *TURNS)
+        for size in ("Length", "Width", "Height", "Circular")
+    ),
+)  # fmt: skip
 
 
 def matches(text: str) -> bool:
@@ -148,31 +79,110 @@ def decode(text: str, name: str) -> PhotometricFile:
     if kind.replace(" ", "") not in ("", "IES_C", "CIE_C"):
         raise InputError(f"{name}: goniometer of type {kind[:20]!r}: IES_C and CIE_C are read; export it as type C")
     intensity, more = _intensity(emitter, name)
-    quantity = _number(emitter, "Quantity", name) or 1.0
-    if quantity != 1.0:
-        more = (*more, f"{quantity:g} emitters in one: the intensities are taken as those of all")
-    absolute = _text(emitter, f"{_INTENSITY}/AbsolutePhotometry").lower() in ("true", "1")
-    rated = _number(emitter, "RatedLumens", name) * max(quantity, 1.0)
-    simulated = _text(emitter, "DataGeneration/Simulation").lower() in ("true", "1")
+    lamp, absolute, of_lamp = _lamp(root, emitter, name)
+    labels, remarks = _labels(root)
+    own = dict(reversed(labels))
     issued = _text(root, "Header/ReportDate")
+    simulated = _is_true(emitter, "DataGeneration/Simulation")
     return PhotometricFile(
         intensity=intensity,
-        lamp_lumens=None if absolute else stated_or_none(rated),
+        lamps=(replace(lamp, lumens=None) if absolute else lamp,),
         stated_lumens=stated_or_none(_number(emitter, "LuminousData/LuminousFlux", name)),
         title=_text(root, "Header/Description"),
         maker=_text(root, "Header/Manufacturer"),
         catalogue=_text(root, "Header/CatalogNumber"),
         test=_text(root, "Header/ReportNumber"),
         laboratory=_text(root, "Header/Laboratory"),
-        issued="" if issued == NO_DATE else issued,
-        generated=SIMULATED if simulated else UNDEFINED,
-        method="",
+        issued=own.get(ISSUED, "") if issued == NO_DATE else issued,
+        generated=own.get(GENERATED, SIMULATED if simulated else UNDEFINED),
+        method=own.get(METHOD, ""),
         edition=_EDITIONS.get(root.tag, root.tag),
-        diameter_mm=_diameter_mm(emitter, name),
-        watts=stated_or_none(_number(emitter, "InputWattage", name)) or 0.0,
+        opening=_opening(emitter, name),
+        housing_mm=_housing_mm(root, name),
         format="tm33",
-        warnings=(*warnings, *more),
+        remarks=remarks,
+        others=(*(each for each in labels if each[0] not in (ISSUED, GENERATED, METHOD)), *_others(root, emitter)),
+        warnings=(*warnings, *of_lamp, *more),
     )
+
+
+def _lamp(root: Element, emitter: Element, name: str) -> tuple[LampSet, bool, tuple[str, ...]]:
+    """Lamps of the emitter; whether its intensities are absolute; and the words on what is not clear of them."""
+    warnings = []
+    quantity = _number(emitter, "Quantity", name) or 1.0
+    if quantity != 1.0:
+        warnings.append(f"{quantity:g} emitters in one: the intensities are taken as those of all")
+    factor = _number(emitter, "BallastFactor", name)
+    if factor not in (0.0, 1.0):
+        warnings.append(f"states a ballast factor, {factor:g}: the intensities are taken with it, as they stand")
+    absolute = _is_true(emitter, f"{_INTENSITY}/AbsolutePhotometry")
+    rated = stated_or_none(_number(emitter, "RatedLumens", name) * max(quantity, 1.0))
+    if rated is None and not absolute:
+        warnings.append("neither absolute photometry nor lumens of its lamps stated: taken as absolute")
+    kind = _text(emitter, "Description")
+    lamp = LampSet(
+        rated,
+        watts=stated_or_none(_number(emitter, "InputWattage", name)) or 0.0,
+        count=int(max(quantity, 1.0)),
+        kind="" if kind == _text(root, "Header/Description") else kind,
+        catalogue=_text(emitter, "CatalogNumber"),
+        colour=_text(emitter, "ColorTemperature/FixedCCT"),
+        rendering=_text(emitter, "ColorRendering/CIE_CRI/Ra"),
+    )
+    return lamp, absolute, tuple(warnings)
+
+
+def _labels(root: Element) -> tuple[list[tuple[str, str]], tuple[str, ...]]:
+    """Keywords of LM-63 and their texts in the comments, and the remarks among these."""
+    texts = [single_line(comment.text or "") for comment in root.findall("Header/Comment")]
+    labels = [label.groups() for text in texts if (label := _LABEL.fullmatch(text)) is not None]
+    remarks = (text for text in texts if text not in ("", DATE_UNKNOWN, WATTS_UNKNOWN))
+    return [(keyword, text) for keyword, text in labels], tuple(each for each in remarks if not _LABEL.fullmatch(each))
+
+
+def _others(root: Element, emitter: Element) -> Iterator[tuple[str, str]]:
+    """Elements that no field holds: path and text of each that has no others, path alone of lists of numbers."""
+    for part in root:
+        if part.tag != "Emitter" or part is emitter:
+            yield from _leaves(part, part.tag)
+    if len(emitter.findall(_AREA)) > 1:
+        yield f"Emitter/{_AREA}", ""
+
+
+def _leaves(element: Element, path: str) -> Iterator[tuple[str, str]]:
+    text = single_line(element.text or "")
+    if _is_held(path) or (path, text) == ("Luminaire/Shape", ROUND_HOUSING):
+        return
+    if any(child.attrib for child in element):
+        yield path, ""
+    elif len(element):
+        for child in element:
+            yield from _leaves(child, f"{path}/{child.tag}")
+    elif text and not (path.endswith("Offset") and text.strip("0.") == ""):
+        yield path, text
+
+
+def _is_held(path: str) -> bool:
+    """True for an element that the record has a field for, or that follows from the others."""
+    return any(path == held or path.startswith(f"{held}/") for held in _HELD)
+
+
+def _opening(emitter: Element, name: str) -> LuminousOpening:
+    """The opening by its lower face, where it is one, and its sides; lengths of TM-33 are in metres."""
+    if len(emitter.findall(_AREA)) != 1:
+        return LuminousOpening()
+    length, width = (1000.0 * max(_number(emitter, f"{_AREA}/{size}", name), 0.0) for size in ("Length", "Width"))
+    heights = [_number(emitter, f"EmissionAreas/{turn}Face/{turn}Area/Height", name) for turn in TURNS]
+    c0, c90, c180, c270 = (1000.0 * max(height, 0.0) for height in heights)
+    return LuminousOpening.of_area(length, width, (c0, c90, c180, c270), _is_true(emitter, f"{_AREA}/Circular"))
+
+
+def _housing_mm(root: Element, name: str) -> tuple[float, float, float]:
+    """Length, width and height of the luminaire, its width 0 where it is round."""
+    sizes = [_number(root, f"Luminaire/Dimensions/{size}", name) for size in ("Length", "Width", "Height")]
+    length, width, height = (1000.0 * max(size, 0.0) for size in sizes)
+    is_round = _text(root, "Luminaire/Shape").replace(" ", "") == ROUND_HOUSING and length == width
+    return length, 0.0 if is_round else width, height
 
 
 def _parsed(text: str, name: str) -> ElementTree.Element:
@@ -231,16 +241,13 @@ def _datum(element: ElementTree.Element, name: str) -> tuple[float, float, float
     return h, v, finite_number((element.text or "").strip(), "IntData", name)
 
 
-def _diameter_mm(emitter: ElementTree.Element, name: str) -> float:
-    """Diameter of the opening, where it is one circle that faces downwards; lengths of TM-33 are in metres."""
-    area = "EmissionAreas/BottomFace/BottomArea"
-    if len(emitter.findall(area)) != 1 or _text(emitter, f"{area}/Circular").lower() not in ("true", "1"):
-        return 0.0
-    return 1000.0 * max(_number(emitter, f"{area}/Length", name), 0.0)
-
-
 def _text(element: ElementTree.Element, path: str) -> str:
-    return single_line(element.findtext(path) or "")
+    text = single_line(element.findtext(path) or "")
+    return "" if text == NOT_STATED else text
+
+
+def _is_true(element: ElementTree.Element, path: str) -> bool:
+    return _text(element, path).lower() in ("true", "1")
 
 
 def _number(element: ElementTree.Element, path: str, name: str) -> float:
@@ -248,4 +255,4 @@ def _number(element: ElementTree.Element, path: str, name: str) -> float:
     return finite_number(_text(element, path) or "0", path, name)
 
 
-FORMAT = PhotometricFormat(".iesxml", matches, decode, document, "utf-8")
+FORMAT = PhotometricFormat("ANSI/IES TM-33", ".iesxml", matches, decode, document, "utf-8")

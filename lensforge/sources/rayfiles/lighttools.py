@@ -55,6 +55,7 @@ def _rayfile(
         format=format,
         header_flux_w=flux if unit == "W" else None,
         header_flux_lm=flux if unit == "lm" else None,
+        header_role="mean",
         header={**header, "mm_per_unit": mm_per_unit},
         warnings=("far-field data: all rays start at the file's data origin",) * (origin is not None),
     )

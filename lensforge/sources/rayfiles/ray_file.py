@@ -16,7 +16,7 @@ FluxUnit = Literal["W", "lm"]
 HeaderValue: TypeAlias = (
     str | int | float | Sequence[str] | Sequence[float | None] | Sequence[Mapping[str, Sequence[float]]] | None
 )
-HeaderRole = Literal["total", "scale", "ignored"]
+HeaderRole = Literal["total", "mean", "scale", "ignored"]
 Rows: TypeAlias = Bool[np.ndarray, " n"]
 SAME_FLUX = 1e-5  # totals of float32 numbers that agree this well are the same total
 _NO_DIRECTION = 1e-12  # |k| below which a direction counts as zero
@@ -39,9 +39,9 @@ class RayFile:
     read-only float32 views of the mapped file wherever its layout allows, so that a file of any size opens at once.
 
     ``header_flux_w`` and ``header_flux_lm`` are the totals that the header states, None where it states none.
-    ``header_role`` says what such a total is: the ``total`` that ray fluxes should add up to (it outranks their sum,
-    because LightTools does not divide by the number of rays), the ``scale`` of ray fluxes that are relative by design
-    (SPEOS), or a number that is ``ignored`` by the program whose format it is (Zemax).
+    ``header_role`` says what such a total is: the ``total`` that ray fluxes should add up to (it outranks their sum),
+    their ``mean`` as well (LightTools does not divide by the number of rays), the ``scale`` of ray fluxes that are
+    relative by design (SPEOS), or a number that is ``ignored`` by the program whose format it is (Zemax).
 
     ``header`` holds the fields of the header as JSON can hold them; ``path`` and ``verbatim`` are the file it was read
     from, and its bytes. ``verbatim`` is not a constructor argument, so ``dataclasses.replace`` drops it: changed

@@ -1,6 +1,6 @@
 """Reading, writing and conversion of ray files; the format is recognised by the content, never by the name."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +10,10 @@ from jaxtyping import UInt8
 from lensforge.errors import InputError
 from lensforge.results import Count, Record, Text
 from lensforge.results.files import replacing
-from lensforge.sources.rayfiles import asap, csv_table, lighttools, speos, tm25, zemax
+from lensforge.sources.photometric.photometric_io import photometric_format
 from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile, column_product
+from lensforge.sources.rayfiles.ray_file_formats import FORMATS, format_of
 from lensforge.sources.rayfiles.ray_file_rows import (
-    HEAD_BYTES,
     FileImage,
     as_float64,
     as_plain_text,
@@ -21,15 +21,6 @@ from lensforge.sources.rayfiles.ray_file_rows import (
     scaled,
 )
 from lensforge.sources.rayfiles.zemax import NM_PER_MICRON
-
-FORMATS: Mapping[str, Format] = {
-    entry.name: entry
-    for entry in (
-        asap.BINARY, csv_table.TEXT, lighttools.BINARY, lighttools.TEXT, speos.BINARY, speos.TEXT, tm25.BINARY,
-        zemax.BINARY, zemax.TEXT,
-    )
-}  # fmt: skip
-"""All formats by name: a new one is a module and an entry here. Files are offered to them in this order."""
 
 _MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
 _COPIED = 2**24  # bytes copied at a time
@@ -50,14 +41,19 @@ def is_rayfile(path: Path) -> bool:
         image = FileImage.open(path)
     except InputError:
         return False
-    return _matching(as_plain_text(image)) is not None
+    return format_of(as_plain_text(image)) is not None
 
 
 def decode(image: FileImage) -> RayFile:
     """Decode a mapped file, whatever its format."""
     text = as_plain_text(image)
-    layout = _matching(text)
+    layout = format_of(text)
     if layout is None:
+        if (photometric := photometric_format(image.path)) is not None:
+            raise image.refuse(
+                f"a photometric file ({photometric.title}), without rays: use it as the intensity of a source or as "
+                'a target, each of kind "photometric"'
+            )
         titles = ", ".join(entry.title for entry in FORMATS.values())
         raise image.refuse(
             f"its content is none of the known formats ({titles}); the layouts of other programs are not public: "
@@ -139,11 +135,6 @@ def _lost(before: RayFile, after: RayFile) -> Iterator[str]:
     columns = before.header.get("unused_columns")
     if isinstance(columns, list) and columns:
         yield f"columns: {', '.join(map(str, columns))}"
-
-
-def _matching(image: FileImage) -> Format | None:
-    head = image.part(0, HEAD_BYTES)
-    return next((entry for entry in FORMATS.values() if entry.matches(head, image.size)), None)
 
 
 def _format_for(path: Path) -> Format:

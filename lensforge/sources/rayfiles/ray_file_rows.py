@@ -5,6 +5,7 @@ Text is written with enough digits to read back the same.
 
 import io
 import mmap
+import re
 import struct
 import warnings
 from collections.abc import Iterator, Sequence
@@ -260,9 +261,17 @@ def _numbers(image: FileImage, body: bytes, line: int, dialect: Dialect) -> Floa
     return TextTable(str(image.path), (), lines, dialect).numbers() if lines else None
 
 
+_BETWEEN = re.compile(rb"[\s,;]+")
+
+
 def cut_warnings(image: FileImage) -> tuple[str, ...]:
-    """A warning if the last line has no end: nothing else shows that its last number lost digits."""
-    if image.part(image.size - 1, image.size) == b"\n":
+    """A warning if the last line has no end, and its last number fewer characters than any other's of its column.
+
+    Nothing else shows that a file was cut there; many programs leave out the last end of line.
+    """
+    tail = image.part(max(image.size - HEAD_BYTES, 0), image.size)
+    *others, last = [len(_BETWEEN.split(line.strip())[-1]) for line in tail.splitlines()[1:] if line.strip()] or [0]
+    if tail.endswith(b"\n") or (others and last >= min(others)):
         return ()
     return ("its last line has no line end: if the file was cut there, its last number is wrong",)
 

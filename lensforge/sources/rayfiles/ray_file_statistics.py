@@ -16,7 +16,7 @@ from lensforge.optics.photopic import LARGEST_LM_PER_W, luminous_efficacy
 from lensforge.results import Point
 from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, total_of
 from lensforge.sources.rayfiles.ray_file import RayFile, causes, column_product, no_usable_ray, usable_blocks
-from lensforge.sources.rayfiles.ray_file_io import FORMATS
+from lensforge.sources.rayfiles.ray_file_formats import FORMATS
 from lensforge.sources.rayfiles.ray_file_rows import HUGE
 from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, RayFileSummary, WavelengthRange
 from lensforge.sources.source_spectrum import ColourSums
@@ -139,7 +139,8 @@ def file_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool = False) -> 
     unit, header = rayfile.flux_unit, rayfile.header_flux
     if sums.rays < len(rayfile):
         yield f"{len(rayfile) - sums.rays} of {len(rayfile)} rays dropped: {causes(sums.dropped)}"
-    if header and rayfile.header_role != "scale" and abs(sums.flux / header - 1.0) > _FLUX_TOLERANCE:
+    expected = {"scale": (), "mean": (1, len(rayfile))}.get(rayfile.header_role, (1,))
+    if header and expected and all(abs(sums.flux / (each * header) - 1.0) > _FLUX_TOLERANCE for each in expected):
         used = "sum over the rays" if rayfile.header_role == "ignored" else "header"
         used = "given flux" if given_flux else used
         yield f"rays add up to {sums.flux:.6g} {unit}, the header says {header:.6g} {unit}: the {used} is used"

@@ -90,6 +90,8 @@ def _decode(image: FileImage) -> RayFile:
         plain_text(image.part(at, at + _LABEL_BYTES), "utf-32-le") for at in range(position, labels_end, _LABEL_BYTES)
     ]
     watts = bool(fields.flags["radiant"])
+    text = plain_text(image.part(labels_end, shown_end), "utf-32-le")
+    header = _describe(image, fields, tables, labels, text)
     return RayFile(
         positions_mm=rows[:, 0:3],
         directions=rows[:, 3:6],
@@ -100,7 +102,8 @@ def _decode(image: FileImage) -> RayFile:
         format=BINARY.name,
         header_flux_w=known(fields.radiant_w),
         header_flux_lm=known(fields.luminous_lm),
-        header=_describe(image, fields, tables, labels, plain_text(image.part(labels_end, shown_end), "utf-32-le")),
+        header_role="mean" if "lighttools" in str(header["ray_file_creator"]).lower() else "total",
+        header=header,
         warnings=tuple(_warnings(fields)),
     )
 

@@ -76,6 +76,7 @@ def _decode_binary(image: FileImage) -> RayFile:
             "ray_set_flux": known(ray_set_flux),
             "mm_per_unit": mm_per_unit,
         },
+        warnings=_flux_warnings(flux_type, ray_format == _SPECTRAL),
     )
 
 
@@ -92,7 +93,7 @@ def _decode_text(image: FileImage) -> RayFile:
         wavelengths_nm=scaled(rows[:, 7], NM_PER_MICRON) if spectral else None,
         format=TEXT.name,
         header={"mm_per_unit": mm_per_unit},
-        warnings=cut_warnings(image),
+        warnings=(*_flux_warnings(flux_type, spectral), *cut_warnings(image)),
     )
 
 
@@ -103,6 +104,12 @@ def _units(image: FileImage, unit_code: float | int, flux_type: float | int, spe
     if flux_type not in (0, 1):
         raise image.refuse(f"flux type {flux_type:g}: 0 (W) or 1 (lm); export it again")
     return _MM_PER_UNIT[int(unit_code)], "lm" if flux_type == 1 and not spectral else "W"
+
+
+def _flux_warnings(flux_type: float | int, spectral: bool) -> tuple[str, ...]:
+    return ("its flux type is lm, but it has wavelengths: taken as W, as OpticStudio does",) * (
+        spectral and flux_type == 1
+    )
 
 
 def _encode_binary(rayfile: RayFile) -> Iterator[bytes]:
