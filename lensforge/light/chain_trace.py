@@ -170,10 +170,8 @@ def _at_face(
         if isinstance(coating, Mirror) and coating.reflectance == 0.0:
             light.fates[rows[some]] = int(Fate.FLANGE)
             continue
-        if reflected and last:
-            ends = Fate.MORE_EVENTS if isinstance(coating, Mirror) else Fate.TOTAL_REFLECTION
-            light.fates[rows[some]] = int(ends)
-            continue
+        if isinstance(coating, Mirror):
+            _lose(rays, light, rows[some], 1.0 - coating.reflectance)
         d, n, c, r = before[some], normals[some], cosine[some], ratio[some]
         b = d - 2.0 * c[:, None] * n if reflected else refract(d, n, r)
         found = _amplitudes(rays, chain.names[number], c, r, rows[some], reflected, fresnel)
@@ -181,6 +179,9 @@ def _at_face(
         light.fields = replaced(light.fields, rows[some], fields)
         light.points = replaced(light.points, rows[some], points[some])
         light.directions = replaced(light.directions, rows[some], b)
+        if reflected and last and not isinstance(coating, Mirror):
+            light.fates[rows[some]] = int(Fate.TOTAL_REFLECTION)
+            continue
         onward.append((medium if reflected else behind, rows[some]))
     return onward
 
@@ -190,9 +191,13 @@ def _absorb(rays: EnteringRays, light: _Light, rows: Array, points: Float[Array,
     if rays.absorptions is None:
         return
     through = module_of(points).exp(-rays.absorptions[rows] * lengths(points - light.points[rows]))
-    lost = _flux(rays, light)[rows] * (1.0 - through)
-    light.absorbed = replaced(light.absorbed, rows, light.absorbed[rows] + lost)
+    _lose(rays, light, rows, 1.0 - through)
     light.clear = replaced(light.clear, rows, light.clear[rows] * through)
+
+
+def _lose(rays: EnteringRays, light: _Light, rows: Array, share: Array | float) -> None:
+    """Count a share of the flux that the rays ``rows`` have now as absorbed."""
+    light.absorbed = replaced(light.absorbed, rows, light.absorbed[rows] + _flux(rays, light)[rows] * share)
 
 
 def _amplitudes(
@@ -226,6 +231,6 @@ def _flux(rays: EnteringRays, light: _Light) -> Float[Array, " n"]:
 
 def _exits(rays: EnteringRays, light: _Light, left: Array, fresnel: bool) -> ExitRays:
     """The rays behind the body, and behind the cover glass."""
-    flux, absorbed = _flux(rays, light), None if rays.absorptions is None else light.absorbed
-    exits = ExitRays(light.points, light.directions, flux, light.sin2_exit, light.fates, absorbed)
+    flux = _flux(rays, light)
+    exits = ExitRays(light.points, light.directions, flux, light.sin2_exit, light.fates, light.absorbed)
     return as_seen(exits, left, rays, light.fields, rays.flux * light.clear if fresnel else None)
