@@ -141,6 +141,9 @@ def pass_on(
             fates[k] = lost_fate(status, medium, d[2])
             continue
         lengths[k, event] += t
+        if chain[2][face] == 0.0:
+            met[k, event], fates[k], sin2_exit[k] = 4 * face + REFLECTED, Fate.FLANGE, 0.0
+            continue
         if medium == BODY and len(absorptions) > 0:
             left = exp(-absorptions[min(k, len(absorptions) - 1)] * t)
             absorbed[k] += flux[k] * (1.0 - left)
@@ -160,9 +163,6 @@ def pass_on(
         a, more, _, _, mirrored = amplitudes(c, q_squared, ratio, mirror, fresnel, coatings, rows, face, k)
         b = reflect(d, n, c) if mirrored else (bx, by, bz)
         met[k, event] = 4 * face + (REFLECTED if mirrored else 0) + (FROM_BEHIND if from_behind else 0)
-        if mirror == 0.0:
-            fates[k] = Fate.FLANGE
-            continue
         arrived = flux[k]
         flux[k] = emitted[k] * rays[CLEAR + lane] * turn_fields(rays, lane, a, more, n, c, d, b, mirrored)
         if mirror > 0.0:

@@ -150,6 +150,11 @@ def _at_face(
 ) -> list[tuple[str, Array]]:  # fmt: skip
     """Refract the rays ``rows`` at one face, or reflect them there."""
     chain, surface = faces.chain, faces.surfaces[faces.chain.names[number]]
+    coating = rays.media.coating(chain.names[number])
+    if isinstance(coating, Mirror) and coating.reflectance == 0.0:
+        light.fates[rows] = int(Fate.FLANGE)
+        light.sin2_exit = replaced(light.sin2_exit, rows, 0.0 * paths)
+        return []
     from_behind = chain.behind[number] == medium and chain.before[number] != medium
     behind = chain.before[number] if from_behind else chain.behind[number]
     points, normals = differentiable_hit(surface, light.points[rows], light.directions[rows], paths, from_behind)
@@ -158,7 +163,6 @@ def _at_face(
     before, ratio = light.directions[rows], _ratio(rays, medium, behind, rows)
     cosine = (before * normals).sum(1)
     squared = transmitted_cosine_squared(cosine, ratio)
-    coating = rays.media.coating(chain.names[number])
     exits = behind == OUTSIDE and not isinstance(coating, Mirror)
     light.sin2_exit = replaced(light.sin2_exit, rows, 1.0 - squared if exits else 0.0 * squared)
     mirrored = constant(squared <= 0.0) | isinstance(coating, Mirror)
@@ -166,9 +170,6 @@ def _at_face(
     for reflected in (False, True):
         some = rows_of(mirrored if reflected else ~mirrored)
         if not len(some):
-            continue
-        if isinstance(coating, Mirror) and coating.reflectance == 0.0:
-            light.fates[rows[some]] = int(Fate.FLANGE)
             continue
         if isinstance(coating, Mirror):
             _lose(rays, light, rows[some], 1.0 - coating.reflectance)

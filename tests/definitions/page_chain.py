@@ -169,13 +169,13 @@ def meet(light, face, medium, rows, t, media, section, nm, last):
     back = face.before != medium
     beyond = face.before if back else face.behind
     d, at = light.d[rows], light.p[rows] + t[:, None] * light.d[rows]
+    if face.name == "flange":
+        light.fate[rows] = FLANGE
+        return []
     if medium == "body":
         left = np.exp(-section["absorption_per_mm"] * t)
         light.absorbed[rows] += light.flux(rows) * (1 - left)
         light.clear[rows] *= left
-    if face.name == "flange":
-        light.fate[rows] = FLANGE
-        return []
     n = face.exact(unit(at))[1] * (-1 if back else 1)
     c = (d * n).sum(axis=1)
     mirror = section[face.name].get("mirror") if face.name in section else None

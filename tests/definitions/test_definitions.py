@@ -302,8 +302,8 @@ def test_same_rays_through_more_than_two_faces(folder: Path, case: str) -> None:
     light = lf.evaluate(at.lens, source=given, rays=count)
     shares = library_shares(light)
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
-    for cause, share in shares.items():  # within a tenth of a ray, of those that graze
-        assert share == pytest.approx(mine["figures"][cause][0], abs=1e-4), cause
+    for cause, share in shares.items():  # within a third of a ray, of those that graze
+        assert share == pytest.approx(mine["figures"][cause][0], abs=3e-4), cause
     for cause in SEEN[case]:
         assert mine["figures"][cause][0] > 0.002, cause
     assert abs(mine["bins"][0] - pixel_flux(light, 1.0)).sum() < 4e-3 * mine["bins"][0].sum()
