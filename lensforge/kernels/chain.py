@@ -1,9 +1,9 @@
 """Chains of events: rays that meet the nearest of several faces, are refracted or reflected there, and go on.
 
 Arguments as in ``kernels.trace``. A ray in a medium meets the faces that it bounds from inside, and from outside those
-that it surrounds; a mirror reflects its share and absorbs the rest, a flange ends the ray, any other face reflects what total
-reflection leaves no other way. What a face
-reflects beside the light that passes is not followed. ``met`` keeps the face of each event, times four; 2 more where
+that it surrounds; a mirror reflects its share and absorbs the rest, a flange ends the ray, any other face reflects what
+total reflection leaves no other way. What a face reflects beside the light that passes is not followed; what the last
+event left is the flux of the ray, whatever its fate. ``met`` keeps the face of each event, times four; 2 more where
 the ray was reflected, 1 more where it came from behind the face; below 0 there was none.
 """
 

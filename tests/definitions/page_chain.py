@@ -111,9 +111,7 @@ def way_out(faces, medium, p, d, reach):
     ends = np.sqrt(along**2 - (p**2).sum(axis=1) + reach**2) - along
     down = d[:, 2] < 0
     ends[down] = np.minimum(ends[down], -p[down, 2] / d[down, 2])
-    t = first_root(
-        lambda t, rows=slice(None): room_in(faces, medium, p[rows] + t[:, None] * d[rows]), ends, STEPS
-    )
+    t = first_root(lambda t, rows=slice(None): room_in(faces, medium, p[rows] + t[:, None] * d[rows]), ends, STEPS)
     at = p + np.where(np.isnan(t), 0, t)[:, None] * d
     rooms = [abs(f.room(at)) if medium in (f.before, f.behind) else np.full(len(p), np.inf) for f in faces]
     return t + start, np.argmin(rooms, axis=0)

@@ -72,7 +72,8 @@ class Freeform:
         axis = np.linspace(-REACH, REACH, NODES)
         x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
         u = np.column_stack([2 * x, 2 * y, 1 - x**2 - y**2]) / (1 + x**2 + y**2)[:, None]
-        plain = np.column_stack(self.functions.one_sum(u)).T.reshape(4, NODES, NODES)  # then its mirror images, by flips
+        # One sum, then its mirror images by flips.
+        plain = np.column_stack(self.functions.one_sum(u)).T.reshape(4, NODES, NODES)
         total = np.zeros_like(plain)
         for m in group:
             turned = plain[:, :: m[0, 0], :: m[1, 1]] if m[0, 0] else plain[:, :: m[0, 1], :: m[1, 0]].swapaxes(1, 2)

@@ -274,10 +274,11 @@ def test_same_rays(folder: Path, case: str) -> None:
 IN_REFLECTOR = ABOVE | {"position_mm": [1.0, -0.6, 0.3], "tilt_deg": [10, 80]}
 COATED_FACES = {"cap": {"coating": BY_TABLE}, "exit": {"coating": LAYERS}, "wall": {"mirror": 0.87}}
 IN_GEL = COATED_FACES | ABBE | {"events": 4}
+MIRRORED_BESIDE = {"events": 3, "wall": {}, "side": {"mirror": 0.4}, "exit": {"coating": LAYERS}}
 CHAINS = {
     "tir": ("tir", {}, {"events": 5} | COATED_FACES),
     "reflector": ("cup", IN_REFLECTOR, {"events": 3, "cover_glass": GLASS}),
-    "tir, mirrored beside": ("tir", ABOVE, {"events": 3, "wall": {}, "side": {"mirror": 0.4}, "exit": {"coating": LAYERS}}),
+    "tir, mirrored beside": ("tir", ABOVE, MIRRORED_BESIDE),
     "tir in a gel": ("tir", IN_CUP, IN_GEL),
     "reflector from below": ("cup", IN_CUP, {"events": 4}),
 }

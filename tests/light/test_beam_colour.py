@@ -85,8 +85,9 @@ def test_differences_under_noise_are_the_true_ones_within_their_errors() -> None
         assert abs(scores.mean()) < 1.0 and np.abs(scores).max() < 4.5, name
 
 
-# Nine columns of either colour, all as far from their mean, and between two of the directions where the worst is sought.
-EVEN = np.where(np.arange(18)[:, None] < 9, COOL * (WARM @ [1, 15, 3]) / (COOL @ [1, 15, 3]), WARM) * np.ones((20, 1, 1))
+# Nine columns of either colour, all as far from their mean, between two of the directions in which the worst is sought.
+AS_MUCH = COOL * (WARM @ [1, 15, 3]) / (COOL @ [1, 15, 3])
+EVEN = np.where(np.arange(18)[:, None] < 9, AS_MUCH, WARM) * np.ones((20, 1, 1))
 
 
 @pytest.mark.parametrize(
