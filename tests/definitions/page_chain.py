@@ -25,7 +25,7 @@ SIDES = {
     "cap": ("cavity", "body"), "side": ("cavity", "body"), "wall": ("body", "outside"), "flange": ("body", "outside"),
     "exit": ("body", "outside"), "cup": ("cavity", "body"), "back": ("body", "outside"), "mouth": ("cavity", "outside"),
 }  # fmt: skip
-STEPS = 96  # along a ray, among which it may leave its medium
+STEPS = 128  # along a ray: between two of them it does not leave its medium and come back
 
 
 # -- Section 4: faces by their reciprocal radius -----------------------------------------------------------------------
@@ -103,8 +103,9 @@ def room_in(faces, medium, p):
     return np.minimum(held, -np.min([face.room(p) for face in faces if face.before == "cavity"], axis=0))
 
 
-def way_out(faces, medium, p, d, reach):
+def way_out(faces, medium, p, d):
     """Path to where a ray leaves its medium, and the number of the face there; nan where it falls to z = 0 before."""
+    reach = max(face.reach for face in faces if face.before == medium)
     start = 1e-9 * reach  # off the face that was met last
     p = p + start * d
     along = (p * d).sum(axis=1)
@@ -207,11 +208,11 @@ def trace_chain(lens, faces, p, d, nm=None):
     one = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
     fields = np.stack([one, np.cross(d, one)], axis=1).astype(complex)
     light = Light(p, d.copy(), fields, np.ones(count), np.zeros(count), fate)
-    reach, going, out = max(face.reach for face in faces), {"cavity": np.flatnonzero(fate == LANDED)}, []
+    going, out = {"cavity": np.flatnonzero(fate == LANDED)}, []
     for event in range(section["events"]):
         onward = {"cavity": [], "body": [], "outside": out}
         for medium, rows in going.items():
-            t, met = way_out(faces, medium, light.p[rows], light.d[rows], reach)
+            t, met = way_out(faces, medium, light.p[rows], light.d[rows])
             lost = np.isnan(t)
             falls = light.d[rows[lost], 2] <= 0
             light.fate[rows[lost]] = np.where((medium == "cavity") & falls, BACKWARD, BASE)
@@ -220,8 +221,8 @@ def trace_chain(lens, faces, p, d, nm=None):
                 last = event + 1 == section["events"]
                 for behind, others in meet(light, faces[number], medium, rows[some], t[some], media, section, nm, last):
                     onward[behind].append(others)
-        going = {medium: np.concatenate(onward[medium] or [[]]).astype(int) for medium in ("cavity", "body")}
-    left, flux = np.concatenate(out), light.flux(slice(None))
+        going = {medium: np.concatenate([[], *onward[medium]]).astype(int) for medium in ("cavity", "body")}
+    left, flux = np.concatenate([[], *out]).astype(int), light.flux(slice(None))
     flux, place, in_glass = to_receiver(lens, left, light.p, light.d, light.fate, flux, nm, as_stokes(light, left))
     return light.fate, place, flux, light.absorbed, in_glass
 

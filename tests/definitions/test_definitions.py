@@ -300,11 +300,11 @@ def test_same_rays_through_more_than_two_faces(folder: Path, case: str) -> None:
     p, d, nm = page_rays(at.record, count, 7)
     mine = page_light.light(at.record, at.pair, [(p, d, nm)], EXAMPLES)
     given = lf.RaySource(positions_mm=p, directions=d, wavelengths_nm=nm, flux_w=1.0)
-    light = lf.evaluate(at.lens, source=given, rays=count)
+    light = lf.evaluate(at.lens, accuracy="reference", source=given, rays=count)
     shares = library_shares(light)
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
-    for cause, share in shares.items():  # within a third of a ray, of those that graze
-        assert share == pytest.approx(mine["figures"][cause][0], abs=3e-4), cause
+    for cause, share in shares.items():
+        assert share == pytest.approx(mine["figures"][cause][0], abs=2e-5), cause
     for cause in SEEN[case]:
         assert mine["figures"][cause][0] > 0.002, cause
     assert abs(mine["bins"][0] - pixel_flux(light, 1.0)).sum() < 4e-3 * mine["bins"][0].sum()
@@ -312,11 +312,11 @@ def test_same_rays_through_more_than_two_faces(folder: Path, case: str) -> None:
     assert light.share_in_target.value == pytest.approx(mine["figures"]["share_in_target"][0], abs=1e-4)
 
 
-@pytest.mark.parametrize("case", first_by_day(2, CHAINS))
+@pytest.mark.parametrize("case", first_by_day(3, CHAINS))
 def test_every_ray_through_more_than_two_faces(folder: Path, case: str) -> None:
     name, source, material = CHAINS[case]
     at = scene(folder, name, json.dumps(source), json.dumps(material))
-    p, d, nm = page_rays(at.record, 2**9, 11)
+    p, d, nm = page_rays(at.record, 2**8, 11)
     fate, place, flux, absorbed, in_glass = page_chain.trace_chain(at.record, at.pair, p, d, nm)
     fine = TracedLens.of(at.lens, PRESETS["reference"].evaluate_nodes_per_sigma)
     exits = fine.trace(RayBundle(p, d, np.ones(len(p)), nm))
@@ -330,7 +330,7 @@ def test_every_ray_through_more_than_two_faces(folder: Path, case: str) -> None:
     points, ways = exits.points[landed], exits.directions[landed]
     steps = (at.record["spec"]["target"]["distance_mm"] - points[:, 2]) / ways[:, 2]
     away = np.linalg.norm((points + steps[:, None] * ways)[:, :2] - place[landed], axis=1)
-    assert np.quantile(away, 0.95) < 1e-3
+    assert np.median(away) < 1e-3 and np.quantile(away, 0.9) < 1e-2  # three reflections enlarge the error of a table
 
 
 OWN_RAYS = {
