@@ -1,9 +1,9 @@
 """Chains of events: rays that meet the nearest of several faces, are refracted or reflected there, and go on.
 
 Arguments as in ``kernels.trace``. A ray in a medium meets the faces that it bounds from inside, and from outside those
-that it surrounds; a mirror reflects its share, a flange ends the ray, any other face reflects what total
-reflection leaves no other way. What a face
-reflects beside the light that passes is not followed. ``met`` keeps the face of each event, times four; 2 more where
+that it surrounds; a mirror reflects its share and absorbs the rest, a flange ends the ray, any other face reflects what
+total reflection leaves no other way. What a face reflects beside the light that passes is not followed; what the last
+event left is the flux of the ray, whatever its fate. ``met`` keeps the face of each event, times four; 2 more where
 the ray was reflected, 1 more where it came from behind the face; below 0 there was none.
 """
 
@@ -141,6 +141,9 @@ def pass_on(
             fates[k] = lost_fate(status, medium, d[2])
             continue
         lengths[k, event] += t
+        if chain[2][face] == 0.0:
+            met[k, event], fates[k], sin2_exit[k] = 4 * face + REFLECTED, Fate.FLANGE, 0.0
+            continue
         if medium == BODY and len(absorptions) > 0:
             left = exp(-absorptions[min(k, len(absorptions) - 1)] * t)
             absorbed[k] += flux[k] * (1.0 - left)
@@ -160,13 +163,10 @@ def pass_on(
         a, more, _, _, mirrored = amplitudes(c, q_squared, ratio, mirror, fresnel, coatings, rows, face, k)
         b = reflect(d, n, c) if mirrored else (bx, by, bz)
         met[k, event] = 4 * face + (REFLECTED if mirrored else 0) + (FROM_BEHIND if from_behind else 0)
-        if mirror == 0.0:
-            fates[k] = Fate.FLANGE
-            continue
-        if mirrored and last:
-            fates[k] = Fate.TOTAL_REFLECTION if mirror < 0.0 else Fate.MORE_EVENTS
-            continue
+        arrived = flux[k]
         flux[k] = emitted[k] * rays[CLEAR + lane] * turn_fields(rays, lane, a, more, n, c, d, b, mirrored)
+        if mirror > 0.0:
+            absorbed[k] += arrived * (1.0 - mirror)
         if not mirrored and behind == OUTSIDE:
             if axial is not None:
                 axial[k] = emitted[k] * rays[CLEAR + lane] * along_axis(rays, lane, z_axis(placed))
@@ -180,7 +180,7 @@ def pass_on(
             exit_directions[k, 0], exit_directions[k, 1], exit_directions[k, 2] = b
             continue
         if last:
-            fates[k] = Fate.MORE_EVENTS
+            fates[k] = Fate.TOTAL_REFLECTION if mirrored and mirror < 0.0 else Fate.MORE_EVENTS
             continue
         go_on(rays, lane, going, k, (px, py, pz), b, medium if mirrored else behind, face)
         raw = outward_normal(px, py, pz, rays[NEXT_X + lane], rays[NEXT_Y + lane])

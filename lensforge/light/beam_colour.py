@@ -6,7 +6,7 @@ With U = 4 X - u0 D, V = 9 Y - v0 D and D = X + 15 Y + 3 Z, a pixel's distance f
 together: its noise enters as a factor 1 + 1/n of n rays in a pixel.
 
 The largest distance is that along the best of 32 directions in u', v', which is at most 0.5 % too small: distances
-along a direction are linear, and their largest is known without the noise that chooses it.
+along a direction are linear, and their largest is known without the noise that chooses it. No largest is below the rms.
 """
 
 import numpy as np
@@ -52,7 +52,7 @@ class BeamColour(Record):
             return None
         mean = uv_of(totals.mean(axis=0))
         away = away_from(mean, light) / denominator(light.mean(axis=0))[:, None]
-        temperature = colour_temperature(mean)
+        temperature, rms = colour_temperature(mean), _rms(away)
         return BeamColour(
             level=level,
             pixels=int(inside.sum()),
@@ -60,8 +60,8 @@ class BeamColour(Record):
             v=jackknife_metric(totals, lambda mean: float(uv_of(mean)[1])),
             cct=None if temperature is None else _of_temperature(totals, temperature, 0, "K"),
             duv=None if temperature is None else _of_temperature(totals, temperature, 1, ""),
-            rms=_rms(away),
-            worst=_worst(away),
+            rms=rms,
+            worst=_worst(away, rms),
         )
 
 
@@ -75,11 +75,11 @@ def _rms(away: Float[np.ndarray, "r n 2"]) -> Metric:
     return root_estimate(away.reshape(len(away), -1) / np.sqrt(away.shape[1]), np.ones(len(away))).metric()
 
 
-def _worst(away: Float[np.ndarray, "r n 2"]) -> Metric:
-    """Largest of the distances of ``n`` pixels, without noise."""
+def _worst(away: Float[np.ndarray, "r n 2"], rms: Metric) -> Metric:
+    """Largest of the distances of ``n`` pixels, without noise; at least their ``rms``."""
     seen = np.linalg.norm(away.mean(axis=0), axis=1)
     if len(seen) > _MOST_PIXELS:
         away = away[:, np.argpartition(seen, -_MOST_PIXELS)[-_MOST_PIXELS:]]
     angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     along = away @ np.stack([np.cos(angles), np.sin(angles)])
-    return largest_without_noise(along.reshape(len(away), -1), least=0.0)
+    return largest_without_noise(along.reshape(len(away), -1), least=rms.value)

@@ -150,6 +150,11 @@ def _at_face(
 ) -> list[tuple[str, Array]]:  # fmt: skip
     """Refract the rays ``rows`` at one face, or reflect them there."""
     chain, surface = faces.chain, faces.surfaces[faces.chain.names[number]]
+    coating = rays.media.coating(chain.names[number])
+    if isinstance(coating, Mirror) and coating.reflectance == 0.0:
+        light.fates[rows] = int(Fate.FLANGE)
+        light.sin2_exit = replaced(light.sin2_exit, rows, 0.0 * paths)
+        return []
     from_behind = chain.behind[number] == medium and chain.before[number] != medium
     behind = chain.before[number] if from_behind else chain.behind[number]
     points, normals = differentiable_hit(surface, light.points[rows], light.directions[rows], paths, from_behind)
@@ -158,7 +163,6 @@ def _at_face(
     before, ratio = light.directions[rows], _ratio(rays, medium, behind, rows)
     cosine = (before * normals).sum(1)
     squared = transmitted_cosine_squared(cosine, ratio)
-    coating = rays.media.coating(chain.names[number])
     exits = behind == OUTSIDE and not isinstance(coating, Mirror)
     light.sin2_exit = replaced(light.sin2_exit, rows, 1.0 - squared if exits else 0.0 * squared)
     mirrored = constant(squared <= 0.0) | isinstance(coating, Mirror)
@@ -167,13 +171,8 @@ def _at_face(
         some = rows_of(mirrored if reflected else ~mirrored)
         if not len(some):
             continue
-        if isinstance(coating, Mirror) and coating.reflectance == 0.0:
-            light.fates[rows[some]] = int(Fate.FLANGE)
-            continue
-        if reflected and last:
-            ends = Fate.MORE_EVENTS if isinstance(coating, Mirror) else Fate.TOTAL_REFLECTION
-            light.fates[rows[some]] = int(ends)
-            continue
+        if isinstance(coating, Mirror):
+            _lose(rays, light, rows[some], 1.0 - coating.reflectance)
         d, n, c, r = before[some], normals[some], cosine[some], ratio[some]
         b = d - 2.0 * c[:, None] * n if reflected else refract(d, n, r)
         found = _amplitudes(rays, chain.names[number], c, r, rows[some], reflected, fresnel)
@@ -181,6 +180,9 @@ def _at_face(
         light.fields = replaced(light.fields, rows[some], fields)
         light.points = replaced(light.points, rows[some], points[some])
         light.directions = replaced(light.directions, rows[some], b)
+        if reflected and last and not isinstance(coating, Mirror):
+            light.fates[rows[some]] = int(Fate.TOTAL_REFLECTION)
+            continue
         onward.append((medium if reflected else behind, rows[some]))
     return onward
 
@@ -190,9 +192,13 @@ def _absorb(rays: EnteringRays, light: _Light, rows: Array, points: Float[Array,
     if rays.absorptions is None:
         return
     through = module_of(points).exp(-rays.absorptions[rows] * lengths(points - light.points[rows]))
-    lost = _flux(rays, light)[rows] * (1.0 - through)
-    light.absorbed = replaced(light.absorbed, rows, light.absorbed[rows] + lost)
+    _lose(rays, light, rows, 1.0 - through)
     light.clear = replaced(light.clear, rows, light.clear[rows] * through)
+
+
+def _lose(rays: EnteringRays, light: _Light, rows: Array, share: Array | float) -> None:
+    """Count a share of the flux that the rays ``rows`` have now as absorbed."""
+    light.absorbed = replaced(light.absorbed, rows, light.absorbed[rows] + _flux(rays, light)[rows] * share)
 
 
 def _amplitudes(
@@ -226,6 +232,6 @@ def _flux(rays: EnteringRays, light: _Light) -> Float[Array, " n"]:
 
 def _exits(rays: EnteringRays, light: _Light, left: Array, fresnel: bool) -> ExitRays:
     """The rays behind the body, and behind the cover glass."""
-    flux, absorbed = _flux(rays, light), None if rays.absorptions is None else light.absorbed
-    exits = ExitRays(light.points, light.directions, flux, light.sin2_exit, light.fates, absorbed)
+    flux = _flux(rays, light)
+    exits = ExitRays(light.points, light.directions, flux, light.sin2_exit, light.fates, light.absorbed)
     return as_seen(exits, left, rays, light.fields, rays.flux * light.clear if fresnel else None)

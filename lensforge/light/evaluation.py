@@ -243,7 +243,7 @@ def receiver_light(
     target, mean, raw = drawn.light, images.mean(axis=0), received.images.mean(axis=0)
     mask, measure = lit_mask(uniform_region(section.targets, receiver), images), receiver.pixel_measure
     metrics = ReplicateMetrics.of(images, target, mask, received.window / emitted_w).metrics()
-    flux, missed = _flux_budget(received, emitted_w, mirrored=physics.light.media.cup is not None)
+    flux, missed = _flux_budget(received, emitted_w)
     colours = None if colour is None or received.colours is None else gaussian3(received.colours, variance)
     unit = light_unit(None, far_field=receiver.kind == "far_field")
     width, height, radius = (side if np.isfinite(side) else None for side in astuple(receiver.window))
@@ -321,8 +321,8 @@ def _noise(images: Images) -> float | None:
     return float(images.var(axis=0, ddof=1).sum() / len(images) / np.sum(mean**2))
 
 
-def _flux_budget(received: ReceivedFlux, emitted_w: float, *, mirrored: bool) -> tuple[Flux, MissedByCause]:
-    """The flux budget, and the flux that missed the receiver's surface by cause; ``mirrored``: of a reflector."""
+def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, MissedByCause]:
+    """The flux budget, and the flux that missed the receiver's surface by cause."""
     share = received.by_fate.mean(axis=0) / emitted_w
     named = named_flux(share)
     missed = MissedByCause(**{name: named[name] for name in MissedByCause.model_fields})
@@ -333,6 +333,4 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float, *, mirrored: bool) ->
         **{name: named[name] for name in ("total_reflection", "not_converged", "absorbed", "cover_glass", "bodies")},
         reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
-    if mirrored:  # no face lets light through that could reflect some of it
-        flux = flux.model_copy(update={"absorbed": flux.absorbed + flux.reflected, "reflected": 0.0})
     return flux, missed

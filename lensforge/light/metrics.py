@@ -275,10 +275,11 @@ def least_without_noise(readings: Float[np.ndarray, "r k"], most: float | None =
 
     The standard error has two parts: that of the estimate by the jackknife, with the slope h held, and the rest of the
     way from the estimate to v of the halves, the part that the extrapolation has taken off the rigorous upper bound.
-    Other than 16 replicates: the least of their mean, with its noise, and no standard error.
+    Other than 16 replicates: the least of their mean, with its noise, or ``most``, and no standard error.
     """
     if len(readings) != _REPLICATES:
-        return Metric(value=float(readings.mean(axis=0).min()))
+        least = float(readings.mean(axis=0).min())
+        return Metric(value=least if most is None else min(least, most))
     return _least(readings, most).metric()
 
 

@@ -86,9 +86,9 @@ class Flux(Record):
     """The flux budget: shares of the emitted flux by fate; they add up to 1.
 
     ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
-    that surface. ``absorbed``: by the body from face to face. ``cover_glass``: reflected and absorbed by it.
-    ``bodies``: likewise by the further bodies, with the light that ends there.
-    ``reflected``: at either face, which a sequential design does not follow.
+    that surface. ``absorbed``: by the body from face to face, and by mirrors. ``cover_glass``: reflected and absorbed
+    by it. ``bodies``: likewise by the further bodies, with the light that ends there. ``reflected``: at faces that let
+    light through, which a sequential design does not follow.
     """
 
     detected: Share

@@ -132,7 +132,8 @@ class TracedBundle:
         met = None if chain is None else np.full((count, scene.events), -1, dtype=np.int8)
         lengths, fates = np.empty((count, scene.events)), np.empty(count, dtype=np.int8)
         flux, sin2_exit = np.empty(count), np.empty(count)
-        absorbed = np.zeros(count if len(absorptions) else 0)
+        absorbs = len(absorptions) > 0 or (chain is not None and bool((chain[2] > 0.0).any()))  # body, or mirrors
+        absorbed = np.zeros(count if absorbs else 0)
         axial = np.zeros(count) if scene.fresnel and scene.media.cover_glass else None
         ended = np.zeros((count, 12)) if scene.media.bodies else None
         run, given = precision.kernel(trace), precision.of((tables, bounds, scene.packed(), faces))
@@ -148,7 +149,7 @@ class TracedBundle:
             )  # fmt: skip
 
         in_pieces(work, count, worth=_WORTH_SHARING)
-        taken = absorbed if len(absorptions) else None
+        taken = absorbed if absorbs else None
         faces_met = None if met is None or scene.chain is None else met >> 2
         exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed=taken, axial=axial, met=faces_met)
         if ended is not None and chain is None and placed is not None:

@@ -144,7 +144,7 @@ class _Caster:
 
     def __init__(self, mi: Any, part: PartMesh, media: Media) -> None:
         self.mi, self.faces, self.scene, optical = mi, part.faces, _scene(mi, part), part.optical
-        self.mirrors, self.opening = mirrors(optical, media), optical.opening
+        self.mirrors, self.opening, self.flange = mirrors(optical, media), optical.opening, optical.flange
         self.goes_on = [optical.goes_on(event) for event in range(optical.events)]
 
     def cast(
@@ -170,8 +170,10 @@ class _Caster:
                 return CastFate.BACK_INTO_CAVITY, None, met
             if not inside and (local.z <= 0.0 or away):
                 return CastFate.STARTS_OUTSIDE if local.z > 0.0 else CastFate.STARTS_INSIDE, None, met
-            reflectance, cosine, _, ratio = mi.fresnel(local.z, indices[away])
             face = int(self.faces[hit.prim_index])
+            if inside and face == self.flange:
+                return CastFate.FLANGE, None, met
+            reflectance, cosine, _, ratio = mi.fresnel(local.z, indices[away])
             passes = reflectance < 1.0 and face not in self.mirrors
             length = float(hit.t) if inside else 0.0
             met.append(_Met(list(ray.d), list(hit.sh_frame.n), length, face, away, inside, passes))

@@ -116,6 +116,11 @@ class OpticalFaces:
         """Numbers of the faces of these names; the last, of the index -1, is NO_FACE."""
         return np.array([*map(self.names.index, names), NO_FACE])
 
+    @property
+    def flange(self) -> int:
+        """Number of the face at which all light ends; one that no face has without it."""
+        return self.names.index(FLANGE) if FLANGE in self.names else len(self.names)
+
     def goes_on(self, event: int | Int[np.ndarray, " n"]) -> bool | Bool[np.ndarray, " n"]:
         """True where a ray that is reflected, or is back in the cavity, is followed beyond ``event`` (from 0)."""
         return (self.events > _CROSSINGS) & (event + 1 < self.events)

@@ -43,6 +43,7 @@ class CastFate(IntEnum):
     OPENING = 7  # met a surface at or below z = 0 on the way in: the wall of the base's opening, or its bottom
     STARTS_OUTSIDE = 8  # met the outside of the lens first: it started neither in the cavity nor below it
     MORE_EVENTS = 9  # reflected by a mirror, or still not out of the lens, at its last event
+    FLANGE = 10  # met the flange: it ends in the holder
 
 
 @dataclass(frozen=True)
@@ -287,7 +288,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
         known = event > (1 if optical.opening is None else 0)
         hits = body.surface_hits(leg, light.inside if known else None)
         fates, free = (
-            _fates(hits, light.inside, bool(optical.goes_on(event))),
+            _fates(hits, light.inside, bool(optical.goes_on(event)), optical.flange),
             _leaves_freely(optical, leg, light, hits),
         )
         passage.fates[rows] = np.where(free, CastFate.LANDED, fates)
@@ -322,11 +323,11 @@ def _leaves_freely(optical: OpticalFaces, leg: Leg, light: LitRays, hits: Surfac
     return rises if optical.opening is not None else np.zeros_like(rises)
 
 
-def _fates(hits: SurfaceHits, inside: Bool[np.ndarray, " n"], back: bool) -> Int[np.ndarray, " n"]:
+def _fates(hits: SurfaceHits, inside: Bool[np.ndarray, " n"], back: bool, flange: int) -> Int[np.ndarray, " n"]:
     """Fates of rays that end where they are, LANDED for all that go on, ``back`` into the cavity, too."""
     entering = [~hits.found, hits.leaving, hits.base, hits.away]
     none = [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE]
-    leaving = [~hits.found, hits.base, ~(hits.away | back)]
-    lost = [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY]
+    leaving = [~hits.found, hits.base, hits.faces == flange, ~(hits.away | back)]
+    lost = [CastFate.NO_HIT, CastFate.BASE, CastFate.FLANGE, CastFate.BACK_INTO_CAVITY]
     ends = [np.select(*each, CastFate.LANDED) for each in ((leaving, lost), (entering, none))]
     return np.where(inside, *ends)

@@ -345,10 +345,13 @@ def _luminance(
 ) -> CandelaSum:
     """Luminance of points of the road for an eye in the middle of a lane, 60 m before the field.
 
-    ``each_its_eye``: for one on a line along the road through each point, so far before it that the table holds.
+    ``each_its_eye``: for one on a line along the road through each point, so far before it that the table holds; lamps
+    then count as far as the table goes.
     """
     high, heading = view.road.pole_height_m, view.heading
-    before, after = (_AWAY, _TOWARDS) if view.oncoming else (_TOWARDS, _AWAY)
+    whole = float(surface.tan_gamma[-1])
+    towards, away, beside = (whole, whole, whole) if each_its_eye else (_TOWARDS, _AWAY, _ASIDE)
+    before, after = (away, towards) if view.oncoming else (towards, away)
     lamps = _Lamps.between(view.road, float(x.min()) - before * high, float(x.max()) + after * high)
     beyond, aside = heading * (lamps.x - x[:, None]), heading * (lamps.y - y[:, None])
     sight = np.zeros_like(y) if each_its_eye else np.arctan2(heading * (y - view.y), view.ahead(x))
@@ -356,7 +359,7 @@ def _luminance(
     beta = np.degrees(np.arccos(np.clip(np.cos(turn), -1.0, 1.0)))
     tan_gamma = np.hypot(beyond, aside) / high
     beta = np.where(tan_gamma > 0.0, beta, 0.0)
-    near = (beyond >= -_TOWARDS * high) & (beyond <= _AWAY * high) & (np.abs(aside) <= _ASIDE * high)
+    near = (beyond >= -towards * high) & (beyond <= away * high) & (np.abs(aside) <= beside * high)
     return lamps.light(x, y, 0.0, near * surface.reading(beta, tan_gamma) / high**2)
 
 

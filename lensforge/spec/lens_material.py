@@ -191,7 +191,9 @@ class LensMaterial(FacesSection):
 
     is_opaque: ClassVar[bool] = False
     refractive_index: _Index = 1.4936
-    """Index at all wavelengths, ``material`` being only a label; or leave it out for a dispersive material."""
+    """Index at all wavelengths, ``material`` being only a label, no name of the catalogue; or leave it out for a
+    dispersive material.
+    """
     material: Label = "PMMA at 564 nm"
     """Material of the catalogue, dispersive; or, beside ``refractive_index`` or other data, a label."""
     material_file: FilePath | None = None

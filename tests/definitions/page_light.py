@@ -5,6 +5,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from page_chain import trace_chain
 from page_tracer import FATES, LANDED, trace
 from PIL import Image, ImageDraw, ImageFont
 from scipy import ndimage
@@ -167,8 +168,9 @@ def budget(lens, fate, place, flux, absorbed, in_glass):
 def light(lens, pair, rays, folder="."):
     """Figures of the replicates, each a tuple (positions, directions, wavelengths) of rays in the lens's frame."""
     (t, inside), bins, budgets = target_image(lens, folder), [], []
+    follow = trace if lens["spec"]["lens"]["kind"] == "double" else trace_chain
     for p, d, nm in rays:
-        fate, place, flux, absorbed, in_glass = trace(lens, pair, p, d, nm)
+        fate, place, flux, absorbed, in_glass = follow(lens, pair, p, d, nm)
         landed = fate == LANDED
         bins.append(hard_bins(lens, place[landed], flux[landed]) / len(p))
         share = share_in_target(lens, place[landed], flux[landed], inside) / len(p)

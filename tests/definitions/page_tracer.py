@@ -9,8 +9,11 @@ from scipy import interpolate, ndimage
 from scipy.stats import qmc
 
 NODES, REACH = 129, 1.2  # nodes of the chart (X, Y) along each axis, and the largest |X|: the horizon is at 1
-FATES = ["landed", "backward", "outside_cavity", "surfaces_intersect", "base", "total_reflection", "missed_receiver"]
-LANDED, BACKWARD, OUTSIDE_CAVITY, INTERSECT, BASE, TOTAL, MISSED = range(7)
+FATES = [
+    "landed", "backward", "outside_cavity", "surfaces_intersect", "base", "total_reflection", "missed_receiver",
+    "more_events", "flange",
+]  # fmt: skip
+LANDED, BACKWARD, OUTSIDE_CAVITY, INTERSECT, BASE, TOTAL, MISSED, MORE_EVENTS, FLANGE = range(9)
 
 
 def unit(vectors):
@@ -28,10 +31,9 @@ def mirror_images(symmetry):
     return group + [m[:, [1, 0, 2]] for m in group] if symmetry in ("diagonal", "square") else group
 
 
-class Freeform:
-    def __init__(self, record):
-        self.offset, self.weights = record["offset_mm"], np.array(record["weights_mm"])
-        self.group = mirror_images(record["symmetry"])
+class Functions:
+    def __init__(self, record, weights):
+        self.weights, self.group = np.array(weights), mirror_images(record["symmetry"])
         centres, sigmas = [], []
         for m in record["levels"]:
             j = np.arange(m)
@@ -40,22 +42,9 @@ class Freeform:
             centres.append(np.column_stack([ring * np.cos(phi), ring * np.sin(phi), z]))
             sigmas.append(np.full(m, record["sigma_c"] * np.arccos(1 - 1 / m)))
         self.centres, self.sigmas = np.concatenate(centres), np.concatenate(sigmas)
-        axis = np.linspace(-REACH, REACH, NODES)
-        x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
-        u = np.column_stack([2 * x, 2 * y, 1 - x**2 - y**2]) / (1 + x**2 + y**2)[:, None]
-        plain = np.column_stack(self.one_sum(u)).T.reshape(4, NODES, NODES)  # then its mirror images, by flips
-        total = np.zeros_like(plain)
-        for m in self.group:
-            turned = plain[:, :: m[0, 0], :: m[1, 1]] if m[0, 0] else plain[:, :: m[0, 1], :: m[1, 0]].swapaxes(1, 2)
-            total[0] += turned[0]
-            total[1:] += np.einsum("ji,jxy->ixy", m, turned[1:])
-        total /= len(self.group)
-        total[0] += self.offset
-        self.largest = total[0].max()
-        self.tables = [ndimage.spline_filter(table, order=5, mode="mirror") for table in total]
 
     def one_sum(self, u):
-        """Sum over the functions without mirror images, less h, and its tangential gradient."""
+        """Sum over the functions without mirror images, and its tangential gradient."""
         values, gradients = np.empty(len(u)), np.empty((len(u), 3))
         for block in np.array_split(np.arange(len(u)), len(u) // 512 + 1):
             cosine = np.clip(u[block] @ self.centres.T, -1, 1)
@@ -68,11 +57,37 @@ class Freeform:
             gradients[block] = pull @ self.centres - (pull * cosine).sum(axis=1)[:, None] * u[block]
         return values, gradients
 
+    def mean(self, u):
+        """Mean of the sums over the mirror images."""
+        sums = [self.one_sum(u @ m.T) for m in self.group]
+        return np.mean([value for value, _ in sums], axis=0), np.mean(
+            [gradient @ m for (_, gradient), m in zip(sums, self.group, strict=True)], axis=0
+        )
+
+
+class Freeform:
+    def __init__(self, record):
+        self.offset, self.functions = record["offset_mm"], Functions(record, record["weights_mm"])
+        group = self.functions.group
+        axis = np.linspace(-REACH, REACH, NODES)
+        x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
+        u = np.column_stack([2 * x, 2 * y, 1 - x**2 - y**2]) / (1 + x**2 + y**2)[:, None]
+        # One sum, then its mirror images by flips.
+        plain = np.column_stack(self.functions.one_sum(u)).T.reshape(4, NODES, NODES)
+        total = np.zeros_like(plain)
+        for m in group:
+            turned = plain[:, :: m[0, 0], :: m[1, 1]] if m[0, 0] else plain[:, :: m[0, 1], :: m[1, 0]].swapaxes(1, 2)
+            total[0] += turned[0]
+            total[1:] += np.einsum("ji,jxy->ixy", m, turned[1:])
+        total /= len(group)
+        total[0] += self.offset
+        self.largest = total[0].max()
+        self.tables = [ndimage.spline_filter(table, order=5, mode="mirror") for table in total]
+
     def exact(self, u):
         """Radius (mm) and normal of the directions, by the sums of the page."""
-        sums = [self.one_sum(u @ m.T) for m in self.group]
-        rho = self.offset + np.mean([value for value, _ in sums], axis=0)
-        grad = np.mean([gradient @ m for (_, gradient), m in zip(sums, self.group, strict=True)], axis=0)
+        value, grad = self.functions.mean(u)
+        rho = self.offset + value
         return rho, unit(u - grad / rho[:, None])
 
     def chart(self, u):
@@ -299,9 +314,15 @@ def first_crossing(surface, p, d):
         q = p[rows] + t[:, None] * d[rows]
         return surface.radius(unit(q)) - np.linalg.norm(q, axis=1)
 
-    low, f_low = np.zeros(len(p)), inside(np.zeros(len(p)))
-    high, f_high, found = np.full(len(p), np.nan), np.full(len(p), np.nan), np.zeros(len(p), dtype=bool)
-    for share in np.linspace(0, 1, 25)[1:]:
+    return first_root(inside, end, 24)
+
+
+def first_root(inside, end, steps):
+    """Where inside(t, rows) first falls below 0, at t up to ``end``, of which so many steps are looked at; else nan."""
+    count = len(end)
+    low, f_low = np.zeros(count), inside(np.zeros(count))
+    high, f_high, found = np.full(count, np.nan), np.full(count, np.nan), np.zeros(count, dtype=bool)
+    for share in np.arange(1, steps + 1) / steps:
         rows = np.flatnonzero(~found)
         f = inside(share * end[rows], rows)
         out = f < 0
@@ -320,7 +341,7 @@ def first_crossing(surface, p, d):
         low, high = np.where(now > 0, t, low), np.where(now < 0, t, high)
         f_low, f_high = np.where(now > 0, f, f_low * weight), np.where(now < 0, f, f_high * weight)
         side = now
-    distance = np.full(len(p), np.nan)
+    distance = np.full(count, np.nan)
     distance[rows] = t
     return distance
 
@@ -412,20 +433,38 @@ def behind_glass(section, p, d, nm, stokes):
     return p + path[:, None] * inside, passed * np.exp(-glass["absorption_per_mm"] * path)
 
 
+def enter(p, d, inside):
+    """Fates of rays that do not come into the cavity, and where the others start."""
+    fate, p = np.full(len(p), LANDED), p.copy()
+    fate[(d[:, 2] <= 0) & (p[:, 2] <= 0)] = BACKWARD
+    below = (p[:, 2] < 0) & (fate == LANDED)
+    p[below] -= (p[below, 2] / d[below, 2])[:, None] * d[below]
+    live = np.flatnonzero(fate == LANDED)
+    fate[live[~inside(p[live])]] = OUTSIDE_CAVITY
+    return fate, p
+
+
+def to_receiver(lens, left, p, d, fate, flux, nm, stokes):
+    """Flux, places on the receiver's plane (mm), and flux that the glass took, of rays ``left`` behind the lens."""
+    in_glass, place = np.zeros(len(p)), np.full((len(p), 2), np.nan)
+    up = d[left, 2] > 1e-12
+    fate[left[~up]] = MISSED
+    rows, p, stokes = left[up], p.copy(), [part[up] for part in stokes]
+    p[rows], share = behind_glass(lens["spec"]["lens"], p[rows], d[rows], nm[rows], stokes)
+    in_glass[rows], flux[rows] = flux[rows] * (1 - share), flux[rows] * share
+    to_plane = (lens["spec"]["target"]["distance_mm"] - p[rows, 2]) / d[rows, 2]
+    place[rows] = p[rows, :2] + to_plane[:, None] * d[rows, :2]
+    return flux, place, in_glass
+
+
 def trace(lens, pair, p, d, nm=None):
     """Fate (index in FATES), place on the receiver's plane (mm); flux at the end, absorbed, and in the glass, of 1."""
     inner, outer = pair
     n, d, section = refractive_index(lens, nm, len(p)), unit(d), lens["spec"]["lens"]
     nm = np.full(len(p), section["design_wavelength_nm"]) if nm is None else nm
     cavity, outside = (np.full(len(p), section[name]) for name in ("cavity_index", "outside_index"))
-    fate, flux, place = np.full(len(p), LANDED), np.ones(len(p)), np.full((len(p), 2), np.nan)
-    absorbed = np.zeros(len(p))
-    fate[(d[:, 2] <= 0) & (p[:, 2] <= 0)] = BACKWARD
-    below = (p[:, 2] < 0) & (fate == LANDED)
-    p = p.copy()
-    p[below] -= (p[below, 2] / d[below, 2])[:, None] * d[below]
-    live = np.flatnonzero(fate == LANDED)
-    fate[live[np.linalg.norm(p[live], axis=1) >= inner.radius(unit(p[live]))]] = OUTSIDE_CAVITY
+    flux, absorbed = np.ones(len(p)), np.zeros(len(p))
+    fate, p = enter(p, d, lambda points: np.linalg.norm(points, axis=1) < inner.radius(unit(points)))
 
     live = np.flatnonzero(fate == LANDED)
     t = first_crossing(inner, p[live], d[live])
@@ -456,12 +495,5 @@ def trace(lens, pair, p, d, nm=None):
     fate[live[np.isnan(passed)]] = TOTAL
     live, passed = live[~np.isnan(passed)], passed[~np.isnan(passed)]
     flux[live] *= passed
-    up = d[live, 2] > 1e-12
-    fate[live[~up]] = MISSED
-    live = live[up]
-    in_glass = np.zeros(len(p))
-    p[live], left = behind_glass(section, p[live], d[live], nm[live], [part[live] for part in stokes])
-    in_glass[live], flux[live] = flux[live] * (1 - left), flux[live] * left
-    to_plane = (lens["spec"]["target"]["distance_mm"] - p[live, 2]) / d[live, 2]
-    place[live] = p[live, :2] + to_plane[:, None] * d[live, :2]
+    flux, place, in_glass = to_receiver(lens, live, p, d, fate, flux, nm, [part[live] for part in stokes])
     return fate, place, flux, absorbed, in_glass

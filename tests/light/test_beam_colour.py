@@ -85,6 +85,28 @@ def test_differences_under_noise_are_the_true_ones_within_their_errors() -> None
         assert abs(scores.mean()) < 1.0 and np.abs(scores).max() < 4.5, name
 
 
+# Nine columns of either colour, all as far from their mean, between two of the directions in which the worst is sought.
+AS_MUCH = COOL * (WARM @ [1, 15, 3]) / (COOL @ [1, 15, 3])
+EVEN = np.where(np.arange(18)[:, None] < 9, AS_MUCH, WARM) * np.ones((20, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("light", "replicates", "noise"),
+    [
+        (EVEN, 16, 0.0),
+        (EVEN, 3, 0.0),  # too few to take noise off
+        (WARM * np.ones((20, 20, 1)), 16, 0.02),  # of one colour: noise alone
+        (halves(40), 16, 0.1),
+        (halves(40), 9, 0.1),
+    ],
+)
+def test_no_pixel_farther_than_the_worst(light: np.ndarray, replicates: int, noise: float) -> None:
+    """The largest of the distances is at least their root mean square."""
+    for seed in range(12 if noise else 1):
+        found = BeamColour.of(pictures(light, noise, seed)[:, :replicates], 0.3)
+        assert found is not None and found.worst.value >= found.rms.value >= 0.0
+
+
 def chip(x: float, spectrum: Any, flux_w: float = 1.0) -> dict[str, Any]:
     return {"x_mm": x, "y_mm": 0.0, "width_mm": 0.6, "height_mm": 0.6, "spectrum": spectrum, "flux_w": flux_w}
 

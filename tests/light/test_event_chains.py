@@ -84,18 +84,19 @@ def fine_tables() -> np.ndarray:
     first_by_day(len(CASES) + 1, [*((case, True) for case in CASES), ("glass", False), ("two mirrors", False)]),
 )
 def test_the_kernels_agree_with_the_readable_tracer(case: str, fresnel: bool) -> None:
-    (media, made), body = CASES[case], collimator(0.05)
+    (media, made), body, events = CASES[case], collimator(0.05), 2 if case == "two mirrors" else 6
     rays = upwards(60, 3, 0.5)
-    found = TracedBundle.of(fine_tables(), scene(body, media, made, 6, FINE, fresnel), rays).exits
+    found = TracedBundle.of(fine_tables(), scene(body, media, made, events, FINE, fresnel), rays).exits
     surfaces = {face.name: FixedSurface(face.surface, DenseScan()) for face in body.faces}
-    faces = TracedFaces(surfaces, body.chain(6), 2.2 * REACH)
+    faces = TracedFaces(surfaces, body.chain(events), 2.2 * REACH)
     wanted = trace_chain(faces, EnteringRays.of(rays, media, made), fresnel)
     assert np.array_equal(found.fates, wanted.fates)
     assert np.abs(found.points - wanted.points).max() < 3e-4
     assert np.abs(found.directions - wanted.directions).max() < 1e-4
     for name in ("flux", "sin2_exit") if found.axial is None else ("flux", "sin2_exit", "axial"):
         assert np.abs(getattr(found, name) - getattr(wanted, name)).max() < 5e-4, name
-    if wanted.absorbed is not None:
+    assert wanted.absorbed.any() == (found.absorbed is not None)
+    if found.absorbed is not None:
         assert np.abs(found.absorbed - wanted.absorbed).max() < 1e-5
 
 
@@ -150,6 +151,16 @@ def test_no_flux_is_lost_without_a_cause() -> None:
     mirrored = clear(coatings=mirrors(0.9, wall=OUTSIDE))
     dark = TracedBundle.of(tables, scene(body, mirrored, events=2, fresnel=False), rays)
     assert np.array_equal(dark.exits.fates == Fate.MORE_EVENTS, dark.met[:, 1] // 4 == NAMES.index("wall"))
+
+
+@pytest.mark.parametrize("events", [1, 2, 3, 6])
+def test_a_mirror_absorbs_what_it_does_not_reflect_at_the_last_event_too(events: int) -> None:
+    media, body, rays = clear(coatings=mirrors(0.7, wall=OUTSIDE, side=CAVITY)), collimator(0.05), upwards(3000, 8, 0.5)
+    found = TracedBundle.of(tables_of(body, GRID), scene(body, media, events=events, fresnel=False), rays)
+    left = 0.7 ** np.isin(found.met // 4, [NAMES.index("side"), NAMES.index("wall")]).sum(axis=1)
+    assert (found.exits.fates[left < 1.0] == Fate.MORE_EVENTS).sum() > (900 if events < 3 else 0)
+    assert found.exits.flux == pytest.approx(left * rays.flux, rel=1e-12)
+    assert found.exits.absorbed == pytest.approx((1.0 - left) * rays.flux, rel=1e-12, abs=1e-15)
 
 
 def test_the_usual_lens_is_a_chain_of_two_faces() -> None:

@@ -116,7 +116,7 @@ def test_every_fate_has_its_share_of_the_budget() -> None:
     inside = np.array([0.002, 0.004])
     landed = by_fate[:, Fate.LEFT_LENS]
     received = ReceivedFlux(np.zeros((2, 1, 1)), by_fate, inside, landed - inside, np.zeros((2, 0)))
-    flux, missed = _flux_budget(received, 0.5, mirrored=False)
+    flux, missed = _flux_budget(received, 0.5)
     share = by_fate[0] / 0.5
     assert (len(Fate), len(Fate) + 1, len(Fate) + 2, len(Fate) + 3) == (MISSED_RECEIVER, ABSORBED, IN_GLASS, CAUSES)
     expected = {

@@ -1,6 +1,7 @@
 """Bodies of four faces, cast event by event as facets, as STEP files and by Mitsuba, against closed forms."""
 
 from collections import Counter
+from dataclasses import replace
 from functools import cache
 from importlib.util import find_spec
 
@@ -126,6 +127,22 @@ def test_the_kernel_sends_every_ray_along_its_chain(name, events, absorption):
     np.testing.assert_allclose(found.flux[kept], wanted.flux[kept], rtol=1e-9)
     if absorption == 0.0:
         np.testing.assert_allclose(found.absorbed[told], wanted.in_mirrors[told], rtol=1e-9, atol=1e-15)
+
+
+def test_light_ends_at_a_flange_with_what_the_face_before_has_left():
+    optical = optical_of(OF_BALL, 4)
+    optical = replace(optical, names=tuple("flange" if name == "wall" else name for name in optical.names))
+    clear, dim = (
+        send_through_body(StepBody(step_of("ball"), optical), RAYS, Media(Medium(INDEX, absorption)))
+        for absorption in (0.0, 0.05)
+    )
+    at_flange = np.array(["w" in chain.lower() for chain in exact("ball", 4).chains])
+    assert 20 < at_flange.sum() < 180
+    np.testing.assert_array_equal(clear.fates == CastFate.FLANGE, at_flange)
+    np.testing.assert_array_equal(dim.fates, clear.fates)
+    np.testing.assert_array_equal(dim.flux[at_flange], clear.flux[at_flange])
+    assert (0.5 * RAYS.flux < dim.flux)[at_flange].all() and not dim.absorbed[at_flange].any()
+    assert (dim.absorbed[dim.fates == CastFate.LANDED] > 0.0).all()
 
 
 @pytest.mark.parametrize(("name", "events", "precision"), [("cone", 3, 3e-3), ("ball", 4, 2e-5)])

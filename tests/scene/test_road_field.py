@@ -160,9 +160,8 @@ def _by_rp8(road: RoadSection, ways) -> list[tuple[np.ndarray, np.ndarray]]:
                 total, high = 0.0, road.pole_height_m
                 for lamp in _lamps(road):
                     ahead, aside = heading * (lamp[0] - x), lamp[1] - y
-                    if -5.0 * high <= ahead <= 12.0 * high and abs(aside) <= 5.0 * high:
-                        r = _r(table, degrees(abs(atan2(aside, ahead))), hypot(ahead, aside) / high)
-                        total += _intensity(road, lamp, x, y, 0.0) * r / high**2
+                    r = _r(table, degrees(abs(atan2(aside, ahead))), hypot(ahead, aside) / high)
+                    total += _intensity(road, lamp, x, y, 0.0) * r / high**2
                 light.append(total)
                 veil.append(_rp8_veil(road, heading, x - 83.07 * heading, y))
         found.append((np.array(light), np.array(veil)))
@@ -189,6 +188,9 @@ def _rp8_veil(road: RoadSection, heading: float, x: float, y: float) -> float:
         ({"lanes": 3, "arrangement": "opposite", "edition": "RP-8-00", "oncoming_lanes": 1}, [(1, [0, 1]), (-1, [2])]),
         ({"lanes": 3, "pole_spacing_m": 62.0, "driving_side": "left", "oncoming_lanes": 1}, [(1, [1, 2]), (-1, [0])]),
         ({"lanes": 2, "pole_height_m": 4.0, "surface": "R2"}, [(1.0, [0, 1])]),  # far lamps within 2 degrees
+        # lamps 5 to 5.5 heights before a point, and beside it: the table ends only there
+        ({"lanes": 2, "pole_height_m": 5.2, "oncoming_lanes": 1}, [(1, [0]), (-1, [1])]),
+        ({"lanes": 2, "pole_height_m": 4.0, "arrangement": "median", "median_m": 13.5}, [(1.0, [0, 1])]),
     ],
 )  # fmt: skip
 def test_a_road_by_rp_8_as_plain_loops_have_it(fields, ways) -> None:

@@ -1,0 +1,241 @@
+"""Lenses for total internal reflection and reflectors, by docs/definitions.md alone: faces, events and losses."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from page_tracer import (
+    BACKWARD,
+    BASE,
+    FLANGE,
+    LANDED,
+    MORE_EVENTS,
+    TOTAL,
+    Functions,
+    coated,
+    enter,
+    first_root,
+    fresnel,
+    refractive_index,
+    to_receiver,
+    unit,
+)
+from scipy.interpolate import BSpline
+
+SIDES = {
+    "cap": ("cavity", "body"), "side": ("cavity", "body"), "wall": ("body", "outside"), "flange": ("body", "outside"),
+    "exit": ("body", "outside"), "cup": ("cavity", "body"), "back": ("body", "outside"), "mouth": ("cavity", "outside"),
+}  # fmt: skip
+STEPS = 128  # along a ray: between two of them it does not leave its medium and come back
+
+
+# -- Section 4: faces by their reciprocal radius -----------------------------------------------------------------------
+
+
+def plane(face, u):
+    slope = np.array(face["axis"]) / (face["axis"][2] * face["height_mm"])
+    return u @ slope, np.tile(slope, (len(u), 1))
+
+
+def cone(face, u):
+    sine = np.hypot(u[:, 0], u[:, 1])
+    radial = u[:, :2] / np.where(sine > 0, sine, 1)[:, None]
+    slope = np.column_stack([radial, np.full(len(u), -face["slope"])]) / face["radius_mm"]
+    return (sine - face["slope"] * u[:, 2]) / face["radius_mm"], slope
+
+
+def conic(face, u):
+    slope = -face["eccentricity"] / face["parameter_mm"] * unit(np.array([face["axis"]]))[0]
+    return 1 / face["parameter_mm"] + u @ slope, np.tile(slope, (len(u), 1))
+
+
+def profile(face, u):
+    count = len(face["coefficients"])
+    step = (face["high"] - face["low"]) / (count - 5)
+    knots = face["low"] + step * np.arange(-5, count + 1)
+    spline = BSpline(knots, face["coefficients"], 5)
+    inside = np.clip(u[:, 2], face["low"], face["high"])
+    value, by, bend = (spline(inside, k) * step**k for k in (0, 1, 2))
+    s = (u[:, 2] - inside) / step
+    slope = np.zeros_like(u)
+    slope[:, 2] = (by + np.sign(s) * (1 - np.exp(-abs(s))) * bend) / step
+    return value + by * s + (abs(s) + np.exp(-abs(s)) - 1) * bend, slope
+
+
+def formed(face, u):
+    (value, slope), (more, also) = profile(face["profile"], u), face["sums"].mean(u)
+    return value + more, slope + also
+
+
+KINDS = {"plane": plane, "cone": cone, "conic": conic, "profile": profile, "formed": formed}
+
+
+class Face:
+    def __init__(self, name, record):
+        self.name, (self.before, self.behind) = name, SIDES[name]
+        if record["kind"] == "formed":
+            sums = Functions(record["functions"], record["functions"]["weights"])
+            record = record | {"reach_mm": record["profile"]["reach_mm"], "sums": sums}
+        self.record, self.reach, self.kind = record, record["reach_mm"], KINDS[record["kind"]]
+
+    def exact(self, u):
+        """Radius (mm) and normal of the directions."""
+        value, slope = self.kind(self.record, u)
+        x = np.clip(2 * value * self.reach - 1, 0, 1)
+        beyond = (3 / 4 + x**4 * (5 - 6 * x + 2 * x**2) / 4) / self.reach
+        bent = np.where(value * self.reach >= 1, value, beyond)
+        by_value = np.where(value * self.reach >= 1, 1, x**3 * (10 - 15 * x + 6 * x**2))
+        along = slope - (slope * u).sum(axis=1)[:, None] * u
+        return 1 / bent, unit(u + (by_value / bent)[:, None] * along)  # grad rho / rho = - grad(1/rho) rho
+
+    def room(self, p):
+        """rho - |p|: above 0 on the side of the origin."""
+        return self.exact(unit(p))[0] - np.linalg.norm(p, axis=1)
+
+
+# -- Section 7: bodies of more than two faces --------------------------------------------------------------------------
+
+
+def room_in(faces, medium, p):
+    """Above 0 in a medium: within all faces that it has outside of it; in the body not within the cavity."""
+    held = np.min([face.room(p) for face in faces if face.before == medium], axis=0)
+    if medium == "cavity":
+        return held
+    return np.minimum(held, -np.min([face.room(p) for face in faces if face.before == "cavity"], axis=0))
+
+
+def way_out(faces, medium, p, d):
+    """Path to where a ray leaves its medium, and the number of the face there; nan where it falls to z = 0 before."""
+    reach = max(face.reach for face in faces if face.before == medium)
+    start = 1e-9 * reach  # off the face that was met last
+    p = p + start * d
+    along = (p * d).sum(axis=1)
+    ends = np.sqrt(along**2 - (p**2).sum(axis=1) + reach**2) - along
+    down = d[:, 2] < 0
+    ends[down] = np.minimum(ends[down], -p[down, 2] / d[down, 2])
+    t = first_root(lambda t, rows=slice(None): room_in(faces, medium, p[rows] + t[:, None] * d[rows]), ends, STEPS)
+    at = p + np.where(np.isnan(t), 0, t)[:, None] * d
+    rooms = [abs(f.room(at)) if medium in (f.before, f.behind) else np.full(len(p), np.inf) for f in faces]
+    return t + start, np.argmin(rooms, axis=0)
+
+
+@dataclass
+class Light:
+    """All rays, and what their events have made of them; both fields of each, complex."""
+
+    p: np.ndarray
+    d: np.ndarray
+    fields: np.ndarray
+    clear: np.ndarray
+    absorbed: np.ndarray
+    fate: np.ndarray
+
+    def flux(self, rows):
+        return self.clear[rows] * (abs(self.fields[rows]) ** 2).sum(axis=(1, 2)) / 2
+
+
+def refracting(section, name, medium, before, behind, c, nm, total):
+    """Amplitudes of s and p at a face: of what passes, or of what is reflected totally."""
+    ratio = before / behind
+    evanescent = np.sqrt(np.where(total, ratio**2 * (1 - c**2) - 1, 0))
+    back_s = (ratio * c - 1j * evanescent) / (ratio * c + 1j * evanescent)
+    back_p = -(c - 1j * ratio * evanescent) / (c + 1j * ratio * evanescent)
+    t = fresnel(c, np.sqrt(np.where(total, 0, 1 - ratio**2 * (1 - c**2))), ratio)
+    coating = section[name].get("coating") if name in section else None
+    if coating is not None:
+        own = ~total
+        t[:, own] = coated(coating, nm[own], before[own], behind[own], np.minimum(c[own], 1), medium == "body")
+    return np.where(total, back_s, np.sqrt(np.where(total, 0, t[0]))), np.where(
+        total, back_p, np.sqrt(np.where(total, 0, t[1]))
+    )
+
+
+def fields_behind(fields, d, on, n, a_s, a_p, reflected):
+    """Both fields by their parts across the plane of incidence and in it, and the turn of that to the new direction."""
+    s = np.cross(n, d)
+    flat = np.linalg.norm(s, axis=1) < 1e-9
+    s = unit(np.where(flat[:, None], np.cross(d, [1.0, 0.2, 0.1]), s))
+    p_before = np.cross(d, s)
+    p_behind = np.where(reflected[:, None], p_before - 2 * (p_before * n).sum(axis=1)[:, None] * n, np.cross(on, s))
+    found = np.empty_like(fields)
+    for k in (0, 1):
+        in_s, in_p = (fields[:, k] * s).sum(axis=1), (fields[:, k] * p_before).sum(axis=1)
+        found[:, k] = (a_s * in_s)[:, None] * s + (a_p * in_p)[:, None] * p_behind
+    return found
+
+
+def meet(light, face, medium, rows, t, media, section, nm, last):
+    """Light at one face; returns the medium of those that go on, and their numbers."""
+    back = face.before != medium
+    beyond = face.before if back else face.behind
+    d, at = light.d[rows], light.p[rows] + t[:, None] * light.d[rows]
+    if face.name == "flange":
+        light.fate[rows] = FLANGE
+        return []
+    if medium == "body":
+        left = np.exp(-section["absorption_per_mm"] * t)
+        light.absorbed[rows] += light.flux(rows) * (1 - left)
+        light.clear[rows] *= left
+    n = face.exact(unit(at))[1] * (-1 if back else 1)
+    c = (d * n).sum(axis=1)
+    mirror = section[face.name].get("mirror") if face.name in section else None
+    before, behind = media[medium][rows], media[beyond][rows]
+    q2 = 1 - (before / behind) ** 2 * (1 - c**2)
+    reflected = np.full(len(rows), True) if mirror is not None else q2 <= 0
+    q = np.sqrt(np.where(reflected, 0, q2))
+    on = (before / behind)[:, None] * d + (q - before / behind * c)[:, None] * n
+    on = np.where(reflected[:, None], d - 2 * c[:, None] * n, on)
+    if mirror is not None:
+        light.absorbed[rows] += light.flux(rows) * (1 - mirror)
+        amplitudes = np.full((2, len(rows)), np.sqrt(mirror))
+    else:
+        amplitudes = refracting(section, face.name, medium, before, behind, c, nm[rows], reflected)
+    light.fields[rows] = fields_behind(light.fields[rows], d, on, n, *amplitudes, reflected)
+    light.p[rows], light.d[rows] = at, on
+    if last:
+        inside = reflected if beyond == "outside" else np.full(len(rows), True)
+        total = reflected & (mirror is None)
+        light.fate[rows[inside]] = np.where(total, TOTAL, MORE_EVENTS)[inside]
+    return [(medium, rows[reflected]), (beyond, rows[~reflected])]
+
+
+def trace_chain(lens, faces, p, d, nm=None):
+    """As :func:`page_tracer.trace`, of a lens of more than two faces."""
+    section, d, count = lens["spec"]["lens"], unit(d), len(p)
+    media = {"body": refractive_index(lens, nm, count)}
+    media |= {medium: np.full(count, section[f"{medium}_index"]) for medium in ("cavity", "outside")}
+    nm = np.full(count, section["design_wavelength_nm"]) if nm is None else nm
+    fate, p = enter(p, d, lambda points: room_in(faces, "cavity", points) > 0)
+    one = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
+    fields = np.stack([one, np.cross(d, one)], axis=1).astype(complex)
+    light = Light(p, d.copy(), fields, np.ones(count), np.zeros(count), fate)
+    going, out = {"cavity": np.flatnonzero(fate == LANDED)}, []
+    for event in range(section["events"]):
+        onward = {"cavity": [], "body": [], "outside": out}
+        for medium, rows in going.items():
+            t, met = way_out(faces, medium, light.p[rows], light.d[rows])
+            lost = np.isnan(t)
+            falls = light.d[rows[lost], 2] <= 0
+            light.fate[rows[lost]] = np.where((medium == "cavity") & falls, BACKWARD, BASE)
+            for number in np.unique(met[~lost]):
+                some = np.flatnonzero(~lost & (met == number))
+                last = event + 1 == section["events"]
+                for behind, others in meet(light, faces[number], medium, rows[some], t[some], media, section, nm, last):
+                    onward[behind].append(others)
+        going = {medium: np.concatenate([[], *onward[medium]]).astype(int) for medium in ("cavity", "body")}
+    left, flux = np.concatenate([[], *out]).astype(int), light.flux(slice(None))
+    flux, place, in_glass = to_receiver(lens, left, light.p, light.d, light.fate, flux, nm, as_stokes(light, left))
+    return light.fate, place, flux, light.absorbed, in_glass
+
+
+def as_stokes(light, rows):
+    """Q and U of a flux of 1, and the direction to which they refer."""
+    d, fields = light.d[rows], light.fields[rows]
+    s = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
+    one, other = ((fields * axis[:, None]).sum(axis=2) for axis in (s, np.cross(d, s)))
+    i = (abs(one) ** 2 + abs(other) ** 2).sum(axis=1)
+    q, u = (abs(one) ** 2 - abs(other) ** 2).sum(axis=1) / i, 2 * (one * other.conj()).real.sum(axis=1) / i
+    return [q, u, s]
+
+
+def chain_faces(lens):
+    return [Face(name, record) for name, record in lens["faces"].items()]
