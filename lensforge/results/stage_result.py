@@ -210,6 +210,11 @@ class StageResult(Record):
             if (own := marker(info, InFile)) is not None:
                 yield field, own, own.beside(cls.stage, stem)
 
+    @classmethod
+    def file_names(cls, stem: str) -> set[str]:
+        """Names of all files that a result may have beside ``stem``.json, and of that."""
+        return {f"{stem}.json", f"{stem}.npz", *(name for _, _, name in cls._files(stem))}
+
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
         name, arrays = stem or self.stage, dict(arrays_of(self))
