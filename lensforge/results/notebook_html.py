@@ -35,7 +35,8 @@ def plot_file(draw: Callable[..., Any], kind: str) -> bytes:
     import matplotlib.style
     from matplotlib.figure import Figure
 
-    with matplotlib.style.context("default"):  # whatever a matplotlibrc says
+    style = {"svg.hashsalt": "lensforge"}  # else each file has ids of its own
+    with matplotlib.style.context(["default", style]):  # whatever a matplotlibrc says
         figure, file = Figure(figsize=(5.0, 4.0), layout="constrained"), io.BytesIO()
         draw(axes=figure.add_subplot())
         figure.savefig(file, format=kind, dpi=150, metadata={_DATE[kind]: None})

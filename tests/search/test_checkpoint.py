@@ -14,7 +14,7 @@ from PIL import Image
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.results.json_npz import Form
+from lensforge.results.json_npz import Form, parse_json, require_forms
 from lensforge.search import checkpoint
 from lensforge.search.checkpoint import CHECKPOINT, fingerprint, is_checkpoint, load_checkpoint, save_checkpoint
 from lensforge.search.design_result import Level
@@ -157,3 +157,41 @@ def test_a_search_that_starts_anew_drops_the_checkpoint_of_an_earlier_one(tmp_pa
     path.mkdir()
     with pytest.raises(InputError, match="cannot be replaced"):
         search(spec, build_source(spec.source), accuracy="draft", checkpoint=path)
+
+
+FORMS = {"a": Form(("n", 2)), "b": Form((3,), "int64", least=0.0)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, ""),
+        ({"a": np.ones((5, 2)), "b": np.array([0, 1, 2])}, ""),
+        ({"a": np.ones((4, 3))}, r"array 'a' has the shape \(4, 3\), must be \(n, 2\)"),
+        ({"a": np.ones(8)}, r"'a' has the shape \(8,\)"),
+        ({"a": np.ones((4, 2), ">f8")}, "'a' is of type >f8, must be float64"),
+        ({"a": np.ones((4, 2), "f4")}, "'a' is of type float32, must be float64"),
+        ({"a": np.array([[1.0, np.nan]])}, r"'a' holds nan, must be from -1e\+30 to 1e\+30"),
+        ({"b": np.array([1, -1, 2])}, "'b' holds -1, must be from 0"),
+        ({"b": None}, "'b' is missing"),
+        ({"c": np.ones(1)}, "'c' is none of it"),
+    ],
+)
+def test_arrays_are_compared_with_their_forms(changes: dict[str, np.ndarray], words: str) -> None:
+    arrays = {"a": np.ones((4, 2)), "b": np.ones(3, np.int64)} | changes
+    there = {name: array for name, array in arrays.items() if array is not None}
+    if not words:
+        require_forms(there, FORMS)
+        return
+    with pytest.raises(ValueError, match=words):
+        require_forms(there, FORMS)
+
+
+def test_sizes_of_one_name_are_the_same() -> None:
+    with pytest.raises(ValueError, match=r"'b' has the shape \(3,\), must be \(4\)"):
+        require_forms({"a": np.ones(4), "b": np.ones(3)}, {"a": Form(("n",)), "b": Form(("n",))})
+
+
+def test_json_of_too_many_values_is_refused_before_it_takes_memory() -> None:
+    with pytest.raises(ValueError, match="20000001 values, at most 20000000"):
+        parse_json(b"[" + b"," * 20_000_001 + b"]")
