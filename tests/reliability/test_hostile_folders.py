@@ -68,7 +68,8 @@ def link(path: Path, chance: Chance) -> None:
 
 
 def hard_link(path: Path, chance: Chance) -> None:
-    new(path).hardlink_to(path.parent.parent / "secret")
+    """A second name of a file: no program can tell it from the first."""
+    new(path).hardlink_to(path.parent.parent / "elsewhere")
 
 
 def pipe(path: Path, chance: Chance) -> None:
@@ -159,6 +160,7 @@ COMMANDS: tuple[Callable[[Path], object], ...] = (read, shown, renewed, write_re
 @pytest.mark.filterwarnings("error")
 def test_a_folder_is_read_or_refused_in_one_line(whole_run: lf.Run, tmp_path: Path) -> None:
     (tmp_path / "secret").write_bytes(SECRET)
+    (tmp_path / "elsewhere").write_bytes(b"{}")
     told = hashlib.sha256(SECRET).hexdigest()
     for number in range(scaled(60, by_day=12)):
         place = made(whole_run.folder, tmp_path / "run", Chance(number))
