@@ -16,8 +16,13 @@ from lensforge.cli.interrupts import Interrupts
 
 _interrupts = Interrupts().install()
 
-from lensforge.results.worker import collect_garbage_seldom, keep_freed_memory  # noqa: E402
+from lensforge.results.worker import (  # noqa: E402
+    collect_garbage_seldom,
+    ignore_settings_of_libraries,
+    keep_freed_memory,
+)
 
+ignore_settings_of_libraries()
 collect_garbage_seldom()
 keep_freed_memory()
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from numbers import Real
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -126,6 +126,9 @@ class Part(StageResult):
     """
 
     stage: ClassVar[str] = "export"
+    judged: ClassVar[Mapping[str, str]] = {
+        "form_error": "form_error_nm.max", "normal_error": "normal_error_mrad.max", "watertight": "watertight",
+    }  # fmt: skip
 
     lens: Annotated[Lens, Given()]
     form_error_nm: Extent

@@ -60,6 +60,8 @@ class KernelCache:
 
 def kernel(function: Function, **options: Any) -> Function:
     """Compile ``function`` with numba, without the interpreter's lock, contracted to fused multiply-adds."""
+    if numba.config.DISABLE_JIT:
+        raise InputError("NUMBA_DISABLE_JIT = 1: the tracer is compiled by numba, else it takes days; unset it")
     before = numba.config.CACHE_LOCATOR_CLASSES
     numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCache.__name__}"
     try:

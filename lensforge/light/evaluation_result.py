@@ -1,5 +1,6 @@
 """The result of the evaluation: the light on every receiver, how it was simulated, and the judgement of each limit."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
@@ -146,6 +147,7 @@ class Light(SimulatedResult):
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
     told_if_any: ClassVar[tuple[str, ...]] = ("ways",)
+    judged: ClassVar[Mapping[str, str]] = {"flux not converged": "first.flux.not_converged"}
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: tuple[LimitResult, ...] = ()

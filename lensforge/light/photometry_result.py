@@ -6,7 +6,7 @@ rays taken off: the largest of many noisy numbers is too large. A standard error
 samples of the rays, by the error of the level, and by interpolation: what a table of half the steps changes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -174,10 +174,13 @@ class WrittenFiles(Record):
     tm25ray: WrittenFile
 
 
+_FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
+_READ_BACK = "flux of {} as read back"
+
+
 def photometry_criteria(files: WrittenFiles) -> tuple[Criterion, ...]:
     """One criterion for each file: it holds the flux of the rays."""
-    named = {IES_FILE: files.ies, LDT_FILE: files.ldt, TM33_FILE: files.tm33, TM25_FILE: files.tm25ray}
-    errors = {f"flux of {name} as read back": file.relative_error for name, file in named.items()}
+    errors = {_READ_BACK.format(name): getattr(files, field).relative_error for field, name in _FILE_NAMES.items()}
     remedy = "please report the lens.json"
     return tuple(at_most(name, error, _CONSERVED, "relative", remedy) for name, error in errors.items())
 
@@ -217,6 +220,9 @@ class Photometry(SimulatedResult):
     """
 
     stage: ClassVar[str] = "photometry"
+    judged: ClassVar[Mapping[str, str]] = {
+        _READ_BACK.format(name): f"files.{field}.relative_error" for field, name in _FILE_NAMES.items()
+    }
 
     rays: Count
     source_w: Positive

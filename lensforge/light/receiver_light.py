@@ -9,6 +9,7 @@ cavity and wall, a target beyond the étendue of its source) have an NMSE from 0
 there.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from lensforge.light.metrics import (
     largest_without_noise,
     least_over_mean,
     least_without_noise,
+    nmse,
     ratio_of,
 )
 from lensforge.results import Bound, Flag, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
@@ -79,6 +81,7 @@ def bright_region(target: Image) -> Bool[np.ndarray, "h w"]:
 
 
 _FLUX_ADDS_UP = 1e-9
+_OF_NOISE = 0.1  # by which the noise that is taken off an NMSE may differ from that in the mean map
 Picture = Literal["map", "raw_map", "target_map"]
 
 
@@ -225,6 +228,16 @@ class ReceiverLight(Record):
         if window.radius is not None:
             return "on it" if self.kind == "sphere" else f"within a radius of {window.radius:g} {unit}"
         return f"within {window.width:g} × {window.height:g} {unit}"
+
+    def follows(self) -> Iterator[tuple[str, float, float]]:
+        """Efficiency and missed flux by the budget, and the NMSE by the maps, with their noise and without."""
+        yield "efficiency.value", self.efficiency.value, self.flux.detected
+        yield "flux.missed", self.flux.missed, sum(self.missed_by_cause.model_dump().values())
+        yield "raw.nmse", self.raw.nmse, nmse(self.map, self.target_map)
+        if self.nmse_of_noise is not None and self.nmse.standard_error is not None:
+            noise = self.nmse_of_noise * float(np.sum(self.map**2) / np.sum(self.target_map**2))
+            least, most = (self.raw.nmse - factor * noise for factor in (1.0 + _OF_NOISE, 1.0 - _OF_NOISE))
+            yield "nmse.value", self.nmse.value, min(max(self.nmse.value, least), most)
 
     @model_validator(mode="after")
     def _flux_adds_up(self) -> "ReceiverLight":

@@ -20,7 +20,7 @@ from lensforge.errors import Cancelled, InputError
 from lensforge.made.part_study import PartStudy, Recipe, Scales
 from lensforge.results.cluster import Cluster
 from lensforge.results.files import MIB, read_file, replacing
-from lensforge.results.json_npz import arrays_in, parse_json
+from lensforge.results.json_npz import Form, arrays_in, parse_json, require_forms
 from lensforge.results.stage_result import require_checksum, with_checksum
 from lensforge.version import made_by
 
@@ -58,8 +58,8 @@ class KeptParts:
         try:
             arrays = arrays_in(content, ("head", *_NUMBERS), _MOST_BYTES)
             head = parse_json(arrays["head"].tobytes())
-            if not isinstance(head, dict) or set(arrays) != {"head", *_NUMBERS}:
-                raise ValueError("other arrays than those of a study")
+            if not isinstance(head, dict):
+                raise ValueError("its head is no object")
             head = require_checksum(head, file, _ANEW)
             if head["sha256"] != _sha256(arrays):
                 raise ValueError("its numbers are not those that were written")
@@ -98,10 +98,10 @@ def _parts(
     arrays: Mapping[str, np.ndarray], scaled: Sequence[str], metrics: int
 ) -> dict[_RaysAndJob, Float[np.ndarray, "m 2"]]:
     """Metrics by rays and job; a scale of 1 is none. Raises :class:`ValueError` for arrays that do not fit."""
+    counts = Form(("n",), "int64", least=0.0)
+    forms = {"head": Form(("bytes",), "uint8"), "rays": counts, "numbers": counts}
+    require_forms(arrays, {**forms, "scales": Form(("n", len(scaled))), "values": Form(("n", metrics, 2))})
     rays, numbers, scales, values = (arrays[name] for name in _NUMBERS)
-    shapes_fit = scales.shape == (rays.size, len(scaled)) and values.shape == (rays.size, metrics, 2)
-    if not shapes_fit or rays.dtype.kind != "i" or numbers.dtype.kind != "i" or not np.isfinite(values).all():
-        raise ValueError("arrays that do not fit each other")
     jobs = [
         (count, (number, tuple((name, factor) for name, factor in zip(scaled, row, strict=True) if factor != 1.0)))
         for count, number, row in zip(rays.tolist(), numbers.tolist(), scales.tolist(), strict=True)

@@ -1,6 +1,6 @@
 """Results of measuring the part: a photograph of its light, points on a face, and a face corrected by them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
@@ -81,6 +81,7 @@ def _beyond_doubt(metric: Metric | None, expected: float) -> bool:
     return abs(metric.value - expected) > _ERRORS * metric.standard_error
 
 
+_OF_POINTS = {"points_used": "used_share", "surface_covered": "covered_share"}
 CLIPPED_SHARE = 0.01  # of the target: clipped pixels make a pattern look more uniform than it is
 USED_SHARE = 0.9  # of the points must lie over the surface once registered
 COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is assumed
@@ -129,6 +130,7 @@ class PhotoComparison(StageResult):
     stage: ClassVar[str] = "compare"
     command: ClassVar[str] = "compare --on"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "evaluate")
+    judged: ClassVar[Mapping[str, str]] = {"photo_clipped": "clipped"}
 
     on: Text
     off: Text | None
@@ -246,6 +248,7 @@ class SurfaceComparison(SimulatedResult):
 
     stage: ClassVar[str] = "compare_surface"
     command: ClassVar[str] = "compare --points"
+    judged: ClassVar[Mapping[str, str]] = _OF_POINTS
 
     surface: Text
     registration: Registration
@@ -320,6 +323,7 @@ class Correction(SimulatedResult):
 
     stage: ClassVar[str] = "correct"
     command: ClassVar[str] = "correct --points"
+    judged: ClassVar[Mapping[str, str]] = _OF_POINTS
 
     surface: Text
     registration: Registration

@@ -1,7 +1,10 @@
 """Sections of the report on the lens and its part: search, sections, faces, verification, stray light, files."""
 
 import hashlib
+import os
+from collections.abc import Collection
 from dataclasses import dataclass
+from heapq import nsmallest
 from pathlib import Path
 from urllib.parse import quote
 
@@ -21,7 +24,9 @@ from lensforge.report.ray_fan import fan_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results import Group
 from lensforge.results.chart import LightUnit
+from lensforge.results.files import MIB
 from lensforge.results.numerals import number, size
+from lensforge.results.record import printable
 from lensforge.search.design_result import Design
 from lensforge.shop import surface_figures
 from lensforge.shop.check_facts import face_title
@@ -43,9 +48,13 @@ _PURPOSES = {
 }
 
 
+_MOST_FILES = 200  # on the page; a folder of results has 40
+_MOST_HASHED_BYTES = 1024 * MIB  # of a file; no reader takes a larger one
+
+
 @dataclass(frozen=True)
 class FileRow:
-    """One file: its name, size and SHA-256; ``purpose`` and ``link`` are empty where there is none."""
+    """One file: its name, size and SHA-256; hash, ``purpose`` and ``link`` are empty where there is none."""
 
     name: str
     size: str
@@ -190,20 +199,36 @@ def exported_files(results: Results) -> list[FileRow]:
     return [FileRow(name, size(stamp.bytes), stamp.sha256, _purpose(name)) for name, stamp in stamps.items()]
 
 
-def folder_files(folder: Path, linked: bool) -> list[FileRow]:
-    """Files in ``folder`` but report and hidden ones, ``linked`` or not. Raises :class:`InputError` if unreadable."""
-    rows = []
-    for path in sorted(folder.iterdir()):
-        if path.is_file() and path.name != REPORT_FILE and not path.name.startswith("."):
-            try:
-                with path.open("rb") as file:
-                    digest = hashlib.file_digest(file, "sha256").hexdigest()
-                length = size(path.stat().st_size)
-            except OSError as error:
-                raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-            link = quote(path.name) if linked else ""
-            rows.append(FileRow(path.name, length, digest, _purpose(path.name), link))
-    return rows
+def folder_files(folder: Path, own: Collection[str], linked: bool) -> list[FileRow]:
+    """Files in ``folder`` but report and hidden ones, ``linked`` or not; those called as one of ``own`` with a hash.
+
+    Nobody knows the others: they may have any size, and stand with it alone. A link is named and not followed, so that
+    no file of another folder gets onto the page. Raises :class:`InputError` if unreadable.
+    """
+    try:
+        with os.scandir(folder) as entries:
+            files = (each for each in entries if each.is_symlink() or each.is_file(follow_symlinks=False))
+            shown = (each for each in files if each.name != REPORT_FILE and not each.name.startswith("."))
+            first = nsmallest(_MOST_FILES + 1, shown, key=lambda each: (each.name not in own, each.name))
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read ({error.strerror})") from None
+    paths = sorted(Path(each) for each in first[:_MOST_FILES])
+    rows = [_file_row(path, path.name in own, linked) for path in paths]
+    return rows if len(first) <= _MOST_FILES else [*rows, FileRow("further files", "", "", "")]
+
+
+def _file_row(path: Path, own: bool, linked: bool) -> FileRow:
+    name = printable(os.fsencode(path.name).decode(errors="replace"))
+    if path.is_symlink():
+        return FileRow(name, "a link", "", "")
+    try:
+        length, digest = path.stat(follow_symlinks=False).st_size, ""
+        if own and length <= _MOST_HASHED_BYTES:
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    return FileRow(name, size(length), digest, _purpose(name), quote(os.fsencode(path.name)) if linked else "")
 
 
 def _purpose(name: str) -> str:

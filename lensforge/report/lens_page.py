@@ -20,12 +20,14 @@ from lensforge.report.page import template
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.solid_view import Rendering, SolidViews
+from lensforge.report.stored import RUN_FILE
 from lensforge.report.yield_section import yield_sections
 from lensforge.results import Group, StageResult
 from lensforge.results.numerals import number, percent
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
+from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.version import __version__, versions_of
 
@@ -80,13 +82,19 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "outline_known": exported_part.source_outline(results) is not None,
         "files": exported_part.exported_files(results)
         if folder is None
-        else exported_part.folder_files(folder, beside),
+        else exported_part.folder_files(folder, _own_files(results), beside),
         "spec": spec_tables(results),
         "numbers": number_tables(results),
         "versions": versions_of(_PACKAGES),
         "version": __version__,
         "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     }
+
+
+def _own_files(results: Results) -> set[str]:
+    """Names of the files that hold ``results``."""
+    every = {**results.found, **results.others}.items()
+    return {LENS_FILE, RUN_FILE}.union(*(result.file_names(stem) for stem, result in every))
 
 
 def _facts(results: Results) -> dict[str, list[Group]]:

@@ -7,6 +7,7 @@ file that somebody changed is not taken over with the next command.
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from heapq import nsmallest
 from pathlib import Path
 
 from lensforge.cad.part import Part
@@ -25,6 +26,7 @@ from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.version import __version__
 
 _HOLD_LENS = (Design, Part)
+_MOST_OTHERS = 1000  # records of one stage under other conditions
 
 
 @dataclass(frozen=True)
@@ -100,8 +102,10 @@ def _files_in(folder: Path, own: Mapping[str, type[StageResult]]) -> Iterator[tu
             yield stem, kind
     for stem, kind in own.items():
         if issubclass(kind, SimulatedResult):
-            for path in sorted(folder.glob(f"{stem}_*.json")):
-                yield path.stem, kind
+            others = nsmallest(_MOST_OTHERS + 1, folder.glob(f"{stem}_*.json"))
+            if len(others) > _MOST_OTHERS:
+                raise InputError(f"{folder}: more than {_MOST_OTHERS} files {stem}_*.json are not read; move some away")
+            yield from ((path.stem, kind) for path in others)
 
 
 def _foreign_conditions(result: StageResult, stem: str, own: bool) -> str:

@@ -10,7 +10,7 @@ import platform
 import re
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -162,10 +162,8 @@ def _remote(address: str) -> Iterator["Client"]:
             raise OSError(f"it is a {kind}")
         client = Client(address, timeout=_SECONDS, set_as_default=False)
     except Exception as error:  # of sockets, of TLS, of whatever else speaks at that port
-        words = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            f"scheduler = {address}: no Dask scheduler answers ({words[:120]}); `dask scheduler` starts one"
-        ) from None
+        words = f"no Dask scheduler answers ({_first_line(error)}); `dask scheduler` starts one"
+        raise InputError(f"scheduler = {address}: {words}") from None
     with client:
         yield client
 
@@ -188,17 +186,28 @@ def _local(count: int) -> Iterator["Client"]:
     """A client of ``count`` processes, which end with it; other users of this machine cannot talk to them."""
     from distributed import Client, LocalCluster
 
-    cluster = LocalCluster(
-        n_workers=count,
-        threads_per_worker=1,
-        memory_limit=0,
-        dashboard_address=None,
-        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # of its page on health; without: 8787, for all to see
-        security=True,
-        silence_logs=logging.CRITICAL,
-    )
-    with cluster, Client(cluster, set_as_default=False) as client:
+    with ExitStack() as stack:
+        try:
+            cluster = LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                memory_limit=0,
+                dashboard_address=None,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # of its page on health; without: 8787, for all
+                security=True,
+                silence_logs=logging.CRITICAL,
+            )
+            client = stack.enter_context(Client(stack.enter_context(cluster), set_as_default=False))
+        except Exception as error:  # of a process that ends while it starts, of sockets, of TLS
+            raise InputError(
+                f"scheduler = local:{count}: its processes do not start ({_first_line(error)}); out of memory? "
+                "Try again, or with fewer"
+            ) from None
         yield client
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:120]
 
 
 @contextmanager

@@ -5,11 +5,13 @@ Maps have the 256 colours of their scale: as images with a palette they take hal
 import base64
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from functools import wraps
+from types import MappingProxyType
 from typing import Any, ParamSpec
 
-import matplotlib as mpl
+import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -96,12 +98,17 @@ _METADATA = ("Date", "Creator", "Format", "Type")  # none of it: the same result
 _Arguments = ParamSpec("_Arguments")
 
 
+def report_style(more: Mapping[Any, Any] = MappingProxyType({})) -> AbstractContextManager[None]:
+    """The report's style, and ``more``, on matplotlib's own defaults, not on those of a matplotlibrc or a caller."""
+    return matplotlib.style.context(["default", {**_STYLE, **more}])
+
+
 def in_report_style(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, Figure]:
     """Make a figure function draw in the report's style, whatever style its caller uses."""
 
     @wraps(draw)
     def styled(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Figure:
-        with mpl.rc_context(_STYLE):
+        with report_style():
             return draw(*args, **kwargs)
 
     return styled
@@ -144,7 +151,7 @@ def add_colour_bar(bar: Axes, mapped: ScalarMappable, label: str, extend: str = 
 def to_svg(figure: Figure, name: str, description: str) -> str:
     """``figure`` as an SVG element for HTML. ``name`` keeps its ids apart from the ids of other figures."""
     buffer = io.StringIO()
-    with mpl.rc_context({**_STYLE, "svg.hashsalt": name}):
+    with report_style({"svg.hashsalt": name}):
         _lay_out(figure)
         figure.savefig(buffer, format="svg", transparent=True, metadata=dict.fromkeys(_METADATA))
     svg = buffer.getvalue()

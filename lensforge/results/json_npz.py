@@ -3,17 +3,37 @@
 import io
 import json
 import warnings
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
 
 _MOST_CHARACTERS = 120  # of another library's message
+_MOST_VALUES = 20_000_000  # of a JSON file; a million steps of a search have 10 million numbers
+
+
+@dataclass(frozen=True)
+class Form:
+    """Numbers of ``kind`` in this machine's byte order, from ``least`` to ``most``.
+
+    ``axes``: the size of each, or a name for one that is the same in all arrays of a file.
+    """
+
+    axes: tuple[str | int, ...]
+    kind: str = "float64"
+    least: float = -1e30
+    most: float = 1e30
 
 
 def parse_json(content: bytes) -> Any:
-    """The value in the UTF-8 text ``content``. Raises :class:`ValueError`, one line, for no JSON, NaN and infinity."""
+    """The value in the UTF-8 text ``content``. Raises :class:`ValueError`, one line, for no JSON, NaN and infinity.
+
+    Also for more values than any record has: each takes up to a hundred bytes of memory.
+    """
+    if (values := content.count(b",")) > _MOST_VALUES:
+        raise ValueError(f"{values} values, at most {_MOST_VALUES} are read")
     try:
         return json.loads(content.decode("utf-8"), parse_constant=_refuse)
     except RecursionError:
@@ -44,3 +64,22 @@ def arrays_in(content: bytes, names: Collection[str] | None, most_bytes: int) ->
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf" or array.dtype.itemsize > 8:
             raise ValueError(f"array {name[:40]!r} must be numbers of 8 bytes at most")
     return chosen
+
+
+def require_forms(arrays: Mapping[str, np.ndarray], forms: Mapping[str, Form]) -> None:
+    """Raise :class:`ValueError`, one line, unless there are ``arrays`` of just these names, each of its form."""
+    sizes: dict[str, int] = {}
+    for name in dict.fromkeys((*forms, *arrays)):
+        if name not in arrays or name not in forms:
+            raise ValueError(f"array {name[:40]!r} {'is missing' if name in forms else 'is none of it'}")
+        array, form = arrays[name], forms[name]
+        if array.dtype != np.dtype(form.kind):
+            raise ValueError(f"array {name!r} is of type {array.dtype}, must be {form.kind}")
+        known = [axis if isinstance(axis, int) else sizes.get(axis, -1) for axis in form.axes]
+        if array.ndim != len(known) or any(size not in (own, -1) for own, size in zip(array.shape, known, strict=True)):
+            wanted = ", ".join(str(axis if size < 0 else size) for axis, size in zip(form.axes, known, strict=True))
+            raise ValueError(f"array {name!r} has the shape {array.shape}, must be ({wanted})")
+        sizes |= {axis: own for axis, own in zip(form.axes, array.shape, strict=True) if isinstance(axis, str)}
+        wrong = array[~((array >= form.least) & (array <= form.most))]  # NaN is neither
+        if wrong.size:
+            raise ValueError(f"array {name!r} holds {wrong[0]:.3g}, must be from {form.least:g} to {form.most:g}")

@@ -49,12 +49,15 @@ def plot_html(draw: Callable[..., Any], description: str) -> str:
 
 def plot_file(draw: Callable[..., Any], kind: str) -> bytes:
     """The plot that ``draw`` makes on new axes, as a file of ``kind``; the same result gives the same bytes."""
+    import matplotlib.style
     from matplotlib.figure import Figure
 
-    figure, file = Figure(figsize=(5.0, 4.0), layout="constrained"), io.BytesIO()
-    draw(axes=figure.add_subplot())
-    figure.savefig(file, format=kind, dpi=150, metadata={_DATE[kind]: None})
-    return file.getvalue()
+    style = {"svg.hashsalt": "lensforge"}  # else each file has ids of its own
+    with matplotlib.style.context(["default", style]):  # whatever a matplotlibrc says
+        figure, file = Figure(figsize=(5.0, 4.0), layout="constrained"), io.BytesIO()
+        draw(axes=figure.add_subplot())
+        figure.savefig(file, format=kind, dpi=150, metadata={_DATE[kind]: None})
+        return file.getvalue()
 
 
 def _section_svg(outline: Float[np.ndarray, "n 2"]) -> str:

@@ -8,12 +8,21 @@ import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import isclose
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, computed_field, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    computed_field,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
 from pydantic.main import IncEx
 from pydantic_core import CoreSchema, core_schema
@@ -143,13 +152,19 @@ class Record(BaseModel):
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _without_computed_fields(cls, content: Any) -> Any:
-        """Fields that follow from others, and that a file states too, follow again."""
+    def _stated_fields_follow(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Fields that follow from others, and that a file states too, follow again; what it states must be that."""
         if not isinstance(content, Mapping):
-            return content
-        return {key: value for key, value in content.items() if key not in cls.model_computed_fields}
+            return handler(content)
+        there = {name: content[name] for name in cls.model_computed_fields if name in content}
+        record = handler({key: value for key, value in content.items() if key not in there})
+        follow = record.model_dump(mode="json", include=set(there)) if there else {}
+        for name, stated in there.items():
+            if not agree(stated, follow[name]):
+                raise ValueError(f"{name}: not as it follows from the other entries")
+        return record
 
     @model_validator(mode="after")
     def _axes_agree(self) -> "Record":
@@ -162,6 +177,10 @@ class Record(BaseModel):
                 except ValueError as error:
                     raise ValueError(f"{name}: {error}") from None
         return self
+
+    def follows(self) -> Iterator[tuple[str, float, float]]:
+        """Figures that follow from others of the record, where both are kept: name, value, and what follows."""
+        return iter(())
 
     def row(self) -> dict[str, Scalar]:
         """All numbers and texts, keys joined by dots: one row for a table. Lists and arrays are left out."""
@@ -182,6 +201,33 @@ class Record(BaseModel):
     def _repr_html_(self) -> str:
         """HTML for a notebook: the row as a table."""
         return table_html(self.shown_row())
+
+
+def agree(one: Any, other: Any) -> bool:
+    """True where two values are the same in JSON, numbers within the rounding of another machine."""
+    one, other = (each.model_dump(mode="json") if isinstance(each, Record) else each for each in (one, other))
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(agree(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(agree, one, other))
+    numbers = all(isinstance(each, float | int) and not isinstance(each, bool) for each in (one, other))
+    return (
+        isclose(one, other, rel_tol=_ROUNDING, abs_tol=_ROUNDING**2)
+        if numbers
+        else type(one) is type(other) and one == other
+    )
+
+
+def require_what_follows(record: Record, place: str = "") -> None:
+    """Raise :class:`ValueError` where a figure in ``record``, or in one within, is not what others make it."""
+    for name, stated, derived in record.follows():
+        if not agree(stated, derived):
+            raise ValueError(f"{place}{name} = {stated:.9g}: the other entries make it {derived:.9g}")
+    for field, value in values_of(record).items():
+        within = value if isinstance(value, tuple) else (value,)
+        for number, entry in enumerate(within):
+            if isinstance(entry, Record):
+                require_what_follows(entry, f"{place}{field}{f'.{number}' if within is value else ''}.")
 
 
 if TYPE_CHECKING:

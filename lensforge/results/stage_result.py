@@ -35,6 +35,7 @@ from lensforge.results.record import (
     excluded_arrays,
     marker,
     put_arrays,
+    require_what_follows,
 )
 from lensforge.results.validation import input_error, its_type
 from lensforge.version import __version__
@@ -128,6 +129,7 @@ class StageResult(Record):
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
     made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
     told_if_any: ClassVar[tuple[str, ...]] = ()  # fields that a record leaves out where they are empty
+    judged: ClassVar[Mapping[str, str]] = {}  # by the name of a criterion: the field that has its value, dotted
 
     version: Text = __version__
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
@@ -158,6 +160,12 @@ class StageResult(Record):
         """Numbers and texts as the JSON file holds them: without arrays, files and parts of other stages' results."""
         elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | excluded_arrays(self)
         return self.model_dump(mode="json", exclude=elsewhere)
+
+    def follows(self) -> Iterator[tuple[str, float, float]]:
+        """The value of each criterion that is a field of the record, too."""
+        for number, criterion in enumerate(getattr(self, "criteria", ())):
+            if criterion.name in self.judged and criterion.value is not None:
+                yield f"criteria.{number}.value", criterion.value, _at(self, self.judged[criterion.name])
 
     @cached_property
     def sha256(self) -> str:
@@ -204,6 +212,11 @@ class StageResult(Record):
         for field, info in cls.model_fields.items():
             if (own := marker(info, InFile)) is not None:
                 yield field, own, own.beside(cls.stage, stem)
+
+    @classmethod
+    def file_names(cls, stem: str) -> set[str]:
+        """Names of all files that a result may have beside ``stem``.json, and of that."""
+        return {f"{stem}.json", f"{stem}.npz", *(name for _, _, name in cls._files(stem))}
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
@@ -278,10 +291,21 @@ class StageResult(Record):
             there = cls.model_fields[field].is_required() or file.is_symlink() or file.exists()
             content[field] = read_file(file, missing=cls.again(), most_bytes=own.most_bytes) if there else None
         result = validated(cls, content, path, cls.again())
+        try:
+            require_what_follows(result)
+        except ValueError as error:
+            raise InputError(f"{path}: {error}; {cls.again()}") from None
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.again()}")
         return result
+
+
+def _at(record: object, place: str) -> float:
+    """The figure at the dotted ``place``; a flag as 1 or 0."""
+    for step in place.split("."):
+        record = record[int(step)] if isinstance(record, tuple) else getattr(record, step)
+    return float(record)  # type: ignore[arg-type]  # a number, by what the classes say
 
 
 _ALLOWED = r"^\w[\w.-]{0,119}$"  # part of a file's name, on every system

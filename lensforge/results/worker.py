@@ -9,6 +9,7 @@ import ctypes
 import gc
 import os
 import pickle
+import re
 import runpy
 import signal
 import sys
@@ -25,6 +26,8 @@ _NEW_OBJECTS = 20_000
 # Of glibc's mallopt: the largest block that it keeps when it is freed, the most that it allows, and how much it keeps.
 _MMAP_THRESHOLD, _LARGEST_KEPT = -3, 2**25
 _TRIM_THRESHOLD, _MOST_KEPT = -1, 2**30
+_NOT_OURS = ("NUMBA_", "TORCH_LOGS", "TORCH_COMPILE", "CSF_")  # beginnings of variables
+_THREAD_NUMBERS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "GOTO_NUM_THREADS")
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of prctl(2)
 
 
@@ -49,6 +52,19 @@ def limit_itself(memory_mib: int, seconds: float) -> None:
         kept = hard if kind == resource.RLIMIT_CPU else allowed  # at the hard limit it would be killed without a reason
         with suppress(OSError, ValueError):  # a limit that this system does not have
             resource.setrlimit(kind, (allowed, kept))
+
+
+def ignore_settings_of_libraries() -> None:
+    """Leave out of this process's environment what would change or end the work of libraries that are yet to load.
+
+    Compilers that are switched off or print (numba, torch), resources of another CAD program, numbers of threads that
+    are no numbers, and a style or window of matplotlib: a command draws files in a style of its own.
+    """
+    for name, value in list(os.environ.items()):
+        no_number = name in _THREAD_NUMBERS and not re.fullmatch(r"[1-9]\d{0,3}(,[1-9]\d{0,3})*", value.strip())
+        if no_number or name.startswith(_NOT_OURS):
+            del os.environ[name]
+    os.environ |= {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
 
 
 def collect_garbage_seldom() -> None:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 CHECKPOINT = "checkpoint.bin"  # its name in a result folder
 _FORMAT = b"lensforge checkpoint 4\n"
-_ANEW = "delete it, or start anew without resume"
+ANEW = "delete it, or start anew without resume"
 _OF_FACES = tuple(f"lens.{face}.{name}" for face in SIDES for name in FaceTolerances.model_fields)
 # What a search does not depend on.
 _NOT_SEARCHED = ("evaluate", "base", "manufacture", "tolerances", *_OF_FACES)
@@ -83,16 +83,16 @@ def load_checkpoint(path: Path, key: str) -> tuple[CheckpointHead, dict[str, np.
     try:
         fields, arrays = json.loads(line), arrays_in(archive, None, _MOST_BYTES)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not the layout of a checkpoint ({type(error).__name__}); {_ANEW}") from None
-    head = validated(CheckpointHead, fields, path, _ANEW)
+        raise InputError(f"{path}: not the layout of a checkpoint ({type(error).__name__}); {ANEW}") from None
+    head = validated(CheckpointHead, fields, path, ANEW)
     for name, here in made_by().items():
         if (then := head.made_by.get(name)) != here:
             raise InputError(
                 f"{path}: written with {name} {then}, here is {here}, which may round differently; "
-                f"use that version again, or {_ANEW}"
+                f"use that version again, or {ANEW}"
             )
     if head.key != key:
-        raise InputError(f"{path}: belongs to another spec, file, seed, accuracy, start or device; {_ANEW}")
+        raise InputError(f"{path}: belongs to another spec, file, seed, accuracy, start or device; {ANEW}")
     return head, arrays
 
 
@@ -126,8 +126,8 @@ def _content(path: Path) -> bytes:
     """The part of the file that its SHA-256 covers."""
     content = read_file(path, missing="no checkpoint to resume from; start anew without resume", most_bytes=_MOST_BYTES)
     if not content.startswith(_FORMAT):
-        raise InputError(f"{path}: no checkpoint of a search by this version; {_ANEW}")
+        raise InputError(f"{path}: no checkpoint of a search by this version; {ANEW}")
     digest, _, rest = content.removeprefix(_FORMAT).partition(b"\n")
     if hashlib.sha256(rest).hexdigest().encode() != digest:
-        raise InputError(f"{path}: damaged checkpoint; {_ANEW}")
+        raise InputError(f"{path}: damaged checkpoint; {ANEW}")
     return rest

@@ -149,6 +149,14 @@ class Design(StageResult):
     starts: tuple[Start, ...] = ()
     criteria: tuple[Criterion, ...]
 
+    def follows(self) -> Iterator[tuple[str, float, float]]:
+        """Steps by the history, and the values of the criteria by the margins."""
+        yield "steps", self.steps, sum(len(level.loss) for level in self.history)
+        margins = {limit.name: self.constraints.at(limit) for limit in limits_of(self.lens.spec)}
+        for number, criterion in enumerate(self.criteria):
+            if criterion.value is not None:
+                yield f"criteria.{number}.value", criterion.value, margins.get(criterion.name, nan)
+
     @property
     def spread(self) -> float | None:
         """Standard deviation of the merit over the starts; None for a single one."""

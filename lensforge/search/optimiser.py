@@ -29,7 +29,7 @@ from lensforge.search.merit import Evaluated
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problem, Problems, ValidationRays
 from lensforge.search.schedule import NextStage, Outcome, Schedule, Stage, rays_ahead, stages_of
-from lensforge.search.search_state import Adam, Parameters, SearchState
+from lensforge.search.search_state import Adam, Parameters, SearchState, forms_of_search
 from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
@@ -310,7 +310,7 @@ def search(
     problems = Problems(spec, source, preset.nodes_per_sigma, device, preset.single)
     key = fingerprint(spec, seed, f"{accuracy}, preview" if preview else accuracy, start, device)
     if resume and checkpoint is not None:
-        state = SearchState.load(checkpoint, key)
+        state = SearchState.load(checkpoint, key, forms_of_search(schedule, problems))
         begun -= state.seconds
     else:
         state = _fresh_state(schedule, problems, start)

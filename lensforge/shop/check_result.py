@@ -1,5 +1,6 @@
 """The result of the manufacturing check: faces, wall, clearance of the ball at the base, tools, and findings."""
 
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
@@ -227,6 +228,7 @@ class Check(StageResult):
     model_config = ConfigDict(extra="allow")
     stage: ClassVar[str] = "check"
     told_if_any: ClassVar[tuple[str, ...]] = ("edges",)
+    judged: ClassVar[Mapping[str, str]] = {"thinnest wall": "walls.thinnest.thickness_mm"}
 
     make: Literal["part", "insert"]
     scale: Positive
@@ -239,6 +241,11 @@ class Check(StageResult):
     verdicts: tuple[Finding, ...]
     seconds: NotNegative
     chart_axis: Annotated[Float[np.ndarray, " c"], Array("c")]
+
+    def follows(self) -> Iterator[tuple[str, float, float]]:
+        """The thinnest wall by its place, beside the criteria."""
+        yield "min_wall_mm", self.min_wall_mm, self.walls.thinnest.thickness_mm
+        yield from super().follows()
 
     @property
     def faces(self) -> dict[str, FaceResult]:

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from lensforge.results.figure_style import INK, in_report_style
+from lensforge.results.figure_style import INK, in_report_style, report_style
 from lensforge.results.files import pdf_mark
 from lensforge.shop.sheet import (
     MM_PER_POINT,
@@ -43,7 +43,8 @@ _MM_PER_INCH = 25.4
 def sheet_pdf(sheet: Sheet) -> bytes:
     """The bytes of a PDF of one page, the sheet in vectors; the same sheet gives the same bytes."""
     stream = io.BytesIO()
-    sheet_figure(sheet).savefig(stream, format="pdf", metadata={"CreationDate": None, "Title": sheet.title})
+    with report_style():
+        sheet_figure(sheet).savefig(stream, format="pdf", metadata={"CreationDate": None, "Title": sheet.title})
     return stream.getvalue() + pdf_mark()
 
 

@@ -7,7 +7,7 @@ it is. Other curves than lines and arcs are refused: the plate keeps its outline
 import json
 from collections.abc import Iterator
 from itertools import pairwise
-from math import dist, hypot, pi
+from math import dist, hypot, isfinite, pi
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ MOST_LOOPS, MOST_CORNERS = 200, 1000
 
 _FLAT_MM, _LEVEL = 1e-5, 1e-7  # the uncertainty that STEP files state; of a normal's components along x and y
 _CHORD_MM, _SHARE = 1e-2, 1e-6  # of the chords by which loops that cross are found; of the area within
+_FEWEST = 2  # edges of a loop: a circle is read as two halves
+_STRAIGHT = 1e-9  # bulge of an arc that is a line to 5e-6 mm, whatever its length
 _KINDS = ("GeomAbs_Line", "GeomAbs_Circle")
 
 
@@ -41,7 +43,9 @@ def _write_loops(folder: Path) -> None:
         wires = parts_of(_top(faces, bool(bodies), origin, remedy), "WIRE")
     else:
         wires = _free_wires(shapes, origin, remedy)
-    loops = [_counter_clockwise(_corners(wire, origin)) for wire in wires]
+    loops = [_counter_clockwise(_corners(wire, origin), origin) for wire in wires]
+    if not loops:
+        raise InputError(f"{origin}: its plane face has no edges that can be read; {remedy}")
     loops.sort(key=lambda corners: -area_mm2(loop_of(corners)))
     if len(loops) > MOST_LOOPS or max(map(len, loops)) > MOST_CORNERS:
         raise InputError(
@@ -82,7 +86,7 @@ def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
         if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
             plane = surface.Plane()
             normal = plane.Axis().Direction()
-            if hypot(normal.X(), normal.Y()) <= _LEVEL:
+            if hypot(normal.X(), normal.Y()) <= _LEVEL and isfinite(plane.Location().Z()):
                 level.append((plane.Location().Z(), face))
     if not level:
         raise InputError(
@@ -115,7 +119,16 @@ def _free_wires(shapes: list[Any], origin: str, remedy: str) -> list[Any]:
 
 def _corners(wire: Any, origin: str) -> list[Corner]:
     """The corners of a wire in its order. Raises :class:`InputError` for one that is open, not level, or a spline."""
-    edges = [end for edge in _in_order(wire) for end in _arcs(edge, origin)]
+    in_order = list(_in_order(wire))
+    if len(in_order) != len(parts_of(wire, "EDGE")):
+        raise InputError(
+            f"{origin}: its outline is not one closed loop: edges of it branch or lie apart; close it in CAD"
+        )
+    edges = [end for edge in in_order for end in _arcs(edge, origin)]
+    if len(edges) < _FEWEST:
+        raise InputError(
+            f"{origin}: its outline has {len(edges)} edges of more than {_FLAT_MM:g} mm; draw a closed one"
+        )
     heights = [z for start, end, _ in edges for z in (start[2], end[2])]
     if max(heights) - min(heights) > _FLAT_MM:
         raise InputError(
@@ -160,24 +173,31 @@ def _arcs(edge: Any, origin: str) -> Iterator[tuple[_Point, _Point, float]]:
     up = 1.0 if kind == _KINDS[0] else curve.Circle().Axis().Direction().Z()
     if abs(up) < 1.0 - _LEVEL:
         raise InputError(f"{origin}: its outline has an arc that is not in a plane of one z; draw it in the x-y plane")
+    if not last - first <= 2.0 * pi + _LEVEL and kind == _KINDS[1]:
+        raise InputError(f"{origin}: its outline has an arc of more than a whole circle; repair it in CAD")
     parts = 2 if kind == _KINDS[1] and last - first > pi + _LEVEL else 1
     marks = [first + (last - first) * k / parts for k in range(parts + 1)]
     if backwards:
         marks.reverse()
     for start, end in pairwise(marks):
         bulge = 0.0 if kind == _KINDS[0] else bulge_of((end - start) * (1.0 if up > 0.0 else -1.0))
-        yield _point(curve, start), _point(curve, end), bulge
+        places = _point(curve, start, origin), _point(curve, end, origin)
+        if dist(*places) > _FLAT_MM:  # shorter ones are corners
+            yield *places, (bulge if abs(bulge) > _STRAIGHT else 0.0)
 
 
-def _point(curve: Any, at: float) -> _Point:
+def _point(curve: Any, at: float, origin: str) -> _Point:
     x, y, z = curve.Value(at).Coord()
-    if not max(abs(x), abs(y), abs(z)) <= MOST_MM:
-        raise InputError(f"the outline reaches beyond {MOST_MM:g} mm; export it in its own unit")
+    if not all(abs(each) <= MOST_MM for each in (x, y, z)):
+        raise InputError(f"{origin}: its outline reaches beyond {MOST_MM:g} mm; export it in its own unit")
     return x, y, z
 
 
-def _counter_clockwise(corners: list[Corner]) -> list[Corner]:
-    return corners if area_mm2(loop_of(corners)) > 0.0 else reversed_corners(corners)
+def _counter_clockwise(corners: list[Corner], origin: str) -> list[Corner]:
+    area = area_mm2(loop_of(corners))
+    if not abs(area) > _FLAT_MM**2:
+        raise InputError(f"{origin}: a loop of it from ({corners[0][0]:.6g}, {corners[0][1]:.6g}) mm has no area")
+    return corners if area > 0.0 else reversed_corners(corners)
 
 
 if __name__ == "__main__":

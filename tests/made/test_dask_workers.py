@@ -155,3 +155,15 @@ def test_a_local_cluster_is_closed_to_others_and_ends_with_its_use():
         assert cluster._client.scheduler.address.startswith("tls://127.0.0.1")
         process = next(iter(cluster._client.run(os.getpid).values()))
     assert not Path(f"/proc/{process}").exists()
+
+
+def test_a_process_that_ends_while_it_starts_is_one_line(monkeypatch):
+    def killed(*_, **__):
+        raise RuntimeError("Nanny failed to start.\nmore")
+
+    monkeypatch.setattr(distributed, "LocalCluster", killed)
+    with (
+        pytest.raises(InputError, match=r"local:2: its processes do not start \(Nanny .*\.\); out of"),
+        connected("local:2"),
+    ):
+        pytest.fail("connected")

@@ -143,10 +143,16 @@ def test_a_changed_record_is_refused_where_run_json_knows_it(folder: Path, stem:
         assert (stem in message and "again" in message) or "does not count any more" in message, message
 
 
-def test_an_outcome_is_that_of_its_value_whatever_a_file_states(folder: Path) -> None:
-    """1e9 nm of form error "passed": refused by the hash in run.json, and without run.json the files fail."""
+def test_an_outcome_is_that_of_its_value_and_the_value_that_of_its_record(folder: Path) -> None:
+    """1e9 nm of form error "passed": refused, and so is a value that is not the record's; else the files fail."""
     content = record_in(folder, "export")
     content["criteria"][0]["value"] = 1e9
+    write(folder, "export", content)
+    assert "criteria.0: passed: not as it follows" in refusal(lf.load, folder)
+    content["criteria"][0]["passed"] = False
+    write(folder, "export", content)
+    assert "criteria.0.value = 1e+09: the other entries make it" in refusal(lf.load, folder)
+    content["form_error_nm"]["max"] = 1e9
     write(folder, "export", content)
     for command in (write_report, handed_over, lf.load):
         assert "whose hash run.json states" in refusal(command, folder)
@@ -154,6 +160,52 @@ def test_an_outcome_is_that_of_its_value_whatever_a_file_states(folder: Path) ->
     write_report(folder)
     assert "form error" in (folder / "report.html").read_text(encoding="utf-8")
     assert lf.load(folder).verdict.files == "fail"
+
+
+FORGED: list[tuple[str, str, Any]] = [
+    ("evaluate", "nmse.value", 1e-3),
+    ("evaluate", "efficiency.value", 0.99),
+    ("evaluate", "flux.detected", 0.99),
+    ("evaluate", "possible.nmse", 0.5),
+    ("evaluate", "uniformity.value", 1.0),
+    ("evaluate", "receivers.0.nmse.value", 1e-3),
+    ("evaluate", "receivers.0.efficiency.value", 0.99),
+    ("evaluate", "receivers.0.raw.nmse", 1e-3),
+    ("evaluate", "receivers.0.missed_by_cause.base", 0.25),
+    ("design", "steps", 7),
+    ("design", "constraints.wall_margin_mm", 3.0),
+    ("export", "form_error_nm.max", 0.5),
+    ("export", "watertight", False),
+    ("check", "min_wall_mm", 3.0),
+    ("check", "verdicts.0.holds", None),
+    ("verify", "nmse_vs_design", 1e-9),
+    ("verify", "deviation_mm.rms", 1e-9),
+    ("stray", "efficiency", 0.9),
+    ("photometry", "files.ies.relative_error", 0.5),
+    ("compare", "clipped", 0.5),
+    ("compare_inner", "used_share", 0.25),
+]
+
+
+@pytest.mark.parametrize(("stem", "place", "value"), FORGED)
+def test_a_forged_figure_is_refused_whatever_hashes_are_right(
+    whole_run: lf.Run, tmp_path: Path, stem: str, place: str, value: Any
+) -> None:
+    """Also at the head with its own content, and in that with the head as it was; by its class alone."""
+    content = record_in(whole_run.folder, stem)
+    *way, last = way_of(place)
+    holder = at(content, tuple(way))
+    holder[last] = not holder[last] if value is None else value
+    for path in whole_run.folder.iterdir():
+        if path.is_file():
+            (tmp_path / path.name).symlink_to(path)
+    (tmp_path / f"{stem}.json").unlink()
+    write(tmp_path, stem, content)
+    kind = type(whole_run.found[stem])
+    given = {"lens": whole_run.lens} if stem in ("design", "export") else {}
+    with pytest.raises(lf.InputError, match=r"not as it follows from|the other entries make it") as caught:
+        kind.read(tmp_path, stem, **given)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

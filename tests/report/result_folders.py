@@ -8,7 +8,8 @@ from undrawn import without_views
 
 from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, stamp_of
 from lensforge.light.evaluation_result import Light
-from lensforge.light.receiver_light import Flux, MissedByCause, Possible, ReceiverLight
+from lensforge.light.metrics import nmse
+from lensforge.light.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight
 from lensforge.proof.proof_result import (
     IndependentRays,
     PlainCast,
@@ -19,7 +20,7 @@ from lensforge.proof.proof_result import (
 )
 from lensforge.report.lens_page import render_report
 from lensforge.report.results import Results
-from lensforge.results import BodySize, Metric
+from lensforge.results import BodySize, Extent, Metric
 from lensforge.results.criteria import Criterion
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import build_receiver
@@ -205,7 +206,9 @@ def make_receiver_light(section, rows=PIXELS, columns=PIXELS, **changes):
         ),
         **light_images(rows, columns),
     }
-    return filled(ReceiverLight, **{**content, **changes})
+    content |= changes
+    raw = filled(RawMetrics, nmse=nmse(content["map"], content["target_map"]))
+    return filled(ReceiverLight, **{"raw": raw, **content})
 
 
 def make_light(lens, **changes):
@@ -238,6 +241,7 @@ def make_part(lens, stl=None, **changes):
     content = {
         "lens": lens,
         "inputs": {"lens": lens.sha256},
+        "form_error_nm": Extent(max=1.75, rms=0.5),
         "volume_mm3": SIZE.volume_mm3,
         "area_mm2": SIZE.area_mm2,
         "bounds_mm": SIZE.bounds_mm,
@@ -267,6 +271,7 @@ def make_check(lens, **changes):
         "scale": 1.0,
         "inner": face,
         "outer": face,
+        "min_wall_mm": 1.875,
         "walls": filled(Walls, thinnest=filled(Wall, thickness_mm=1.875)),
         "relief": BallClearance(faces={}, note="there is no base"),
         "criteria": (criterion("thinnest wall", 1.875, 0.999, ">="),),

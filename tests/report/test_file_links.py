@@ -1,5 +1,6 @@
 """Links of the page to the files beside it: each leads to a file that is there."""
 
+import os
 from urllib.parse import unquote
 
 import pytest
@@ -23,7 +24,7 @@ def test_every_file_of_the_folder_has_a_link_and_no_other_is_named(tmp_path):
     (tmp_path / "report.html").write_text("the page before", encoding="utf-8")
     found = {unquote(link) for link in links(undrawn_page_of(load_results(tmp_path), tmp_path))}
     assert found == {path.name for path in tmp_path.iterdir()} - {"report.html"}
-    purposes = {row.name: row.purpose for row in folder_files(tmp_path, linked=True)}
+    purposes = {row.name: row.purpose for row in folder_files(tmp_path, (), linked=True)}
     assert purposes["lens.step"] == "solid for CAD and CAM" and purposes["lens.json"] == ""
     assert purposes["a strange & name #1.csv"] == "table"
 
@@ -51,4 +52,35 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path, monkeypatch):
 
     monkeypatch.setattr("hashlib.file_digest", refuse)
     with pytest.raises(InputError, match=r"cannot be read \(Permission denied\)"):
-        folder_files(tmp_path, linked=False)
+        folder_files(tmp_path, ["lens.json"], linked=False)
+
+
+def test_only_own_files_are_read_and_no_link_is_followed(tmp_path):
+    """A sparse file of 8 TiB, a pipe, a link to another folder's file, and a name that is no text."""
+    secret, folder = tmp_path / "secret", tmp_path / "run"
+    secret.write_bytes(b"12345")
+    folder.mkdir()
+    (folder / "lens.json").write_bytes(b"{}")
+    with (folder / "own.dat").open("wb") as sparse:
+        sparse.truncate(2**43)
+    for name in ("x", "run.json"):
+        (folder / name).symlink_to(secret)
+    os.mkfifo(folder / "pipe.json")
+    (folder / "check.json").mkdir()
+    (folder / os.fsdecode(b"\xff.csv")).write_bytes(b"1")
+    rows = {row.name: row for row in folder_files(folder, ["lens.json", "run.json", "check.json", "pipe.json"], True)}
+    assert rows["lens.json"].sha256 == "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"
+    assert rows["own.dat"].sha256 == "" and rows["own.dat"].size.endswith("MB")
+    assert all(
+        (rows[name].size, rows[name].sha256, rows[name].link) == ("a link", "", "") for name in ("x", "run.json")
+    )
+    assert rows["\N{REPLACEMENT CHARACTER}.csv"].link == "%FF.csv"
+    assert set(rows) == {"lens.json", "run.json", "own.dat", "x", "\N{REPLACEMENT CHARACTER}.csv"}
+
+
+def test_a_folder_of_very_many_files_lists_its_own_and_the_first_others(tmp_path):
+    for number in range(230):
+        (tmp_path / f"a{number:03}.csv").touch()
+    (tmp_path / "lens.json").touch()
+    names = [row.name for row in folder_files(tmp_path, ["lens.json"], linked=False)]
+    assert names == [*(f"a{number:03}.csv" for number in range(199)), "lens.json", "further files"]

@@ -4,6 +4,7 @@ import pytest
 from page_text import Page, text_of, undrawn_page_of
 from result_folders import make_folder, make_light, make_proof, make_results, small_lens
 
+from lensforge.light.receiver_light import Flux
 from lensforge.report.compare import ComparedPictures, number_lines
 from lensforge.report.light_section import other_lights, other_pictures, other_results
 from lensforge.report.results import Results
@@ -26,6 +27,7 @@ def dim_light(lens=None, **changes):
         "conditions": conditions,
         "efficiency": Metric(value=0.0, standard_error=0.0),
         "share_in_target": Metric(value=0.0, standard_error=0.0),
+        "flux": Flux(detected=0.0, outside=0.0, missed=0.03, total_reflection=0.0, not_converged=0.0, reflected=0.97),
         "rays": 64,
     }
     return make_light(lens or small_lens(), **(content | changes))

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from PIL import Image
 from scenes import small_spec
 
 from lensforge.errors import InputError
+from lensforge.results.json_npz import Form, parse_json, require_forms
 from lensforge.search import checkpoint
 from lensforge.search.checkpoint import CHECKPOINT, fingerprint, is_checkpoint, load_checkpoint, save_checkpoint
 from lensforge.search.design_result import Level
@@ -36,7 +38,7 @@ SOME = replace(
     FRESH,
     outcomes=(Outcome(steps=3, seconds=1.0 / 7.0, light=JUDGED),),
     step=2,
-    moments=Moments(numbers(4, 2), numbers(3, 2), numbers(2), numbers(2)),
+    moments=Moments(numbers(4, 2), numbers(4, 2) ** 2, numbers(2), numbers(2) ** 2),
     steps_of_moments=5,
     best=Parameters(numbers(5, 2), numbers(2)),
     accepted=Parameters(numbers(6, 2), numbers(2)),
@@ -53,6 +55,11 @@ def bits(state: SearchState) -> tuple[object, ...]:
     return (*(part.numpy().tobytes() for part in parts), *others)
 
 
+def as_they_are(_: object, arrays: Mapping[str, np.ndarray]) -> dict[str, Form]:
+    """The forms that the arrays have."""
+    return {name: Form(array.shape) for name, array in arrays.items()}
+
+
 @pytest.fixture
 def saved(tmp_path: Path) -> Path:
     SOME.save(tmp_path / CHECKPOINT, KEY)
@@ -62,7 +69,7 @@ def saved(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("state", [FRESH, SOME, replace(SOME, accepted=None)])
 def test_a_state_comes_back_bit_for_bit(state: SearchState, tmp_path: Path) -> None:
     state.save(tmp_path / CHECKPOINT, KEY)
-    assert bits(SearchState.load(tmp_path / CHECKPOINT, KEY)) == bits(state)
+    assert bits(SearchState.load(tmp_path / CHECKPOINT, KEY, as_they_are)) == bits(state)
     assert is_checkpoint(tmp_path / CHECKPOINT)
 
 
@@ -74,7 +81,7 @@ def test_every_flipped_bit_and_every_cut_is_refused_in_one_line(saved: Path) -> 
         for damaged in (bytes(flipped), content[:place]):
             saved.write_bytes(damaged)
             with pytest.raises(InputError, match=r"damaged|no checkpoint of a search") as caught:
-                SearchState.load(saved, KEY)
+                SearchState.load(saved, KEY, as_they_are)
             assert "\n" not in str(caught.value)
             assert not is_checkpoint(saved)
 
@@ -87,7 +94,7 @@ def test_a_hostile_head_with_a_right_checksum_is_one_line(head: bytes, tmp_path:
     content, path = head + b"\n", tmp_path / CHECKPOINT
     path.write_bytes(checkpoint._FORMAT + hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
     with pytest.raises(InputError) as caught:
-        SearchState.load(path, KEY)
+        SearchState.load(path, KEY, as_they_are)
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 600
 
 
@@ -98,7 +105,7 @@ def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
     torch.save({"key": KEY}, tmp_path / "pickle")
     for name in ("folder", "pipe", "missing", "pickle"):
         with pytest.raises(InputError):
-            SearchState.load(tmp_path / name, KEY)
+            SearchState.load(tmp_path / name, KEY, as_they_are)
 
 
 @pytest.mark.parametrize("name", ["lensforge", "torch", "numba"])
@@ -106,7 +113,7 @@ def test_one_of_another_version_names_both(name: str, saved: Path) -> None:
     head, arrays = load_checkpoint(saved, KEY)
     save_checkpoint(saved, head.model_copy(update={"made_by": {**made_by(), name: "0.0.1"}}), arrays)
     with pytest.raises(InputError, match=rf"written with {name} 0\.0\.1, here is \d"):
-        SearchState.load(saved, KEY)
+        SearchState.load(saved, KEY, as_they_are)
 
 
 def with_picture(path: Path) -> Spec:
@@ -128,7 +135,7 @@ def test_the_fingerprint_holds_contents_not_folders(tmp_path: Path, saved: Path)
     assert key(plain) != key(small_spec(optimise__rays=999))
     assert key(plain) != fingerprint(plain, 1, "draft", None, None)
     with pytest.raises(InputError, match="belongs to another spec, file"):
-        SearchState.load(saved, key(plain))
+        SearchState.load(saved, key(plain), as_they_are)
 
 
 def test_a_search_that_starts_anew_drops_the_checkpoint_of_an_earlier_one(tmp_path: Path) -> None:
@@ -150,3 +157,41 @@ def test_a_search_that_starts_anew_drops_the_checkpoint_of_an_earlier_one(tmp_pa
     path.mkdir()
     with pytest.raises(InputError, match="cannot be replaced"):
         search(spec, build_source(spec.source), accuracy="draft", checkpoint=path)
+
+
+FORMS = {"a": Form(("n", 2)), "b": Form((3,), "int64", least=0.0)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, ""),
+        ({"a": np.ones((5, 2)), "b": np.array([0, 1, 2])}, ""),
+        ({"a": np.ones((4, 3))}, r"array 'a' has the shape \(4, 3\), must be \(n, 2\)"),
+        ({"a": np.ones(8)}, r"'a' has the shape \(8,\)"),
+        ({"a": np.ones((4, 2), ">f8")}, "'a' is of type >f8, must be float64"),
+        ({"a": np.ones((4, 2), "f4")}, "'a' is of type float32, must be float64"),
+        ({"a": np.array([[1.0, np.nan]])}, r"'a' holds nan, must be from -1e\+30 to 1e\+30"),
+        ({"b": np.array([1, -1, 2])}, "'b' holds -1, must be from 0"),
+        ({"b": None}, "'b' is missing"),
+        ({"c": np.ones(1)}, "'c' is none of it"),
+    ],
+)
+def test_arrays_are_compared_with_their_forms(changes: dict[str, np.ndarray], words: str) -> None:
+    arrays = {"a": np.ones((4, 2)), "b": np.ones(3, np.int64)} | changes
+    there = {name: array for name, array in arrays.items() if array is not None}
+    if not words:
+        require_forms(there, FORMS)
+        return
+    with pytest.raises(ValueError, match=words):
+        require_forms(there, FORMS)
+
+
+def test_sizes_of_one_name_are_the_same() -> None:
+    with pytest.raises(ValueError, match=r"'b' has the shape \(3,\), must be \(4\)"):
+        require_forms({"a": np.ones(4), "b": np.ones(3)}, {"a": Form(("n",)), "b": Form(("n",))})
+
+
+def test_json_of_too_many_values_is_refused_before_it_takes_memory() -> None:
+    with pytest.raises(ValueError, match="20000001 values, at most 20000000"):
+        parse_json(b"[" + b"," * 20_000_001 + b"]")

@@ -1,6 +1,7 @@
 """The plate of a spec: its size, its lenses, its outline from a STEP file as drawn, and what is refused in one line."""
 
 import json
+import re
 from math import pi, tan
 from pathlib import Path
 from typing import Any
@@ -218,6 +219,9 @@ REFUSED: dict[str, tuple[Any, str]] = {
     ),
     "crossing": (lambda: cq.Workplane().polyline([(0, 0), (9, 9), (9, 0), (0, 7)]).close(), "crosses itself"),
     "upright": (lambda: cq.Workplane("XZ").rect(9, 9), "between z = -4.5 and 4.5 mm, must have one z"),
+    "there and back": (lambda: cq.Workplane().polyline([(0, 0), (9, 0), (0, 0)]).wire(), r"\(0, 0\) mm has no area"),
+    "tiny": (lambda: cq.Wire.makeCircle(1e-6, cq.Vector(), cq.Vector(0, 0, 1)), "has 0 edges of more than 1e-05 mm"),
+    "far": (lambda: cq.Wire.makeCircle(2e4, cq.Vector(), cq.Vector(0, 0, 1)), "outline reaches beyond 10000 mm"),
     "point": (lambda: cq.Vertex.makeVertex(1, 2, 3), "holds no face and no wire"),
 }  # fmt: skip
 
@@ -228,6 +232,16 @@ def test_what_is_no_outline_is_refused_in_one_line(name: str, tmp_path: Path) ->
     with pytest.raises(InputError, match=words) as caught:
         read_here(make(), tmp_path)
     assert "\n" not in str(caught.value) and str(caught.value).startswith("plate.step: ")
+
+
+def test_a_face_whose_edges_cannot_be_read_is_refused_in_one_line(tmp_path: Path) -> None:
+    content = step(l_shape().faces(">Z"), tmp_path / "face.step").read_bytes()
+    (tmp_path / JOB).write_text(json.dumps({"origin": "plate.step", "remedy": "export it again"}))
+    (tmp_path / DRAWING).write_bytes(re.sub(rb"ADVANCED_FACE\('',\([^)]*\)", b"ADVANCED_FACE('',()", content))
+    with pytest.raises(
+        InputError, match=r"^plate.step: its plane face has no edges that can be read; export it again$"
+    ):
+        _write_loops(tmp_path)
 
 
 def drawn(loops: list[Any], **plate: Any) -> Spec:

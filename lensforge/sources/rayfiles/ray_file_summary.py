@@ -94,18 +94,19 @@ class Histograms:
 
 def draw(rayfile: RayFile, path: Path) -> None:
     """Write all four panels to ``path``, a PNG, SVG or PDF file. Raises :class:`InputError` for any other suffix."""
+    import matplotlib.style
     from matplotlib.figure import Figure
 
     if Path(path).suffix.lower() not in _SUFFIXES:
         raise InputError(f"{path}: its suffix must be one of {', '.join(_SUFFIXES)}")
     histograms = Histograms.of(rayfile)
-    figure = Figure(figsize=(11.0, 9.0), layout="constrained")
     flux = float(histograms.rings.sum())
     title = f"{shortened(Path(rayfile.path).name)}: {len(rayfile):,} rays, {flux:.4g} {rayfile.flux_unit}"
-    figure.suptitle(title, parse_math=False)  # a name may hold $, _ and ^
-    for place, which in enumerate(get_args(Panel), start=1):
-        draw_panel(figure.add_subplot(2, 2, place), histograms, which, rayfile.flux_unit)
-    with replacing(Path(path)) as temporary:
+    with matplotlib.style.context("default"), replacing(Path(path)) as temporary:  # whatever a matplotlibrc says
+        figure = Figure(figsize=(11.0, 9.0), layout="constrained")
+        figure.suptitle(title, parse_math=False)  # a name may hold $, _ and ^
+        for place, which in enumerate(get_args(Panel), start=1):
+            draw_panel(figure.add_subplot(2, 2, place), histograms, which, rayfile.flux_unit)
         figure.savefig(temporary, dpi=150)
 
 

@@ -1,0 +1,66 @@
+"""Settings in the environment that others made for the libraries: a command ignores them, the library what it can."""
+
+import os
+
+import matplotlib as mpl
+import numba
+import pytest
+from matplotlib.figure import Figure
+from result_folders import make_light, small_lens
+
+import lensforge
+from lensforge.errors import InputError
+from lensforge.kernels.compiled import kernel
+from lensforge.results.figure_style import in_report_style, new_figure, to_svg
+from lensforge.results.notebook_html import plot_file
+from lensforge.results.worker import ignore_settings_of_libraries
+
+FOREIGN = {"text.usetex": True, "lines.linewidth": 20.0, "axes.facecolor": "red", "axes.grid": True, "pdf.fonttype": 42}
+
+
+def test_a_command_ignores_what_would_change_or_end_its_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+    foreign = {
+        "NUMBA_DISABLE_JIT": "1", "NUMBA_OPT": "zz", "TORCH_LOGS": "garbage", "CSF_STEPDefaults": "/nowhere",
+        "OMP_NUM_THREADS": "0", "MKL_NUM_THREADS": "x", "MPLBACKEND": "Qt4Agg", "MATPLOTLIBRC": "/home/x",
+    }  # fmt: skip
+    kept = {"HOME": "/home/x", "OPENBLAS_NUM_THREADS": "4", "LC_ALL": "C"}
+    monkeypatch.setattr(os, "environ", {**foreign, **kept})
+    ignore_settings_of_libraries()
+    assert os.environ == {**kept, "MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"), [("Qt4Agg", False), ("nonsense", False), ("Agg", True), ("TkAgg", True), ("module://x.y", True)]
+)
+def test_the_library_forgets_a_backend_that_matplotlib_does_not_know(
+    name: str, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lensforge.sys, "modules", {})
+    monkeypatch.setattr(os, "environ", {"MPLBACKEND": name})
+    lensforge._forget_unknown_backend()
+    assert ("MPLBACKEND" in os.environ) is kept
+
+
+def drawn() -> str:
+    @in_report_style
+    def curve() -> Figure:
+        figure, axes = new_figure(3.0, 2.0)
+        axes.plot([0.0, 1.0], [1.0, 3.0], label="a_b $x$ %")
+        axes.legend()
+        return figure
+
+    return to_svg(curve(), "curve", "a curve")
+
+
+def test_pictures_have_no_style_from_outside() -> None:
+    light = make_light(small_lens())
+    before = drawn(), plot_file(light.plot, "svg")
+    with mpl.rc_context(FOREIGN):
+        assert (drawn(), plot_file(light.plot, "svg")) == before
+        assert mpl.rcParams["text.usetex"], "it is the caller's again"
+
+
+def test_kernels_that_would_not_be_compiled_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    with pytest.raises(InputError, match=r"^NUMBA_DISABLE_JIT = 1: .*; unset it$"):
+        kernel(lambda x: x)
