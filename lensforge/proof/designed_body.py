@@ -1,14 +1,15 @@
 """The body as designed, in plain numbers, and the distance of points from its faces.
 
 An optical face is its radius about the origin of its lens, exact at the nodes of a grid of the chart, and a quintic
-spline between them. All other faces are level, or upright over curves. Nothing here is a trimmed face: a closed body whose every piece lies on one of these is a union of the
-cells between them, and which of the cells shows in the faces that it lacks, and in its volume.
+spline between them. All other faces are level, or upright over curves. No face is trimmed: a closed body whose every
+piece lies on one of these is a union of the cells between them, and which of the cells shows in the faces that it
+lacks, and in its volume.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -28,30 +29,18 @@ _Values = Float[np.ndarray, " n"]
 _Numbers = Int[np.ndarray, " n"]
 
 
-class Designed(Protocol):
-    """One face, or several of a kind, none of which meets another; ``names`` of these."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the faces."""
-        ...
-
-    def off_mm(self, points: _Points) -> tuple[_Values, _Numbers]:
-        """Distance (mm) of ``points`` from the nearest of them, and its number."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class DesignedFace:
     """An optical face: ``reciprocal`` radii (1/mm) over the chart, first index X, at the coordinates ``axis``.
 
-    ``extent``: least and largest distance from the chart's centre at which it is known.
+    ``extent``: least and largest distance of its own edges from the chart's centre; ``known``: of what is known of it.
     """
 
     name: str
     axis: Float[np.ndarray, " k"]
     reciprocal: Float[np.ndarray, "k k"]
     extent: tuple[float, float]
+    known: tuple[float, float]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -73,10 +62,10 @@ class DesignedFace:
         slope = 0.5 * (1.0 + x**2 + y**2) * np.hypot(by_x, by_y) / value
         return np.abs(radius - 1.0 / value) / np.hypot(1.0, slope), np.zeros(len(points), dtype=np.int64)
 
-    def known(self, points: _Points) -> Bool[np.ndarray, " n"]:
-        """True for points in whose direction the face is known."""
+    def within(self, extent: tuple[float, float], points: _Points) -> Bool[np.ndarray, " n"]:
+        """True for points in whose direction the distance from the chart's centre is within ``extent``."""
         sine, cosine = np.hypot(points[:, 0], points[:, 1]), np.linalg.norm(points, axis=1) + points[:, 2]
-        return np.asarray((sine >= self.extent[0] * cosine) & (sine <= self.extent[1] * cosine))
+        return np.asarray((sine >= extent[0] * cosine) & (sine <= extent[1] * cosine))
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,13 +136,13 @@ class PlacedFace:
         own, numbers = self.lenses.at_own(points)
         return self.face.off_mm(own)[0], numbers
 
-    def known(self, points: _Points) -> Bool[np.ndarray, " n"]:
-        """True for points in whose direction the face is known."""
-        return self.face.known(self.lenses.at_own(points)[0])
+    def own(self, points: _Points, lens: int | None = None) -> _Points:
+        """Points in the coordinates of a lens, by its number, or of the nearest one."""
+        return self.lenses.at_own(points, None if lens is None else np.full(len(points), lens))[0]
 
-    def own(self, points: _Points, lens: int) -> _Points:
-        """Points in the coordinates of a lens, by its number."""
-        return self.lenses.at_own(points, np.full(len(points), lens))[0]
+
+# One face, or several of a kind that do not meet: their ``names``, and how far off the nearest of them points are.
+Designed = DesignedFace | PlacedFace | Levels | Walls
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import Boundary, TrimmedFace, lens_boundaries
+from lensforge.cad.boundary import TrimmedFace, lens_boundaries
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.flange import FlangeRing, ring_of
 from lensforge.cad.form_error import chart_samples
@@ -76,7 +76,8 @@ def designed_files(part: Part) -> Iterator[DesignedFile]:
             allowed_mm = PLATE_CHORD_MM * 2.0 ** max(0.0, np.ceil(np.log2(stated_mm / PLATE_CHORD_MM)))
             yield DesignedFile(name, content, designed_plate(lens, plate), Chords(stated_mm, allowed_mm))
         else:
-            yield DesignedFile(name, content, body, Chords(chord_mm, round_mm))
+            cut_mm = 0.0 if body.below is not None else chord_mm
+            yield DesignedFile(name, content, body, Chords(chord_mm, round_mm, cut_mm))
 
 
 def designed_faces(lens: Lens, scale: float = 1.0, beyond_deg: float = 0.0) -> Iterator[DesignedFace]:
@@ -95,7 +96,8 @@ def _tabulated(face: TrimmedFace[Surface], surface: Surface, beyond_deg: float) 
     while True:
         axis = np.tan(np.linspace(-half, half, nodes))
         chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
-        found = DesignedFace(face.label, axis, 1.0 / surface.radius_on_grid(to_sphere(chart)), (low, high))
+        values = 1.0 / surface.radius_on_grid(to_sphere(chart))
+        found = DesignedFace(face.label, axis, values, face.domain.extent, (low, high))
         error_nm = 1e6 * float(found.off_mm(points)[0].max())
         if error_nm <= _AIM_NM or nodes == _MOST_NODES:
             return found
@@ -166,9 +168,10 @@ def _of_base(plan: Plan[Surface]) -> _Made:
         elif np.abs(one.radius(turns) - other.radius(turns)).max() > _NO_AREA_MM:
             made.add_level(one.face, -one.depth_mm)
     feet = plan.base.feet
-    for place in () if feet is None else feet.places_mm:
-        made.add_wall(FOOT_SIDE, _along(circle_at(place, feet.diameter_mm / 2.0)))
+    if feet is not None:
         made.add_level(FOOT_END, -plan.base.height_mm - feet.height_mm)
+        for place in feet.places_mm:
+            made.add_wall(FOOT_SIDE, _along(circle_at(place, feet.diameter_mm / 2.0)))
     return made
 
 
@@ -201,7 +204,8 @@ def _around(
     turns = np.unique(np.concatenate([np.linspace(0.0, 2.0 * np.pi, _PIECES + 1), corners]))
     turns = turns[np.diff(turns, prepend=-1.0) > 1e-9]
     each = np.stack([turns[:-1], 0.5 * (turns[:-1] + turns[1:]), turns[1:]], axis=1)
-    return (radius(each.ravel())[:, None] * rim_directions(each.ravel())[:, :2]).reshape(-1, 3, 2)
+    points: Float[np.ndarray, "s 3 2"] = radius(each.ravel())[:, None, None] * rim_directions(each.ravel())[:, None, :2]
+    return points.reshape(-1, 3, 2)
 
 
 def _along(loop: Loop) -> Float[np.ndarray, "s 3 2"]:

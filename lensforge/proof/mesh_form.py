@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from lensforge.proof.designed_body import ABOVE_MM, Designed
+from lensforge.proof.designed_body import ABOVE_MM, Designed, Levels
 from lensforge.proof.file_form import FORM_UM, Chords, DesignedFile, Farthest, FileForm, open_edges, rounding_um
 from lensforge.proof.part_mesh import read_mesh
 from lensforge.results.files import temporary_file
@@ -71,16 +71,21 @@ def _see_facets(
     used[facets] = True
     places, rows = vertices[used], (np.cumsum(used) - 1)[facets]
     away = [face.off_mm(places) for face in faces]
-    apart = [np.ptp(owners[rows], axis=1) > 0 for _, owners in away]
-    sums = [np.where(two, _FAR_MM, off[rows].sum(axis=1)) for two, (off, _) in zip(apart, away, strict=True)]
+    middles, mixed = places[rows].mean(axis=1), any(isinstance(face, Levels) for face in faces)
+    sums = []
+    for face, (off, owners) in zip(faces, away, strict=True):
+        one = np.ptp(owners[rows], axis=1) == 0
+        # The corners of a facet within a round wall lie on it, too.
+        beside = face.off_mm(middles)[0] if mixed else 0.0
+        sums.append(np.where(one, off[rows].sum(axis=1) + beside, _FAR_MM))
     chosen = np.argmin(sums, axis=0)
     for number, (face, (off, owners)) in enumerate(zip(faces, away, strict=True)):
-        own = rows[chosen == number]
-        if not len(own):
+        own = chosen == number
+        if not own.any():
             continue
-        corners = own.ravel()
-        seen.see(face, off[corners], places[corners], owners[corners])
-        middles = places[own].mean(axis=1)
-        off_middle, owner = face.off_mm(middles)
+        corners = rows[own].ravel()
+        on_rims = np.where(places[corners, 2] <= ABOVE_MM, chords.rims_mm, 0.0)
+        seen.see(face, np.maximum(off[corners] - on_rims, 0.0), places[corners], owners[corners])
+        off_middle, owner = face.off_mm(middles[own])
         seen.meet(face, owner)
-        seen.see(face, np.maximum(off_middle - chords.of(face), 0.0), middles, owner)
+        seen.see(face, np.maximum(off_middle - chords.of(face), 0.0), middles[own], owner)

@@ -72,7 +72,10 @@ class PlateOfLenses:
         self, points: Float[np.ndarray, "n 3"], numbers: Int[np.ndarray, " n"] | None = None
     ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
         """Points, from the coordinates of the lit lens into those of the nearest one, or of ``numbers``; its number."""
-        numbers, lit = self.nearest(points) if numbers is None else numbers, 0.0 if self.lit is None else self.turns[self.lit]
+        numbers, lit = (
+            self.nearest(points) if numbers is None else numbers,
+            0.0 if self.lit is None else self.turns[self.lit],
+        )
         own, turns = points - np.column_stack([self._seen, np.zeros(len(self.places))])[numbers], lit - self.turns
         cosine, sine = np.cos(turns)[numbers], np.sin(turns)[numbers]
         x, y = own[:, 0].copy(), own[:, 1].copy()

@@ -50,8 +50,8 @@ def cast_step(
 ) -> Callable[[], StepCast]:
     """Begin to cast ``count`` of ``rays``, drawn at random, through a STEP file; ``sized``: measure its body, too.
 
-    ``designed``: what its form is compared with. ``optical``: the faces of a body that is not read yet. In ``second``, where there is one; the function that is
-    returned waits for it.
+    ``designed``: what its form is compared with. ``optical``: the faces of a body that is not read yet. In ``second``,
+    where there is one; the function that is returned waits for it.
     """
     rows = drawn(count, len(rays))
     cast = second.call(_cast_and_measure, step, rays.take(rows), media, optical, sized, designed)

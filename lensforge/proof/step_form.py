@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, PlacedFace
+from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, Walls
 from lensforge.proof.file_form import FORM_UM, DesignedFile, Farthest, FileForm
 from lensforge.results.brep_size import spline_poles
 
@@ -27,6 +27,7 @@ _LEAST_OF_EDGE = 16
 _TRIM_MM = 1e-7
 _SAME_MM = 1e-9  # poles of a face at another place
 _MM_PER_UM = 1e-3
+_BEYOND_MM = 1e-3  # beyond its edges a face that is exported without them is not fitted to any error
 
 _Points = Float[np.ndarray, "n 3"]
 _Places = Float[np.ndarray, "n 2"]
@@ -90,17 +91,23 @@ class _ReadFace:
         kernel = self.surface.BSpline()
         if kernel.IsUPeriodic() or kernel.IsVPeriodic() or kernel.IsURational() or kernel.IsVRational():
             return None
-        knots = tuple(np.array(list(each)) for each in (kernel.UKnotSequence(), kernel.VKnotSequence()))
-        return _Spline(spline_poles(kernel), *knots, kernel.UDegree(), kernel.VDegree())
+        along_u, along_v = (np.array(list(each)) for each in (kernel.UKnotSequence(), kernel.VKnotSequence()))
+        return _Spline(spline_poles(kernel), along_u, along_v, kernel.UDegree(), kernel.VDegree())
 
     def grid(self) -> tuple[_Places, _Points]:
         """Parameters between all knots, and the points there."""
         u0, u1, v0, v1 = self.bounds
         if self.spline is not None:
-            along = [_between(knots, *ends) for knots, ends in zip(self.spline.knots, ((u0, u1), (v0, v1)), strict=True)]
+            along = [
+                _between(knots, *ends) for knots, ends in zip(self.spline.knots, ((u0, u1), (v0, v1)), strict=True)
+            ]
             return _crossed(*along), self.spline.on_grid(*along).reshape(-1, 3)
-        counts = [max(least, 2 * knots) for least, knots in zip(_SAMPLES.get(self.kind, _OF_OTHERS), self._knots, strict=True)]
-        places = _crossed(*(np.linspace(*ends, count) for ends, count in zip(((u0, u1), (v0, v1)), counts, strict=True)))
+        counts = [
+            max(least, 2 * knots) for least, knots in zip(_SAMPLES.get(self.kind, _OF_OTHERS), self._knots, strict=True)
+        ]
+        places = _crossed(
+            *(np.linspace(*ends, count) for ends, count in zip(((u0, u1), (v0, v1)), counts, strict=True))
+        )
         return places, self.at(places)
 
     @cached_property
@@ -180,9 +187,10 @@ class _Spline:
         return points
 
     def is_same(self, other: "_Spline") -> bool:
-        """True where both are one surface: no points of splines of the same knots are farther apart than their poles."""
+        """True where both are one surface: splines of the same knots are no farther apart than their poles."""
         alike = all(
-            one.shape == two.shape and np.array_equal(one, two) for one, two in zip(self.knots, other.knots, strict=True)
+            one.shape == two.shape and np.array_equal(one, two)
+            for one, two in zip(self.knots, other.knots, strict=True)
         )
         return alike and bool(np.abs(self.poles - other.poles).max() <= _SAME_MM)
 
@@ -206,23 +214,31 @@ class _Seen:
             return
         face, owner = designed[chosen], int(np.median(found[chosen][1]))
         self.farthest.meet(face, np.array([owner]))
-        if not self._is_copy(read, face, owner):
-            self.farthest.look(face, self._within(read, face))
         if self.file.trimmed:
             self.farthest.look(face, read.edge_points)
+            if not self._is_copy(read, face, owner):
+                self.farthest.look(face, self._within(read, face))
+        elif isinstance(face, DesignedFace):
+            self._see_untrimmed(read, face)
 
     def _within(self, read: _ReadFace, face: Designed) -> _Points:
         """Points between the knots, without those beyond the trim that lie off the face."""
         places, points = read.grid()
-        if isinstance(face, DesignedFace | PlacedFace):
-            known = face.known(points)
+        if not isinstance(face, Levels | Walls):
+            known = _known(face, points)
             places, points = places[known], points[known]
-        if not self.file.trimmed:
-            return points
         away = np.flatnonzero(face.off_mm(points)[0] > FORM_UM * _MM_PER_UM)
         kept = np.ones(len(points), dtype=bool)
         kept[away] = read.inside(places[away])
         return points[kept]
+
+    def _see_untrimmed(self, read: _ReadFace, face: DesignedFace) -> None:
+        """Look at a face that goes on beyond its edges, where the design's goes on less exactly."""
+        _, points = read.grid()
+        points = points[face.within(face.known, points)]
+        off, numbers = face.off_mm(points)
+        beyond = np.where(face.within(face.extent, points), 0.0, _BEYOND_MM)
+        self.farthest.see(face, np.maximum(off - beyond, 0.0), points, numbers)
 
     def _is_copy(self, read: _ReadFace, face: Designed, lens: int) -> bool:
         """True where another lens of the plate has the same spline at its place."""
@@ -231,6 +247,13 @@ class _Seen:
         poles = face.own(read.spline.poles.reshape(-1, 3), lens).reshape(read.spline.poles.shape)
         own = replace(read.spline, poles=poles)
         return self.known.setdefault(face.face.name, own) is not own and self.known[face.face.name].is_same(own)
+
+
+def _known(face: Any, points: _Points) -> Bool[np.ndarray, " n"]:
+    """True for points in whose direction a face, or that of the nearest lens, is known."""
+    if isinstance(face, PlacedFace):
+        return face.face.within(face.face.known, face.own(points))
+    return np.asarray(face.within(face.known, points))
 
 
 def _between(knots: Float[np.ndarray, " k"], low: float, high: float) -> Float[np.ndarray, " p"]:

@@ -83,7 +83,7 @@ def verify_part(
     the faces of the part, and the events of its light. ``exported``: size of the part as exported, its box within
     ``chord_mm`` of the solid's. The result does not depend on ``threads``. ``inputs``: hashes of the inputs, by name.
     ``second``: casts by the CAD kernel and by trimesh, where there is one. ``lamps``: of a plate, whose light is
-    compared with their sum. ``files``: every file of the part, these among them, whose form is compared with the design.
+    compared with their sum. ``files``: every file of the part, these among them, to compare its form.
 
     Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
     misses its criteria instead.
@@ -95,8 +95,10 @@ def verify_part(
         # Here it is read before the casts: a file that is refused costs no more than that.
         file: bytes | StepBody = step if second.runs else StepBody(step, optical)
         designed = next((each for each in files if each.content == step), None)
-        given = {"optical": optical, "sized": exported is not None, "designed": designed, "second": second}
-        through = cast_step(file, rays, media, step_rays, **given)
+        sized = exported is not None
+        through = cast_step(
+            file, rays, media, step_rays, optical=optical, sized=sized, designed=designed, second=second
+        )
     solids = {each.name: second.call(form_in_step, each) for each in files if each.is_step and each.content != step}
     part = read_part_mesh(stl, optical)
     plate = None if lamps is None else read_part_mesh(lamps.stl, lamps.optical)
