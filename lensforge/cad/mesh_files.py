@@ -21,9 +21,10 @@ from jaxtyping import Float, Int
 
 from lensforge.cad.mesh import BodyMesh
 from lensforge.errors import InputError
-from lensforge.results.file_bounds import MOST_MM, MOST_TRIANGLES, made_here, remembered, stl_corners
+from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, remembered, stl_corners
 from lensforge.results.files import file_bytes, read_json, temporary_file, temporary_folder, write_json
 from lensforge.results.sandbox import ChildLimits, serve, work_in_child
+from lensforge.results.threemf_reading import read_3mf
 
 
 def set_geometry(body: Any, vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> None:
@@ -35,24 +36,6 @@ def set_geometry(body: Any, vertices: Float[np.ndarray, "v 3"], triangles: Int[n
     call = body._wrapper.lib.lib3mf_meshobject_setgeometry
     counts = ctypes.c_uint64(len(places)), ctypes.c_uint64(len(corners))
     body._wrapper.checkError(body, call(body._handle, counts[0], places, counts[1], corners))
-
-
-def geometry_of(body: Any) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
-    """Vertices and triangles of a ``lib3mf.MeshObject``."""
-    import lib3mf
-
-    library = body._wrapper.lib
-    vertices = np.empty((body.GetVertexCount(), 3), dtype=np.float32)
-    triangles = np.empty((body.GetTriangleCount(), 3), dtype=np.uint32)
-    reads = (
-        (library.lib3mf_meshobject_getvertices, lib3mf.Position, vertices),
-        (library.lib3mf_meshobject_gettriangleindices, lib3mf.Triangle, triangles),
-    )
-    for call, struct, rows in reads:
-        if len(rows):
-            buffer, needed = (struct * len(rows)).from_buffer(rows), ctypes.c_uint64(0)
-            body._wrapper.checkError(body, call(body._handle, ctypes.c_uint64(len(rows)), needed, buffer))
-    return vertices.astype(np.float64), triangles.astype(np.int64)
 
 
 def _as_structs(rows: np.ndarray, struct: type[ctypes.Structure]) -> Any:
@@ -134,7 +117,7 @@ def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarra
     """
     if made_here(content):
         with temporary_file(content, _THREEMF) as path:
-            return _read_3mf(path, origin)
+            return read_3mf(path, origin, _AGAIN)
     with temporary_folder(origin) as folder:
         (folder / _THREEMF).write_bytes(content)
         write_json(folder / _JOB, {"origin": origin})
@@ -143,31 +126,9 @@ def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarra
     return vertices, triangles
 
 
-def _read_3mf(path: Path, origin: str) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
-    import lib3mf
-
-    model = lib3mf.get_wrapper().CreateModel()
-    reader = model.QueryReader("3mf")
-    reader.SetStrictModeActive(True)
-    try:
-        reader.ReadFromFile(str(path))
-    except lib3mf.ELib3MFException as error:
-        raise InputError(f"{origin}: not readable as 3MF ({error}); {_AGAIN}") from None
-    objects = model.GetMeshObjects()
-    if model.GetUnit() != lib3mf.ModelUnit.MilliMeter or not objects.MoveNext():
-        raise InputError(f"{origin}: holds no mesh in mm; {_AGAIN}")
-    body = objects.GetCurrentMeshObject()
-    if not 0 < body.GetTriangleCount() <= MOST_TRIANGLES:
-        raise InputError(f"{origin}: {body.GetTriangleCount()} triangles, 1 to {MOST_TRIANGLES} are read; {_AGAIN}")
-    vertices, triangles = geometry_of(body)
-    if not float(np.abs(vertices).max()) <= MOST_MM:
-        raise InputError(f"{origin}: a vertex lies beyond {MOST_MM:g} mm; {_AGAIN}")
-    return vertices, triangles
-
-
 def _write_arrays(folder: Path) -> None:
     """Work of the child process: the arrays of the 3MF file in ``folder``."""
-    vertices, triangles = _read_3mf(folder / _THREEMF, read_json(folder / _JOB)["origin"])
+    vertices, triangles = read_3mf(folder / _THREEMF, read_json(folder / _JOB)["origin"], _AGAIN)
     np.save(folder / "vertices.npy", vertices)
     np.save(folder / "triangles.npy", triangles)
 

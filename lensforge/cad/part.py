@@ -163,7 +163,7 @@ class Part(StageResult):
 
     @model_validator(mode="after")
     def _files_are_those_of_the_record(self) -> "Part":
-        contents = self._bytes()
+        contents = self.exported
         for name in {**self.files, **contents}:
             if name not in contents:
                 raise ValueError(f"{name}: no such file, export.json describes one")
@@ -174,17 +174,13 @@ class Part(StageResult):
     @cached_property
     def altered(self) -> tuple[str, ...]:
         """Names of the files that are not as built: their bytes have another hash than ``files`` states."""
-        return tuple(name for name, content in self._bytes().items() if self.files[name] != stamp_of(content))
+        return tuple(name for name, content in self.exported.items() if self.files[name] != stamp_of(content))
 
-    def _bytes(self) -> dict[str, bytes]:
-        further = {
-            SURFACES_FILE: self.surfaces_step,
-            PLATE_STEP_FILE: self.plate_step,
-            PLATE_STL_FILE: self.plate_stl,
-            PLATE_THREEMF_FILE: self.plate_threemf,
-        }
-        there = {name: content for name, content in further.items() if content is not None}
-        return {STEP_FILE: self.step, STL_FILE: self.stl, THREEMF_FILE: self.threemf, **there}
+    @property
+    def exported(self) -> dict[str, bytes]:
+        """Bytes of every file of the part that there is, by its name."""
+        each = ((name, getattr(self, field)) for field, _, name in self._files(self.stage))
+        return {name: content for name, content in each if content is not None}
 
     @property
     def size(self) -> BodySize:

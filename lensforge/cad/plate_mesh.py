@@ -32,7 +32,7 @@ from lensforge.spec.plate_section import PlateBoss
 from lensforge.surfaces.plane_loop import Loop, circle_at, points_on
 
 _RINGS = 24  # of a lens to begin with: its facets are split where they are too far from their faces
-_CHORD_MM = 2e-3
+CHORD_MM = 2e-3
 
 _Ids = Int[np.ndarray, " n"]
 
@@ -85,7 +85,7 @@ def lens_mesh(plan: Plan[Patch], count: int) -> tuple[BodyMesh, float]:
 
     That is 2 um, or as much as ``count`` lenses of a file that is still read may have.
     """
-    chord_mm = _CHORD_MM
+    chord_mm = CHORD_MM
     while True:
         mesh = build_mesh(plan, _RINGS, chord_mm)
         if count * len(mesh.triangles) <= MOST_TRIANGLES:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 from itertools import chain
 
+from lensforge.proof.file_form import form_criteria
 from lensforge.proof.proof_result import (
     BrepCast,
     IndependentRays,
@@ -188,6 +189,7 @@ def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
         at_most("plain_cast_disagreements", proof.plain_cast.disagreements, 0.0, "casts", broken),
         *([at_most("far_facets", proof.far_facets, 0.0, "facets", _ELSEWHERE)] if proof.far_facets else []),
         *size_criteria(proof.sizes),
+        *chain.from_iterable(map(form_criteria, proof.forms)),
     ]
     if proof.emission_apart is not None:
         criteria.append(at_most("own_rays_emission", proof.emission_apart, MOST_APART, "standard errors", _EMITTED))

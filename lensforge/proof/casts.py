@@ -43,6 +43,7 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     """Do as :func:`verify` does, with a second process for referees that hold Python's lock; the same bits."""
     import torch
 
+    from lensforge.proof.form_inputs import designed_files
     from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
     from lensforge.proof.proof_inputs import independent_light, lamps_on_plate, optical_of
@@ -63,6 +64,7 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     proof = verify_in_sandbox(
         part.stl,
         lamps=lamps,
+        files=list(designed_files(part)),
         rays=bundle,
         media=lens.media,
         expected=expected_of(lens, light, bundle, optical),

@@ -45,8 +45,9 @@ class PlateOfLenses:
 
     def nearest(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
         """Number of the lens whose axis is nearest to points in the coordinates of the lit one."""
-        found = [np.hypot(*(points[:, :2] - place).T) for place in self._seen]
-        numbers: Int[np.ndarray, " n"] = np.argmin(found, axis=0)
+        from scipy.spatial import cKDTree
+
+        numbers: Int[np.ndarray, " n"] = cKDTree(self._seen).query(points[:, :2])[1]
         return numbers
 
     def from_lit(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
@@ -60,13 +61,26 @@ class PlateOfLenses:
         self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Points and normals, from those of the lit lens into the coordinates of the nearest one."""
-        numbers, (own, ahead) = self.nearest(points), (points.copy(), normals.copy())
-        lit = 0.0 if self.lit is None else self.turns[self.lit]
+        own, numbers = self.at_own(points)
+        ahead, lit = normals.copy(), 0.0 if self.lit is None else self.turns[self.lit]
         for number in np.unique(numbers):
-            rows, turn = numbers == number, _turned(lit - self.turns[number]).T
-            own[rows] = (points[rows] - (*self._seen[number], 0.0)) @ turn
-            ahead[rows] = normals[rows] @ turn
+            rows = numbers == number
+            ahead[rows] = normals[rows] @ _turned(lit - self.turns[number]).T
         return own, ahead
+
+    def at_own(
+        self, points: Float[np.ndarray, "n 3"], numbers: Int[np.ndarray, " n"] | None = None
+    ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
+        """Points, from the coordinates of the lit lens into those of the nearest one, or of ``numbers``; its number."""
+        numbers, lit = (
+            self.nearest(points) if numbers is None else numbers,
+            0.0 if self.lit is None else self.turns[self.lit],
+        )
+        own, turns = points - np.column_stack([self._seen, np.zeros(len(self.places))])[numbers], lit - self.turns
+        cosine, sine = np.cos(turns)[numbers], np.sin(turns)[numbers]
+        x, y = own[:, 0].copy(), own[:, 1].copy()
+        own[:, 0], own[:, 1] = cosine * x - sine * y, sine * x + cosine * y
+        return own, numbers
 
     def placed(self, rays: RayBundle, numbers: Int[np.ndarray, " n"]) -> RayBundle:
         """Rays of one lens in its own coordinates, each at the lens of its number, in those of the plate."""

@@ -15,7 +15,7 @@ from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.optical_faces import OpticalFaces
-from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.proof.part_mesh import PartMesh, read_part_mesh
 from lensforge.proof.proof_result import Agreement, FatePair, IndependentRays, LampsTogether, PartFlux
 from lensforge.proof.receiver_screen import Screen, squared_norm
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage, send_through
@@ -242,12 +242,16 @@ class LampsOnPlate:
     designed: Sequence[tuple[str, Screen, Float[np.ndarray, "h w"]]]
 
 
-def cast_lamps(lamps: LampsOnPlate, media: Media, threads: int) -> tuple[LampsTogether, ...]:
+def cast_lamps(
+    lamps: LampsOnPlate, media: Media, threads: int, part: PartMesh | None = None
+) -> tuple[LampsTogether, ...]:
     """Cast the rays of all lamps through the mesh of the plate, and compare their light on each receiver.
+
+    ``part``: the mesh, where it has been read.
 
     As in the sum that the design states, a ray that leaves its lens meets no other one: what does is stray light.
     """
-    part = read_part_mesh(lamps.stl, lamps.optical)
+    part = part or read_part_mesh(lamps.stl, lamps.optical)
     passage, together = send_through(part, Grid(part.mesh), lamps.rays, media, threads), []
     count = len(lamps.optical.plate.places) if lamps.optical.plate is not None else 1
     for name, screen, designed in lamps.designed:

@@ -19,7 +19,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
-from lensforge.proof.optical_faces import FAR_MM, NO_FACE, USUAL_LENS, OpticalFaces
+from lensforge.proof.file_form import open_edges
+from lensforge.proof.optical_faces import FAR_MM, NO_FACE, USUAL_LENS, OpticalFaces, PlateOfLenses
 from lensforge.proof.proof_result import SizedFile
 from lensforge.results import BodySize, Box
 from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, stl_corners
@@ -57,12 +58,7 @@ class PartMesh:
     @cached_property
     def open_edges(self) -> int:
         """Edges that do not join exactly two triangles of the same sense; 0 for a closed body."""
-        edges, count = self.mesh.edges, len(self.mesh.vertices)
-        forth, back = (np.sort(edges[:, i] * count + edges[:, 1 - i]) for i in (0, 1))
-        if (forth == back).all() and (forth[1:] != forth[:-1]).all():
-            return 0  # of one in ten of the time
-        senses, times = np.unique(forth, return_counts=True)
-        return int(np.sum(times > 1) + np.sum(~np.isin(senses, back)))
+        return open_edges(self.mesh.faces, len(self.mesh.vertices))
 
     def curved(
         self, triangles: Int[np.ndarray, " n"], barycentric: Float[np.ndarray, "n 3"]
@@ -91,13 +87,20 @@ def read_part_mesh(stl: bytes, optical: OpticalFaces = USUAL_LENS) -> PartMesh:
     ``optical``: the faces that it should have. Raises :class:`InputError` for bytes that hold no triangles, too many,
     or none that has an area.
     """
-    corners = stl_corners(stl, "STL", "export it again", None if made_here(stl) else MOST_TRIANGLES)
-    rows = np.arange(3 * len(corners)).reshape(-1, 3)
-    points = corners.reshape(-1, 3) if optical.plate is None else optical.plate.from_lit(corners.reshape(-1, 3))
-    mesh = trimesh.Trimesh(points, rows, process=True)
+    mesh = read_mesh(stl, "STL", optical.plate)
     if not (mesh.area_faces > 0.0).any():
         raise InputError("STL: none of its triangles has an area; export it again")
     return part_mesh_of(mesh, optical)
+
+
+def read_mesh(stl: bytes, origin: str, plate: PlateOfLenses | None = None) -> trimesh.Trimesh:
+    """Read the bytes of an STL file, of a ``plate`` in the coordinates of its lit lens, and merge equal vertices.
+
+    Raises :class:`InputError`, in which ``origin`` names the file, for bytes that hold no triangles, or too many.
+    """
+    corners = stl_corners(stl, origin, "export it again", None if made_here(stl) else MOST_TRIANGLES).reshape(-1, 3)
+    rows = np.arange(len(corners)).reshape(-1, 3)
+    return trimesh.Trimesh(corners if plate is None else plate.from_lit(corners), rows, process=True)
 
 
 def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> PartMesh:

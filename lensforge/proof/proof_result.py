@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
+from lensforge.proof.file_form import FileForm
 from lensforge.results import (
     Array,
     BodySize,
@@ -77,8 +78,6 @@ class Sizes(Record):
     mesh: SizedFile
     step: SizedFile | None
 
-
-JUDGED_FILES = ("lens.step", "lens.stl")  # of the part: rays go through them
 
 Gaps = Annotated[Float[np.ndarray, " q"], Array("q")]
 
@@ -204,6 +203,7 @@ class Proof(SimulatedResult):
     ``emission_apart``: largest difference of a moment of the design's rays, as they leave the source, from that of rays
     which verification has drawn, in standard errors; None where it has drawn none. ``far_facets``: optical facets of
     the mesh far from every face of the design, of a body of more than two. ``together``: all lamps through their plate.
+    ``forms``: of every file of the part.
     """
 
     stage: ClassVar[str] = "verify"
@@ -222,6 +222,7 @@ class Proof(SimulatedResult):
     altered_files: tuple[Text, ...] = ()
     plain_cast: PlainCast
     together: tuple[LampsTogether, ...] = ()
+    forms: tuple[FileForm, ...] = ()
     criteria: tuple[Criterion, ...]
 
     @property
@@ -252,8 +253,10 @@ class Proof(SimulatedResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """A sentence for each file that is not as exported: it was judged all the same."""
-        judged = (name for name in self.altered_files if name in JUDGED_FILES)
-        return tuple(f"{name} is not the file that was exported: judged by its geometry and light" for name in judged)
+        by = {True: "geometry and light", False: "geometry"}
+        lit = {"lens.step", "lens.stl"}  # rays go through them
+        said = "{} is not the file that was exported: judged by its {}"
+        return tuple(said.format(name, by[name in lit]) for name in self.altered_files)
 
     def __str__(self) -> str:
         failed = [str(criterion) for criterion in self.criteria if not criterion.passed]

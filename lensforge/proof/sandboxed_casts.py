@@ -30,7 +30,8 @@ def verify_in_sandbox(
     stl: bytes, *, rays: RayBundle, step: bytes, second: SecondProcess = IN_TURN, **given: Any
 ) -> Proof:
     """:func:`verify_part`, in a child process unless this process made the files; ``second`` has those alone."""
-    if made_here(stl) and made_here(step):
+    files = [each.content for each in given.get("files", ())]
+    if all(map(made_here, (stl, step, *files))):
         from lensforge.proof.verification import verify_part
 
         return verify_part(stl, rays=rays, step=step, second=second, **given)
@@ -51,12 +52,12 @@ def _cast_in_child(kind: type[_Result], count: int, **given: Any) -> _Result:
     """Leave the cast of ``count`` rays to a child process, and read the record that it writes."""
     with temporary_folder("lens.stl") as folder:
         (folder / _CALL).write_bytes(pickle.dumps((kind.stage, given), protocol=pickle.HIGHEST_PROTOCOL))
-        lamps = given.get("lamps")
-        most_bytes = max(len(given["stl"]), 0 if lamps is None else len(lamps.stl))
+        contents = [given["stl"], *(each.content for each in given.get("files", ()))]
+        most_bytes = max(map(len, contents))
         memory_mib = _MEMORY_MIB + _MEMORY_KIB_PER_TRIANGLE * most_bytes // _STL_RECORD // 1024
         limits = ChildLimits(memory_mib, _SECONDS + _SECONDS_PER_RAY * count)
         words = "export it again, or cast fewer rays"
-        work_in_child(Path(__file__).resolve(), folder, limits, origin="lens.stl and lens.step", remedy=words)
+        work_in_child(Path(__file__).resolve(), folder, limits, origin="a file of the part", remedy=words)
         return kind.read(folder)
 
 

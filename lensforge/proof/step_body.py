@@ -18,9 +18,11 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from lensforge.errors import InputError
 from lensforge.proof.facet_casting import Leg
+from lensforge.proof.file_form import DesignedFile, FileForm
 from lensforge.proof.optical_faces import NO_FACE, USUAL_LENS, OpticalFaces, faces_away
 from lensforge.proof.part_mesh import as_box
 from lensforge.proof.sequential_cast import SurfaceHits
+from lensforge.proof.step_form import step_form
 from lensforge.results import BodySize
 from lensforge.results.brep_size import volume_and_area
 from lensforge.results.file_bounds import made_here, require_small_step
@@ -215,7 +217,7 @@ class StepBody:
 
         self.optical = optical
         numbers = {f"OPTICAL_{name.upper()}": number for number, name in enumerate(optical.names)}
-        self._solid, faces, names = _only_solid(step, named=optical.inverse_radii is not None)
+        self._solid, faces, names = _only_solid(step, "STEP", named=optical.inverse_radii is not None)
         self._numbers = np.array([numbers.get(name, NO_FACE) for name in names])
         self._faces = [TopoDS.Face_s(face) for face in faces]
         self._surfaces = [BRepAdaptor_Surface(face) for face in self._faces]
@@ -226,6 +228,10 @@ class StepBody:
         corners = bounds_mm(self._solid, self._faces)
         volume, area = volume_and_area(self._solid)
         return BodySize(volume_mm3=volume, area_mm2=area, bounds_mm=as_box(np.array(corners)))
+
+    def form(self, file: DesignedFile) -> FileForm:
+        """Form of the body, read from ``file``."""
+        return step_form(file, self._faces)
 
     def surface_hits(self, leg: Leg, inside: Bool[np.ndarray, " n"] | None = None) -> SurfaceHits:
         """First hit of each ray, about a millisecond each; ``inside`` is not needed."""
@@ -277,35 +283,53 @@ class StepBody:
         return np.array([point.X(), point.Y(), point.Z()]), unit
 
 
-def _only_solid(step: bytes, *, named: bool) -> tuple[Any, list[Any], list[str]]:
-    """The only solid (TopoDS_Shape), its faces and their names, read by the CAD kernel, which accepts only a path.
+def form_in_step(file: DesignedFile) -> FileForm:
+    """Form of the body, or of the loose faces, in a STEP file."""
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopoDS import TopoDS
 
-    Without ``named`` all names are "".
-    """
-    from OCP.IFSelect import IFSelect_ReturnStatus
-    from OCP.STEPControl import STEPControl_Reader
+    if file.trimmed:
+        faces = _only_solid(file.content, file.name, named=False)[1]
+    else:
+        faces = _parts(_read(file.content, file.name).OneShape(), TopAbs_ShapeEnum.TopAbs_FACE)
+    return step_form(file, list(map(TopoDS.Face_s, faces)))
+
+
+def _only_solid(step: bytes, origin: str, *, named: bool) -> tuple[Any, list[Any], list[str]]:
+    """The only solid (TopoDS_Shape), its faces and their names; without ``named`` all names are ""."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 
+    reader = _read(step, origin)
+    shape = reader.OneShape()
+    solids = _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    if len(solids) != 1:
+        raise InputError(f"{origin}: holds {len(solids)} solids, a lens is one; export it again")
+    faces, every = (_parts(each, TopAbs_ShapeEnum.TopAbs_FACE) for each in (solids[0], shape))
+    if len(faces) > _MOST_FACES:
+        raise InputError(f"{origin}: {len(faces)} faces, at most {_MOST_FACES} are cast; export it again")
+    if len(every) > len(faces):
+        raise InputError(f"{origin}: holds {len(every) - len(faces)} faces beside its solid; export it again")
+    return solids[0], faces, [_name_of(reader, face) if named else "" for face in faces]
+
+
+def _read(step: bytes, origin: str) -> Any:
+    """The CAD kernel's reader, which accepts only a path, with all that the file holds."""
+    from OCP.IFSelect import IFSelect_ReturnStatus
+    from OCP.STEPControl import STEPControl_Reader
+
     if not made_here(step):
-        require_small_step(step, "STEP", "export it again")
+        require_small_step(step, origin, "export it again")
     reader = STEPControl_Reader()
     try:
         with temporary_file(step, "part.step") as path:
             read = reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone
-            if not read or reader.TransferRoots() == 0:
-                raise InputError("STEP: not readable; export it again")
-        solids = _parts(reader.OneShape(), TopAbs_ShapeEnum.TopAbs_SOLID)
-        faces = _parts(solids[0], TopAbs_ShapeEnum.TopAbs_FACE) if len(solids) == 1 else []
-        names = [_name_of(reader, face) if named else "" for face in faces]
-    except InputError:
-        raise
+            transferred = read and reader.TransferRoots() > 0
     except Exception as error:  # the kernel raises whatever its parser does
-        raise InputError(f"STEP: not readable ({' '.join(str(error).split())[:120]}); export it again") from error
-    if len(solids) != 1:
-        raise InputError(f"STEP: holds {len(solids)} solids, a lens is one; export it again")
-    if len(faces) > _MOST_FACES:
-        raise InputError(f"STEP: {len(faces)} faces, at most {_MOST_FACES} are cast; export it again")
-    return solids[0], faces, names
+        words = " ".join(str(error).split())[:120]
+        raise InputError(f"{origin}: not readable ({words}); export it again") from error
+    if not transferred:
+        raise InputError(f"{origin}: not readable; export it again")
+    return reader
 
 
 def _name_of(reader: Any, face: Any) -> str:

@@ -12,6 +12,7 @@ from jaxtyping import Int
 
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BREP_RAYS
+from lensforge.proof.file_form import DesignedFile, FileForm
 from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles
 from lensforge.proof.proof_result import BrepCast, Gaps
@@ -24,7 +25,7 @@ from lensforge.sources.ray_bundle import RayBundle
 
 @dataclass(frozen=True)
 class StepCast:
-    """Some rays' ``passage`` through a STEP file, the ``seconds`` that it took, and the ``size`` of the body if asked.
+    """Some rays' ``passage`` through a STEP file, the ``seconds`` that it took; ``size`` and ``form`` if asked.
 
     ``rows``: numbers of the rays.
     """
@@ -33,6 +34,7 @@ class StepCast:
     passage: Passage
     seconds: float
     size: BodySize | None
+    form: FileForm | None
 
 
 def cast_step(
@@ -43,25 +45,32 @@ def cast_step(
     *,
     optical: OpticalFaces = USUAL_LENS,
     sized: bool = False,
+    designed: DesignedFile | None = None,
     second: SecondProcess = IN_TURN,
 ) -> Callable[[], StepCast]:
     """Begin to cast ``count`` of ``rays``, drawn at random, through a STEP file; ``sized``: measure its body, too.
 
-    ``optical``: the faces of a body that is not read yet. In ``second``, where there is one; the function that is
-    returned waits for it.
+    ``designed``: what its form is compared with. ``optical``: the faces of a body that is not read yet. In ``second``,
+    where there is one; the function that is returned waits for it.
     """
     rows = drawn(count, len(rays))
-    cast = second.call(_cast_and_measure, step, rays.take(rows), media, optical, sized)
+    cast = second.call(_cast_and_measure, step, rays.take(rows), media, optical, sized, designed)
     return lambda: StepCast(rows, *cast.result())
 
 
 def _cast_and_measure(
-    step: bytes | StepBody, rays: RayBundle, media: Media, optical: OpticalFaces, sized: bool
-) -> tuple[Passage, float, BodySize | None]:
+    step: bytes | StepBody,
+    rays: RayBundle,
+    media: Media,
+    optical: OpticalFaces,
+    sized: bool,
+    designed: DesignedFile | None,
+) -> tuple[Passage, float, BodySize | None, FileForm | None]:
     body = StepBody(step, optical) if isinstance(step, bytes) else step
     start = perf_counter()
     passage = send_through_body(body, rays, media)
-    return passage, perf_counter() - start, body.size() if sized else None
+    seconds = perf_counter() - start
+    return passage, seconds, body.size() if sized else None, None if designed is None else body.form(designed)
 
 
 def judge_brep(

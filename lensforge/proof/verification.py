@@ -15,6 +15,8 @@ from lensforge.errors import InputError
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, proof_criteria
 from lensforge.proof.facet_casting import Grid
+from lensforge.proof.file_form import DesignedFile
+from lensforge.proof.mesh_form import mesh_forms
 from lensforge.proof.mitsuba_cast import cast_mitsuba
 from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import (
@@ -42,7 +44,7 @@ from lensforge.proof.proof_result import (
 )
 from lensforge.proof.receiver_screen import nmse
 from lensforge.proof.sequential_cast import Passage, send_through, send_through_body
-from lensforge.proof.step_body import StepBody
+from lensforge.proof.step_body import StepBody, form_in_step
 from lensforge.proof.step_cast import StepCast, cast_step, judge_brep
 from lensforge.proof.trimesh_cast import cast_plain
 from lensforge.results import BodySize, Extent
@@ -69,6 +71,7 @@ def verify_part(
     inputs: Mapping[str, str] | None = None,
     second: SecondProcess = IN_TURN,
     lamps: LampsOnPlate | None = None,
+    files: Sequence[DesignedFile] = (),
 ) -> Proof:
     """Cast ``rays`` into the part in the bytes of an STL file (mm), and compare with the design.
 
@@ -80,7 +83,7 @@ def verify_part(
     the faces of the part, and the events of its light. ``exported``: size of the part as exported, its box within
     ``chord_mm`` of the solid's. The result does not depend on ``threads``. ``inputs``: hashes of the inputs, by name.
     ``second``: casts by the CAD kernel and by trimesh, where there is one. ``lamps``: of a plate, whose light is
-    compared with their sum.
+    compared with their sum. ``files``: every file of the part, these among them, to compare its form.
 
     Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
     misses its criteria instead.
@@ -91,8 +94,14 @@ def verify_part(
     if step is not None:
         # Here it is read before the casts: a file that is refused costs no more than that.
         file: bytes | StepBody = step if second.runs else StepBody(step, optical)
-        through = cast_step(file, rays, media, step_rays, optical=optical, sized=exported is not None, second=second)
+        designed = next((each for each in files if each.content == step), None)
+        sized = exported is not None
+        through = cast_step(
+            file, rays, media, step_rays, optical=optical, sized=sized, designed=designed, second=second
+        )
+    solids = {each.name: second.call(form_in_step, each) for each in files if each.is_step and each.content != step}
     part = read_part_mesh(stl, optical)
+    plate = None if lamps is None else read_part_mesh(lamps.stl, lamps.optical)
     grid = Grid(part.mesh)
     plain = cast_plain(part, grid, rays, media, plain_rays, second)
     passage = send_through(part, grid, rays, media, threads)
@@ -107,6 +116,10 @@ def verify_part(
         for name, each, brep, mitsuba, ours in zip(names, expected, by_step, by_mitsuba, by_own, strict=True)
     )
     sizes = None if exported is None else _sizes(part, cast, exported, chord_mm)
+    known = {stl: part.mesh} | ({} if lamps is None or plate is None else {lamps.stl: plate.mesh})
+    forms = mesh_forms(files, known) | {name: each.result() for name, each in solids.items()}
+    if cast is not None and cast.form is not None:
+        forms[cast.form.name] = cast.form
     heights = np.abs(passage.facets_um)
     proof = Proof(
         inputs=dict(inputs or {}),
@@ -120,7 +133,8 @@ def verify_part(
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
         far_facets=part.far,
         plain_cast=compared,
-        together=() if lamps is None else cast_lamps(lamps, media, threads),
+        together=() if lamps is None else cast_lamps(lamps, media, threads, plate),
+        forms=tuple(forms[each.name] for each in files),
         criteria=(),
         seconds=perf_counter() - started,
     )

@@ -14,7 +14,7 @@ from lensforge.made.measurement_result import Correction, PhotoComparison, Surfa
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts
-from lensforge.proof.proof_result import JUDGED_FILES, Proof, StrayLight
+from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.results import Conditions, Group, SimulatedResult, StageResult
 from lensforge.results.criteria import Criterion, missed
 from lensforge.results.verdict import Reason, Verdict
@@ -133,8 +133,8 @@ class Results:
             yield "undecided", "no files have been exported"
             return
         for name in unjudged_files(part, proof):
-            verify = "`lensforge verify` judges it as it is, " if name in JUDGED_FILES else ""
-            yield "fail", f"{name} is not the file that was exported: {verify}`lensforge export` writes it again"
+            again = "`lensforge verify` judges it as it is, `lensforge export` writes it again"
+            yield "fail", f"{name} is not the file that was exported: {again}"
         if proof is None:
             yield "undecided", "the exported part has not been verified"
         elif proof.altered_files and not part.altered:
@@ -202,8 +202,7 @@ class Results:
 
 def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:
     """Files that are not as exported, and whose geometry and light no verification has judged as they are now."""
-    judged = JUDGED_FILES if proof is not None and proof.altered_files == part.altered else ()
-    return tuple(name for name in part.altered if name not in judged)
+    return () if proof is not None and proof.altered_files == part.altered else part.altered
 
 
 def own_stems(faces: Iterable[str]) -> dict[str, type[StageResult]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from lensforge.cad.part import Part
 from lensforge.errors import InputError, OutdatedResult
-from lensforge.proof.proof_result import JUDGED_FILES, Proof
+from lensforge.proof.proof_result import Proof
 from lensforge.report.results import Results, conditions_of, own_stems, stem_of, unjudged_files
 from lensforge.results import Count, NotNegative, Record, Sha256, SimulatedResult, StageResult, Text
 from lensforge.results.files import write_json
@@ -223,7 +223,7 @@ def require_recorded(results: Results, record: RunRecord | None, folder: Path) -
     part = results.find(Part)
     unjudged = () if part is None else unjudged_files(part, results.find(Proof))
     if unjudged:
-        verify = ", or `lensforge verify` to have it judged as it is" if unjudged[0] in JUDGED_FILES else ""
+        verify = ", or `lensforge verify` to have it judged as it is"
         raise InputError(f"{folder / unjudged[0]}: not the file that export.json describes; {Part.again()}{verify}")
     if record is None:
         return

@@ -44,6 +44,8 @@ _WORDS = {
     "plate_mesh_volume_change": "volume of plate.stl, against its closed form",
     "plate_nmse_vs_sum": "pattern of all lamps through plate.stl, against their sum",
     "concave_radius": "smallest hollow of the corrected face",
+    "form": "farthest point from the design",
+    "gaps": "open edges, and faces that it lacks",
     "open_edges": f"open edges of the {_STL}",
     "plain_cast_disagreements": "first hits that a second ray caster finds elsewhere",
     "volume_change": f"volume of the {_STL}, against the export",
@@ -114,7 +116,7 @@ class Criterion(Judged):
 
     @property
     def words(self) -> str:
-        """Words for its name, which begins with its face, or with its receiver where that is not the first."""
+        """Words for its name, which begins with its face or file, or with its receiver where that is not the first."""
         receiver, colon, short = self.name.rpartition(": ")
         face, _, of_face = short.partition(" ")
         if of_face in _OF_FACE:

@@ -1,0 +1,161 @@
+"""The body as designed, in plain numbers, and the distance of points from its faces.
+
+An optical face is its radius about the origin of its lens, exact at the nodes of a grid of the chart, and a quintic
+spline between them. All other faces are level, or upright over curves. No face is trimmed: a closed body whose every
+piece lies on one of these is a union of the cells between them, and which of the cells shows in the faces that it
+lacks, and in its volume.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lensforge.proof.optical_faces import PlateOfLenses
+
+if TYPE_CHECKING:
+    from scipy.interpolate import RectBivariateSpline
+    from scipy.spatial import cKDTree
+
+ABOVE_MM = 1e-4  # what is higher than z = 0 by that belongs to an optical face, or to a flange
+_NEAREST = 3  # pieces of curves, by their middles, among which the nearest is found
+_TINY = 1e-12  # 1/mm, and mm: no division by zero where a point is the origin, or a face is not met
+
+_Points = Float[np.ndarray, "n 3"]
+_Values = Float[np.ndarray, " n"]
+_Numbers = Int[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, eq=False)
+class DesignedFace:
+    """An optical face: ``reciprocal`` radii (1/mm) over the chart, first index X, at the coordinates ``axis``.
+
+    ``extent``: least and largest distance of its own edges from the chart's centre; ``known``: of what is known of it.
+    """
+
+    name: str
+    axis: Float[np.ndarray, " k"]
+    reciprocal: Float[np.ndarray, "k k"]
+    extent: tuple[float, float]
+    known: tuple[float, float]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its name alone."""
+        return (self.name,)
+
+    @cached_property
+    def _spline(self) -> "RectBivariateSpline":
+        from scipy.interpolate import RectBivariateSpline
+
+        return RectBivariateSpline(self.axis, self.axis, self.reciprocal, kx=5, ky=5)
+
+    def off_mm(self, points: _Points) -> tuple[_Values, _Numbers]:
+        """Distance (mm) along the normal, to first order: that along the line to the origin times its cosine."""
+        radius = np.linalg.norm(points, axis=1)
+        x, y = points[:, :2].T / np.maximum(radius + points[:, 2], _TINY)
+        value = np.maximum(self._spline.ev(x, y), _TINY)
+        by_x, by_y = self._spline.ev(x, y, dx=1), self._spline.ev(x, y, dy=1)
+        slope = 0.5 * (1.0 + x**2 + y**2) * np.hypot(by_x, by_y) / value
+        return np.abs(radius - 1.0 / value) / np.hypot(1.0, slope), np.zeros(len(points), dtype=np.int64)
+
+    def within(self, extent: tuple[float, float], points: _Points) -> Bool[np.ndarray, " n"]:
+        """True for points in whose direction the distance from the chart's centre is within ``extent``."""
+        sine, cosine = np.hypot(points[:, 0], points[:, 1]), np.linalg.norm(points, axis=1) + points[:, 2]
+        return np.asarray((sine >= extent[0] * cosine) & (sine <= extent[1] * cosine))
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Horizontal planes at ``heights`` (mm)."""
+
+    names: tuple[str, ...]
+    heights: Float[np.ndarray, " k"]
+
+    def off_mm(self, points: _Points) -> tuple[_Values, _Numbers]:
+        """Distance (mm) from the nearest plane, and its number."""
+        away = np.abs(points[:, 2, None] - self.heights)
+        nearest = away.argmin(axis=1)
+        return np.take_along_axis(away, nearest[:, None], axis=1)[:, 0], nearest
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """Upright walls over closed curves in the plane, given in short pieces by start, middle and end (mm).
+
+    A piece is the parabola through these, which is a line where they lie on one. ``owners``: number of each one's wall.
+    """
+
+    names: tuple[str, ...]
+    pieces: Float[np.ndarray, "s 3 2"]
+    owners: Int[np.ndarray, " s"]
+
+    @cached_property
+    def _tree(self) -> "cKDTree":
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.pieces[:, 1])
+
+    def off_mm(self, points: _Points) -> tuple[_Values, _Numbers]:
+        """Distance (mm) from the nearest wall, and its number."""
+        near = self._tree.query(points[:, :2], k=min(_NEAREST, len(self.pieces)))[1].reshape(len(points), -1)
+        start, middle, end = np.moveaxis(self.pieces[near], 2, 0)
+        chord = end - start
+        length = np.linalg.norm(chord, axis=-1)
+        along = chord / length[..., None]
+        across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+        way = points[:, None, :2] - start
+        share = np.clip(np.sum(way * along, axis=-1) / length, 0.0, 1.0)
+        sag = np.sum((middle - start) * across, axis=-1)
+        beside = np.sum(way * across, axis=-1) - 4.0 * sag * share * (1.0 - share)
+        beyond = np.sum(way * along, axis=-1) - share * length
+        away = np.hypot(beside, beyond)
+        chosen = away.argmin(axis=1)[:, None]
+        nearest = np.take_along_axis(near, chosen, axis=1)[:, 0]
+        return np.take_along_axis(away, chosen, axis=1)[:, 0], self.owners[nearest]
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedFace:
+    """The same optical face of all ``lenses`` of a plate; a point belongs to the lens whose axis is nearest."""
+
+    face: DesignedFace
+    lenses: PlateOfLenses
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its name with the number of each lens, where there are several."""
+        count = len(self.lenses.places)
+        return tuple(f"{self.face.name}_{k + 1}" for k in range(count)) if count > 1 else self.face.names
+
+    def off_mm(self, points: _Points) -> tuple[_Values, _Numbers]:
+        """Distance (mm) as of the face, in the coordinates of the nearest lens, and its number."""
+        own, numbers = self.lenses.at_own(points)
+        return self.face.off_mm(own)[0], numbers
+
+    def own(self, points: _Points, lens: int | None = None) -> _Points:
+        """Points in the coordinates of a lens, by its number, or of the nearest one."""
+        return self.lenses.at_own(points, None if lens is None else np.full(len(points), lens))[0]
+
+
+# One face, or several of a kind that do not meet: their ``names``, and how far off the nearest of them points are.
+Designed = DesignedFace | PlacedFace | Levels | Walls
+
+
+@dataclass(frozen=True, eq=False)
+class DesignedBody:
+    """Faces ``above`` z = 0 and those ``below``, at and under it; None where those of a base are not known.
+
+    A flange's are among the former.
+    """
+
+    above: Sequence[Designed]
+    below: Sequence[Designed] | None
+
+    @property
+    def wanted(self) -> set[str]:
+        """Names of all faces that a file should have."""
+        return {name for each in (*self.above, *(self.below or ())) for name in each.names}

@@ -1,0 +1,143 @@
+"""The form of a body in one file against the design: how far its points lie off the faces, and where.
+
+Of a mesh the corners of each facet lie on one face, to rounding, and its middle as near as flat facets are. The face is
+that from which the corners are least off together. A mesh may be open, or lack a face, as a body of faces may.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.proof.designed_body import Designed, DesignedBody, Walls
+from lensforge.results import Count, NotNegative, Point, Record, Text
+from lensforge.results.criteria import Criterion, at_most
+
+_Points = Float[np.ndarray, "n 3"]
+_Values = Float[np.ndarray, " n"]
+_Numbers = Int[np.ndarray, " n"]
+
+# A bump of a control point that is moved by 1 um is 0.3 um high, less by the cosine of its slope. Optical faces as
+# exported are within 0.005 um of the design; walls that follow a spline, as where a flange begins, within 0.02 um.
+FORM_UM = 0.02
+_WALLS_MM = 5e-5
+_STATED = 1.05  # of the stated chord error, which is known to 1 %, and at the middle of a facet measured otherwise
+_UM_PER_MM = 1e3
+
+
+class FileForm(Record):
+    """Form of the body in the file ``name``: its point farthest off the design (um), next to ``face``, and where.
+
+    ``limit_um``: what rounding explains. The middle of a flat facet counts by what it is farther off than such facets
+    may be. ``open_edges``: those that do not join two pieces of surface; ``lacking``: faces of the design on which
+    nothing lies.
+    """
+
+    name: Text
+    off_um: NotNegative
+    face: Text
+    at_mm: Point
+    limit_um: NotNegative
+    open_edges: Count
+    lacking: tuple[Text, ...] = ()
+
+
+def form_criteria(form: FileForm) -> Iterator[Criterion]:
+    """The criteria of one file; their names begin with its."""
+    again, (x, y, z) = "export again, it is not the part that was designed", form.at_mm
+    where = f"at ({x:.4g}, {y:.4g}, {z:.4g}) mm, next to {form.face}; {again}"
+    yield at_most(f"{form.name}: form", form.off_um, form.limit_um, "um", where)
+    gaps = f"it has nothing of {', '.join(form.lacking[:3])}" if form.lacking else "it is not closed"
+    yield at_most(f"{form.name}: gaps", form.open_edges + len(form.lacking), 0.0, "", f"{gaps}; {again}")
+
+
+@dataclass
+class Farthest:
+    """The point farthest off so far (mm), and its face; ``met``: names of all faces on which something lies."""
+
+    off_mm: float = 0.0
+    face: str = ""
+    at_mm: Point = (0.0, 0.0, 0.0)
+    met: set[str] = field(default_factory=set)
+
+    def meet(self, face: Designed, numbers: _Numbers) -> None:
+        """Take note that something lies on these of the faces of ``face``."""
+        self.met.update(face.names[number] for number in np.unique(numbers))
+
+    def see(self, face: Designed, off_mm: _Values, points: _Points, numbers: _Numbers) -> None:
+        """Take note of ``points`` that should lie on that face of the design, or on that one of several."""
+        if isinstance(face, Walls):
+            off_mm = np.maximum(off_mm - _WALLS_MM, 0.0)
+        worst = int(off_mm.argmax())
+        if not self.face or off_mm[worst] > self.off_mm:
+            x, y, z = points[worst].tolist()
+            self.off_mm, self.face, self.at_mm = float(off_mm[worst]), face.names[numbers[worst]], (x, y, z)
+
+    def look(self, face: Designed, points: _Points) -> None:
+        """Take note of ``points`` that should lie on that face."""
+        if len(points):
+            off, numbers = face.off_mm(points)
+            self.see(face, off, points, numbers)
+
+    def form(self, name: str, body: DesignedBody, limit_um: float, open_edges: int) -> FileForm:
+        """The form of the file ``name``, of which all points have been seen."""
+        return FileForm(
+            name=name,
+            off_um=_UM_PER_MM * self.off_mm,
+            face=self.face,
+            at_mm=self.at_mm,
+            limit_um=limit_um,
+            open_edges=open_edges,
+            lacking=tuple(sorted(body.wanted - self.met)),
+        )
+
+
+def open_edges(triangles: Int[np.ndarray, "t 3"], count: int) -> int:
+    """Edges that do not join exactly two triangles of the same sense; ``count``: of the vertices."""
+    starts, ends = (each.astype(np.int64).ravel() for each in (triangles, np.roll(triangles, -1, axis=1)))
+    forth, back = np.sort(starts * count + ends), np.sort(ends * count + starts)
+    if (forth == back).all() and (forth[1:] != forth[:-1]).all():
+        return 0  # of one in ten of the time
+    senses, times = np.unique(forth, return_counts=True)
+    return int(np.sum(times > 1) + np.sum(~np.isin(senses, back)))
+
+
+def rounding_um(points: _Points) -> float:
+    """Largest rounding (um) of points in single precision, as meshes have them."""
+    return float(_UM_PER_MM * np.sqrt(3.0) * np.spacing(np.float32(np.abs(points).max())))
+
+
+@dataclass(frozen=True)
+class Chords:
+    """How far off (mm) the middles of flat facets may be: those of optical faces, and of round walls.
+
+    ``rims_mm``: the corners of facets on the rims, where the mesh of a base from elsewhere cuts across them.
+    """
+
+    faces_mm: float
+    walls_mm: float
+    rims_mm: float = 0.0
+
+    def of(self, face: Designed) -> float:
+        """That of one face."""
+        return _STATED * (self.walls_mm if isinstance(face, Walls) else self.faces_mm)
+
+
+@dataclass(frozen=True)
+class DesignedFile:
+    """A file of the part as it is now, the body that it should hold, and how far off its facets may be.
+
+    ``trimmed``: False for faces without edges, which go on beyond those of the design.
+    """
+
+    name: str
+    content: bytes
+    body: DesignedBody
+    chords: Chords
+    trimmed: bool = True
+
+    @property
+    def is_step(self) -> bool:
+        """True of a STEP file, by its name."""
+        return self.name.endswith(".step")

@@ -1,0 +1,224 @@
+"""The designed body in plain numbers, for each file that the export writes.
+
+An optical face becomes a table of exact radii, with as many nodes as its measured error asks for; base and plate become
+planes and walls, from the spec and the exact rims: nothing of the fitted faces that are exported is used.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.boundary import TrimmedFace, lens_boundaries
+from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.flange import FlangeRing, ring_of
+from lensforge.cad.form_error import chart_samples
+from lensforge.cad.keep_out import mesh_error_mm
+from lensforge.cad.outline import circle
+from lensforge.cad.part import SURFACES_FILE, Part
+from lensforge.cad.plan import (
+    FOOT_END,
+    FOOT_SIDE,
+    RIM_FLANGE_BOTTOM,
+    RIM_FLANGE_SIDE,
+    RIM_FLANGE_TOP,
+    Corner,
+    Plan,
+    base_corners,
+    lay_out,
+    rim_directions,
+    rim_radius,
+)
+from lensforge.cad.plate_layout import PlateLayout, layout_of
+from lensforge.cad.plate_mesh import CHORD_MM as PLATE_CHORD_MM
+from lensforge.cad.plate_result import PLATE_FILES
+from lensforge.cad.plate_solid import (
+    BOSS_BORE,
+    BOSS_ROOF,
+    PIN_END,
+    PIN_SIDE,
+    PLATE_BORE,
+    PLATE_BOTTOM,
+    PLATE_HOLE,
+    PLATE_SIDE,
+    PLATE_TOP,
+)
+from lensforge.optics.media import FLANGE
+from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, Walls
+from lensforge.proof.file_form import Chords, DesignedFile
+from lensforge.proof.optical_faces import PlateOfLenses
+from lensforge.scene.lens import Lens
+from lensforge.spec.plate_section import PlateBoss
+from lensforge.surfaces.plane_loop import Loop, circle_at
+from lensforge.surfaces.surface import Surface, scaled, to_sphere
+
+_AIM_NM, _NODES, _MOST_NODES, _TESTED = 2.0, 96, 480, 256
+_ORDER = 6  # an error of the table falls with this power of its nodes
+_BEYOND = 1.03  # of the extent of a face: a table is worst at its ends
+_PIECES = 1536  # of a closed curve, and of an edge of a plate's outline: a quarter of a circle bends by 1e-12 in one
+_EDGE_PIECES = 384
+_NO_AREA_MM = 1e-4  # a ring this narrow is none: a base flush with the rim
+
+
+def designed_files(part: Part) -> Iterator[DesignedFile]:
+    """Every file that the export has written, with the body that it should hold."""
+    lens, plate = part.lens, layout_of(part.lens)
+    body, chord_mm = designed_lens(lens), 1e-3 * part.triangulation.chord_error_um
+    round_mm = mesh_error_mm(lens.spec.base, part.triangulation.rings, chord_mm)
+    for name, content in part.exported.items():
+        if name == SURFACES_FILE and part.untrimmed_surfaces is not None:
+            untrimmed = part.untrimmed_surfaces
+            faces = designed_faces(lens, untrimmed.scale, untrimmed.extension_deg)
+            yield DesignedFile(name, content, DesignedBody(tuple(faces), ()), Chords(0.0, 0.0), trimmed=False)
+        elif name in PLATE_FILES and plate is not None and part.plate is not None:
+            stated_mm = 1e-3 * part.plate.chord_error_um
+            allowed_mm = PLATE_CHORD_MM * 2.0 ** max(0.0, np.ceil(np.log2(stated_mm / PLATE_CHORD_MM)))
+            yield DesignedFile(name, content, designed_plate(lens, plate), Chords(stated_mm, allowed_mm))
+        else:
+            cut_mm = 0.0 if body.below is not None else chord_mm
+            yield DesignedFile(name, content, body, Chords(chord_mm, round_mm, cut_mm))
+
+
+def designed_faces(lens: Lens, scale: float = 1.0, beyond_deg: float = 0.0) -> Iterator[DesignedFace]:
+    """The optical faces, and the ring around an opening; ``beyond_deg``: how far they are known beyond their edges."""
+    for boundary in lens_boundaries(lens):
+        for face in boundary.of_material:
+            if face.name != FLANGE:
+                yield _tabulated(face, scaled(face.shape, scale), beyond_deg)
+
+
+def _tabulated(face: TrimmedFace[Surface], surface: Surface, beyond_deg: float) -> DesignedFace:
+    edges_rad = 2.0 * np.arctan(face.domain.extent) + np.radians([-beyond_deg, beyond_deg])
+    low, high = np.tan(np.maximum(edges_rad, 0.0) / 2.0).tolist()
+    tested = to_sphere(chart_samples(_TESTED, domain=face.domain))
+    points, half, nodes = surface.radius(tested)[:, None] * tested, float(np.arctan(_BEYOND * high)), _NODES
+    while True:
+        axis = np.tan(np.linspace(-half, half, nodes))
+        chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
+        values = 1.0 / surface.radius_on_grid(to_sphere(chart))
+        found = DesignedFace(face.label, axis, values, face.domain.extent, (low, high))
+        error_nm = 1e6 * float(found.off_mm(points)[0].max())
+        if error_nm <= _AIM_NM or nodes == _MOST_NODES:
+            return found
+        nodes = min(_MOST_NODES, int(np.ceil(nodes * max(1.1, (1.5 * error_nm / _AIM_NM) ** (1.0 / _ORDER)))))
+
+
+def designed_lens(lens: Lens) -> DesignedBody:
+    """The body of one lens on its base."""
+    cavity, envelope = lens_boundaries(lens)
+    plan = lay_out(cavity, envelope, base_with_room(lens))
+    above: list[Designed] = list(designed_faces(lens))
+    ring = ring_of(lens)
+    if ring is not None:
+        above += _of_ring(ring, next(face.label for face in envelope.of_material if face.name == FLANGE))
+    return DesignedBody(above, None if plan.base.kind == "step" else _of_base(plan).faces)
+
+
+def _of_ring(ring: FlangeRing, cylinder: str) -> list[Designed]:
+    made = _Made()
+    made.add_level(RIM_FLANGE_TOP, ring.high_mm)
+    made.add_level(RIM_FLANGE_BOTTOM, ring.low_mm)
+    for name, radius_mm in ((RIM_FLANGE_SIDE, ring.outer_mm), (cylinder, ring.inner_mm)):
+        made.add_wall(name, _around(circle(radius_mm).radius, ()))
+    return made.faces
+
+
+@dataclass
+class _Made:
+    """Levels and walls as they are collected."""
+
+    levels: dict[float, str] = field(default_factory=dict)
+    walls: list[tuple[str, Float[np.ndarray, "_ 3 2"]]] = field(default_factory=list)
+
+    def add_level(self, name: str, height_mm: float) -> None:
+        """Add a plane; two in one height are one."""
+        self.levels.setdefault(round(height_mm, 9), name)
+
+    def add_wall(self, name: str, pieces: Float[np.ndarray, "s 3 2"]) -> None:
+        """Add a wall over a closed curve in pieces."""
+        self.walls.append((name, pieces))
+
+    @property
+    def faces(self) -> list[Designed]:
+        """Levels and walls, those of one name with numbers."""
+        found: list[Designed] = []
+        if self.levels:
+            found.append(Levels(_numbered(list(self.levels.values())), np.array(list(self.levels))))
+        if self.walls:
+            names, pieces = zip(*self.walls, strict=True)
+            owners = np.repeat(np.arange(len(names)), [len(each) for each in pieces])
+            found.append(Walls(_numbered(list(names)), np.concatenate(pieces), owners))
+        return found
+
+
+def _numbered(names: list[str]) -> tuple[str, ...]:
+    return tuple(
+        f"{name}_{names[: k + 1].count(name)}" if names.count(name) > 1 else name for k, name in enumerate(names)
+    )
+
+
+def _of_base(plan: Plan[Surface]) -> _Made:
+    """Planes and walls below the rims, from corner to corner."""
+    made, corners = _Made(), base_corners(plan)
+    turns = np.linspace(0.0, 2.0 * np.pi, _PIECES, endpoint=False)
+    for one, other in zip(corners, [*corners[1:], Corner(rim_radius(plan.cavity), 0.0, "")], strict=True):
+        if one.depth_mm != other.depth_mm:
+            made.add_wall(one.face, _around(one.radius, plan.outline.corners if plan.has_base else ()))
+        elif np.abs(one.radius(turns) - other.radius(turns)).max() > _NO_AREA_MM:
+            made.add_level(one.face, -one.depth_mm)
+    feet = plan.base.feet
+    if feet is not None:
+        made.add_level(FOOT_END, -plan.base.height_mm - feet.height_mm)
+        for place in feet.places_mm:
+            made.add_wall(FOOT_SIDE, _along(circle_at(place, feet.diameter_mm / 2.0)))
+    return made
+
+
+def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
+    """The plate with all its lenses."""
+    cavity, _ = lens_boundaries(lens)
+    plate, thick = layout.plate, layout.plate.thickness_mm
+    lenses = PlateOfLenses(np.array(layout.lenses.places_mm), np.radians(layout.lenses.turns_deg), None)
+    made, mouth = _Made(), _around(rim_radius(cavity), ())
+    made.add_level(PLATE_TOP, 0.0)
+    made.add_level(PLATE_BOTTOM, -thick)
+    made.add_wall(PLATE_SIDE, _along(layout.outline))
+    for number in range(len(layout.lenses)):
+        made.add_wall(PLATE_BORE, layout.placed(mouth.reshape(-1, 2), number).reshape(mouth.shape))
+    for opening in layout.openings:
+        made.add_wall(PLATE_HOLE, _along(opening))
+    for pin in plate.standing:
+        made.add_wall(PIN_SIDE, _along(circle_at(pin.place_mm, pin.radius_mm)))
+        made.add_level(PIN_END, -thick - pin.height_mm)
+        if isinstance(pin, PlateBoss):
+            made.add_wall(BOSS_BORE, _along(circle_at(pin.place_mm, pin.bore_diameter_mm / 2.0)))
+            made.add_level(BOSS_ROOF, pin.bore_depth_mm - thick - pin.height_mm)
+    return DesignedBody([PlacedFace(face, lenses) for face in designed_faces(lens)], made.faces)
+
+
+def _around(
+    radius: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]], corners: Float[np.ndarray, " k"] | tuple[()]
+) -> Float[np.ndarray, "s 3 2"]:
+    """The curve of a radius over azimuth in pieces, which end at its ``corners``."""
+    turns = np.unique(np.concatenate([np.linspace(0.0, 2.0 * np.pi, _PIECES + 1), corners]))
+    turns = turns[np.diff(turns, prepend=-1.0) > 1e-9]
+    each = np.stack([turns[:-1], 0.5 * (turns[:-1] + turns[1:]), turns[1:]], axis=1)
+    points: Float[np.ndarray, "s 3 2"] = radius(each.ravel())[:, None, None] * rim_directions(each.ravel())[:, None, :2]
+    return points.reshape(-1, 3, 2)
+
+
+def _along(loop: Loop) -> Float[np.ndarray, "s 3 2"]:
+    """A loop of lines and arcs in pieces."""
+    pieces = []
+    shares = np.arange(_EDGE_PIECES)[:, None] / _EDGE_PIECES + np.array([0.0, 0.5, 1.0]) / _EDGE_PIECES
+    for edge in loop:
+        if edge.centre is None:
+            start, end = np.array(edge.start), np.array(edge.end)
+            pieces.append(start + shares[..., None] * (end - start))
+        else:
+            first, last = edge.azimuths
+            turns = first + shares * (last - first)
+            around = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+            pieces.append(np.array(edge.centre) + edge.radius_mm * around)
+    return np.concatenate(pieces)

@@ -1,0 +1,91 @@
+"""The form of the meshes in STL and 3MF files, facet by facet.
+
+The corners of a facet lie on one face of the design, to rounding: that from which they are least off together. Its
+middle lies as near as flat facets are.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+
+from lensforge.proof.designed_body import ABOVE_MM, Designed, Levels
+from lensforge.proof.file_form import FORM_UM, Chords, DesignedFile, Farthest, FileForm, open_edges, rounding_um
+from lensforge.proof.part_mesh import read_mesh
+from lensforge.results.files import temporary_file
+from lensforge.results.threemf_reading import read_3mf
+
+_FAR_MM = 1e6  # of two faces that do not meet no facet is a part
+
+_Points = Float[np.ndarray, "n 3"]
+_Triangles = Int[np.ndarray, "t 3"]
+
+
+def mesh_forms(files: Sequence[DesignedFile], known: Mapping[bytes, trimesh.Trimesh]) -> dict[str, FileForm]:
+    """Form of each STL and 3MF file by its name; ``known``: meshes of contents that have been read."""
+    found, judged = dict[str, FileForm](), list[tuple[_Points, FileForm]]()
+    for file in files:
+        if file.is_step:
+            continue
+        vertices, triangles = _mesh_of(file, known)
+        corners = vertices[triangles]
+        same = next((form for other, form in judged if _are_same(corners, other)), None)
+        if same is None:
+            found[file.name] = mesh_form(file, vertices, triangles)
+            judged.append((corners, found[file.name]))
+        else:
+            edges = open_edges(triangles, len(vertices))
+            found[file.name] = same.model_copy(update={"name": file.name, "open_edges": edges})
+    return found
+
+
+def _mesh_of(file: DesignedFile, known: Mapping[bytes, trimesh.Trimesh]) -> tuple[_Points, _Triangles]:
+    if file.name.endswith(".3mf"):
+        with temporary_file(file.content, file.name) as path:
+            return read_3mf(path, file.name, "export it again")
+    mesh = known[file.content] if file.content in known else read_mesh(file.content, file.name)
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+def _are_same(one: Float[np.ndarray, "t 3 3"], other: Float[np.ndarray, "u 3 3"]) -> bool:
+    """True for the same facets in the same order, up to the last digit of single precision."""
+    return one.shape == other.shape and bool(1e3 * np.abs(one - other).max() <= rounding_um(other.reshape(-1, 3)))
+
+
+def mesh_form(file: DesignedFile, vertices: _Points, triangles: _Triangles) -> FileForm:
+    """Form of the mesh read from ``file``; neighbouring triangles share their vertices."""
+    body, chords = file.body, file.chords
+    seen, higher = Farthest(), (vertices[:, 2] > ABOVE_MM)[triangles].any(axis=1)
+    for facets, faces in ((triangles[higher], body.above), (triangles[~higher], body.below)):
+        if faces is not None and len(facets):
+            _see_facets(seen, vertices, facets, faces, chords)
+    return seen.form(file.name, body, FORM_UM + rounding_um(vertices), open_edges(triangles, len(vertices)))
+
+
+def _see_facets(
+    seen: Farthest, vertices: _Points, facets: _Triangles, faces: Sequence[Designed], chords: Chords
+) -> None:
+    """Each facet on the face from which its corners are least off together."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[facets] = True
+    places, rows = vertices[used], (np.cumsum(used) - 1)[facets]
+    away = [face.off_mm(places) for face in faces]
+    middles, mixed = places[rows].mean(axis=1), any(isinstance(face, Levels) for face in faces)
+    sums = []
+    for face, (off, owners) in zip(faces, away, strict=True):
+        one = np.ptp(owners[rows], axis=1) == 0
+        # The corners of a facet within a round wall lie on it, too.
+        beside = face.off_mm(middles)[0] if mixed else 0.0
+        sums.append(np.where(one, off[rows].sum(axis=1) + beside, _FAR_MM))
+    chosen = np.argmin(sums, axis=0)
+    for number, (face, (off, owners)) in enumerate(zip(faces, away, strict=True)):
+        own = chosen == number
+        if not own.any():
+            continue
+        corners = rows[own].ravel()
+        on_rims = np.where(places[corners, 2] <= ABOVE_MM, chords.rims_mm, 0.0)
+        seen.see(face, np.maximum(off[corners] - on_rims, 0.0), places[corners], owners[corners])
+        off_middle, owner = face.off_mm(middles[own])
+        seen.meet(face, owner)
+        seen.see(face, np.maximum(off_middle - chords.of(face), 0.0), middles[own], owner)

@@ -1,0 +1,298 @@
+"""The form of a body in a STEP file: points of its faces, edges and corners, as the CAD kernel has read them.
+
+A spline is looked at four times between neighbouring knots, twice each way, so that no control point is moved unseen;
+other faces along their parameters. Every edge is looked at as the curve that the file states, and as that of each face
+beside it. Points beyond the trim of a face do not count.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, Walls
+from lensforge.proof.file_form import FORM_UM, DesignedFile, Farthest, FileForm
+from lensforge.results.brep_size import spline_poles
+
+_OF_SPAN = np.array([0.25, 0.75])  # no node of an interpolation lies there, and a wave of two knots does not vanish
+_PROBES, _MOST_PROBES = 6, 96  # along each parameter, and in all: which face of the design it is
+# Along both parameters of a face that is no spline: planes and cylinders are what they are by a few of their points.
+_SAMPLES = {"Plane": (3, 3), "Cylinder": (15, 3), "SurfaceOfExtrusion": (48, 3)}
+_OF_OTHERS = (96, 96)
+_LEAST_SPANS = 48
+_LEAST_OF_EDGE = 16
+_TRIM_MM = 1e-7
+_SAME_MM = 1e-9  # poles of a face at another place
+_MM_PER_UM = 1e-3
+_BEYOND_MM = 1e-3  # beyond its edges a face that is exported without them is not fitted to any error
+
+_Points = Float[np.ndarray, "n 3"]
+_Places = Float[np.ndarray, "n 2"]
+
+
+def step_form(file: DesignedFile, faces: Sequence[Any]) -> FileForm:
+    """Form of the ``faces`` (TopoDS_Face) read from ``file``."""
+    seen = _Seen(file)
+    for face in faces:
+        seen.see(_ReadFace(face))
+    return seen.farthest.form(file.name, file.body, FORM_UM, _open_edges(faces) if file.trimmed else 0)
+
+
+@dataclass(eq=False)
+class _ReadFace:
+    """One face of a file."""
+
+    face: Any
+
+    @cached_property
+    def surface(self) -> Any:
+        """The kernel's surface of it, at its place, within the bounds of its edges."""
+        from OCP.BRepAdaptor import BRepAdaptor_Surface
+
+        return BRepAdaptor_Surface(self.face, True)
+
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Least and largest parameter, of u and of v."""
+        surface = self.surface
+        return surface.FirstUParameter(), surface.LastUParameter(), surface.FirstVParameter(), surface.LastVParameter()
+
+    @cached_property
+    def kind(self) -> str:
+        """Kind of the surface in the kernel's words."""
+        return str(self.surface.GetType()).rpartition("_")[2]
+
+    def at(self, places: _Places) -> _Points:
+        """Points (mm) at parameters."""
+        return np.array([self.surface.Value(u, v).Coord() for u, v in places.tolist()]).reshape(-1, 3)
+
+    def inside(self, places: _Places) -> Bool[np.ndarray, " n"]:
+        """True for parameters within the trim."""
+        from OCP.gp import gp_Pnt2d
+        from OCP.TopAbs import TopAbs_State
+
+        found = (self._trim.Perform(gp_Pnt2d(u, v)) == TopAbs_State.TopAbs_IN for u, v in places.tolist())
+        return np.fromiter(found, dtype=bool, count=len(places))
+
+    @cached_property
+    def _trim(self) -> Any:
+        from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+
+        return BRepTopAdaptor_FClass2d(self.face, _TRIM_MM)
+
+    @cached_property
+    def spline(self) -> "_Spline | None":
+        """Its spline, whose parameters are the same; None of another surface, and of a closed or a rational spline."""
+        if self.kind != "BSplineSurface":
+            return None
+        kernel = self.surface.BSpline()
+        if kernel.IsUPeriodic() or kernel.IsVPeriodic() or kernel.IsURational() or kernel.IsVRational():
+            return None
+        along_u, along_v = (np.array(list(each)) for each in (kernel.UKnotSequence(), kernel.VKnotSequence()))
+        return _Spline(spline_poles(kernel), along_u, along_v, kernel.UDegree(), kernel.VDegree())
+
+    def grid(self) -> tuple[_Places, _Points]:
+        """Parameters between all knots, and the points there."""
+        u0, u1, v0, v1 = self.bounds
+        if self.spline is not None:
+            along = [
+                _between(knots, *ends) for knots, ends in zip(self.spline.knots, ((u0, u1), (v0, v1)), strict=True)
+            ]
+            return _crossed(*along), self.spline.on_grid(*along).reshape(-1, 3)
+        counts = [
+            max(least, 2 * knots) for least, knots in zip(_SAMPLES.get(self.kind, _OF_OTHERS), self._knots, strict=True)
+        ]
+        places = _crossed(
+            *(np.linspace(*ends, count) for ends, count in zip(((u0, u1), (v0, v1)), counts, strict=True))
+        )
+        return places, self.at(places)
+
+    @cached_property
+    def _knots(self) -> tuple[int, int]:
+        """Knots of a spline along u and v, or of the curve that is extruded."""
+        if self.kind == "BSplineSurface":
+            return self.surface.NbUKnots(), self.surface.NbVKnots()
+        if self.kind == "SurfaceOfExtrusion":
+            return _knots_of(self.surface.BasisCurve()), 0
+        return 0, 0
+
+    @property
+    def is_plain(self) -> bool:
+        """True where a few points say all of its surface."""
+        return self.kind in _SAMPLES
+
+    def probes(self) -> _Points:
+        """Some points of it, within the trim where what lies beyond may be anything."""
+        u0, u1, v0, v1 = self.bounds
+        share = (np.arange(_PROBES) + 0.5) / _PROBES
+        places = _crossed(u0 + share * (u1 - u0), v0 + share * (v1 - v0))
+        return np.concatenate([self.at(places if self.is_plain else places[self.inside(places)]), self.edge_points])
+
+    @cached_property
+    def edge_points(self) -> _Points:
+        """Points of its edges, by their own curves and on the surface, and their ends."""
+        from OCP.BRep import BRep_Tool
+        from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d
+        from OCP.TopAbs import TopAbs_ShapeEnum
+        from OCP.TopoDS import TopoDS
+
+        found = [np.empty((0, 3))]
+        for edge in map(TopoDS.Edge_s, explored(self.face, TopAbs_ShapeEnum.TopAbs_EDGE)):
+            count = _LEAST_OF_EDGE
+            if not BRep_Tool.Degenerated_s(edge):
+                curve = BRepAdaptor_Curve(edge)
+                count = max(count, 2 * _knots_of(curve))
+                found.append(np.array([curve.Value(each).Coord() for each in _even(curve, count)]))
+            if not self.is_plain:
+                trim = BRepAdaptor_Curve2d(edge, self.face)
+                found.append(self.at(np.array([trim.Value(each).Coord() for each in _even(trim, 2 * count)])))
+        for vertex in map(TopoDS.Vertex_s, explored(self.face, TopAbs_ShapeEnum.TopAbs_VERTEX)):
+            found.append(np.array([BRep_Tool.Pnt_s(vertex).Coord()]))
+        return np.concatenate(found)
+
+
+def _even(curve: Any, count: int) -> list[float]:
+    """Parameters of the kernel's curve from end to end."""
+    ends: list[float] = np.linspace(curve.FirstParameter(), curve.LastParameter(), count).tolist()
+    return ends
+
+
+@dataclass(frozen=True, eq=False)
+class _Spline:
+    """A tensor-product spline by its poles (mm), the knots along both parameters, and the degrees."""
+
+    poles: Float[np.ndarray, "n m 3"]
+    knots_u: Float[np.ndarray, " k"]
+    knots_v: Float[np.ndarray, " l"]
+    degree_u: int
+    degree_v: int
+
+    @property
+    def knots(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " l"]]:
+        """Knots along u and v."""
+        return self.knots_u, self.knots_v
+
+    def on_grid(self, u: Float[np.ndarray, " p"], v: Float[np.ndarray, " q"]) -> Float[np.ndarray, "p q 3"]:
+        """Points (mm) at all pairs of parameters."""
+        from scipy.interpolate import BSpline
+
+        by_u = BSpline.design_matrix(u, self.knots_u, self.degree_u)
+        by_v = BSpline.design_matrix(v, self.knots_v, self.degree_v)
+        along_u = by_u @ self.poles.reshape(len(self.poles), -1)
+        across = along_u.reshape(len(u), -1, 3).transpose(1, 0, 2).reshape(self.poles.shape[1], -1)
+        points: Float[np.ndarray, "p q 3"] = (by_v @ across).reshape(len(v), len(u), 3).transpose(1, 0, 2)
+        return points
+
+    def is_same(self, other: "_Spline") -> bool:
+        """True where both are one surface: splines of the same knots are no farther apart than their poles."""
+        alike = all(
+            one.shape == two.shape and np.array_equal(one, two)
+            for one, two in zip(self.knots, other.knots, strict=True)
+        )
+        return alike and bool(np.abs(self.poles - other.poles).max() <= _SAME_MM)
+
+
+@dataclass(eq=False)
+class _Seen:
+    """What has been seen of a file; ``known``: splines of a plate's lenses, in the coordinates of one, by the face."""
+
+    file: DesignedFile
+    farthest: Farthest = field(default_factory=Farthest)
+    known: dict[str, _Spline] = field(default_factory=dict)
+
+    def see(self, read: _ReadFace) -> None:
+        """Look at all of one face, as the face of the design that most of it is next to."""
+        every, below = read.probes(), self.file.body.below
+        probes = every[:: 1 + len(every) // _MOST_PROBES]
+        designed = [*self.file.body.above, *(below or ())]
+        found = [each.off_mm(probes) for each in designed]
+        chosen = int(np.argmin([off.mean() for off, _ in found]))
+        if below is None and float(probes[:, 2].max()) <= ABOVE_MM:
+            return
+        face, owner = designed[chosen], int(np.median(found[chosen][1]))
+        self.farthest.meet(face, np.array([owner]))
+        if self.file.trimmed:
+            self.farthest.look(face, read.edge_points)
+            if not self._is_copy(read, face, owner):
+                self.farthest.look(face, self._within(read, face))
+        elif isinstance(face, DesignedFace):
+            self._see_untrimmed(read, face)
+
+    def _within(self, read: _ReadFace, face: Designed) -> _Points:
+        """Points between the knots, without those beyond the trim that lie off the face."""
+        places, points = read.grid()
+        if not isinstance(face, Levels | Walls):
+            known = _known(face, points)
+            places, points = places[known], points[known]
+        away = np.flatnonzero(face.off_mm(points)[0] > FORM_UM * _MM_PER_UM)
+        kept = np.ones(len(points), dtype=bool)
+        kept[away] = read.inside(places[away])
+        return points[kept]
+
+    def _see_untrimmed(self, read: _ReadFace, face: DesignedFace) -> None:
+        """Look at a face that goes on beyond its edges, where the design's goes on less exactly."""
+        _, points = read.grid()
+        points = points[face.within(face.known, points)]
+        off, numbers = face.off_mm(points)
+        beyond = np.where(face.within(face.extent, points), 0.0, _BEYOND_MM)
+        self.farthest.see(face, np.maximum(off - beyond, 0.0), points, numbers)
+
+    def _is_copy(self, read: _ReadFace, face: Designed, lens: int) -> bool:
+        """True where another lens of the plate has the same spline at its place."""
+        if not isinstance(face, PlacedFace) or read.spline is None:
+            return False
+        poles = face.own(read.spline.poles.reshape(-1, 3), lens).reshape(read.spline.poles.shape)
+        own = replace(read.spline, poles=poles)
+        return self.known.setdefault(face.face.name, own) is not own and self.known[face.face.name].is_same(own)
+
+
+def _known(face: Any, points: _Points) -> Bool[np.ndarray, " n"]:
+    """True for points in whose direction a face, or that of the nearest lens, is known."""
+    if isinstance(face, PlacedFace):
+        return face.face.within(face.face.known, face.own(points))
+    return np.asarray(face.within(face.known, points))
+
+
+def _between(knots: Float[np.ndarray, " k"], low: float, high: float) -> Float[np.ndarray, " p"]:
+    """Two places between all neighbouring knots from ``low`` to ``high``, and as many at least as for few spans."""
+    ends = np.unique(np.clip(knots, low, high))
+    if len(ends) <= _LEAST_SPANS:
+        ends = np.linspace(low, high, _LEAST_SPANS + 1)
+    return np.asarray((ends[:-1, None] + _OF_SPAN * np.diff(ends)[:, None]).ravel())
+
+
+def _crossed(u: Float[np.ndarray, " p"], v: Float[np.ndarray, " q"]) -> _Places:
+    return np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _knots_of(curve: Any) -> int:
+    """Knots of the kernel's curve, 0 of one that is no spline."""
+    return int(curve.NbKnots()) if str(curve.GetType()).endswith("BSplineCurve") else 0
+
+
+def _open_edges(faces: Sequence[Any]) -> int:
+    """Edges that do not join two faces, or the two ends of one."""
+    from OCP.BRep import BRep_Tool
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopoDS import TopoDS
+    from OCP.TopTools import TopTools_IndexedMapOfShape
+
+    edges, uses = TopTools_IndexedMapOfShape(), list[int]()
+    for face in faces:
+        for edge in map(TopoDS.Edge_s, explored(face, TopAbs_ShapeEnum.TopAbs_EDGE)):
+            if not BRep_Tool.Degenerated_s(edge):
+                uses.append(edges.Add(edge))
+    return int(np.sum(np.bincount(uses, minlength=2)[1:] != 2))
+
+
+def explored(shape: Any, kind: Any) -> Iterator[Any]:
+    """Parts of a shape that are of a kind, as often as they occur."""
+    from OCP.TopExp import TopExp_Explorer
+
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()

@@ -1,0 +1,392 @@
+"""Every file of a part against the design, by distance everywhere: honest files of every kind pass, forgeries fail."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import small_spec
+from tir_lenses import spot, spot_lens
+
+from lensforge.cad.mesh import BodyMesh
+from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
+from lensforge.cad.part import Part
+from lensforge.cad.part_export import build_part
+from lensforge.cad.solid import Solid
+from lensforge.cad.step import parse_step, step_bytes
+from lensforge.errors import InputError
+from lensforge.proof.designed_body import DesignedFace, Levels, Walls
+from lensforge.proof.file_form import DesignedFile, FileForm, form_criteria, open_edges
+from lensforge.proof.form_inputs import designed_files
+from lensforge.proof.mesh_form import mesh_forms
+from lensforge.proof.step_body import form_in_step
+from lensforge.scene.lens import Lens
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+
+INNER, OUTER, UM = 1.0, 3.0, 1e-3
+FEET = {"number": 3, "diameter_mm": 1.0, "height_mm": 0.5, "circle_diameter_mm": 7.5}
+BASES: dict[str, dict[str, Any]] = {
+    "flange, pocket and feet": {
+        "diameter_mm": 10.0, "height_mm": 3.0, "flange_diameter_mm": 12.0, "flange_height_mm": 1.0,
+        "pocket_diameter_mm": 5.0, "pocket_depth_mm": 1.0, "feet": FEET,
+    },
+    "square that crosses the rim": {"kind": "square", "side_mm": 5.6, "relief_step_mm": 0.0},
+    "flat, step and set-back bore": {
+        "diameter_mm": 9.0, "flat_mm": 4.0, "relief_step_mm": 0.6, "relief_setback_mm": 0.1, "bore_setback_mm": 0.3,
+    },
+}  # fmt: skip
+PLATE = {
+    "thickness_mm": 2.0,
+    "corner_radius_mm": 1.0,
+    "holes": [{"place_mm": [4.0, 4.5], "diameter_mm": 1.0}],
+    "pins": [{"place_mm": [4.0, -4.5], "diameter_mm": 1.0, "height_mm": 1.5}],
+}
+
+
+def lens(seed: int = 1, **changes: Any) -> Lens:
+    """A freeform lens without a symmetry."""
+    wide = {"lens__inner__offset_mm": 1.5, "lens__outer__offset_mm": 3.0, "constraints__max_radius_mm": 4.0}
+    basis = SrbfBasis((9, 25), 1.75, "none")
+    noise = np.random.default_rng(seed).normal(size=basis.size) * basis.sigmas / basis.sigmas.max()
+    surfaces = (SrbfSurface(basis, 0.02 * h * noise, h) for h in (INNER, OUTER))
+    return Lens.double(*surfaces, small_spec(**wide, **changes), 0, "draft")
+
+
+@cache
+def plated(seed: int = 1) -> Part:
+    """Two lenses on a plate, one of them turned: every kind of file at once."""
+    lamps = {"kind": "table", "places_mm": [[0.0, 0.0], [8.0, 0.5]], "turns_deg": [0.0, 30.0]}
+    shop = {"make": "insert", "shrinkage": 0.005}
+    made = lens(seed, lamps=lamps, plate=PLATE, base={"kind": "none"}, manufacture=shop)
+    return build_part(made, rings=16, extension_deg=5.0)
+
+
+@cache
+def based() -> Part:
+    return build_part(lens(base=BASES["flange, pocket and feet"]), rings=16)
+
+
+@cache
+def designed(part: Callable[[], Part]) -> dict[str, DesignedFile]:
+    return {each.name: each for each in designed_files(part())}
+
+
+def form_of(file: DesignedFile) -> FileForm:
+    return form_in_step(file) if file.is_step else mesh_forms([file], {})[file.name]
+
+
+def missed(form: FileForm) -> list[str]:
+    return [str(criterion) for criterion in form_criteria(form) if not criterion.passed]
+
+
+def test_every_file_that_the_export_writes_is_judged_and_passes() -> None:
+    files = designed(plated)
+    assert list(files) == list(plated().exported) == list(plated().files) or set(files) == set(plated().files)
+    assert len(files) == 7
+    for file in files.values():
+        form = form_of(file)
+        assert missed(form) == [], file.name
+        assert form.off_um < 0.005, file.name
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        *(pytest.param(lambda base=base: lens(base=base), id=name) for name, base in BASES.items()),
+        pytest.param(lambda: spot_lens(spot(flange={"diameter_mm": 20.0, "thickness_mm": 1.0})), id="TIR lens, flange"),
+    ],
+)
+def test_honest_files_of_other_bodies_pass(made: Callable[[], Lens]) -> None:
+    for file in designed_files(build_part(made(), rings=24)):
+        assert missed(form_of(file)) == [], file.name
+
+
+Change = Callable[[np.ndarray], np.ndarray]
+
+
+def remeshed(file: DesignedFile, change: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]) -> bytes:
+    """The mesh in an STL or 3MF file, changed, and written as before."""
+    read, written = (parse_stl, stl_bytes) if file.name.endswith(".stl") else (parse_3mf, None)
+    vertices, triangles = change(*read(file.content))
+    mesh = BodyMesh(vertices, triangles, np.zeros(len(triangles), dtype=int), ("ALL",), 1)
+    return threemf_bytes(mesh, "forged") if written is None else written(mesh)
+
+
+def moved(where: np.ndarray, by: np.ndarray) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """The vertex nearest to a place, moved."""
+
+    def change(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        vertices = vertices.copy()
+        vertices[np.linalg.norm(vertices - where, axis=1).argmin()] += by
+        return vertices, triangles
+
+    return change
+
+
+def one_corner(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One facet's own corner 1 um off: a crack."""
+    triangles = triangles.copy()
+    corner = vertices[triangles[7, 1]] + UM
+    triangles[7, 1] = len(vertices)
+    return np.concatenate([vertices, corner[None]]), triangles
+
+
+def extra(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A tetrahedron of 0.1 mm within the wall of the first lens."""
+    corners = np.array([[0.0, 0.0, 2.0], [0.1, 0.0, 2.0], [0.0, 0.1, 2.0], [0.0, 0.0, 2.1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]) + len(vertices)
+    return np.concatenate([vertices, corners]), np.concatenate([triangles, faces])
+
+
+def turned(deg: float, axis: str = "z") -> np.ndarray:
+    c, s = np.cos(np.radians(deg)), np.sin(np.radians(deg))
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]] if axis == "z" else [[1, 0, 0], [0, c, -s], [0, s, c]])
+
+
+DOME, SIDE = np.array([1.0, 0.5, 2.8]), np.array([2.8, 0.5, 0.5])
+MESHES = {
+    "a vertex of the dome 1 um in": moved(DOME, -UM * DOME / np.linalg.norm(DOME)),
+    "a vertex of the cavity 1 um out": moved(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, UM])),
+    "a vertex of the rim 1 um out": moved(np.array([0.0, 3.0, 0.0]), np.array([0.0, UM, 0.0])),
+    "one facet's corner 1 um off": one_corner,
+    "a facet missing": lambda vertices, triangles: (vertices, triangles[1:]),
+    "a facet turned": lambda vertices, triangles: (vertices, np.concatenate([triangles[:1, ::-1], triangles[1:]])),
+    "scaled by 1.0005": lambda vertices, triangles: (1.0005 * vertices, triangles),
+    "mirrored": lambda vertices, triangles: (vertices * (-1.0, 1.0, 1.0), triangles[:, ::-1]),
+    "turned by 1 degree": lambda vertices, triangles: (vertices @ turned(1.0).T, triangles),
+    "shifted by 2 um": lambda vertices, triangles: (vertices + np.array([2.0 * UM, 0.0, 0.0]), triangles),
+    "an extra body": extra,
+}
+
+
+@pytest.mark.parametrize("name", ["lens.stl", "lens.3mf", "plate.stl", "plate.3mf"])
+@pytest.mark.parametrize("forgery", MESHES)
+def test_a_forged_mesh_fails(forgery: str, name: str) -> None:
+    file = designed(plated)[name]
+    assert missed(form_of(replace(file, content=remeshed(file, MESHES[forgery])))), forgery
+
+
+def test_a_dent_is_named_with_file_face_place_and_height() -> None:
+    file = designed(plated)["plate.stl"]
+    place = np.array([8.0, 0.5, 3.0])  # the apex of the second lens
+    form = form_of(replace(file, content=remeshed(file, moved(place, np.array([0.0, 0.0, -1.5 * UM])))))
+    assert (form.face, form.open_edges, form.lacking) == ("OPTICAL_OUTER_2", 0, ())
+    assert form.off_um == pytest.approx(1.5, abs=0.05)
+    assert form.at_mm[:2] == pytest.approx((8.0, 0.5), abs=0.2)
+    (said,) = missed(form)
+    assert (
+        re.match(r"plate\.stl: form = 1\.[45]\d* um", said) and "next to OPTICAL_OUTER_2" in said and "\n" not in said
+    )
+
+
+def test_a_base_is_judged_as_the_rest() -> None:
+    for place, face in (
+        ([5.0, 0.0, -1.0], "BASE_SIDE"),
+        ([6.0, 0.0, -2.5], "FLANGE_SIDE"),
+        ([2.5, 0.0, -3.0], "POCKET_SIDE"),
+    ):
+        for file in (designed(based)["lens.stl"], designed(based)["lens.3mf"]):
+            content = remeshed(file, moved(np.array(place), np.array([UM, 0.0, 0.0])))
+            form = form_of(replace(file, content=content))
+            assert form.off_um == pytest.approx(1.0, abs=0.1), face
+
+
+def test_a_shallow_hole_that_is_closed_again_lacks_nothing_but_is_off() -> None:
+    """A vertex is left out, and the hole closed by flat facets: deeper than the facets that are stated."""
+
+    def without(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        gone = int(np.linalg.norm(vertices - DOME, axis=1).argmin())
+        around = triangles[(triangles == gone).any(axis=1)]
+        turns = [np.roll(each, -list(each).index(gone)) for each in around]
+        ahead = {int(each[1]): int(each[2]) for each in turns}
+        ring = [next(iter(ahead))]
+        while len(ring) < len(ahead):
+            ring.append(ahead[ring[-1]])
+        fan = np.array([[ring[0], ring[k], ring[k + 1]] for k in range(1, len(ring) - 1)])
+        return vertices, np.concatenate([triangles[(triangles != gone).all(axis=1)], fan])
+
+    file = designed(based)["lens.stl"]
+    form = form_of(replace(file, content=remeshed(file, without)))
+    assert (form.open_edges, form.face) == (0, "OPTICAL_OUTER") and form.off_um > 1.0
+
+
+def entity_points(step: str, surface: int) -> list[str]:
+    """References of the control points of the spline surface of that number, row by row."""
+    found = sorted({each.group(1) for each in re.finditer(r"#(\d+) = B_SPLINE_SURFACE_WITH_KNOTS", step)}, key=int)
+    rows = re.search(r"\(\s*\((.*?)\)\s*\)", step[step.index(f"#{found[surface]} = ") :], re.DOTALL)
+    assert rows is not None
+    return re.findall(r"#(\d+)", rows.group(1))
+
+
+def dented(step: bytes, surface: int, share: float, by_mm: float) -> bytes:
+    """One control point of a spline in the text of a STEP file, in the middle row at ``share`` of it, moved in z."""
+    text = step.decode("ascii")
+    points = entity_points(text, surface)
+    side = round(len(points) ** 0.5)
+    chosen = points[side // 2 * side + int(share * side)]
+
+    def lifted(match: "re.Match[str]") -> str:
+        x, y, z = (float(each) for each in match.group(2).split(","))
+        return f"{match.group(1)}({x!r},{y!r},{z + by_mm!r}))"
+
+    changed, count = re.subn(rf"(#{chosen} = CARTESIAN_POINT\('',)\s*\(([^)]*)\)\s*\)", lifted, text)
+    assert count == 1
+    return changed.encode("ascii")
+
+
+@pytest.mark.parametrize("name", ["lens.step", "plate.step", "lens_surfaces.step"])
+@pytest.mark.parametrize(("share", "surface"), [(0.5, 0), (0.3, 1), (0.9, 1)])
+def test_a_control_point_that_is_moved_by_a_micrometre_fails(name: str, share: float, surface: int) -> None:
+    file = designed(plated)[name]
+    form = form_of(replace(file, content=dented(file.content, surface, share, UM)))
+    assert missed(form) and form.off_um <= 1.0 and form.face.startswith("OPTICAL")
+
+
+def transformed(step: bytes, matrix: np.ndarray, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> bytes:
+    """The solid of a STEP file, moved, turned, mirrored or scaled, and written again without names."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.gp import gp_Trsf
+
+    move, rows = gp_Trsf(), np.column_stack([matrix, shift])
+    move.SetValues(*rows.ravel().tolist())
+    return step_bytes(Solid(BRepBuilderAPI_Transform(parse_step(step).shape, move, True).Shape(), {}), "forged")
+
+
+STEPS = {
+    "scaled by 1.0005": (1.0005 * np.eye(3), (0.0, 0.0, 0.0)),
+    "turned by 1 degree": (turned(1.0), (0.0, 0.0, 0.0)),
+    "tilted by 0.01 degrees": (turned(0.01, "x"), (0.0, 0.0, 0.0)),
+    "shifted by 2 um": (np.eye(3), (0.0, 2.0 * UM, 0.0)),
+    "lifted by 1 um": (np.eye(3), (0.0, 0.0, UM)),
+    "mirrored": (np.diag([-1.0, 1.0, 1.0]), (0.0, 0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", ["lens.step", "plate.step"])
+@pytest.mark.parametrize("forgery", STEPS)
+def test_a_moved_step_fails(forgery: str, name: str) -> None:
+    file = designed(plated)[name]
+    assert missed(form_of(replace(file, content=transformed(file.content, *STEPS[forgery]))))
+
+
+def test_a_step_written_again_passes() -> None:
+    for file in (designed(plated)["plate.step"], designed(based)["lens.step"]):
+        assert missed(form_of(replace(file, content=transformed(file.content, np.eye(3))))) == []
+
+
+@pytest.mark.parametrize("one", ["lens.step", "lens.stl", "lens.3mf", "lens_surfaces.step", "plate.step", "plate.3mf"])
+def test_another_lens_or_another_file_fails(one: str) -> None:
+    file = designed(plated)[one]
+    others = [plated(2).exported[one]]
+    if one in ("lens.step", "lens.stl", "lens.3mf"):
+        others.append(plated().exported[one.replace("lens", "plate")])
+    for content in others:
+        assert missed(form_of(replace(file, content=content)))
+
+
+def test_bodies_and_faces_too_many_are_refused() -> None:
+    file, solid = designed(plated)["lens.step"], parse_step(plated().step)
+    for shapes, words in (
+        ([solid.shape, solid.shape], "holds 2 solids"),
+        ([solid.shape, solid.faces["RIM"]], "beside its solid"),
+    ):
+        with pytest.raises(InputError, match=rf"lens\.step: .*{words}"):
+            form_of(replace(file, content=step_bytes(Solid(_together(shapes), {}), "two")))
+    vertices, triangles = parse_3mf(plated().threemf)
+    for change, words in ((_two_objects, "builds 2 of 2 objects"), (_scaled_item, "moves, turns or scales")):
+        with pytest.raises(InputError, match=rf"lens\.3mf: {words}"):
+            form_of(replace(designed(plated)["lens.3mf"], content=change(vertices, triangles)))
+
+
+def _together(shapes: list[Any]) -> Any:
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+    from OCP.TopoDS import TopoDS_Compound
+
+    builder, compound = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(compound)
+    for shape in shapes:
+        builder.Add(compound, BRepBuilderAPI_Copy(shape).Shape())
+    return compound
+
+
+def _model(vertices: np.ndarray, triangles: np.ndarray, items: int, scale: float) -> bytes:
+    import lib3mf
+
+    from lensforge.cad.mesh_files import set_geometry
+
+    library = lib3mf.get_wrapper()
+    model = library.CreateModel()
+    for _ in range(items):
+        body = model.AddMeshObject()
+        set_geometry(body, vertices, triangles)
+        place = library.GetIdentityTransform()
+        for k in range(3):
+            place.Fields[k][k] = scale
+        model.AddBuildItem(body, place)
+    content: bytes = bytes(model.QueryWriter("3mf").WriteToBuffer())
+    return content
+
+
+def _two_objects(vertices: np.ndarray, triangles: np.ndarray) -> bytes:
+    return _model(vertices, triangles, 2, 1.0)
+
+
+def _scaled_item(vertices: np.ndarray, triangles: np.ndarray) -> bytes:
+    return _model(vertices, triangles, 1, 1.0005)
+
+
+def test_a_face_that_a_body_lacks_is_named() -> None:
+    file, solid = designed(based)["lens.step"], parse_step(based().step)
+    faces = [face for name, face in solid.faces.items() if name != "OPTICAL_INNER"]
+    from lensforge.proof.step_form import step_form
+
+    form = step_form(file, faces)
+    assert (form.open_edges, form.lacking) == (form.open_edges, ("OPTICAL_INNER",)) and form.open_edges > 0
+    assert "it has nothing of OPTICAL_INNER" in missed(form)[0]
+
+
+def test_distances_are_those_of_closed_forms() -> None:
+    """A sphere about a point off the origin; two levels; the walls of a circle and of a square."""
+    axis = np.linspace(-1.05, 1.05, 90)
+    chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
+    squared = (chart**2).sum(axis=-1)
+    ways = np.concatenate([2.0 * chart, 1.0 - squared[..., None]], axis=-1) / (1.0 + squared)[..., None]
+    centre, radius = np.array([0.3, -0.2, 0.5]), 4.0
+    along = ways @ centre
+    face = DesignedFace(
+        "A", axis, 1.0 / (along + np.sqrt(along**2 + radius**2 - centre @ centre)), (0.0, 1.0), (0.0, 1.0)
+    )
+    random = np.random.default_rng(0)
+    out = random.normal(size=(500, 3))
+    out[:, 2] = np.abs(out[:, 2])
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    height = random.uniform(-1e-3, 1e-3, 500)
+    points = centre + (radius + height)[:, None] * out
+    assert face.off_mm(points)[0] == pytest.approx(np.abs(height), abs=3e-7)
+    levels = Levels(("TOP", "BOTTOM"), np.array([0.0, -2.0]))
+    assert [each.tolist() for each in levels.off_mm(np.array([[9.0, 0.0, -0.5], [0.0, 0.0, -2.25]]))] == [
+        [0.5, 0.25],
+        [0, 1],
+    ]
+    turns = np.linspace(0.0, 2.0 * np.pi, 721)
+    ends = np.stack([turns[:-1], 0.5 * (turns[:-1] + turns[1:]), turns[1:]], axis=1)
+    circle = 3.0 * np.stack([np.cos(ends), np.sin(ends)], axis=-1)
+    line = np.array([[[5.0, -1.0], [5.0, 0.0], [5.0, 1.0]]])
+    walls = Walls(("ROUND", "FLAT"), np.concatenate([circle, line]), np.repeat([0, 1], [720, 1]))
+    off, owners = walls.off_mm(
+        np.array([[0.6, 0.8, 7.0], [3.03 * 0.6, 3.03 * 0.8, 0.0], [4.9, 0.3, 0.0], [5.0, 1.2, 0.0]])
+    )
+    assert off == pytest.approx([2.0, 0.03, 0.1, 0.2], rel=1e-5) and owners.tolist() == [0, 0, 1, 1]
+
+
+def test_open_edges_are_those_that_do_not_join_two_facets_of_one_sense() -> None:
+    closed = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    assert [open_edges(each, 4) for each in (closed, closed[1:], np.concatenate([closed[:1, ::-1], closed[1:]]))] == [
+        0,
+        3,
+        6,
+    ]
