@@ -329,5 +329,6 @@ def _fates(hits: SurfaceHits, inside: Bool[np.ndarray, " n"], back: bool, flange
     none = [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE]
     leaving = [~hits.found, hits.base, hits.faces == flange, ~(hits.away | back)]
     lost = [CastFate.NO_HIT, CastFate.BASE, CastFate.FLANGE, CastFate.BACK_INTO_CAVITY]
-    ends = [np.select(*each, CastFate.LANDED) for each in ((leaving, lost), (entering, none))]
-    return np.where(inside, *ends)
+    from_body, from_cavity = np.select(leaving, lost, CastFate.LANDED), np.select(entering, none, CastFate.LANDED)
+    fates: Int[np.ndarray, " n"] = np.where(inside, from_body, from_cavity)
+    return fates
