@@ -89,6 +89,8 @@ _EITHER = rf"{_GROUPS}(?![\d.,eE])"
 def _has(pattern: str, mark: str, text: str) -> bool:
     """True where ``text`` has a number of the ``pattern`` with this mark."""
     other = "," if mark == "." else "."
+    if mark not in text or (pattern == _THOUSANDS and not re.search(rf"{re.escape(mark)}\d\d\d[.,]", text)):
+        return False  # a tenth of the time
     return re.search(pattern.replace("m", re.escape(mark)).replace("o", re.escape(other)), text) is not None
 
 
@@ -196,7 +198,8 @@ def _separator(rows: Sequence[Line], text: str, name: str) -> str:
         return "\t"
     if "," not in text:
         return " "
-    padded, blanks = re.search(r",[ \t]|[ \t],", text), re.search(r"[^\s,][ \t]+[^\s,]", text)
+    padded = any(mark in text for mark in (", ", ",\t", " ,", "\t,"))
+    blanks = (" " in text or "\t" in text) and re.search(r"[^\s,][ \t]+[^\s,]", text)
     if blanks and not padded:
         return " "
     if padded and "." not in text and re.search(r"\d,\d", text):

@@ -163,9 +163,12 @@ class TextTable:
     def _row(self, place: int, used: Sequence[int] | None, blank: float | None, further: bool) -> list[float]:
         cells, width = self.cells[place], self.width
         if blank is not None:
-            width = max(map(len, self.cells))
+            width = self._longest
             cells = cells + [""] * (width - len(cells))
-        if len(cells) != width and not (further and used is not None and len(cells) > max(used)):
+        least = 0 if used is None else max(used) + 1
+        if len(cells) < least:
+            raise self.refuse(place, None, f"{len(cells)} cells, must be {least} at least{self.advice}")
+        if len(cells) != width and not (further and used is not None):
             first = self.rows[0].number
             raise self.refuse(place, None, f"{len(cells)} cells, line {first} has {width}{self.advice}")
         columns = range(width) if used is None else used
@@ -174,7 +177,12 @@ class TextTable:
     @cached_property
     def width(self) -> int:
         """Cells of the first row."""
-        return len(self.cells[0])
+        first = self.dialect.cells(self.rows[0], self.name)
+        return len(first if first[-1] else self.cells[0])
+
+    @cached_property
+    def _longest(self) -> int:
+        return max(map(len, self.cells))
 
     def number(self, row: int, column: int) -> float:
         """The finite number of a cell. Raises :class:`InputError` for what is none."""

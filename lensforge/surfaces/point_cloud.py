@@ -23,17 +23,29 @@ LEAST_POINTS = 100
 _MOST_BYTES = 128 * MIB  # four million points, which take 1 GiB while they are read; scanners measure a million
 _FURTHEST_MM = 1e6  # a machine's own zero may be metres away
 _MM = {"mm": 1.0, "": 1.0, "in": 25.4, "inch": 25.4, "cm": 10.0, "m": 1000.0, "um": 1e-3}
-_COLUMNS = tuple(Column((axis,), _MM) for axis in "xyz")
+_DEG = {"deg": 1.0, "": 1.0, "rad": float(np.rad2deg(1.0))}
+Coordinates = Literal["cartesian", "polar"]
+_COLUMNS = {
+    "cartesian": tuple(Column((axis,), _MM) for axis in "xyz"),
+    "polar": (
+        Column(("polar", "theta", "angle from the axis"), _DEG),
+        Column(("azimuth", "phi"), _DEG),
+        Column(("distance", "r", "radius"), _MM),
+    ),
+}
 
 
-def read_cloud(path: Path, missing: str = "give the file of the measured points") -> Float[np.ndarray, "n 3"]:
-    """Read points (mm) from a text file: x, y, z first in each line, or in columns of these names.
+def read_cloud(
+    path: Path, missing: str = "give the file of the measured points", coordinates: Coordinates = "cartesian"
+) -> Float[np.ndarray, "n 3"]:
+    """Read points from a text file: x, y, z (mm) first in each line, or in columns of these names.
 
-    Their unit may stand with the names. Lines before the first point, a count of points and further columns are
-    skipped. Raises :class:`InputError`, with a line.
+    Polar ``coordinates``: angle from the axis, azimuth (degrees) and distance (mm). Units may stand with the names.
+    Lines before the first point, a count of points and further columns are skipped. Raises :class:`InputError`, with a
+    line.
     """
     table = TextTable.read(path, missing=missing, most_bytes=_MOST_BYTES, counted=True)
-    cloud = table.columns(_COLUMNS, further=True)
+    cloud = table.columns(_COLUMNS[coordinates], further=True)
     if len(cloud) < LEAST_POINTS:
         raise InputError(f"{path}: {len(cloud)} points, must be at least {LEAST_POINTS}")
     furthest = np.abs(cloud).max(axis=1)
@@ -43,8 +55,6 @@ def read_cloud(path: Path, missing: str = "give the file of the measured points"
         raise table.refuse(row, int(np.abs(cloud[row]).argmax()), words)
     return cloud
 
-
-Coordinates = Literal["cartesian", "polar"]
 
 _LEFT_OUT = 10  # one point of so many, to measure the error between points
 _LEAST_CELLS, _MOST_CELLS, _FINER = 12, 160, 1.5  # of the spline across the chart; from one trial to the next
@@ -64,7 +74,7 @@ def face_of_points(path: Path, coordinates: Coordinates, shift_mm: tuple[float, 
     Cartesian: x, y, z in mm; polar: angle from the axis and azimuth in degrees, and the distance from the origin in
     mm. Raises :class:`InputError` where points leave a part of the hemisphere open, with the place.
     """
-    rows = read_cloud(path, missing="give the file of the points on the face")
+    rows = read_cloud(path, "give the file of the points on the face", coordinates)
     points = (rows if coordinates == "cartesian" else _from_polar(rows, path)) + np.asarray(shift_mm)
     radius = np.linalg.norm(points, axis=1)
     if not (radius > 0.0).all():

@@ -157,8 +157,11 @@ def test_chosen_columns_leave_words_and_rows_of_any_length_behind():
     np.testing.assert_array_equal(found.numbers(used=[1, 0], further=True), [[2.5, 1.0], [4.0, 3.0], [6.0, 5.0]])
     with pytest.raises(InputError, match="line 3: 4 cells, line 1 has 3"):
         found.numbers(used=[1, 0])
-    with pytest.raises(InputError, match="line 2: 1 cells"):
-        table("1;2;P1\n3\n").numbers(used=[0, 1], further=True)
+    for further in (True, False):
+        with pytest.raises(InputError, match="line 2: 1 cells, must be 2 at least"):
+            table("1;2;P1\n3\n").numbers(used=[0, 1], further=further)
+        with pytest.raises(InputError, match="line 1: 2 cells, must be 3 at least"):
+            table("1;2\n3;4\n").numbers(used=[2], further=further)
 
 
 def test_columns_by_names_have_rows_of_one_length():

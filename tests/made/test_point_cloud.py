@@ -70,6 +70,14 @@ def test_decimal_commas_names_and_units_are_read(tmp_path, content, factor):
     np.testing.assert_allclose(read_cloud(tmp_path / "cloud.txt"), factor * POINTS, atol=1e-7)
 
 
+def test_polar_points_have_names_and_units_of_their_own(tmp_path):
+    rows = "".join(f"{0.01 * k:.2f};{k};{0.5 + 0.001 * k:.4f}\n".replace(".", ",") for k in range(120))
+    (tmp_path / "p.csv").write_text("phi [rad];theta;R [in]\n" + rows, encoding="utf-8")
+    k = np.arange(120)
+    wanted = np.stack([k, np.rad2deg(0.01 * k), 25.4 * (0.5 + 0.001 * k)], axis=1)
+    np.testing.assert_allclose(read_cloud(tmp_path / "p.csv", coordinates="polar"), wanted, rtol=1e-12)
+
+
 def test_a_moved_surface_is_moved_back():
     cloud = probed(LENS.outer, rotation=ROTATION, shift=SHIFT)
     motion = register(PATCH, cloud)

@@ -58,7 +58,7 @@ def test_rows_are_read_from_every_dress_from_blue_to_red(content, rows, tmp_path
         ("", "has no row of numbers"),
         ("a b\n", "has no row of numbers; line 1 begins with 'a b'"),
         ("450 1 2\n", "line 1: 3 cells, must be wavelength_nm, power"),
-        ("# c\r\n\r\n440 1\r\n450\r\n", "line 4: 1 cells, line 3 has 2"),
+        ("# c\r\n\r\n440 1\r\n450\r\n", "line 4: 1 cells, must be 2 at least"),
         ("450 1\n\n460 x\n", "line 3, column 2: 'x' is no number"),
         ("0.44 0\n0.45 1\n0.46 0\n", "nm are expected, µm"),
         (b"450 1\n\x00460 1", "not a text file"),
