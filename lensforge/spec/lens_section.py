@@ -7,12 +7,15 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from lensforge.errors import InputError
+from lensforge.optics.exit_space import Ball, Column, ExitSpace
 from lensforge.optics.media import FLANGE, MOST_EVENTS, OUTSIDE, FaceCoating, Media, Mirror
 from lensforge.spec.face_section import LensFaces, ReflectorFaces, TirFaces
 from lensforge.spec.lens_material import LensMaterial
+from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import FilePath, Label, check
 from lensforge.surfaces.imported_face import lens_file
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
+from lensforge.surfaces.reflector_cup import mouth_radius_mm
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
 
 USUAL_KIND = "double"  # of a lens that names none
@@ -94,6 +97,10 @@ class LensShape(LensMaterial):
         """True where all faces are of revolution."""
         return False
 
+    def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
+        """The space that all light leaves of any lens of its kind within ``limits``."""
+        return Ball(limits.max_radius_mm)
+
     @property
     def shape_levels(self) -> tuple[int, ...]:
         """Parameters of a free face, coarse first: the functions of its levels, which are numbers."""
@@ -129,6 +136,10 @@ class ProfiledShape(LensShape):
     def is_round(self) -> bool:
         """True without levels, and without faces that are given."""
         return not self.levels and all(face.fixed is None for face in self.faces.values())
+
+    def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
+        """The cylinder in which the lens lies: light leaves by its wall, too."""
+        return Column(limits.max_radius_mm, ((0.0, limits.tallest_mm),))
 
     @property
     def shape_levels(self) -> tuple[int, ...]:
@@ -171,6 +182,13 @@ class ReflectorSection(ProfiledShape, ReflectorFaces):
     kind: Literal["reflector"]
     material: Label = "metallised plastic"
     """Material of the body, a label: no light enters it."""
+
+    def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
+        """The disc of its mouth: as wide and as high as a given cup makes it, else at any height that is allowed."""
+        cup, height_mm = self.fixed["cup"], self.mouth.offset_mm
+        if cup is None or height_mm is None:
+            return Column.of_mouth(limits.max_radius_mm, limits.tallest_mm)
+        return Column(mouth_radius_mm(cup, height_mm), ((height_mm, height_mm),), upward=True)
 
     @check
     def _is_open(self) -> None:

@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 
 import lensforge as lf
 from lensforge.optics.coatings import least_reflectances, whole_span
+from lensforge.optics.exit_space import Ball
 from lensforge.optics.fundamental_limits import best_transmittance
 from lensforge.optics.media import CoverGlass, Media, Medium
 from lensforge.scene.lens import Lens
@@ -40,7 +41,9 @@ def straight_up(index: float, indices: np.ndarray | None = None) -> SourceLight:
 def possible(receiver: PosedReceiver, radius_mm: float, light: float | SourceLight) -> PossibleLight:
     """Bounds of some light; of the square's for a refractive index."""
     return PossibleLight(
-        light if isinstance(light, SourceLight) else SourceLight.of(SQUARE, Media(Medium(light))), receiver, radius_mm
+        light if isinstance(light, SourceLight) else SourceLight.of(SQUARE, Media(Medium(light))),
+        receiver,
+        Ball(radius_mm),
     )
 
 
@@ -192,7 +195,7 @@ def solid_angles(receiver: PosedReceiver) -> np.ndarray:
 @each_receiver
 @pytest.mark.parametrize("media", MEDIA.values(), ids=list(MEDIA))
 def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_around_it(receiver, media) -> None:
-    physics = PossibleLight(light(media), receiver, 4.0)
+    physics = PossibleLight(light(media), receiver, Ball(4.0))
     ball = 4.0 + (1.5 if media.cover_glass else 0.0)
     at_best = max(best(0.0, index, media) for index in INDICES)
     angles = solid_angles(receiver)
