@@ -353,25 +353,23 @@ class PossibleLight:
             nearest[~in_target] = _filled(target[~in_target], caps[~in_target], 1.0 - most)
         return float(np.sum((nearest - target) ** 2) / np.sum(target**2))
 
-    def _parallax_rad(
-        self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"]
-    ) -> float | Float[np.ndarray, " n"]:
+    def _parallax_rad(self, receiver: PosedReceiver, corners: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, " n"]:
         """Most by which a point of a receiver lies off its direction from the origin, seen from where light leaves.
 
         Of a mirror, by which light that need not turn goes straight on, seen along each ray.
         """
         if receiver.kind == "far_field":
-            return 0.0
+            return np.zeros(1)
         nearest_mm = float(np.linalg.norm(corners, axis=-1).min())
         if receiver.kind == "plane":  # between the corners it may be nearer
             pose = receiver.pose
             nearest_mm = abs(float(pose.axes[2] @ pose.centre_mm))
-        off_mm: float | Float[np.ndarray, " n"] = self._exit.radius_mm
+        off_mm = np.array([self._exit.radius_mm])
         if self.light.media.cup is not None:
             glass = self.light.media.cover_glass
             off_mm = np.linalg.norm(np.cross(self.light.rays.origins, self.light.rays.directions), axis=1)
             off_mm += 0.0 if glass is None else glass.thickness_mm
-        return np.arcsin(np.minimum(1.0, off_mm / nearest_mm))
+        return np.asarray(np.arcsin(np.minimum(1.0, off_mm / nearest_mm)))
 
 
 def _filled(target: Float[np.ndarray, "*n"], caps: Float[np.ndarray, "*n"], total: float) -> Float[np.ndarray, "*n"]:
