@@ -1,7 +1,7 @@
 """The ``[lens]`` of a spec by its kind: material, faces, and the functions that shape the free ones."""
 
 from dataclasses import replace
-from math import degrees
+from math import degrees, hypot, sqrt
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
@@ -101,6 +101,22 @@ class LensShape(LensMaterial):
         """The space that all light leaves of any lens of its kind within ``limits``."""
         return Ball(limits.max_radius_mm)
 
+    def height_mm(self, limits: ConstraintsSection) -> float:
+        """Height that the largest lens is taken to have: that of its limits, or as much as its radius."""
+        return limits.max_radius_mm if limits.max_height_mm is None else limits.max_height_mm
+
+    def extent_mm(self, limits: ConstraintsSection, rise: float | None = None) -> float:
+        """Distance from the origin up to which the largest lens is taken to reach: towards a plane, or anywhere.
+
+        ``rise``: cosine of the plane's normal to the axis.
+        """
+        radius_mm, height_mm = limits.max_radius_mm, self.height_mm(limits)
+        if not self.radius_about_axis:
+            return radius_mm
+        if rise is None:
+            return hypot(radius_mm, height_mm)
+        return radius_mm * sqrt(max(1.0 - rise**2, 0.0)) + height_mm * max(rise, 0.0)
+
     @property
     def shape_levels(self) -> tuple[int, ...]:
         """Parameters of a free face, coarse first: the functions of its levels, which are numbers."""
@@ -189,6 +205,11 @@ class ReflectorSection(ProfiledShape, ReflectorFaces):
         if cup is None or height_mm is None:
             return Column.of_mouth(limits.max_radius_mm, limits.tallest_mm)
         return Column(mouth_radius_mm(cup, height_mm), ((height_mm, height_mm),), upward=True)
+
+    def height_mm(self, limits: ConstraintsSection) -> float:
+        """Height of the mouth of a given cup, where it is given, too."""
+        given = self.cup.fixed is not None and self.mouth.offset_mm
+        return given or super().height_mm(limits)
 
     @check
     def _is_open(self) -> None:
