@@ -276,5 +276,5 @@ def test_a_plane_is_outside_of_the_largest_lens_of_its_kind(kind, limits, plane,
     if outside:
         parse_spec(content, "near")
         return
-    with pytest.raises(InputError, match="is inside the lens: it must exceed constraints.max_radius_mm"):
+    with pytest.raises(InputError, match=r"is inside the lens: it must exceed constraints\.max_radius_mm"):
         parse_spec(content, "near")
