@@ -59,7 +59,7 @@ class ExitSpace(Protocol):
 
 
 @dataclass(frozen=True)
-class Ball:
+class ExitBall:
     """The ball about the origin."""
 
     radius_mm: float
@@ -69,9 +69,9 @@ class Ball:
         """Étendue of all its lines, each counted once."""
         return np.array([etendue_from_ball(self.radius_mm, 2.0 * pi)])
 
-    def grown(self, by_mm: float) -> "Ball":
+    def grown(self, by_mm: float) -> "ExitBall":
         """A larger ball."""
-        return Ball(self.radius_mm + by_mm)
+        return ExitBall(self.radius_mm + by_mm)
 
     def finer(self, cells: int) -> int:
         """One: solid angles of cells are exact."""
@@ -83,7 +83,7 @@ class Ball:
 
 
 @dataclass(frozen=True)
-class Column:
+class ExitColumn:
     """The part of a cylinder about the axis between the heights of one of its ``slabs_mm``, which may be a disc.
 
     ``upward``: light leaves it upwards alone.
@@ -94,10 +94,10 @@ class Column:
     upward: bool = False
 
     @staticmethod
-    def of_mouth(radius_mm: float, most_height_mm: float, slabs: int = 12) -> "Column":
+    def of_mouth(radius_mm: float, most_height_mm: float, slabs: int = 12) -> "ExitColumn":
         """A disc whose height is not known: slabs of equal height, in one of which it lies."""
         edges = np.linspace(0.0, most_height_mm, slabs + 1).tolist()
-        return Column(radius_mm, tuple(pairwise(edges)), upward=True)
+        return ExitColumn(radius_mm, tuple(pairwise(edges)), upward=True)
 
     @property
     def flux_upwards_mm2_sr(self) -> Float[np.ndarray, " k"]:
@@ -108,7 +108,7 @@ class Column:
     def _thick_mm(self) -> Float[np.ndarray, " k"]:
         return np.asarray(np.ptp(np.array(self.slabs_mm), axis=1))
 
-    def grown(self, by_mm: float) -> "Column":
+    def grown(self, by_mm: float) -> "ExitColumn":
         """A column of a larger radius, whose slabs end higher."""
         slabs = tuple((low, high + by_mm) for low, high in self.slabs_mm)
         return replace(self, radius_mm=self.radius_mm + by_mm, slabs_mm=slabs)
@@ -199,7 +199,7 @@ def _lines(slope: _Values, rise: _Values, first: _Values, last: _Values, *, upwa
 
 
 @lru_cache(maxsize=64)  # cells of a lattice see the same plane from many places
-def _on_level(column: Column, height_mm: float) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "k r"]]:
+def _on_level(column: ExitColumn, height_mm: float) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "k r"]]:
     """Radii (mm) on a level plane, and the projected solid angle (sr) of the slabs of ``column`` from there."""
     reach = _FARTHEST * (column.radius_mm + abs(height_mm) + max(map(max, column.slabs_mm)))
     near = np.linspace(0.0, 2.0 * column.radius_mm, _NEAR)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.optics.coatings import least_reflectances, whole_span
-from lensforge.optics.exit_space import Ball, ExitSpace
+from lensforge.optics.exit_space import ExitBall, ExitSpace
 from lensforge.optics.fundamental_limits import best_transmittance, cone_around
 from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.lamp_pictures import LampPictures
@@ -233,7 +233,7 @@ class PossibleLight:
         Of bodies behind the lens the light comes out of the last.
         """
         glass, bodies = self.light.media.cover_glass, self.light.media.bodies
-        return Ball(reach_mm(bodies)) if bodies else self.space.grown(0.0 if glass is None else glass.thickness_mm)
+        return ExitBall(reach_mm(bodies)) if bodies else self.space.grown(0.0 if glass is None else glass.thickness_mm)
 
     @cached_property
     def _lamps(self) -> LampPictures:

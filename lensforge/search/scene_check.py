@@ -161,7 +161,7 @@ def _least_radius_mm(spec: Spec, physics: PossibleLight, asked: float, most: Cal
     return high
 
 
-_WIDEST, _CLOSE, _ROUNDING = 1e3, 1.003, 1e-9  # of radii that are tried, relative; of what is asked
+_WIDEST, _CLOSE, _ROUNDING = 1e3, 1.0001, 1e-9  # of radii that are tried, relative; of what is asked
 _RAYS, _SEED = 2**14, 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise

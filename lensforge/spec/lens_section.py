@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from lensforge.errors import InputError
-from lensforge.optics.exit_space import Ball, Column, ExitSpace
+from lensforge.optics.exit_space import ExitBall, ExitColumn, ExitSpace
 from lensforge.optics.media import FLANGE, MOST_EVENTS, OUTSIDE, FaceCoating, Media, Mirror
 from lensforge.spec.face_section import LensFaces, ReflectorFaces, TirFaces
 from lensforge.spec.lens_material import LensMaterial
@@ -99,7 +99,7 @@ class LensShape(LensMaterial):
 
     def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
         """The space that all light leaves of any lens of its kind within ``limits``."""
-        return Ball(limits.max_radius_mm)
+        return ExitBall(limits.max_radius_mm)
 
     def height_mm(self, limits: ConstraintsSection) -> float:
         """Height that the largest lens is taken to have: that of its limits, or as much as its radius."""
@@ -155,7 +155,7 @@ class ProfiledShape(LensShape):
 
     def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
         """The cylinder in which the lens lies: light leaves by its wall, too."""
-        return Column(limits.max_radius_mm, ((0.0, limits.tallest_mm),))
+        return ExitColumn(limits.max_radius_mm, ((0.0, limits.tallest_mm),))
 
     @property
     def shape_levels(self) -> tuple[int, ...]:
@@ -203,8 +203,8 @@ class ReflectorSection(ProfiledShape, ReflectorFaces):
         """The disc of its mouth: as wide and as high as a given cup makes it, else at any height that is allowed."""
         cup, height_mm = self.fixed["cup"], self.mouth.offset_mm
         if cup is None or height_mm is None:
-            return Column.of_mouth(limits.max_radius_mm, limits.tallest_mm)
-        return Column(mouth_radius_mm(cup, height_mm), ((height_mm, height_mm),), upward=True)
+            return ExitColumn.of_mouth(limits.max_radius_mm, limits.tallest_mm)
+        return ExitColumn(mouth_radius_mm(cup, height_mm), ((height_mm, height_mm),), upward=True)
 
     def height_mm(self, limits: ConstraintsSection) -> float:
         """Height of the mouth of a given cup, where it is given, too."""

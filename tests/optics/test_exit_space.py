@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lensforge.optics.exit_space import Ball, Column
+from lensforge.optics.exit_space import ExitBall, ExitColumn
 from lensforge.optics.fundamental_limits import cell_solid_angles
 
 
@@ -30,12 +30,12 @@ def test_between_coaxial_discs_it_is_that_of_their_view_factor(mouth_mm, apart_m
     factor = 0.5 * (x - math.sqrt(x**2 - 4.0 * (second / first) ** 2))
     corners = level(2.0 * disc_mm, 300, 7.0 + apart_mm)
     for upward in (True, False):
-        space = Column(mouth_mm, ((7.0, 7.0),), upward)
+        space = ExitColumn(mouth_mm, ((7.0, 7.0),), upward)
         found = float((space.etendues(corners, far=False)[0] * within(corners, disc_mm)).sum())
         assert found == pytest.approx(math.pi * math.pi * mouth_mm**2 * factor, rel=1e-3)
 
 
-def lines_that_meet(space: Column, point: np.ndarray, normal: np.ndarray) -> float:
+def lines_that_meet(space: ExitColumn, point: np.ndarray, normal: np.ndarray) -> float:
     """Projected solid angle by 400,000 lines of a hemisphere: where each crosses the cylinder, and the ends."""
     rng = np.random.default_rng(3)
     along = rng.normal(size=(400_000, 3))
@@ -63,18 +63,20 @@ def lines_that_meet(space: Column, point: np.ndarray, normal: np.ndarray) -> flo
     ],
 )
 def test_lines_through_a_point_that_meet_a_column(slab, point, normal, upward) -> None:
-    space, unit = Column(7.0, (slab,), upward), np.array(normal) / np.linalg.norm(normal)
+    space, unit = ExitColumn(7.0, (slab,), upward), np.array(normal) / np.linalg.norm(normal)
     found = float(space.projected_sr(np.array([point]), unit[None])[0, 0])
     assert found == pytest.approx(lines_that_meet(space, np.array(point), unit), rel=0.02, abs=1e-3)
 
 
 def test_a_level_plane_and_a_tilted_one_that_is_level_again_get_the_same() -> None:
-    space, corners = Column(7.0, ((2.0, 9.0), (9.0, 16.0)), True), level(60.0, 12, 30.0, 11.0)
+    space, corners = ExitColumn(7.0, ((2.0, 9.0), (9.0, 16.0)), True), level(60.0, 12, 30.0, 11.0)
     hair = corners + np.array([0.0, 0.0, 1e-6]) * corners[..., :1]  # not level to its bits
     np.testing.assert_allclose(space.etendues(corners, far=False), space.etendues(hair, far=False), rtol=2e-3)
 
 
-@pytest.mark.parametrize("space", [Ball(7.0), Column(7.0, ((3.0, 3.0),), True), Column(7.0, ((0.0, 20.0),))])
+@pytest.mark.parametrize(
+    "space", [ExitBall(7.0), ExitColumn(7.0, ((3.0, 3.0),), True), ExitColumn(7.0, ((0.0, 20.0),))]
+)
 def test_all_light_crosses_an_endless_plane(space) -> None:
     """Half of all lines of a ball; of a column by its projection over a hemisphere, pi^2 r (r + h)."""
     total = float(space.flux_upwards_mm2_sr[0])
@@ -82,7 +84,7 @@ def test_all_light_crosses_an_endless_plane(space) -> None:
     ring = np.cos(np.linspace(0.0, 0.5 * math.pi, 2001))
     polar = np.arccos(ring)
     directions = np.stack([np.sin(polar), np.zeros_like(polar), ring], axis=-1)
-    shown = np.full(len(polar), math.pi * 49.0) if isinstance(space, Ball) else space._shown(directions[None])[0, 0]
+    shown = np.full(len(polar), math.pi * 49.0) if isinstance(space, ExitBall) else space._shown(directions[None])[0, 0]
     assert float(2.0 * math.pi * np.trapezoid(shown * np.sin(polar), polar)) == pytest.approx(total, rel=1e-4)
 
 
@@ -94,7 +96,7 @@ def test_in_the_far_field_a_column_shows_its_end_and_its_side() -> None:
     )
     solid, at = float(cell_solid_angles(corners)[0, 0]), math.radians(50.0)
     end, side = math.pi * 49.0 * math.cos(at), 2.0 * 7.0 * 20.0 * math.sin(at)
-    column, mouth = Column(7.0, ((0.0, 20.0),)), Column.of_mouth(7.0, 20.0)
+    column, mouth = ExitColumn(7.0, ((0.0, 20.0),)), ExitColumn.of_mouth(7.0, 20.0)
     assert float(column.etendues(corners, far=True)[0, 0, 0]) == pytest.approx((end + side) * solid, rel=1e-4)
     assert float(mouth.etendues(corners, far=True).max()) == pytest.approx(end * solid, rel=1e-4)
     down = corners * np.array([1.0, 1.0, -1.0])
@@ -105,8 +107,8 @@ def test_in_the_far_field_a_column_shows_its_end_and_its_side() -> None:
 def test_a_mouth_at_any_height_has_the_most_of_all_heights_and_a_little_more() -> None:
     corners = level(6.0, 24, 30.0, 25.0)
     most = max(
-        float(Column(7.0, ((height, height),), True).etendues(corners, far=False).sum())
+        float(ExitColumn(7.0, ((height, height),), True).etendues(corners, far=False).sum())
         for height in np.linspace(0.1, 20.0, 60).tolist()
     )
-    found = float(Column.of_mouth(7.0, 20.0).etendues(corners, far=False).sum(axis=(1, 2)).max())
+    found = float(ExitColumn.of_mouth(7.0, 20.0).etendues(corners, far=False).sum(axis=(1, 2)).max())
     assert most <= found < 1.3 * most

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 import lensforge as lf
 from lensforge.optics.coatings import least_reflectances, whole_span
-from lensforge.optics.exit_space import Ball
+from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.fundamental_limits import best_transmittance
 from lensforge.optics.media import CoverGlass, Media, Medium
 from lensforge.scene.lens import Lens
@@ -45,7 +45,7 @@ def possible(receiver: PosedReceiver, radius_mm: float, light: float | SourceLig
     return PossibleLight(
         light if isinstance(light, SourceLight) else SourceLight.of(SQUARE, Media(Medium(light))),
         receiver,
-        Ball(radius_mm),
+        ExitBall(radius_mm),
     )
 
 
@@ -197,7 +197,7 @@ def solid_angles(receiver: PosedReceiver) -> np.ndarray:
 @each_receiver
 @pytest.mark.parametrize("media", MEDIA.values(), ids=list(MEDIA))
 def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_around_it(receiver, media) -> None:
-    physics = PossibleLight(light(media), receiver, Ball(4.0))
+    physics = PossibleLight(light(media), receiver, ExitBall(4.0))
     ball = 4.0 + (1.5 if media.cover_glass else 0.0)
     at_best = max(best(0.0, index, media) for index in INDICES)
     angles = solid_angles(receiver)
@@ -231,7 +231,7 @@ def test_a_larger_lens_holds_a_share_by_the_square_of_its_radius() -> None:
     angle = float(solid_angles(RECEIVERS["plane"])[PIXELS].sum())
     for share, etendue in ((0.1, 0.0), (0.4, 1.0), (0.7, 2.0), (0.85, 5.5), (1.0, 9.0)):
         radius_mm = max(math.sqrt(etendue / (math.pi * angle)), 1e-9)
-        physics = PossibleLight(light(Media(Medium(1.5))), RECEIVERS["plane"], Ball(radius_mm))
+        physics = PossibleLight(light(Media(Medium(1.5))), RECEIVERS["plane"], ExitBall(radius_mm))
         assert physics.by_etendue(PIXELS) == pytest.approx(share * physics.light.transmittance, rel=1e-6)
 
 
