@@ -196,13 +196,11 @@ def evaluate_traced(
         for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]
     simulation = simulate(traced, source, receivers, rays, seed, drawn, coloured=colour is not None)
-    light = SourceLight.of(bounds_by or source, traced.scene.media, reflects=traced.scene.chain is not None)
+    light = SourceLight.of(bounds_by or source, traced.scene.media, lens=spec.lens)
     variance = spec.evaluate.filter_variance
-    reach_mm = spec.constraints.max_radius_mm + traced.grown_mm
+    space = spec.lens.exit_space(spec.constraints).grown(traced.grown_mm)
     lit = tuple(
-        receiver_light(
-            section, PossibleLight(light, receiver, reach_mm), received, variance, simulation.emitted_w, colour
-        )
+        receiver_light(section, PossibleLight(light, receiver, space), received, variance, simulation.emitted_w, colour)
         for section, receiver, received in zip(spec.all_receivers, receivers, simulation.received, strict=True)
     )
     images = [gaussian3(received.images, variance) for received in simulation.received] if limits else []

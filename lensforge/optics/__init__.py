@@ -6,6 +6,7 @@
 - ``material_files``: AGF and refractiveindex.info files
 - ``coatings``: thin-film stacks and tables of reflectance
 - ``dielectric``: the laws of Snell and Fresnel, for NumPy and torch
+- ``exit_space``: the space that light leaves, and étendue from it
 - ``fundamental_limits``: light that étendue and two refractions leave
 - ``image_reading.read_light``: a picture as light
 - ``photopic``: lumens from watts

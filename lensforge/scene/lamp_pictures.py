@@ -9,16 +9,16 @@ end is that of one lamp, each landing moved by whole periods into one: nothing i
 A sum is linear, and its adjoint moves the sensitivities back.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.optics.arrays import Array, module_of
-from lensforge.optics.fundamental_limits import cell_solid_angles
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -27,7 +27,7 @@ from lensforge.spec.lamp_places import Stand
 from lensforge.spec.lamps_section import ALONE, Lamps
 
 _MOST_PIXELS = 2**22  # of a picture, of which an evaluation keeps sixteen: half a gigabyte
-_CELLS = 4  # periods on each side by which the solid angles of a lattice's pixels are summed
+_CELLS = 4  # periods on each side by which amounts on a lattice's pixels are summed
 _Image = Float[np.ndarray, "_ _"]
 _Images = Float[np.ndarray, "..."]  # of replicates, or one
 
@@ -134,22 +134,22 @@ class LampPictures:
         weights = [raster.lamps / len(self.receiver.lamps) for raster in self.rasters]
         return sum(weight * amount for weight, amount in zip(weights, amounts, strict=True))
 
-    def solid_angles_sr(self, corners: Sequence[Float[np.ndarray, "_ _ 3"]]) -> _Image:
-        """Solid angle of each pixel as a lamp sees it, the mean of all, from ``corners`` (mm) of the rasters' pixels.
+    def summed(self, amounts: Callable[[PosedReceiver], _Images], whole: Float[np.ndarray, " k"]) -> _Images:
+        """Amounts on each pixel as a lamp sees it, the mean of all, by those on the pixels of any receiver.
 
-        Of a lattice that of all its periods. Those farther than a few are spread over the pixels evenly: all are 2 pi.
+        Of a lattice that of all its periods. Those farther than a few are spread over the pixels evenly: all together
+        are the ``whole``, on an endless plane.
         """
-        period = self.receiver.lamps.period_mm
+        period, count = self.receiver.lamps.period_mm, len(self.receiver.lamps)
         if period is None:
-            return self.added([cell_solid_angles(each) for each in corners])
-        total = np.zeros(self.receiver.grid.shape)
-        for place in self.receiver.lamps.places_mm:
-            here = replace(self.receiver, pose=self.receiver.pose.seen_from(Stand((*place, 0.0)))).corners()
-            for i in range(-_CELLS, _CELLS + 1):
-                for j in range(-_CELLS, _CELLS + 1):
-                    total += cell_solid_angles(here + np.array([i * period[0], j * period[1], 0.0]))
-        total /= len(self.receiver.lamps)
-        return np.asarray(total + max(2.0 * np.pi - float(total.sum()), 0.0) / total.size)
+            return self.added([amounts(each) for each in self.receivers])
+        around, pose = np.arange(-_CELLS, _CELLS + 1), self.receiver.pose
+        total = np.zeros((len(whole), *self.receiver.grid.shape))
+        for (x, y), i, j in product(self.receiver.lamps.places_mm, around.tolist(), around.tolist()):
+            place = x - i * period[0], y - j * period[1], 0.0
+            total += amounts(replace(self.receiver, pose=pose.seen_from(Stand(place)))) / count
+        rest = np.maximum(whole - total.sum(axis=(1, 2)), 0.0)
+        return np.asarray(total + rest[:, None, None] / total[0].size)
 
     def regions(self, pixels: Bool[np.ndarray, "_ _"]) -> list[Bool[np.ndarray, "_ _"]]:
         """Pixels of each raster that are one of ``pixels`` for one of its lamps at least."""

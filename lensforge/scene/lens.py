@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from math import hypot
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -25,6 +26,7 @@ from lensforge.results.notebook_html import section_html, table_text
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
 from lensforge.scene.body import Body, radii
 from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
+from lensforge.spec.search_section import LARGEST
 from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import has_mirrors
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
@@ -37,7 +39,7 @@ EARLIER_SCHEMA = "lensforge-lens-2"  # inner and outer beside the spec, not unde
 EARLIER_FORMAT = "lensforge-lens-1"  # stated as "format"; the surfaces are written in the same way
 _REMEDY = "run `lensforge design` again"
 _WORDS = {"Asphere": "asphere", "Biconic": "biconic"}
-_DIRECTIONS, _LARGEST = 200, 10.0  # a lens may miss its largest radius, but not by far; tables of it would not end
+_DIRECTIONS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +122,8 @@ class Lens:
     @property
     def reach_mm(self) -> float:
         """Radius of the ball about the origin in which the lens lies, as its spec asks."""
-        return self.spec.constraints.max_radius_mm
+        limits = self.spec.constraints
+        return hypot(limits.max_radius_mm, limits.tallest_mm if self.spec.lens.radius_about_axis else 0.0)
 
     @property
     def basis(self) -> SrbfBasis:
@@ -261,7 +264,7 @@ def _lens_in(file: bytes, path: Path) -> Lens:
 def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surface]:
     surfaces: dict[str, Surface] = {name: face.surface() for name, face in record.items()}
     for name, surface in surfaces.items():
-        _require_size(name, surface, _LARGEST * spec.constraints.max_radius_mm)
+        _require_size(name, surface, LARGEST * spec.constraints.max_radius_mm)
     return surfaces
 
 

@@ -15,11 +15,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.optics.coatings import least_reflectances, whole_span
-from lensforge.optics.fundamental_limits import best_transmittance, cone_around, etendue_from_ball
+from lensforge.optics.exit_space import ExitBall, ExitSpace
+from lensforge.optics.fundamental_limits import best_transmittance, cone_around
 from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.receiver import PosedReceiver
-from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source, is_round
+from lensforge.spec.lens_section import AnyLens
+from lensforge.surfaces.mirror_group import REVOLUTION, images_in_common, shortest_arc
 from lensforge.surfaces.placed_bodies import reach_mm
 
 _RAYS_PER_CELL = 32  # fewer: the noise of a cell's radiance; more: cells average over radiance that differs
@@ -129,22 +132,28 @@ Region = Bool[np.ndarray, "h w"] | Float[np.ndarray, "h w"]  # pixels, or the sh
 class LargestShare:
     """Upper bounds of a share of the source's flux: by étendue, and by what two refractions turn and transmit.
 
-    ``turned_by``: what does it in their place.
+    ``turned_by``: what does it in their place. ``by_symmetry``: by that of a lens of faces of revolution.
     """
 
     by_etendue: float
     by_refraction: float
     turned_by: str = "two refractions"
+    by_symmetry: float = 1.0
 
     @property
     def value(self) -> float:
-        """The lower one."""
-        return min(self.by_etendue, self.by_refraction)
+        """The lowest one."""
+        return min(self.by_etendue, self.by_refraction, self.by_symmetry)
 
     @property
     def law(self) -> str:
         """The law that sets it, in words."""
-        return "étendue" if self.by_etendue <= self.by_refraction else f"the turn and loss of {self.turned_by}"
+        laws = {
+            "étendue": self.by_etendue,
+            f"the turn and loss of {self.turned_by}": self.by_refraction,
+            "the symmetry of faces of revolution": self.by_symmetry,
+        }
+        return min(laws, key=laws.__getitem__)
 
     def __str__(self) -> str:
         return f"at most {100.0 * self.value:.3g} % (by {self.law})"
@@ -155,20 +164,25 @@ class SourceLight:
     """A sample of a source's rays, the étendue that they take outside the lens, and the media that they pass.
 
     ``reflects``: the lens has a wall for total reflection, which turns light by any angle and loses none.
+    ``round_by``: of a lens of faces of revolution the mirror group that the light of the source has, and keeps, or
+    ``REVOLUTION``; None for any other lens.
     """
 
     rays: RayBundle
     curve: EtendueCurve
     media: Media
     reflects: bool = False
+    round_by: str | None = None
 
     @staticmethod
-    def of(source: Source, media: Media, count: int = _RAYS, *, reflects: bool = False) -> "SourceLight":
-        """Sample ``source``."""
+    def of(source: Source, media: Media, count: int = _RAYS, *, lens: AnyLens | None = None) -> "SourceLight":
+        """Sample ``source``, whose light goes through any ``lens`` of that kind, by default one of two faces."""
         count = min(count, source.ray_count or count)
         rays = source.sample(count, _SEED)
         found = SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
-        return replace(found, reflects=reflects)
+        round_by = REVOLUTION if is_round(source) else source.symmetry
+        kept = lens is not None and lens.is_round and not media.bodies
+        return replace(found, reflects=lens is not None and lens.reflects, round_by=round_by if kept else None)
 
     @staticmethod
     def of_rays(rays: RayBundle, curve: EtendueCurve, media: Media) -> "SourceLight":
@@ -197,28 +211,29 @@ class SourceLight:
 
 @dataclass(frozen=True)
 class PossibleLight:
-    """Light that a lens within ``max_radius_mm`` of the origin can bring to ``receiver`` from a source, at most.
+    """Light that any lens whose light leaves ``space`` can bring to ``receiver`` from a source, at most.
 
-    Étendue: the light comes out of the ball of that radius, so that what reaches a pixel has at most the étendue from
-    the ball to it, and at most the flux of the brightest light of the source of that étendue (Winston, Minano and
-    Benitez, Nonimaging Optics, 2005, chapter 2), times what two faces transmit at normal incidence. Refraction: to
-    reach a region a ray must turn by the angle from its direction to the cone around the region, and two faces that
-    turn it so far transmit :func:`~lensforge.optics.fundamental_limits.best_transmittance` of it. Of lamps together the
-    mean of a lamp is bounded: by the mean étendue, as the flux in an étendue is concave, and the mean of the turns.
+    Étendue: what reaches a pixel has at most the étendue from that space to it, and at most the flux of the brightest
+    light of the source of that étendue (Winston, Minano and Benitez, Nonimaging Optics, 2005, chapter 2), times what
+    two faces transmit at normal incidence. Refraction: to reach a region a ray must turn by the angle from its
+    direction to the cone around the region, and two faces that turn it so far transmit
+    :func:`~lensforge.optics.fundamental_limits.best_transmittance` of it. Symmetry: faces of revolution keep that of
+    the source, so that images of a region get as much light as the region itself. Of lamps together the mean of a lamp
+    is bounded: by the mean étendue, as the flux in an étendue is concave, and the mean of the other two.
     """
 
     light: SourceLight
     receiver: PosedReceiver
-    max_radius_mm: float
+    space: ExitSpace
 
     @cached_property
-    def _ball_mm(self) -> float:
-        """Radius of the ball from which light seems to come: nearer by the thickness of a cover glass at most.
+    def _exit(self) -> ExitSpace:
+        """The space from which light seems to come: nearer by the thickness of a cover glass at most.
 
         Of bodies behind the lens the light comes out of the last.
         """
         glass, bodies = self.light.media.cover_glass, self.light.media.bodies
-        return max(self.max_radius_mm + (0.0 if glass is None else glass.thickness_mm), reach_mm(bodies))
+        return ExitBall(reach_mm(bodies)) if bodies else self.space.grown(0.0 if glass is None else glass.thickness_mm)
 
     @cached_property
     def _lamps(self) -> LampPictures:
@@ -229,27 +244,43 @@ class PossibleLight:
         return [receiver.corners() for receiver in self._lamps.receivers]
 
     @cached_property
-    def _solid_angles_sr(self) -> Image:
-        return self._lamps.solid_angles_sr(self._corners)
+    def _etendues(self) -> Float[np.ndarray, "k h w"]:
+        """Étendue (mm^2 sr) of each pixel, the mean of all lamps, for each of the spaces that a lens may have."""
+        return self._lamps.summed(self._etendues_on, self._exit.flux_upwards_mm2_sr)
+
+    def _etendues_on(self, receiver: PosedReceiver) -> Float[np.ndarray, "k h w"]:
+        rows, columns = receiver.grid.shape
+        times = self._exit.finer(max(rows, columns))
+        fine = replace(receiver, grid=receiver.grid.finer(times)).corners()
+        found = self._exit.etendues(fine, far=receiver.kind == "far_field")
+        return np.asarray(found.reshape(-1, rows, times, columns, times).sum(axis=(2, 4)))
 
     @cached_property
     def on_pixels(self) -> Image:
         """Largest share of the source's flux on each pixel, by étendue: the brightness theorem."""
-        etendue = etendue_from_ball(self._ball_mm, 1.0) * self._solid_angles_sr
-        caps: Image = self.light.transmittance * self.light.curve.shares_within(etendue)
+        caps: Image = self.light.transmittance * self.light.curve.shares_within(self._etendues.max(axis=0))
         return caps
 
+    def by_etendue(self, pixels: Region) -> float:
+        """Largest share in ``pixels`` [row y, column x], or in a part of each, by étendue alone."""
+        etendue = float((self._etendues * pixels).sum(axis=(1, 2)).max())
+        return self.light.transmittance * float(self.light.curve.shares_within(etendue))
+
     def in_region(self, pixels: Region) -> LargestShare:
-        """Largest share in ``pixels`` [row y, column x], or in a part of each; without extent by refraction alone."""
+        """Largest share in ``pixels``, or in a part of each; without extent by refraction alone."""
         if not pixels.any():
             return LargestShare(0.0, 0.0)
-        etendue = self._etendue_mm2_sr(pixels, self._ball_mm)
-        held = self.light.transmittance * float(self.light.curve.shares_within(etendue))
+        held, most = self.by_etendue(pixels), self.light.transmittance
         by = "two refractions" if self.light.media.cup is None else "a mirror"
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
-            return LargestShare(held, self.light.transmittance, by)
-        regions = zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True)
-        return LargestShare(held, float(self._lamps.mean([self._refracted(*each) for each in regions])), by)
+            return LargestShare(held, most, by)
+        regions = list(zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True))
+        refracted = float(self._lamps.mean([self._refracted(*each) for each in regions]))
+        if self.light.round_by is None:
+            return LargestShare(held, refracted, by)
+        return LargestShare(
+            held, refracted, by, most * float(self._lamps.mean([self._of_images(*each) for each in regions]))
+        )
 
     def _refracted(
         self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]
@@ -261,6 +292,39 @@ class PossibleLight:
         passed = rays.flux @ self.light.best_transmittances(turns)
         return float(passed / rays.flux.sum())
 
+    def beside_axis(self, pixels: Region) -> bool:
+        """True for a region to one side of the axis of a lens whose faces are of revolution, as each lamp sees it."""
+        if self.light.round_by is None or self.receiver.lamps.period_mm is not None or not pixels.any():
+            return False
+        arcs = zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True)
+        return all(self._arc(*each)[1] < 0.5 * np.pi for each in arcs)
+
+    def _of_images(
+        self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]
+    ) -> float:
+        """Share of the images of a region under the symmetry of round light that a ray reaches at most."""
+        return images_in_common(self.light.round_by or "none", *self._arc(receiver, corners, pixels))
+
+    def _arc(
+        self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]
+    ) -> tuple[float, float]:
+        """Middle and half width (rad) of the azimuths of rays that reach a region.
+
+        A ray from ``r`` beside the axis that lands ``d`` beside it comes from an azimuth up to asin(r/d) aside.
+        """
+        used = np.zeros(corners.shape[:2], dtype=bool)
+        for rows, columns in ((slice(-1), slice(-1)), (slice(-1), slice(1, None)), (slice(1, None), slice(-1))):
+            used[rows, columns] |= pixels
+        used[1:, 1:] |= pixels
+        x, y, _ = corners[used].T
+        diagonal = np.linalg.norm(corners[1:, 1:] - corners[:-1, :-1], axis=-1)[pixels].max()
+        near = float(np.hypot(x, y).min() - diagonal)
+        from_mm = 0.0 if receiver.kind == "far_field" else self._exit.radius_mm
+        if near <= from_mm:
+            return 0.0, np.pi
+        middle, half = shortest_arc(np.arctan2(y, x))
+        return middle, half + float(np.arcsin(from_mm / near))
+
     def in_window(self) -> LargestShare:
         """Largest share in the receiver's window, which may be wider than its pixels."""
         window, grid = self.receiver.window, self.receiver.grid
@@ -268,16 +332,8 @@ class PossibleLight:
         whole = replace(self.receiver, grid=replace(grid, width=width, height=height))
         cells = window.pixels(whole.grid.finer(_WINDOW_SUBPIXELS))
         cells = cells.reshape(grid.rows, _WINDOW_SUBPIXELS, grid.columns, _WINDOW_SUBPIXELS)
-        return replace(self, receiver=whole).in_region(cells.mean(axis=(1, 3)))
-
-    def radius_for(self, pixels: Region, share: float) -> float:
-        """Radius (mm) of the smallest lens whose étendue lets ``share`` into ``pixels``; infinite where none does."""
-        curve = self.light.curve
-        wanted = share / self.light.transmittance
-        if not pixels.any() or wanted > 1.0 + 1e-9:
-            return float("inf")
-        needed = float(np.interp(min(wanted, 1.0), curve.share, curve.etendue_mm2_sr))
-        return float(np.sqrt(needed / self._etendue_mm2_sr(pixels, 1.0)))
+        physics = self if whole == self.receiver else replace(self, receiver=whole)
+        return physics.in_region(cells.mean(axis=(1, 3)))
 
     def least_nmse(self, target: Image, in_target: Region, arriving: float) -> float:
         """Lower bound of the NMSE of a pattern that holds the share ``arriving`` of the source's flux.
@@ -297,18 +353,23 @@ class PossibleLight:
             nearest[~in_target] = _filled(target[~in_target], caps[~in_target], 1.0 - most)
         return float(np.sum((nearest - target) ** 2) / np.sum(target**2))
 
-    def _etendue_mm2_sr(self, pixels: Region, radius_mm: float) -> float:
-        return etendue_from_ball(radius_mm, float((self._solid_angles_sr * pixels).sum()))
+    def _parallax_rad(self, receiver: PosedReceiver, corners: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, " n"]:
+        """Most by which a point of a receiver lies off its direction from the origin, seen from where light leaves.
 
-    def _parallax_rad(self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"]) -> float:
-        """Most by which a point of a receiver, seen from within the ball, lies off its direction from the origin."""
+        Of a mirror, by which light that need not turn goes straight on, seen along each ray.
+        """
         if receiver.kind == "far_field":
-            return 0.0
+            return np.zeros(1)
         nearest_mm = float(np.linalg.norm(corners, axis=-1).min())
         if receiver.kind == "plane":  # between the corners it may be nearer
             pose = receiver.pose
             nearest_mm = abs(float(pose.axes[2] @ pose.centre_mm))
-        return float(np.arcsin(min(1.0, self._ball_mm / nearest_mm)))
+        off_mm = np.array([self._exit.radius_mm])
+        if self.light.media.cup is not None:
+            glass = self.light.media.cover_glass
+            off_mm = np.linalg.norm(np.cross(self.light.rays.origins, self.light.rays.directions), axis=1)
+            off_mm += 0.0 if glass is None else glass.thickness_mm
+        return np.asarray(np.arcsin(np.minimum(1.0, off_mm / nearest_mm)))
 
 
 def _filled(target: Float[np.ndarray, "*n"], caps: Float[np.ndarray, "*n"], total: float) -> Float[np.ndarray, "*n"]:

@@ -8,9 +8,9 @@ The search keeps the inner surface outside the cavity's paraboloid, and knows no
 inside it is never touched; the smallest inner surface that the limits allow is the boundary where one is.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from math import isfinite, sqrt
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import inf, isfinite, sqrt
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -46,7 +46,7 @@ class Asked:
     Of a target and of a limit on a share, the share of the source's flux and its ``bounds``, the unit "%"; a target
     asks for all that two faces transmit into its bright part. Of a limit on light, that at its worst place.
     ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: by a luminance that is estimated from the
-    rays of the source, which stops no search.
+    rays of the source, which stops no search. ``beside``: it lies to one side of the axis of a lens of revolution.
     """
 
     name: str
@@ -56,6 +56,7 @@ class Asked:
     radius_mm: float
     estimated: bool
     bounds: LargestShare | None = None
+    beside: bool = False
 
     @property
     def met(self) -> float:
@@ -65,8 +66,9 @@ class Asked:
     @property
     def certain(self) -> bool:
         """False where only the bound of an estimated luminance is too low."""
-        refracted = self.bounds is not None and self.bounds.by_refraction < LEAST_POSSIBLE * self.asked
-        return refracted or not self.estimated
+        bounds = self.bounds
+        known = bounds is not None and min(bounds.by_refraction, bounds.by_symmetry) < LEAST_POSSIBLE * self.asked
+        return known or not self.estimated
 
     @property
     def possible_words(self) -> str:
@@ -86,9 +88,14 @@ class Asked:
         bounds, words = self.bounds, "a smaller source or a larger target"
         if bounds is None:
             words = "a smaller or brighter source, or a lower bound"
-        elif bounds.by_etendue > bounds.by_refraction or not isfinite(self.radius_mm):
+        elif bounds.by_symmetry < min(bounds.by_etendue, bounds.by_refraction):
+            return f"{_LEVELS}: faces of revolution make round light about the axis"
+        elif bounds.by_etendue > bounds.by_refraction:
             return "a larger lens.refractive_index, or a target nearer to the source's axis"
-        return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {words}"
+        return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {words}" if isfinite(self.radius_mm) else words
+
+
+_LEVELS = "lens.levels, such as [25]"
 
 
 def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[Asked, ...]]:
@@ -96,42 +103,65 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[As
 
     Raises :class:`InputError` for limits whose unit the source does not have.
     """
-    light, receivers = (
-        SourceLight.of(source, spec.media, reflects=spec.lens.reflects),
-        receivers_of(spec, spec.evaluate.pixels),
-    )
-    physics = [PossibleLight(light, receiver, spec.constraints.max_radius_mm) for receiver in receivers]
+    light, receivers = SourceLight.of(source, spec.media, lens=spec.lens), receivers_of(spec, spec.evaluate.pixels)
+    space = spec.lens.exit_space(spec.constraints)
+    physics = [PossibleLight(light, receiver, space) for receiver in receivers]
     wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
-    targets = tuple(_of_target(pattern, each) for pattern, each in zip(wanted, physics, strict=True))
+    targets = tuple(_of_target(pattern, each, spec) for pattern, each in zip(wanted, physics, strict=True))
     lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
-    asked = (_of_limit(limit, physics[limit.receiver], source.flux_w) for limit in limits)
+    asked = (_of_limit(limit, physics[limit.receiver], source.flux_w, spec) for limit in limits)
     return targets, tuple(each for each in asked if each is not None)
 
 
-def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight) -> Asked:
+def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight, spec: Spec) -> Asked:
     region = in_target(wanted)
-    return _share("target", physics.light.transmittance * float(wanted[region].sum()), region, physics)
+    return _share("target", physics.light.transmittance * float(wanted[region].sum()), region, physics, spec)
 
 
-def _share(name: str, asked: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight) -> Asked:
+def _share(name: str, asked: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight, spec: Spec) -> Asked:
     bounds, estimated = physics.in_region(region), physics.light.curve.estimated
-    return Asked(name, asked, bounds.value, "%", physics.radius_for(region, asked), estimated, bounds)
+    radius_mm = _least_radius_mm(spec, physics, asked, lambda larger: larger.by_etendue(region))
+    beside = physics.beside_axis(region)
+    return Asked(name, asked, bounds.value, "%", radius_mm, estimated, bounds, beside)
 
 
-def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float) -> Asked | None:
+def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Spec) -> Asked | None:
     """The share, or the light at the place at which least of it is possible; None for other limits, and upper ones."""
     if limit.sense != ">=" or limit.quantity not in ("light", "share"):
         return None
     if limit.quantity == "share":
         region = np.zeros(physics.on_pixels.shape, dtype=bool)
         region.flat[limit.readings.indices] = True
-        return _share(limit.name, limit.bound, region, physics)
-    possible = float(limit.of(physics.on_pixels[None] * flux_w).min())
-    radius_mm = physics.max_radius_mm * sqrt(limit.bound / max(possible, np.finfo(float).tiny))
-    return Asked(limit.name, limit.bound, possible, limit.unit, radius_mm, physics.light.curve.estimated)
+        return _share(limit.name, limit.bound, region, physics, spec)
+
+    def least(larger: PossibleLight) -> float:
+        return float(limit.of(larger.on_pixels[None] * flux_w).min())
+
+    radius_mm = _least_radius_mm(spec, physics, limit.bound, least)
+    return Asked(limit.name, limit.bound, least(physics), limit.unit, radius_mm, physics.light.curve.estimated)
 
 
+def _least_radius_mm(spec: Spec, physics: PossibleLight, asked: float, most: Callable[[PossibleLight], float]) -> float:
+    """Largest radius (mm) of the smallest lens of which ``most`` is as much as ``asked``; infinite where of none."""
+    limits = spec.constraints
+
+    def suffices(radius_mm: float) -> bool:
+        space = spec.lens.exit_space(limits.model_copy(update={"max_radius_mm": radius_mm}))
+        return most(replace(physics, space=space)) >= asked * (1.0 - _ROUNDING)
+
+    low, high = limits.max_radius_mm, _WIDEST * limits.max_radius_mm
+    if suffices(low):
+        return low
+    if not suffices(high):
+        return inf
+    while high > _CLOSE * low:
+        middle = sqrt(low * high)
+        low, high = (low, middle) if suffices(middle) else (middle, high)
+    return high
+
+
+_WIDEST, _CLOSE, _ROUNDING = 1e3, 1.0001, 1e-9  # of radii that are tried, relative; of what is asked
 _RAYS, _SEED = 2**14, 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
@@ -190,6 +220,10 @@ class SceneCheck:
         for field, asked in self._asked():
             if asked.met < _WARN_POSSIBLE:
                 lines.append(f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}")
+            elif asked.beside:
+                lines.append(
+                    f"{field}: it lies beside the axis, and faces of revolution make round light; try {_LEVELS}"
+                )
         return tuple(lines)
 
     def _asked(self) -> Iterator[tuple[str, Asked]]:

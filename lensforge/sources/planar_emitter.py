@@ -38,6 +38,12 @@ class PlanarEmitter:
         """Largest mirror group of both area and profile."""
         return shared_symmetry([self.area.symmetry, self.profile.symmetry])
 
+    @property
+    def is_round(self) -> bool:
+        """True for a disc of light that is the same in all azimuths."""
+        profile = self.profile
+        return isinstance(self.area, Disc) and (isinstance(profile, CosinePower) or len(profile.c_deg) == 1)
+
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points in four dimensions."""
         points = sobol(count, 4, seed)

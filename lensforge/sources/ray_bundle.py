@@ -216,6 +216,11 @@ class ChangedSource:
         return self.source.symmetry
 
     @property
+    def is_round(self) -> bool:
+        """True where the source itself is known to be one of revolution."""
+        return is_round(self.source)
+
+    @property
     def ray_count(self) -> int | None:
         """Number of distinct rays of the source itself."""
         return self.source.ray_count
@@ -223,6 +228,12 @@ class ChangedSource:
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Outline (mm) of the source itself."""
         return self.source.outline()
+
+
+def is_round(source: Source) -> bool:
+    """True for a source that is known to be one of revolution about the axis."""
+    known = getattr(source, "is_round", False)
+    return bool(known)
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,6 +87,11 @@ class PlacedSource(ChangedSource):
         own = self.source.symmetry
         return largest_symmetry(lambda mirror: self.pose.keeps(mirror, own))
 
+    @property
+    def is_round(self) -> bool:
+        """True where it is moved and turned along and about the axis alone."""
+        return super().is_round and not self.pose.position_mm[:2].any() and self.pose.rotation[2, 2] == 1.0
+
     def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
         """The rays, moved."""
         return self.pose.placed(rays)

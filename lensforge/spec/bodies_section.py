@@ -208,7 +208,7 @@ def _largest_lens(lens: AnyLens, limits: ConstraintsSection) -> _Points:
     if not lens.radius_about_axis:
         points: _Points = most * u
         return points
-    height = limits.max_height_mm or most
+    height = lens.height_mm(limits)
     across = u[:, :2] / np.linalg.norm(u[:, :2], axis=1, keepdims=True)
     side = np.column_stack([most * across, height * u[:, 2]])
     return np.concatenate([side, np.column_stack([most * u[:, :2], np.full(len(u), height)])])

@@ -202,7 +202,7 @@ class Spec(Section):
     def _sections_fit_together(self) -> None:
         field = "receivers.centre_mm: distance of the plane" if self.receivers else "target.distance_mm"
         for receiver in self.all_receivers:
-            require_outside(receiver, self.constraints, field)
+            require_outside(receiver, self.lens, self.constraints, field)
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
         require_bodies(self.bodies, self.lens, self.constraints, lamps=self.lamps, robust=self.optimise.robust)
         require_limits_fit(self.limits, self.all_receivers)

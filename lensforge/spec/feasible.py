@@ -48,7 +48,9 @@ def require_feasible(lens: AnyLens, limits: ConstraintsSection, manufacture: Man
 
 def _require_below_glass(lens: AnyLens, limits: ConstraintsSection) -> None:
     """A cover glass against the largest height that the lens may have."""
-    highest = limits.max_radius_mm if limits.max_height_mm is None else min(limits.max_height_mm, limits.max_radius_mm)
+    highest = lens.height_mm(limits)
+    if not lens.radius_about_axis:
+        highest = min(highest, limits.max_radius_mm)
     if lens.is_opaque:  # its mouth is as high as it is given, or as it may be
         highest = lens.faces["mouth"].offset_mm or limits.max_height_mm or float("inf")
     if lens.cover_glass is not None and lens.cover_glass.distance_mm < highest:

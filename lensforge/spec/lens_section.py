@@ -1,18 +1,21 @@
 """The ``[lens]`` of a spec by its kind: material, faces, and the functions that shape the free ones."""
 
 from dataclasses import replace
-from math import degrees
+from math import degrees, hypot, sqrt
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from lensforge.errors import InputError
+from lensforge.optics.exit_space import ExitBall, ExitColumn, ExitSpace
 from lensforge.optics.media import FLANGE, MOST_EVENTS, OUTSIDE, FaceCoating, Media, Mirror
 from lensforge.spec.face_section import LensFaces, ReflectorFaces, TirFaces
 from lensforge.spec.lens_material import LensMaterial
+from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import FilePath, Label, check
 from lensforge.surfaces.imported_face import lens_file
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
+from lensforge.surfaces.reflector_cup import mouth_radius_mm
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
 
 USUAL_KIND = "double"  # of a lens that names none
@@ -94,6 +97,26 @@ class LensShape(LensMaterial):
         """True where all faces are of revolution."""
         return False
 
+    def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
+        """The space that all light leaves of any lens of its kind within ``limits``."""
+        return ExitBall(limits.max_radius_mm)
+
+    def height_mm(self, limits: ConstraintsSection) -> float:
+        """Height that the largest lens is taken to have: that of its limits, or as much as its radius."""
+        return limits.max_radius_mm if limits.max_height_mm is None else limits.max_height_mm
+
+    def extent_mm(self, limits: ConstraintsSection, rise: float | None = None) -> float:
+        """Distance from the origin up to which the largest lens is taken to reach: towards a plane, or anywhere.
+
+        ``rise``: cosine of the plane's normal to the axis.
+        """
+        radius_mm, height_mm = limits.max_radius_mm, self.height_mm(limits)
+        if not self.radius_about_axis:
+            return radius_mm
+        if rise is None:
+            return hypot(radius_mm, height_mm)
+        return radius_mm * sqrt(max(1.0 - rise**2, 0.0)) + height_mm * max(rise, 0.0)
+
     @property
     def shape_levels(self) -> tuple[int, ...]:
         """Parameters of a free face, coarse first: the functions of its levels, which are numbers."""
@@ -129,6 +152,10 @@ class ProfiledShape(LensShape):
     def is_round(self) -> bool:
         """True without levels, and without faces that are given."""
         return not self.levels and all(face.fixed is None for face in self.faces.values())
+
+    def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
+        """The cylinder in which the lens lies: light leaves by its wall, too."""
+        return ExitColumn(limits.max_radius_mm, ((0.0, limits.tallest_mm),))
 
     @property
     def shape_levels(self) -> tuple[int, ...]:
@@ -171,6 +198,18 @@ class ReflectorSection(ProfiledShape, ReflectorFaces):
     kind: Literal["reflector"]
     material: Label = "metallised plastic"
     """Material of the body, a label: no light enters it."""
+
+    def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
+        """The disc of its mouth: as wide and as high as a given cup makes it, else at any height that is allowed."""
+        cup, height_mm = self.fixed["cup"], self.mouth.offset_mm
+        if cup is None or height_mm is None:
+            return ExitColumn.of_mouth(limits.max_radius_mm, limits.tallest_mm)
+        return ExitColumn(mouth_radius_mm(cup, height_mm), ((height_mm, height_mm),), upward=True)
+
+    def height_mm(self, limits: ConstraintsSection) -> float:
+        """Height of the mouth of a given cup, where it is given, too."""
+        given = self.cup.fixed is not None and self.mouth.offset_mm
+        return given or super().height_mm(limits)
 
     @check
     def _is_open(self) -> None:

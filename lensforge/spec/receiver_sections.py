@@ -3,13 +3,14 @@
 A target may imply a receiver. Receivers lie outside the lens and, where it has a cover glass, behind it.
 """
 
-from math import cos, pi, radians, sin
+from math import cos, hypot, pi, radians, sin
 from typing import Annotated, ClassVar, Literal, TypeVar
 
 from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.spec.emitter_section import Degrees, Turn
+from lensforge.spec.lens_section import AnyLens
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import (
     CrossTarget,
@@ -337,25 +338,25 @@ def named(receivers: tuple[AnyReceiver, ...]) -> tuple[AnyReceiver, ...]:
     return tuple(with_names)
 
 
-def require_outside(receiver: AnyReceiver, limits: ConstraintsSection, field: str) -> None:
+def require_outside(receiver: AnyReceiver, lens: AnyLens, limits: ConstraintsSection, field: str) -> None:
     """Raise ``ValueError`` for a receiver inside the largest lens, or where its light cannot come."""
-    largest = limits.max_radius_mm
+    by = "constraints.max_radius_mm" + (" with the height of the lens" if lens.radius_about_axis else "")
     match receiver:
         case PlaneReceiver():
+            largest = lens.extent_mm(limits, receiver.facing[2] / hypot(*receiver.facing))
             if receiver.distance_mm <= largest:
                 raise ValueError(
-                    f"{field} = {receiver.distance_mm:g} is inside the lens: it must exceed constraints.max_radius_mm "
-                    f"= {largest:g}"
+                    f"{field} = {receiver.distance_mm:g} is inside the lens: it must exceed {by} = {largest:.6g}"
                 )
             _require_ahead(receiver.facing, 0.0, receiver.centre_mm[2] < 0.0)
         case FarFieldReceiver():
             _require_ahead(receiver.facing, receiver.half_angle_deg, True)
         case CylinderReceiver() | SphereReceiver():
-            room = receiver.radius_mm - sum(value**2 for value in receiver.centre_mm) ** 0.5
+            room, largest = receiver.radius_mm - hypot(*receiver.centre_mm), lens.extent_mm(limits)
             if room <= largest:
                 raise ValueError(
                     f"receivers.radius_mm = {receiver.radius_mm:g}: the {receiver.kind} leaves {room:.4g} mm around "
-                    f"the lens origin, it must leave more than constraints.max_radius_mm = {largest:g}"
+                    f"the lens origin, it must leave more than {by} = {largest:.6g}"
                 )
 
 

@@ -20,6 +20,7 @@ from lensforge.surfaces.srbf import MOST_LEVELS
 Accuracy = Literal["draft", "standard", "reference"]
 MOST_STEPS = 1_000_000  # of a level; a search of 5000 takes minutes, and its history is kept
 Steps = Annotated[int, Field(ge=1, le=MOST_STEPS)]
+LARGEST = 10.0  # over the largest radius: a lens may miss that, but not by far; tables of it would not end
 KEEP_OUT_MARGIN_MM = 0.1  # a placed package may be off by 0.05 mm, and so may a lens on its board
 
 
@@ -68,6 +69,12 @@ class ConstraintsSection(Section):
     def rim_radius_mm(self) -> float:
         """Radius at which a search for total internal reflection starts, and of the cylinder where a flange begins."""
         return self.max_radius_mm - 2.0 * self.margin_mm
+
+    @property
+    def tallest_mm(self) -> float:
+        """Largest height above z = 0 of any lens: as far as any of its faces may reach, where no height is given."""
+        reach_mm = LARGEST * self.max_radius_mm
+        return reach_mm if self.max_height_mm is None else min(self.max_height_mm, reach_mm)
 
     @property
     def missing(self) -> tuple[str, ...]:

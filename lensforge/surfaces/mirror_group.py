@@ -8,6 +8,8 @@ from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 
+REVOLUTION = "revolution"  # beside the groups: all turns about the axis
+_SAME = 1e-9  # rad: arcs that touch
 _SWAP_XY = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -83,3 +85,22 @@ def first_images(points: Float[np.ndarray, "k d"], name: str) -> Bool[np.ndarray
         ahead = points[:, :2] - points[:, :2] @ image[:2, :2]
         first &= (ahead[:, 0] > tie) | ((ahead[:, 0] > -tie) & (ahead[:, 1] > -tie))
     return first
+
+
+def shortest_arc(azimuths_rad: Float[np.ndarray, " n"]) -> tuple[float, float]:
+    """Middle and half width (rad) of the shortest arc that holds all azimuths."""
+    found = np.sort(azimuths_rad)
+    gaps = np.diff(np.append(found, found[0] + 2.0 * np.pi))
+    widest = int(gaps.argmax())
+    half = np.pi - 0.5 * float(gaps[widest])
+    return float(found[widest] + gaps[widest]) + half, half
+
+
+def images_in_common(name: str, middle_rad: float, half_rad: float) -> float:
+    """Largest share of the images of an arc, under a group or ``REVOLUTION``, that have an azimuth in common."""
+    if name == REVOLUTION:
+        return min(1.0, half_rad / np.pi)
+    middles = np.array([each[:2, :2] @ (np.cos(middle_rad), np.sin(middle_rad)) for each in group(name)])
+    azimuths = np.arctan2(middles[:, 1], middles[:, 0])
+    beyond = np.mod(azimuths - azimuths[:, None] + _SAME, 2.0 * np.pi)  # an arc's end lies in all that begin in it
+    return float((beyond <= 2.0 * half_rad + 2.0 * _SAME).sum(axis=1).max() / len(middles))

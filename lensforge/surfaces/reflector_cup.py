@@ -22,6 +22,7 @@ _RAYS, _TRIED = 64, 24  # angles of the estimated share; focal lengths that are 
 _NARROWEST = 0.2  # of the largest radius: of a mouth that is tried
 _LOWEST, _BEYOND = -0.15, 0.1  # cosines: of the lowest point of a back, and by which it is known beyond its rim
 _COEFFICIENTS, _MERIDIANS, _ALONG = 24, 32, 721  # of a back; of a cup, and places on each
+_FINE = 8  # times as many places, on which the rim of a mouth is found
 _FLATTEST = 0.2  # height of the mouth over its radius, at least
 _ENOUGH = 0.98  # of the largest share: among these the lowest cup is chosen
 
@@ -121,15 +122,29 @@ def reflector_faces(
     return {"cup": cup, "back": back, "mouth": PlaneFace(reach, height_mm)}
 
 
+def mouth_radius_mm(cup: Surface, height_mm: float) -> float:
+    """Radius (mm) about the axis of the part of a level plane that lies within ``cup``, or a step more."""
+    polar = np.linspace(0.0, 0.5 * np.pi, _FINE * _ALONG, endpoint=False)
+    directions = _around(polar)
+    radii = cup.radius(directions).reshape(len(polar), -1)
+    within = np.flatnonzero((radii * np.cos(polar)[:, None] >= height_mm).any(axis=1))
+    return height_mm * float(np.tan(polar[min(within.max(initial=0) + 1, len(polar) - 1)]))
+
+
 def _behind(cup: Surface, wall_mm: float) -> tuple[_Values, _Values]:
     """Angles from the axis, falling from below the horizon, and the distances (mm) of a round back there.
 
     The farthest all around: at the wall along the normal, to first order.
     """
     polar = np.linspace(np.arccos(_LOWEST), 1e-3, _ALONG)
-    azimuth = 2.0 * np.pi * np.arange(_MERIDIANS) / _MERIDIANS
-    across = [np.outer(np.sin(polar), each).ravel() for each in (np.cos(azimuth), np.sin(azimuth))]
-    directions = np.stack([*across, np.repeat(np.cos(polar), _MERIDIANS)], axis=1)
+    directions = _around(polar)
     slant = np.sum(cup.normal(directions) * directions, axis=1)
     found = (cup.radius(directions) + wall_mm / slant).reshape(_ALONG, -1)
     return polar, found.max(axis=1)
+
+
+def _around(polar: _Values) -> Float[np.ndarray, "k 3"]:
+    """Directions at these angles from the axis, on each of the meridians in turn."""
+    azimuth = 2.0 * np.pi * np.arange(_MERIDIANS) / _MERIDIANS
+    across = [np.outer(np.sin(polar), each).ravel() for each in (np.cos(azimuth), np.sin(azimuth))]
+    return np.stack([*across, np.repeat(np.cos(polar), _MERIDIANS)], axis=1)

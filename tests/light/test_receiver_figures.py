@@ -9,6 +9,7 @@ from lensforge.light.evaluation import _flux_budget, receiver_light
 from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, uniformity
 from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
 from lensforge.light.receiver_light import ReceiverLight, possible_share
+from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.media import Media, Medium
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.possible_light import PossibleLight, SourceLight
@@ -33,7 +34,9 @@ def lit(images: np.ndarray, spec: Spec, emitted_w: float = 2.0) -> tuple[Receive
     drawn = (drawn_target(targets, receiver), coarser_target(targets, receiver))
     received = ReceivedFlux(images, by_fate, 0.7 * whole, 0.3 * whole, none + [0.4, 0.38] * whole[:, None], drawn)
     light = SourceLight.of(SquareEmitter(1.0), Media(Medium(1.5)), 256)
-    found = receiver_light(spec.all_receivers[0], PossibleLight(light, receiver, 7.0), received, 1.0, emitted_w)
+    found = receiver_light(
+        spec.all_receivers[0], PossibleLight(light, receiver, ExitBall(7.0)), received, 1.0, emitted_w
+    )
     return found, drawn[0].light
 
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,15 +13,17 @@ from scipy.optimize import minimize
 
 import lensforge as lf
 from lensforge.optics.coatings import least_reflectances, whole_span
+from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.fundamental_limits import best_transmittance
 from lensforge.optics.media import CoverGlass, Media, Medium
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
-from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane
+from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane, receivers_of
+from lensforge.scene.target_pattern import drawn_target
 from lensforge.search.scene_check import starting_surfaces
-from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec, load_spec
 
@@ -40,7 +43,9 @@ def straight_up(index: float, indices: np.ndarray | None = None) -> SourceLight:
 def possible(receiver: PosedReceiver, radius_mm: float, light: float | SourceLight) -> PossibleLight:
     """Bounds of some light; of the square's for a refractive index."""
     return PossibleLight(
-        light if isinstance(light, SourceLight) else SourceLight.of(SQUARE, Media(Medium(light))), receiver, radius_mm
+        light if isinstance(light, SourceLight) else SourceLight.of(SQUARE, Media(Medium(light))),
+        receiver,
+        ExitBall(radius_mm),
     )
 
 
@@ -93,7 +98,7 @@ def test_a_collimated_source_reaches_no_target_far_to_its_side() -> None:
 def test_a_point_source_is_bounded_by_refraction_alone() -> None:
     physics = possible(plane(1.0, 8, 1000.0), 15.0, SourceLight.of(SquareEmitter(0.0), Media(Medium(1.5))))
     assert physics.in_region(whole(physics.receiver)).by_etendue == pytest.approx(normal_transmittance(1.5) ** 2)
-    assert physics.radius_for(whole(physics.receiver), 0.5) == 0.0 and not physics.light.curve.estimated
+    assert not physics.light.curve.estimated
 
 
 def test_the_least_nmse_is_that_of_the_nearest_pattern_within_the_bounds() -> None:
@@ -192,7 +197,7 @@ def solid_angles(receiver: PosedReceiver) -> np.ndarray:
 @each_receiver
 @pytest.mark.parametrize("media", MEDIA.values(), ids=list(MEDIA))
 def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_around_it(receiver, media) -> None:
-    physics = PossibleLight(light(media), receiver, 4.0)
+    physics = PossibleLight(light(media), receiver, ExitBall(4.0))
     ball = 4.0 + (1.5 if media.cover_glass else 0.0)
     at_best = max(best(0.0, index, media) for index in INDICES)
     angles = solid_angles(receiver)
@@ -222,17 +227,99 @@ def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_aro
     assert found.by_refraction == pytest.approx(passed / bundle.flux.sum(), rel=1e-9)
 
 
-def test_the_radius_for_a_share_is_that_whose_etendue_holds_it() -> None:
-    physics = PossibleLight(light(Media(Medium(1.5))), RECEIVERS["plane"], 4.0)
-    transmittance = physics.light.transmittance
+def test_a_larger_lens_holds_a_share_by_the_square_of_its_radius() -> None:
     angle = float(solid_angles(RECEIVERS["plane"])[PIXELS].sum())
     for share, etendue in ((0.1, 0.0), (0.4, 1.0), (0.7, 2.0), (0.85, 5.5), (1.0, 9.0)):
-        found = physics.radius_for(PIXELS, share * transmittance)
-        assert found == pytest.approx(math.sqrt(etendue / (math.pi * angle)), rel=1e-6)
-    assert physics.radius_for(PIXELS, transmittance * (1.0 + 5e-10)) == pytest.approx(
-        math.sqrt(9.0 / (math.pi * angle))
+        radius_mm = max(math.sqrt(etendue / (math.pi * angle)), 1e-9)
+        physics = PossibleLight(light(Media(Medium(1.5))), RECEIVERS["plane"], ExitBall(radius_mm))
+        assert physics.by_etendue(PIXELS) == pytest.approx(share * physics.light.transmittance, rel=1e-6)
+
+
+def spec_of(**sections: Any) -> Spec:
+    return Spec.model_validate({"base": {"kind": "none"}, "optimise": {"aim": "share"}, **sections})
+
+
+def bounds_of(spec: Spec) -> PossibleLight:
+    """The bounds on the first receiver of ``spec``."""
+    receiver = receivers_of(spec, spec.evaluate.pixels)[0]
+    source = SourceLight.of(build_source(spec.source), spec.media, lens=spec.lens)
+    return PossibleLight(source, receiver, spec.lens.exit_space(spec.constraints))
+
+
+def share_of(spec: Spec) -> LargestShare:
+    physics = bounds_of(spec)
+    return physics.in_region(drawn_target(spec.all_receivers[0].targets, physics.receiver).coverage)
+
+
+def test_a_given_ellipsoid_is_bounded_by_the_view_of_its_mouth() -> None:
+    """Howell's C-41 between the disc and the mouth, whose radius is that of the ellipse there: more than it images."""
+    spec = spec_of(
+        source={"kind": "disc", "diameter_mm": 4.0},
+        lens={
+            "kind": "reflector",
+            "cup": {
+                "mirror": 0.95, "fixed": {"kind": "focal_conic", "vertex_mm": 3.0, "second_focus_mm": 80.0}
+            },
+            "mouth": {"offset_mm": 70.0},
+        },
+        constraints={"max_radius_mm": 18.0},
+        target={"kind": "disc", "diameter_mm": 4.0, "distance_mm": 80.0, "receiver_mm": 60.0},
+    )  # fmt: skip
+    mouth = math.sqrt((43.0**2 - 40.0**2) * (1.0 - (30.0 / 43.0) ** 2)) / 10.0
+    x = 1.0 + (1.0 + mouth**2) / 0.2**2
+    factor = 0.5 * (x - math.sqrt(x**2 - 4.0 * (mouth / 0.2) ** 2))
+    found = share_of(spec)
+    assert found.by_etendue == pytest.approx(factor, rel=0.01) and found.value > 0.2396, "a tracer of its own"
+    assert bounds_of(spec.replace({"lens.mouth.offset_mm": 40.0})).by_etendue(
+        np.ones((128, 128), dtype=bool)
+    ) == pytest.approx(1.0), "all of the receiver"
+
+
+def test_a_tir_lens_before_a_near_plane_may_bring_what_one_brought() -> None:
+    """An own tracer found 0.8206 in the disc, of a lens 13 mm high. A low one cannot: pi r^2 sin^2, of 4 pi in all."""
+    spec = spec_of(
+        source={"kind": "square", "side_mm": 2.0},
+        lens={"kind": "tir", "refractive_index": 1.4936},
+        constraints={"max_radius_mm": 8.5},
+        target={"kind": "disc", "diameter_mm": 5.0, "distance_mm": 22.0, "receiver_mm": 60.0},
     )
-    assert physics.radius_for(PIXELS, transmittance * (1.0 + 2e-9)) == math.inf
+    transmitted = normal_transmittance(1.4936) ** 2
+    assert 0.8206 < share_of(spec.replace({"constraints.max_height_mm": 13.2})).value <= transmitted
+    low = share_of(spec.replace({"constraints.max_height_mm": 4.0, "source.side_mm": 6.0})).by_etendue
+    ends = [math.pi * 2.5**2 * 8.5**2 / (8.5**2 + (22.0 - height) ** 2) / 36.0 for height in (4.0, 5.0)]
+    assert transmitted * ends[0] * 0.95 < low < transmitted * ends[1] * 1.05
+
+
+SQUARE_LED = {"kind": "square", "side_mm": 1.5}
+
+
+def washer(source: dict[str, Any] = SQUARE_LED, **changes: Any) -> Spec:
+    wall = {
+        "kind": "plane", "centre_mm": [0, 1000, 1500], "normal": [0, -1, 0], "width_mm": 2500, "height_mm": 2500,
+        "targets": [{"kind": "rectangle", "width_mm": 1500, "height_mm": 1500}],
+    }  # fmt: skip
+    return spec_of(
+        source=source,
+        lens={"kind": "reflector"},
+        constraints={"max_radius_mm": 25, "max_height_mm": 30},
+        receivers=[wall],
+    ).replace(changes | {"evaluate.pixels": 32})
+
+
+def test_faces_of_revolution_send_as_much_light_to_each_image_of_a_target() -> None:
+    """Four images of a wall 74 degrees wide under the turns of a square; of a disc all turns, of a rectangle two."""
+    arc = 2.0 * math.atan(750.0 / 1000.0) + 2.0 * math.asin(25.0 / 1000.0)
+    assert share_of(washer()).by_symmetry == pytest.approx(0.25)
+    disc = {"kind": "disc", "diameter_mm": 1.5}
+    assert share_of(washer(source=disc)).by_symmetry == pytest.approx(arc / (2.0 * math.pi), rel=0.04)
+    lines = {"kind": "rectangle", "width_mm": 1.5, "height_mm": 1.0}
+    assert share_of(washer(source=lines)).by_symmetry == pytest.approx(0.5)
+    for no_longer_round in ({"lens.levels": [25]}, {"source": {**disc, "position_mm": [0.1, 0.2, 0.0]}}):
+        assert share_of(washer(**no_longer_round)).by_symmetry == 1.0
+    assert bounds_of(washer()).beside_axis(np.ones((32, 32), dtype=bool))
+    upright = washer(receivers=[{"kind": "plane", "centre_mm": [0, 0, 900], "width_mm": 900, "height_mm": 900,
+                                 "targets": [{"kind": "disc", "diameter_mm": 500}]}])  # fmt: skip
+    assert share_of(upright).by_symmetry == 1.0 and not bounds_of(upright).beside_axis(np.ones((32, 32), dtype=bool))
 
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
@@ -60,7 +61,7 @@ def test_bounds_allow_for_the_size_of_the_bodies_and_for_what_they_turn() -> Non
     spec, alone = spec_with(), spec_with(bodies=[])
     light, bare = (SourceLight.of(build_source(spec.source), each.media) for each in (spec, alone))
     (receiver,) = receivers_of(spec, 16)
-    with_it, without = (PossibleLight(each, receiver, 7.0) for each in (light, bare))
+    with_it, without = (PossibleLight(each, receiver, ExitBall(7.0)) for each in (light, bare))
     assert (with_it.on_pixels >= without.on_pixels).all() and with_it.on_pixels.sum() > 1.5 * without.on_pixels.sum()
     assert with_it.in_region(receiver.window.pixels(receiver.grid)).by_refraction >= 0.9
 

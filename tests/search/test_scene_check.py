@@ -144,7 +144,7 @@ def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name
 
     def asking(intensity: float) -> SceneCheck:
         limit = {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "unit": "w_per_sr", "at_least": intensity}
-        return check(small_spec(target=target).replace(limits=[limit]))
+        return check(small_spec(target=target).replace({"limits": [limit], "evaluate.pixels": 32}))
 
     radius_mm = small_spec().constraints.max_radius_mm
     most = transmitted * radius_mm**2 / 1.0
@@ -158,6 +158,45 @@ def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name
     assert "\n" not in str(refusal.value)
     enough_mm = float(str(refusal.value).partition(">= ")[2].split()[0])
     assert enough_mm == pytest.approx(sqrt(2.1) * radius_mm, rel=0.02), "flux rises with the area of the lens"
+
+
+def aside(**changes: object) -> Spec:
+    """A TIR lens of faces of revolution, and a beam 30 degrees beside its axis."""
+    content = {
+        "source": {"kind": "square", "side_mm": 1.0},
+        "lens": {"kind": "tir"},
+        "constraints": {"max_radius_mm": 8.0},
+        "target": {"kind": "disc", "diameter_deg": 20.0, "centre_deg": [0.0, 30.0], "half_angle_deg": 60.0},
+        "evaluate": {"pixels": 48},
+    }
+    return Spec.model_validate(content).replace(changes)
+
+
+def test_light_beside_the_axis_is_said_to_need_levels() -> None:
+    """Four images of a square's: a quarter of the light. With a symmetry that is not known it is said, too."""
+    with pytest.raises(
+        InputError, match=r"at most 23\.1 % \(by the symmetry of faces of revolution\).*try lens\.levels"
+    ):
+        check(aside()).require_light()
+    found = check(aside(**{"lens.levels": [25]}))
+    assert found.warnings() == () and found.targets[0].bounds.by_symmetry == 1.0
+    off_centre = aside(**{"source.position_mm": [0.1, 0.2, 0.0]})
+    check(off_centre).require_light()
+    (words,) = check(off_centre).warnings()
+    assert "faces of revolution make round light" in words and "lens.levels" in words
+    assert not check(aside(**{"target.centre_deg": [0.0, 5.0]})).targets[0].beside
+
+
+def test_no_larger_lens_is_promised_where_a_near_target_is_smaller_than_the_source() -> None:
+    """A disc of 2 mm takes 4/9 of the light of one of 3 mm at the most, whatever the lens."""
+    content = {
+        "source": {"kind": "disc", "diameter_mm": 3.0},
+        "lens": {"kind": "tir"},
+        "constraints": {"max_radius_mm": 12.0},
+        "target": {"kind": "disc", "diameter_mm": 2.0, "distance_mm": 20.0, "receiver_mm": 4.0},
+    }
+    (words,) = check(Spec.model_validate(content)).warnings()
+    assert "try a smaller source or a larger target" in words and "larger lens" not in words
 
 
 def test_an_estimated_luminance_warns_and_stops_nothing() -> None:

@@ -9,6 +9,7 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.errors import InputError
 from lensforge.spec import AnyReceiver, Spec, Target, parse_spec
 
 Table = dict[str, Any]
@@ -252,3 +253,31 @@ def test_a_spec_has_a_target_or_receivers_with_names_of_their_own() -> None:
         _content([{**plane, "name": "plane"}, {**_on(CYLINDER, DISC), "name": "plane"}]), "two are called"
     )
     _require_one_line(_content(17 * [plane]), "at most 16 items")
+
+
+@pytest.mark.parametrize(
+    ("kind", "limits", "plane", "outside"),
+    [
+        ("tir", {"max_height_mm": 5.0}, {"centre_mm": [0, 0, 5.1]}, True),  # nearer than the radius, over the exit
+        ("tir", {"max_height_mm": 5.0}, {"centre_mm": [0, 0, 4.9]}, False),
+        ("tir", {"max_height_mm": 14.0}, {"centre_mm": [0, 0, 13.9]}, False),
+        ("tir", {}, {"centre_mm": [0, 0, 8.1]}, True),  # without a height as high as it is wide
+        ("reflector", {"max_height_mm": 14.0}, {"centre_mm": [0, 8.1, 20], "normal": [0, -1, 0]}, True),
+        ("reflector", {"max_height_mm": 14.0}, {"centre_mm": [0, 0, 15.0], "tilt_deg": [0.0, 30.0]}, False),
+        ("double", {"max_height_mm": 5.0}, {"centre_mm": [0, 0, 7.9]}, False),
+    ],
+)
+def test_a_plane_is_outside_of_the_largest_lens_of_its_kind(kind, limits, plane, outside) -> None:
+    """8 mm in radius about the axis, or about the LED: the tilted plane is 13.0 mm away, the lens reaches 16.1."""
+    content = {
+        "source": {"kind": "square", "side_mm": 0.5},
+        "lens": {"kind": kind},
+        "constraints": {"max_radius_mm": 8.0, **limits},
+        "receivers": [{**PLANE, **plane, "targets": [DISC]}],
+        "base": {"kind": "none"},
+    }
+    if outside:
+        parse_spec(content, "near")
+        return
+    with pytest.raises(InputError, match=r"is inside the lens: it must exceed constraints\.max_radius_mm"):
+        parse_spec(content, "near")

@@ -1,0 +1,119 @@
+"""Bounds of light against lenses that come near them: ten scenes of each kind, searched for the most light.
+
+python benchmarks/possible_bounds.py [--kind tir] [--steps 10]        # a quarter of a minute for each lens
+
+Sources are large for their lenses, and receivers near, tilted, to the side, far, or seen by several lamps: there
+étendue binds. Searches are short; given ellipsoids image the LED on a disc. It ends with 1 where a share exceeds its
+bound.
+"""
+
+import argparse
+import sys
+import time
+from typing import Any
+
+import lensforge as lf
+from lensforge.errors import LensforgeError
+
+Tables = dict[str, Any]
+
+_LENSES: Tables = {
+    "tir": {
+        "source": {"kind": "square", "side_mm": 2.5},
+        "constraints": {"max_radius_mm": 10.0, "max_height_mm": 15.0},
+    },
+    "reflector": {
+        "source": {"kind": "disc", "diameter_mm": 4.0},
+        "constraints": {"max_radius_mm": 18.0, "max_height_mm": 26.0},
+    },
+    "double": {"source": {"kind": "square", "side_mm": 3.0}, "constraints": {"max_radius_mm": 8.0}},
+}
+
+
+def _disc(distance_mm: float, diameter_mm: float, x_mm: float = 0.0, **more: Any) -> Tables:
+    target = {"kind": "disc", "diameter_mm": diameter_mm, "distance_mm": distance_mm, "receiver_mm": 60.0}
+    return {"target": {**target, "centre_mm": [x_mm, 0.0]}, **more}
+
+
+def _beam(diameter_deg: float, x_deg: float = 0.0, **more: Any) -> Tables:
+    target = {"kind": "disc", "diameter_deg": diameter_deg, "centre_deg": [x_deg, 0.0], "half_angle_deg": 60.0}
+    return {"target": target, **more}
+
+
+def _wall(kind: str, diameter_mm: float, **place: Any) -> Tables:
+    return {"receivers": [{"kind": kind, "targets": [{"kind": "disc", "diameter_mm": diameter_mm}], **place}]}
+
+
+def _scenes(kind: str) -> dict[str, Tables]:
+    """Tables of ten specs by name, beside those of the lens."""
+    free, radius = {"lens": {"levels": [25]}}, _LENSES[kind]["constraints"]["max_radius_mm"]
+    tilted = {"centre_mm": [0.0, 1.5 * radius, 2.5 * radius], "tilt_deg": [-30.0, 0.0]}
+    side = {"width_mm": 5.0 * radius, "height_mm": 5.0 * radius}
+    lamps = {"lamps": {"kind": "grid", "columns": 2, "rows": 2, "pitch_mm": 3.0 * radius}}
+    tall = {"constraints": {"max_height_mm": 2.5 * radius}} if kind != "double" else {}
+    scenes = {
+        "near disc": _disc(2.6 * radius, 0.6 * radius),
+        "nearest disc": _disc(1.8 * radius, 0.3 * radius),
+        "disc beside the axis": _disc(2.6 * radius, 0.6 * radius, 0.7 * radius, **free),
+        "tilted plane": _wall("plane", radius, **tilted, **side) | free,
+        "narrow beam": _beam(12.0),
+        "beam aside": _beam(20.0, 25.0, **free),
+        "tall lens, wide beam": _beam(60.0, **tall),
+        "four lamps": _disc(8.0 * radius, 2.0 * radius, **lamps),
+        "LED off the axis": _disc(4.0 * radius, radius, source={"position_mm": [0.4, 0.0, 0.0]}, **free),
+        "dome": _wall("sphere", radius, radius_mm=4.0 * radius, half_angle_deg=60.0),
+    }
+    if kind == "reflector":
+        for name, second, mouth in (
+            ("near disc", 80.0, 70.0),
+            ("nearest disc", 40.0, 36.0),
+            ("narrow beam", 80.0, 40.0),
+        ):
+            cup = {"kind": "focal_conic", "vertex_mm": 3.0, "second_focus_mm": second}
+            given = {"cup": {"mirror": 1.0, "fixed": cup}, "mouth": {"offset_mm": mouth}}
+            scenes[name] = _disc(second, 4.0, lens=given, constraints={"max_height_mm": mouth + 1.0})
+    return scenes
+
+
+def spec_of(kind: str, name: str, steps: int) -> lf.Spec:
+    """The spec of one scene."""
+    own = _scenes(kind)[name]
+    lens = {"kind": kind, **own.get("lens", {})}
+    if kind == "double":  # a step takes a tenth of the time of one through more faces
+        lens["levels"], steps = [9, 81], 6 * steps
+    levels = len(lens.get("levels", ())) + (kind != "double")
+    content = {"name": kind, "base": {"kind": "none"}, **_LENSES[kind], **own, "lens": lens}
+    for section in ("source", "constraints"):
+        content[section] = {**_LENSES[kind][section], **own.get(section, {})}
+    content["optimise"] = {"aim": "share", "rays": 2048, "steps_per_level": [steps] * levels}
+    return lf.Spec.model_validate(content)
+
+
+def main() -> None:
+    """Print a row for each scene: share in the target, its bound, their ratio, and the law that sets the bound."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kind", choices=list(_LENSES), action="append")
+    parser.add_argument("--steps", type=int, default=10, help="gradient steps of each level")
+    options, broken = parser.parse_args(), 0
+    print("| lens | scene | share | possible | of it | by | seconds |\n|---|---|---|---|---|---|---|")
+    for kind in options.kind or _LENSES:
+        for name in _scenes(kind):
+            begun = time.perf_counter()
+            try:
+                design = lf.design(spec_of(kind, name, options.steps), accuracy="draft", force=True)
+                light = lf.evaluate(design.lens, rays=2**16).receivers[0]
+            except LensforgeError as error:
+                print(f"| {kind} | {name} | {error} | | | | |", flush=True)
+                continue
+            share, most = light.share_in_target, light.possible.share_in_target
+            broken += share.value > most + 3.0 * (share.standard_error or 0.0)
+            print(
+                f"| {kind} | {name} | {share.value:.4f} | {most:.4f} | {share.value / most:.3f} "
+                f"| {light.possible.law} | {time.perf_counter() - begun:.0f} |",
+                flush=True,
+            )
+    sys.exit(1 if broken else 0)
+
+
+if __name__ == "__main__":
+    main()
