@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, Walls
+from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, UprightWalls
 from lensforge.proof.file_form import FORM_UM, DesignedFile, Farthest, FileForm
 from lensforge.results.brep_size import spline_poles
 
@@ -197,7 +197,7 @@ class _Spline:
 
 @dataclass(eq=False)
 class _Seen:
-    """What has been seen of a file; ``known``: splines of a plate's lenses, in the coordinates of one, by the face."""
+    """All that was seen of a file; ``known``: splines of a plate's lenses, in the coordinates of one, by the face."""
 
     file: DesignedFile
     farthest: Farthest = field(default_factory=Farthest)
@@ -224,7 +224,7 @@ class _Seen:
     def _within(self, read: _ReadFace, face: Designed) -> _Points:
         """Points between the knots, without those beyond the trim that lie off the face."""
         places, points = read.grid()
-        if not isinstance(face, Levels | Walls):
+        if not isinstance(face, Levels | UprightWalls):
             known = _known(face, points)
             places, points = places[known], points[known]
         away = np.flatnonzero(face.off_mm(points)[0] > FORM_UM * _MM_PER_UM)

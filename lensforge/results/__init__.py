@@ -13,6 +13,7 @@
 - ``cluster.connected``: work on many machines
 """
 
+from lensforge.results.conditions import Conditions
 from lensforge.results.fact import Bound, Fact, FactState, Group, Sense
 from lensforge.results.record import (
     Array,
@@ -38,7 +39,7 @@ from lensforge.results.record import (
     Text,
     stated,
 )
-from lensforge.results.stage_result import Conditions, SimulatedResult, StageResult
+from lensforge.results.stage_result import SimulatedResult, StageResult
 
 __all__ = [
     "Array",

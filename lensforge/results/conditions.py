@@ -1,0 +1,87 @@
+"""Conditions of a simulation that differ from the lens's own, in words and as part of a file's name."""
+
+import re
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from lensforge.errors import InputError
+from lensforge.results.record import Count, Number, Positive, Record, Sha256, Text
+
+_ALLOWED = r"^\w[\w.-]{0,119}$"  # part of a file's name, on every system
+_LONGEST_SOURCE = 80  # characters of a source in a name: the rest of the name must fit, too
+
+Name = Annotated[str, Field(strict=True, pattern=_ALLOWED)]
+
+
+class Conditions(Record):
+    """Conditions that differ from the lens's own; None for each that does not.
+
+    ``name``: ends the name of the record's files. ``source``: title of the other source, ``source_sha256``: hash of its
+    fields and files, ``warnings``: on that source, or on the temperature. ``pixels``: across the receiver. ``lumens``:
+    flux of the source. ``temperature_c``: of the lens and the air around it (Celsius). ``tolerances``: name of a preset
+    or of a file, ``tolerances_sha256``: hash of their fields.
+    """
+
+    name: Name
+    source: Text | None = None
+    source_sha256: Sha256 | None = None
+    warnings: tuple[Text, ...] = ()
+    accuracy: Text | None = None
+    rays: Count | None = None
+    pixels: Count | None = None
+    seed: Count | None = None
+    lumens: Positive | None = None
+    temperature_c: Number | None = None
+    tolerances: Text | None = None
+    tolerances_sha256: Sha256 | None = None
+
+    @classmethod
+    def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
+        """Conditions by those ``differing`` from the lens's own, None where none does; ``source_name``: in the name."""
+        given = {key: value for key, value in differing.items() if value is not None}
+        if not given:
+            return None
+        unnamed = cls(name="other", **given)
+        source = [_in_a_name(source_name)] if unnamed.source is not None else []
+        return unnamed.renamed("_".join([*source, *(text for _, text in unnamed._short())]))
+
+    def renamed(self, name: str) -> "Conditions":
+        """Conditions with another name. Raises :class:`InputError` for one that cannot be part of a file's name."""
+        if not re.fullmatch(_ALLOWED, name):
+            raise InputError(
+                f"name = {name!r}: must be letters, digits, '_', '-' and '.', at most 120, and begin with none of '-.'"
+            )
+        return self.model_copy(update={"name": name})
+
+    def same_as(self, other: "Conditions") -> bool:
+        """True where ``other`` are the same conditions, whatever their name and warnings."""
+        plain = {"name": "other", "warnings": ()}
+        return self.model_copy(update=plain) == other.model_copy(update=plain)
+
+    def __str__(self) -> str:
+        words = [] if self.source is None else [self.source]
+        return ", ".join([*words, *(text for text, _ in self._short())])
+
+    def _short(self) -> Iterator[tuple[str, str]]:
+        """Each condition but the source: in words, and as part of a name."""
+        if self.accuracy is not None:
+            yield f"accuracy {self.accuracy}", self.accuracy
+        if self.rays is not None:
+            yield f"{self.rays} rays", f"{self.rays}rays"
+        if self.pixels is not None:
+            yield f"{self.pixels} x {self.pixels} pixels", f"{self.pixels}px"
+        if self.seed is not None:
+            yield f"seed {self.seed}", f"seed{self.seed}"
+        if self.lumens is not None:
+            yield f"{self.lumens:g} lm", f"{self.lumens:g}lm".replace("+", "")
+        if self.temperature_c is not None:
+            yield f"{self.temperature_c:g} °C", f"{self.temperature_c:g}C".replace("-", "minus")
+        if self.tolerances is not None:
+            yield f"tolerances {self.tolerances}", _in_a_name(self.tolerances)
+
+
+def _in_a_name(source: str) -> str:
+    """``source`` without the characters that a file's name must not have."""
+    return re.sub(r"[^\w.-]+", "-", source).strip("-.")[:_LONGEST_SOURCE].rstrip("-._") or "source"
