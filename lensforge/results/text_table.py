@@ -214,7 +214,8 @@ class TextTable:
             names = {at: (at, 1.0) for at in range(min(width, len(wanted)))}
         if further and self.width > len(wanted):
             self._require_points()
-        found = self.numbers(used=[place for place, _ in names.values()], further=further)
+        ragged = further and self.dialect.separator != ","  # where a decimal comma would be one more cell
+        found = self.numbers(used=[place for place, _ in names.values()], further=ragged)
         table = np.full((len(self.rows), len(wanted)), np.nan)
         for (at, (_, factor)), column in zip(names.items(), found.T, strict=True):
             table[:, at] = factor * column

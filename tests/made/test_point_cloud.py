@@ -41,6 +41,7 @@ def test_common_layouts_hold_the_same_points(tmp_path, mark, head):
         (b"1;2;3\n" * 120 + b"1;2,500;3.5\n", "line 121, column 2: '2,500' beside numbers with decimal points"),
         (b"1,234,5,678,9,012\n" * 120, "line 1: '9,012': commas between numbers and in them"),
         (b"x,y,z\n" + b"1,234,5,678,9,112\n" * 120, "line 2: commas between numbers and in them cannot be told"),
+        (b"1.5,2,3\n" * 120 + b"1,5,2,3\n", "line 121: 4 cells, line 1 has 3"),
         (b"x,y,x\n" + b"1.5,2,3\n" * 120, "line 1, column 3: 'x' is there twice"),
         (b"x [yd],y,z\n" + b"1.5,2,3\n" * 120, "line 1, column 1: 'x .yd.': its unit must be one of mm, in"),
         (b"1 2 3\n" * 120 + b"1 2 2e6\n", r"line 121, column 3: a coordinate of 2e\+06 mm"),
