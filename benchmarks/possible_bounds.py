@@ -60,14 +60,15 @@ def _scenes(kind: str) -> dict[str, Tables]:
         "beam aside": _beam(20.0, 25.0, **free),
         "tall lens, wide beam": _beam(60.0, **tall),
         "four lamps": _disc(8.0 * radius, 2.0 * radius, **lamps),
-        "LED off the axis": _disc(4.0 * radius, radius, source={"position_mm": [0.4, 0.0, 0.0]}, **free),
+        "LED off the axis": _disc(8.0 * radius, 2.0 * radius, source={"position_mm": [0.03 * radius, 0.0, 0.0]}),
         "dome": _wall("sphere", radius, radius_mm=4.0 * radius, half_angle_deg=60.0),
     }
     if kind == "reflector":
+        del scenes["narrow beam"]
         for name, second, mouth in (
             ("near disc", 80.0, 70.0),
             ("nearest disc", 40.0, 36.0),
-            ("narrow beam", 80.0, 40.0),
+            ("disc far from the mouth", 80.0, 40.0),
         ):
             cup = {"kind": "focal_conic", "vertex_mm": 3.0, "second_focus_mm": second}
             given = {"cup": {"mirror": 1.0, "fixed": cup}, "mouth": {"offset_mm": mouth}}
