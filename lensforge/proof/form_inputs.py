@@ -45,7 +45,7 @@ from lensforge.cad.plate_solid import (
     PLATE_TOP,
 )
 from lensforge.optics.media import FLANGE
-from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, Walls
+from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, UprightWalls
 from lensforge.proof.file_form import Chords, DesignedFile
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.scene.lens import Lens
@@ -148,7 +148,7 @@ class _Made:
         if self.walls:
             names, pieces = zip(*self.walls, strict=True)
             owners = np.repeat(np.arange(len(names)), [len(each) for each in pieces])
-            found.append(Walls(_numbered(list(names)), np.concatenate(pieces), owners))
+            found.append(UprightWalls(_numbered(list(names)), np.concatenate(pieces), owners))
         return found
 
 
