@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 ABOVE_MM = 1e-4  # what is higher than z = 0 by that belongs to an optical face, or to a flange
+_SMALL_MM = 5e-6  # of a distance that need not be known better than to be this small
 _NEAREST = 3  # pieces of curves, by their middles, among which the nearest is found
 _TINY = 1e-12  # 1/mm, and mm: no division by zero where a point is the origin, or a face is not met
 
@@ -53,14 +54,20 @@ class DesignedFace:
 
         return RectBivariateSpline(self.axis, self.axis, self.reciprocal, kx=5, ky=5)
 
-    def off_mm(self, points: _Points) -> tuple[_Values, _Numbers]:
-        """Distance (mm) along the normal, to first order: that along the line to the origin times its cosine."""
+    def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
+        """Distance (mm) along the normal, to first order: that along the line to the origin times its cosine.
+
+        Up to ``small_mm`` it stays that along the line, which is no less.
+        """
         radius = np.linalg.norm(points, axis=1)
         x, y = points[:, :2].T / np.maximum(radius + points[:, 2], _TINY)
         value = np.maximum(self._spline.ev(x, y), _TINY)
-        by_x, by_y = self._spline.ev(x, y, dx=1), self._spline.ev(x, y, dy=1)
-        slope = 0.5 * (1.0 + x**2 + y**2) * np.hypot(by_x, by_y) / value
-        return np.abs(radius - 1.0 / value) / np.hypot(1.0, slope), np.zeros(len(points), dtype=np.int64)
+        off = np.abs(radius - 1.0 / value)
+        rows = np.flatnonzero(off > small_mm)
+        x, y = x[rows], y[rows]
+        across = np.hypot(self._spline.ev(x, y, dx=1), self._spline.ev(x, y, dy=1))
+        off[rows] /= np.hypot(1.0, 0.5 * (1.0 + x**2 + y**2) * across / value[rows])
+        return off, np.zeros(len(points), dtype=np.int64)
 
     def within(self, extent: tuple[float, float], points: _Points) -> Bool[np.ndarray, " n"]:
         """True for points in whose direction the distance from the chart's centre is within ``extent``."""
@@ -75,7 +82,7 @@ class Levels:
     names: tuple[str, ...]
     heights: Float[np.ndarray, " k"]
 
-    def off_mm(self, points: _Points) -> tuple[_Values, _Numbers]:
+    def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
         """Distance (mm) from the nearest plane, and its number."""
         away = np.abs(points[:, 2, None] - self.heights)
         nearest = away.argmin(axis=1)
@@ -99,7 +106,7 @@ class UprightWalls:
 
         return cKDTree(self.pieces[:, 1])
 
-    def off_mm(self, points: _Points) -> tuple[_Values, _Numbers]:
+    def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
         """Distance (mm) from the nearest wall, and its number."""
         near = self._tree.query(points[:, :2], k=min(_NEAREST, len(self.pieces)))[1].reshape(len(points), -1)
         start, middle, end = np.moveaxis(self.pieces[near], 2, 0)
@@ -131,10 +138,10 @@ class PlacedFace:
         count = len(self.lenses.places)
         return tuple(f"{self.face.name}_{k + 1}" for k in range(count)) if count > 1 else self.face.names
 
-    def off_mm(self, points: _Points) -> tuple[_Values, _Numbers]:
+    def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
         """Distance (mm) as of the face, in the coordinates of the nearest lens, and its number."""
         own, numbers = self.lenses.at_own(points)
-        return self.face.off_mm(own)[0], numbers
+        return self.face.off_mm(own, small_mm)[0], numbers
 
     def own(self, points: _Points, lens: int | None = None) -> _Points:
         """Points in the coordinates of a lens, by its number, or of the nearest one."""

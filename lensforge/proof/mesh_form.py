@@ -86,6 +86,6 @@ def _see_facets(
         corners = rows[own].ravel()
         on_rims = np.where(places[corners, 2] <= ABOVE_MM, chords.rims_mm, 0.0)
         seen.see(face, np.maximum(off[corners] - on_rims, 0.0), places[corners], owners[corners])
-        off_middle, owner = face.off_mm(middles[own])
+        off_middle, owner = face.off_mm(middles[own], chords.of(face))
         seen.meet(face, owner)
         seen.see(face, np.maximum(off_middle - chords.of(face), 0.0), middles[own], owner)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from lensforge.proof.file_form import FileForm
 from lensforge.proof.proof_result import (
     BrepCast,
     IndependentRays,
@@ -48,9 +49,24 @@ def proof_facts(proof: Proof, designed: Mapping[str, float]) -> list[Group]:
         )
         for index, receiver in enumerate(proof.receivers)
     ] + [
-        Group("together", f"All lamps of the plate{suffix(proof.together, index)}", tuple(_together(each, proof)))
-        for index, each in enumerate(proof.together)
+        *(
+            [Group("forms", "Form of the files", tuple(_form(each, proof) for each in proof.forms))]
+            if proof.forms
+            else []
+        ),
+        *(
+            Group("together", f"All lamps of the plate{suffix(proof.together, index)}", tuple(_together(each, proof)))
+            for index, each in enumerate(proof.together)
+        ),
     ]
+
+
+def _form(form: FileForm, proof: Proof) -> Fact:
+    judged = kept(proof.criteria, f"{form.name}: form")
+    note = f"its farthest point from the design, next to {form.face}"
+    return Fact(
+        f"form {form.name}", form.name, 1e3 * form.off_um, "nm", state=judged.get("state", ""), note=note, digits=2
+    )
 
 
 def _together(lit: LampsTogether, proof: Proof) -> Iterator[Fact]:

@@ -22,7 +22,7 @@ from lensforge.proof.file_form import DesignedFile, FileForm
 from lensforge.proof.optical_faces import NO_FACE, USUAL_LENS, OpticalFaces, faces_away
 from lensforge.proof.part_mesh import as_box
 from lensforge.proof.sequential_cast import SurfaceHits
-from lensforge.proof.step_form import step_form
+from lensforge.proof.step_form import ReadFace, step_form
 from lensforge.results import BodySize
 from lensforge.results.brep_size import volume_and_area
 from lensforge.results.file_bounds import made_here, require_small_step
@@ -92,9 +92,9 @@ def _reach(face: Any, axis: int, sign: float, known: float) -> float:
                     break
         return heights
 
-    along = np.linspace(0.0, 1.0, _samples(surface))
+    along, read = np.linspace(0.0, 1.0, _samples(surface)), ReadFace(face)
     places = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
-    values = untrimmed(places)
+    values = sign * read.on_grid(*(low[:, None] + sides[:, None] * along))[:, axis]
     heights = values.reshape(len(along), -1)
     least, most = (of(heights, 3, mode="nearest") for of in (minimum_filter, maximum_filter))
     # A top of the trimmed face alone is on an edge; others rise less above their samples than these above neighbours.

@@ -18,7 +18,7 @@ from lensforge.proof.file_form import FORM_UM, DesignedFile, Farthest, FileForm
 from lensforge.results.brep_size import spline_poles
 
 _OF_SPAN = np.array([0.25, 0.75])  # no node of an interpolation lies there, and a wave of two knots does not vanish
-_PROBES, _MOST_PROBES = 6, 96  # along each parameter, and in all: which face of the design it is
+_PROBES = 6  # along each parameter: which face of the design it is
 # Along both parameters of a face that is no spline: planes and cylinders are what they are by a few of their points.
 _SAMPLES = {"Plane": (3, 3), "Cylinder": (15, 3), "SurfaceOfExtrusion": (48, 3)}
 _OF_OTHERS = (96, 96)
@@ -37,12 +37,12 @@ def step_form(file: DesignedFile, faces: Sequence[Any]) -> FileForm:
     """Form of the ``faces`` (TopoDS_Face) read from ``file``."""
     seen = _Seen(file)
     for face in faces:
-        seen.see(_ReadFace(face))
+        seen.see(ReadFace(face))
     return seen.farthest.form(file.name, file.body, FORM_UM, _open_edges(faces) if file.trimmed else 0)
 
 
 @dataclass(eq=False)
-class _ReadFace:
+class ReadFace:
     """One face of a file."""
 
     face: Any
@@ -94,21 +94,20 @@ class _ReadFace:
         along_u, along_v = (np.array(list(each)) for each in (kernel.UKnotSequence(), kernel.VKnotSequence()))
         return _Spline(spline_poles(kernel), along_u, along_v, kernel.UDegree(), kernel.VDegree())
 
+    def on_grid(self, u: Float[np.ndarray, " p"], v: Float[np.ndarray, " q"]) -> _Points:
+        """Points (mm) at all pairs of parameters, v changing faster."""
+        return self.at(_crossed(u, v)) if self.spline is None else self.spline.on_grid(u, v).reshape(-1, 3)
+
     def grid(self) -> tuple[_Places, _Points]:
         """Parameters between all knots, and the points there."""
         u0, u1, v0, v1 = self.bounds
         if self.spline is not None:
-            along = [
-                _between(knots, *ends) for knots, ends in zip(self.spline.knots, ((u0, u1), (v0, v1)), strict=True)
-            ]
-            return _crossed(*along), self.spline.on_grid(*along).reshape(-1, 3)
-        counts = [
-            max(least, 2 * knots) for least, knots in zip(_SAMPLES.get(self.kind, _OF_OTHERS), self._knots, strict=True)
-        ]
-        places = _crossed(
-            *(np.linspace(*ends, count) for ends, count in zip(((u0, u1), (v0, v1)), counts, strict=True))
-        )
-        return places, self.at(places)
+            u, v = _between(self.spline.knots_u, u0, u1), _between(self.spline.knots_v, v0, v1)
+        else:
+            least_u, least_v = _SAMPLES.get(self.kind, _OF_OTHERS)
+            knots_u, knots_v = self._knots
+            u, v = np.linspace(u0, u1, max(least_u, 2 * knots_u)), np.linspace(v0, v1, max(least_v, 2 * knots_v))
+        return _crossed(u, v), self.on_grid(u, v)
 
     @cached_property
     def _knots(self) -> tuple[int, int]:
@@ -125,15 +124,16 @@ class _ReadFace:
         return self.kind in _SAMPLES
 
     def probes(self) -> _Points:
-        """Some points of it, within the trim where what lies beyond may be anything."""
+        """Some points of it, within the trim where what lies beyond may be anything; of a narrow face on its edges."""
         u0, u1, v0, v1 = self.bounds
         share = (np.arange(_PROBES) + 0.5) / _PROBES
         places = _crossed(u0 + share * (u1 - u0), v0 + share * (v1 - v0))
-        return np.concatenate([self.at(places if self.is_plain else places[self.inside(places)]), self.edge_points])
+        if not self.is_plain:
+            places = places[self.inside(places)]
+        return self.at(places) if len(places) else self.edge_points(on_surface=True)
 
-    @cached_property
-    def edge_points(self) -> _Points:
-        """Points of its edges, by their own curves and on the surface, and their ends."""
+    def edge_points(self, on_surface: bool) -> _Points:
+        """Points of its edges, by their own curves and ``on_surface``, and their ends."""
         from OCP.BRep import BRep_Tool
         from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d
         from OCP.TopAbs import TopAbs_ShapeEnum
@@ -146,7 +146,7 @@ class _ReadFace:
                 curve = BRepAdaptor_Curve(edge)
                 count = max(count, 2 * _knots_of(curve))
                 found.append(np.array([curve.Value(each).Coord() for each in _even(curve, count)]))
-            if not self.is_plain:
+            if on_surface and not self.is_plain:
                 trim = BRepAdaptor_Curve2d(edge, self.face)
                 found.append(self.at(np.array([trim.Value(each).Coord() for each in _even(trim, 2 * count)])))
         for vertex in map(TopoDS.Vertex_s, explored(self.face, TopAbs_ShapeEnum.TopAbs_VERTEX)):
@@ -170,11 +170,6 @@ class _Spline:
     degree_u: int
     degree_v: int
 
-    @property
-    def knots(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " l"]]:
-        """Knots along u and v."""
-        return self.knots_u, self.knots_v
-
     def on_grid(self, u: Float[np.ndarray, " p"], v: Float[np.ndarray, " q"]) -> Float[np.ndarray, "p q 3"]:
         """Points (mm) at all pairs of parameters."""
         from scipy.interpolate import BSpline
@@ -188,40 +183,38 @@ class _Spline:
 
     def is_same(self, other: "_Spline") -> bool:
         """True where both are one surface: splines of the same knots are no farther apart than their poles."""
-        alike = all(
-            one.shape == two.shape and np.array_equal(one, two)
-            for one, two in zip(self.knots, other.knots, strict=True)
-        )
+        alike = np.array_equal(self.knots_u, other.knots_u) and np.array_equal(self.knots_v, other.knots_v)
+        alike &= self.poles.shape == other.poles.shape
         return alike and bool(np.abs(self.poles - other.poles).max() <= _SAME_MM)
 
 
 @dataclass(eq=False)
 class _Seen:
-    """All that was seen of a file; ``known``: splines of a plate's lenses, in the coordinates of one, by the face."""
+    """Points seen of a file so far; ``known``: splines of a plate's lenses, in the coordinates of one, by the face."""
 
     file: DesignedFile
     farthest: Farthest = field(default_factory=Farthest)
     known: dict[str, _Spline] = field(default_factory=dict)
 
-    def see(self, read: _ReadFace) -> None:
+    def see(self, read: ReadFace) -> None:
         """Look at all of one face, as the face of the design that most of it is next to."""
-        every, below = read.probes(), self.file.body.below
-        probes = every[:: 1 + len(every) // _MOST_PROBES]
-        designed = [*self.file.body.above, *(below or ())]
-        found = [each.off_mm(probes) for each in designed]
-        chosen = int(np.argmin([off.mean() for off, _ in found]))
+        probes, below = read.probes(), self.file.body.below
         if below is None and float(probes[:, 2].max()) <= ABOVE_MM:
             return
+        designed = [*self.file.body.above, *(below or ())]
+        found = [each.off_mm(probes) for each in designed]
+        chosen = int(np.argmin([np.median(off) for off, _ in found]))
         face, owner = designed[chosen], int(np.median(found[chosen][1]))
         self.farthest.meet(face, np.array([owner]))
         if self.file.trimmed:
-            self.farthest.look(face, read.edge_points)
-            if not self._is_copy(read, face, owner):
+            is_copy = self._is_copy(read, face, owner)
+            self.farthest.look(face, read.edge_points(on_surface=not is_copy))
+            if not is_copy:
                 self.farthest.look(face, self._within(read, face))
         elif isinstance(face, DesignedFace):
             self._see_untrimmed(read, face)
 
-    def _within(self, read: _ReadFace, face: Designed) -> _Points:
+    def _within(self, read: ReadFace, face: Designed) -> _Points:
         """Points between the knots, without those beyond the trim that lie off the face."""
         places, points = read.grid()
         if not isinstance(face, Levels | UprightWalls):
@@ -232,7 +225,7 @@ class _Seen:
         kept[away] = read.inside(places[away])
         return points[kept]
 
-    def _see_untrimmed(self, read: _ReadFace, face: DesignedFace) -> None:
+    def _see_untrimmed(self, read: ReadFace, face: DesignedFace) -> None:
         """Look at a face that goes on beyond its edges, where the design's goes on less exactly."""
         _, points = read.grid()
         points = points[face.within(face.known, points)]
@@ -240,7 +233,7 @@ class _Seen:
         beyond = np.where(face.within(face.extent, points), 0.0, _BEYOND_MM)
         self.farthest.see(face, np.maximum(off - beyond, 0.0), points, numbers)
 
-    def _is_copy(self, read: _ReadFace, face: Designed, lens: int) -> bool:
+    def _is_copy(self, read: ReadFace, face: Designed, lens: int) -> bool:
         """True where another lens of the plate has the same spline at its place."""
         if not isinstance(face, PlacedFace) or read.spline is None:
             return False

@@ -137,6 +137,8 @@ class Results:
             yield "fail", f"{name} is not the file that was exported: {again}"
         if proof is None:
             yield "undecided", "the exported part has not been verified"
+        elif unseen := set(part.exported) - {form.name for form in proof.forms}:
+            yield "undecided", f"the form of {', '.join(sorted(unseen))} has not been verified; verify again"
         elif proof.altered_files and not part.altered:
             names = ", ".join(proof.altered_files)
             yield "undecided", f"the files that were verified are not those of the export: {names}; verify again"

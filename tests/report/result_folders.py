@@ -10,6 +10,7 @@ from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, s
 from lensforge.light.evaluation_result import Light
 from lensforge.light.metrics import nmse
 from lensforge.light.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight
+from lensforge.proof.file_form import FileForm
 from lensforge.proof.proof_result import (
     IndependentRays,
     PlainCast,
@@ -308,6 +309,7 @@ def make_proof(lens, **changes):
         "open_edges": 0,
         "sizes": Sizes(exported=SIZE, chord_mm=0.000875, mesh=SizedFile(size=SIZE), step=SizedFile(size=SIZE)),
         "emission_apart": 2.25,
+        "forms": tuple(filled(FileForm, name=name, lacking=()) for name in (STEP_FILE, STL_FILE, THREEMF_FILE)),
         "plain_cast": PlainCast(rays=200, casts=390, disagreements=0),
         "criteria": (criterion("deviation_rms", 0.0125, 0.015),),
     }
