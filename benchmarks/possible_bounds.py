@@ -60,7 +60,7 @@ def _scenes(kind: str) -> dict[str, Tables]:
         "beam aside": _beam(20.0, 25.0, **free),
         "tall lens, wide beam": _beam(60.0, **tall),
         "four lamps": _disc(8.0 * radius, 2.0 * radius, **lamps),
-        "LED off the axis": _disc(8.0 * radius, 2.0 * radius, source={"position_mm": [0.03 * radius, 0.0, 0.0]}),
+        "LED off the axis": _beam(30.0, source={"position_mm": [0.025 * radius, 0.0, 0.0]}),
         "dome": _wall("sphere", radius, radius_mm=4.0 * radius, half_angle_deg=60.0),
     }
     if kind == "reflector":
