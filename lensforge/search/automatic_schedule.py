@@ -141,7 +141,7 @@ class AutomaticSchedule(Schedule):
 
     @property
     def judgements(self) -> set[str]:
-        """By the light, and by its uniformity where a region asks for it."""
+        """The light, and its uniformity where a region asks for it."""
         return {"light", "even"} if self.uniform else {"light"}
 
     def phases(self) -> Generator[NextStage, Outcome]:

@@ -164,7 +164,7 @@ def forms_of_search(schedule: Schedule, problems: Problems) -> FormsOf:
 
     They raise :class:`ValueError` for a head that no such search can have.
     """
-    return lambda head, arrays: _Course.of(head, schedule).forms(head, arrays, problems)
+    return lambda head, arrays: _Past.of(head, schedule).forms(head, arrays, problems)
 
 
 _LARGEST = 1e6  # of parameters, which are relative to the start: in sound searches they are a few
@@ -172,7 +172,7 @@ _Steps = tuple[tuple[int, int, int], ...]  # of a history: level, its functions,
 
 
 @dataclass(frozen=True)
-class _Course:
+class _Past:
     """A search up to the ``following`` stage: what it then has of its past, whatever its arrays hold.
 
     ``last``: the stage at hand, at the end the one before. ``steps``: by level, with the functions that began it.
@@ -187,12 +187,12 @@ class _Course:
     accepted: bool = False
 
     @staticmethod
-    def of(head: CheckpointHead, schedule: Schedule) -> "_Course":
+    def of(head: CheckpointHead, schedule: Schedule) -> "_Past":
         """The course of a search that has come as far as ``head``. Raises :class:`ValueError` where none has."""
         phases = schedule.phases()
         following = next(phases)
         assert following.stage is not None, "a spec has levels"
-        course = _Course(following, following.stage, ())
+        course = _Past(following, following.stage, ())
         for number, outcome in enumerate(head.outcomes):
             stage = course.following.stage
             if stage is None:
@@ -206,12 +206,12 @@ class _Course:
             course = course._after(stage, outcome, phases.send(outcome))
         return course
 
-    def _after(self, stage: Stage, outcome: Outcome, following: NextStage) -> "_Course":
+    def _after(self, stage: Stage, outcome: Outcome, following: NextStage) -> "_Past":
         coming, best = following.stage, self.best or following.improved
         new = coming is not None and coming.levels != stage.levels
         moved = None if coming is None else (coming.functions, coming.uniform)
         goes_on = following.begin == "current" and moved == (stage.functions, stage.uniform)
-        return _Course(
+        return _Past(
             following,
             coming or stage,
             _with_steps(self.steps, stage, outcome.steps),
