@@ -218,6 +218,13 @@ def agree(one: Any, other: Any) -> bool:
     )
 
 
+def figure_at(record: object, place: str) -> float:
+    """The figure at the dotted ``place``; a flag as 1 or 0."""
+    for step in place.split("."):
+        record = record[int(step)] if isinstance(record, tuple) else getattr(record, step)
+    return float(record)  # type: ignore[arg-type]  # a number, by what the classes say
+
+
 def require_what_follows(record: Record, place: str = "") -> None:
     """Raise :class:`ValueError` where a figure in ``record``, or in one within, is not what others make it."""
     for name, stated, derived in record.follows():

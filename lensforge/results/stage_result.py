@@ -31,6 +31,7 @@ from lensforge.results.record import (
     Text,
     arrays_of,
     excluded_arrays,
+    figure_at,
     marker,
     put_arrays,
     require_what_follows,
@@ -163,7 +164,7 @@ class StageResult(Record):
         """The value of each criterion that is a field of the record, too."""
         for number, criterion in enumerate(getattr(self, "criteria", ())):
             if criterion.name in self.judged and criterion.value is not None:
-                yield f"criteria.{number}.value", criterion.value, _at(self, self.judged[criterion.name])
+                yield f"criteria.{number}.value", criterion.value, figure_at(self, self.judged[criterion.name])
 
     @cached_property
     def sha256(self) -> str:
@@ -297,13 +298,6 @@ class StageResult(Record):
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.again()}")
         return result
-
-
-def _at(record: object, place: str) -> float:
-    """The figure at the dotted ``place``; a flag as 1 or 0."""
-    for step in place.split("."):
-        record = record[int(step)] if isinstance(record, tuple) else getattr(record, step)
-    return float(record)  # type: ignore[arg-type]  # a number, by what the classes say
 
 
 class SimulatedResult(StageResult):

@@ -100,8 +100,9 @@ def forge(path: Path, chance: Chance) -> None:
         content = json.loads(record.read_bytes())
     except ValueError:
         return
-    if isinstance(content, dict):
-        new(record).write_text(json.dumps(with_checksum(changed(content, chance))))
+    if isinstance(content, dict) and content:
+        key = chance.choice(sorted(content))
+        new(record).write_text(json.dumps(with_checksum({**content, key: changed(content[key], chance)})))
 
 
 def changed(value: Any, chance: Chance) -> Any:
@@ -154,7 +155,10 @@ def renewed(place: Path) -> None:
         here.refresh_report()
 
 
-COMMANDS: tuple[Callable[[Path], object], ...] = (read, shown, renewed, write_report)
+def commands(number: int) -> list[Callable[[Path], object]]:
+    """What is done with a folder: those that take long with few of them."""
+    every: list[tuple[Callable[[Path], object], int]] = [(read, 1), (shown, 4), (renewed, 5), (write_report, 24)]
+    return [command for command, often in every if number % often == 0]
 
 
 @pytest.mark.filterwarnings("error")
@@ -164,7 +168,7 @@ def test_a_folder_is_read_or_refused_in_one_line(whole_run: lf.Run, tmp_path: Pa
     told = hashlib.sha256(SECRET).hexdigest()
     for number in range(scaled(60, by_day=12)):
         place = made(whole_run.folder, tmp_path / "run", Chance(number))
-        for command in COMMANDS[: None if number % 10 == 0 else 3]:
+        for command in commands(number):
             try:
                 command(place)
             except lf.InputError:
