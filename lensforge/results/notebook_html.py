@@ -4,6 +4,7 @@ import base64
 import io
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -13,6 +14,7 @@ from jaxtyping import Float
 from lensforge.results.validation import shortened
 
 MOST_LINES, _MOST_CHARACTERS = 40, 100  # of a text: a result fits on a screen
+_LONG_TEXT, _LONG_LIST = 200, 8  # characters and entries that a terminal shows of one field
 PLOT_KINDS = ("png", "svg", "pdf")
 _DATE = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # metadata that would differ from file to file
 
@@ -34,6 +36,27 @@ def screenful(lines: Sequence[str]) -> str:
     """``lines`` as a text, as many as fit on a screen."""
     left = len(lines) - MOST_LINES
     return "\n".join(lines if left <= 0 else [*lines[: MOST_LINES - 1], f"  and {left + 1} more"])
+
+
+@dataclass(frozen=True)
+class Brief:
+    """Words in place of a value that is too long for a terminal."""
+
+    words: str
+
+    @staticmethod
+    def of(value: object) -> object:
+        """``value``, or words on its size."""
+        if isinstance(value, np.ndarray):
+            return Brief(f"<{' x '.join(map(str, value.shape))} numbers>")
+        if isinstance(value, str | bytes) and len(value) > _LONG_TEXT:
+            return Brief(f"<{len(value)} {'bytes' if isinstance(value, bytes) else 'characters'}>")
+        if isinstance(value, tuple | Mapping) and len(value) > _LONG_LIST:
+            return Brief(f"<{len(value)} entries>")
+        return value
+
+    def __repr__(self) -> str:
+        return self.words
 
 
 def section_html(title: str, outline: Float[np.ndarray, "n 2"], facts: Mapping[str, str]) -> str:

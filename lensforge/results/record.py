@@ -28,7 +28,7 @@ from pydantic.main import IncEx
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.results.files import MIB
-from lensforge.results.notebook_html import table_html
+from lensforge.results.notebook_html import Brief, table_html
 from lensforge.results.numerals import quantity
 from lensforge.results.validation import same
 
@@ -38,7 +38,6 @@ LARGEST = 1e30
 LARGEST_COUNT = 2**53  # a float holds every whole number up to this one
 MOST_PIXELS = 4096  # along an axis; a page draws all of them
 _ROUNDING = 1e-9  # sums of shares may leave 0 to 1 by rounding
-_LONG_TEXT, _LONG_LIST = 200, 8  # characters and entries that a terminal shows
 _LONGEST_TEXT = 10_000  # characters; the longest remedy of lensforge has 300, and a page shows all of a text
 
 Scalar = float | int | bool | str | None
@@ -192,7 +191,7 @@ class Record(BaseModel):
 
     def __repr_args__(self) -> Iterator[tuple[str | None, object]]:
         """Fields as a terminal shows them: arrays, files and long lists by their size."""
-        yield from ((name, _Brief.of(value)) for name, value in super().__repr_args__())
+        yield from ((name, Brief.of(value)) for name, value in super().__repr_args__())
 
     def shown_row(self) -> dict[str, str]:
         """The row as text, a metric in one entry."""
@@ -317,27 +316,6 @@ def _flat(value: Any, prefix: str, whole: bool) -> Iterator[tuple[str, Scalar]]:
 
 def _shown(value: Scalar) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-@dataclass(frozen=True)
-class _Brief:
-    """Words in place of a value that is too long for a terminal."""
-
-    words: str
-
-    @staticmethod
-    def of(value: object) -> object:
-        """``value``, or words on its size."""
-        if isinstance(value, np.ndarray):
-            return _Brief(f"<{' x '.join(map(str, value.shape))} numbers>")
-        if isinstance(value, str | bytes) and len(value) > _LONG_TEXT:
-            return _Brief(f"<{len(value)} {'bytes' if isinstance(value, bytes) else 'characters'}>")
-        if isinstance(value, tuple | Mapping) and len(value) > _LONG_LIST:
-            return _Brief(f"<{len(value)} entries>")
-        return value
-
-    def __repr__(self) -> str:
-        return self.words
 
 
 def printable(text: Any) -> Any:
