@@ -114,7 +114,8 @@ def worth_on(
                 by_image, by_sum, by_hits, by_flux, by_sin2,
             )  # fmt: skip
             outside = np.maximum(np.abs(landed.hits) / (0.5 * np.array(grid.size)) - 1.0, 0.0)
-            total += by_flux * landed.flux + by_sum[1] * landed.landed * _bounded((outside**2).sum(axis=1))
+            off = np.where(landed.landed, _bounded(np.linalg.norm(outside, axis=1)), 1.0)
+            total += by_flux * landed.flux + by_sum[1] * off
             total += by_sum[2] * _bounded(np.maximum(sin2_exit - SAFE_SIN2, 0.0) / SIN2_SCALE)
         return total
 

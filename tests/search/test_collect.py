@@ -49,11 +49,13 @@ def _plainly(rays: Rays) -> tuple[torch.Tensor, ...]:
     half = 0.5 * torch.tensor([GRID.width, GRID.height], dtype=torch.float64)
     inside = (hits[:, 0].abs() <= 0.5 * rays.window.width) & (hits[:, 1].abs() <= 0.5 * rays.window.height)
     inside &= hits.norm(dim=1) <= rays.window.radius
-    outside = (((hits.abs() - half).clamp(min=0.0) / half) ** 2).sum(dim=1)
+    landed = rays.landings.landed
+    off = (hits.abs() > half).any(dim=1) & landed  # the norm has no slope at 0
+    outside = ((hits[off].abs() - half).clamp(min=0.0) / half).norm(dim=1)
     over = ((sin2_exit - 0.97) / 0.1).clamp(min=0.0)
     return (
-        (flux * inside * rays.landings.landed).sum(),
-        (rays.emitted * rays.landings.landed * outside / (1.0 + outside)).sum(),
+        (flux * inside * landed).sum(),
+        (rays.emitted[off] * outside / (1.0 + outside)).sum() + rays.emitted[~landed].sum(),
         (rays.emitted * over / (1.0 + over)).sum(),
     )
 
