@@ -116,7 +116,7 @@ def leak_facts(ways: Sequence[LightWay], *lost: Record) -> Iterator[Fact]:
         if name and SIDES[name] != OPENING and way.share.value > _SAID:  # an open mouth lets all light out
             yield Fact.share("leak", f"Lost through the {name}", way.share, _REFLECTS.format(_ALL, name))
     for cause, (place, words) in _CAUSES.items():
-        share = next(getattr(each, cause) for each in lost if hasattr(each, cause))
+        share = next((getattr(each, cause) for each in lost if hasattr(each, cause)), 0.0)
         if share > _SAID:
             yield Fact.share("leak", f"Lost {place}", share, words)
 
