@@ -328,8 +328,8 @@ def search(
     state = replace(descent.state, seconds=descent.seconds)
     moved = "" if state.steps_done == 0 else ending.why  # of faces that are all given nothing moves
     found = _design(ending.lens, ending.margins, source, state, last.rays, warnings)
-    why = "; ".join(words for words in (moved, why) if words) or None
-    return found.model_copy(update={"ended": why, "kept_start": bool(moved)})
+    ended = "; ".join(words for words in (moved, why) if words) or None
+    return found.model_copy(update={"ended": ended, "kept_start": bool(moved)})
 
 
 def _ending(descent: Descent, first: Stage, last: Stage, start: Lens | None) -> Ending:

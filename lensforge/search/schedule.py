@@ -80,9 +80,10 @@ class Outcome(Record):
 _LEARNING_RATE = 0.004
 _FINEST_RATE_SHARE = 0.2
 _FLOOR = 0.05
-# A lens of revolution has a few dozen parameters, whose gradients have little noise: spot, 11 mm in radius, has 0.869
-# within 5 degrees after 120 steps of the usual rate, and 0.888 after 300 of twice the rate, of 16,384 rays each.
-_FEWER_RAYS, _ROUND_RATE = 4, 2.0
+# A profile has a dozen parameters, each of which moves light far, and begins near its best: the first steps of the usual
+# rate throw light away for good. A draft of a TIR lens for a beam of 12 degrees (PC, 12 mm) ends at an NMSE of 0.13 with
+# the usual rate, 0.031 with twice and 0.006 with half of it; spot has 0.911 within 5 degrees with twice, 0.913 with half.
+_FEWER_RAYS, _PROFILE_RATE = 4, 0.5
 
 
 @dataclass(frozen=True)
@@ -215,16 +216,12 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSched
     if not spec.lens.free:
         steps = (0,) * len(levels)
     rays = settings.rays or preset.design_rays // (_FEWER_RAYS if spec.lens.is_round else 1)
-    rate = _LEARNING_RATE * (_ROUND_RATE if spec.lens.is_round else 1.0)
     stages, functions = [], 0
     for level, count in enumerate(levels):
         functions += count
-        share = _FINEST_RATE_SHARE ** (level / max(1, last))
-        stages.append(
-            Stage(
-                level, of_basis, functions, steps[level], rays, rate * share,
-            )
-        )  # fmt: skip
+        rate = _LEARNING_RATE * _FINEST_RATE_SHARE ** (level / max(1, last))
+        rate *= _PROFILE_RATE if spec.lens.has_creases and level == 0 else 1.0
+        stages.append(Stage(level, of_basis, functions, steps[level], rays, rate))
     return FixedSchedule(tuple(stages[-1:] if last_only else stages))
 
 

@@ -98,8 +98,7 @@ def best_cup(
         )
     shares = [each.share(half_angle_rad, side_mm, least_rad) for each in fitting]
     best = (each for each, share in zip(fitting, shares, strict=True) if share >= _ENOUGH * max(shares))
-    # beside the axis a search has to bend the mirror, and needs light on it
-    return min(best, key=lambda each: each.height_mm if least_rad == 0.0 else -each.height_mm)
+    return min(best, key=lambda each: each.height_mm)
 
 
 def reflector_faces(
