@@ -80,9 +80,10 @@ class Outcome(Record):
 _LEARNING_RATE = 0.004
 _FINEST_RATE_SHARE = 0.2
 _FLOOR = 0.05
-# A profile has a dozen parameters, each of which moves light far, and begins near its best: the first steps of the usual
-# rate throw light away for good. A draft of a TIR lens for a beam of 12 degrees (PC, 12 mm) ends at an NMSE of 0.13 with
-# the usual rate, 0.031 with twice and 0.006 with half of it; spot has 0.911 within 5 degrees with twice, 0.913 with half.
+# A profile has a dozen parameters, each of which moves light far, and begins near its best: the first steps of the
+# usual rate throw light away for good. A draft of a TIR lens for a beam of 12 degrees (PC, 12 mm) ends at an NMSE of
+# 0.13 with the usual rate, 0.031 with twice and 0.006 with half of it; spot has 0.911 within 5 degrees with twice, 0.913
+# with half.
 _FEWER_RAYS, _PROFILE_RATE = 4, 0.5
 
 
