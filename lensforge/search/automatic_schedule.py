@@ -135,7 +135,7 @@ class AutomaticSchedule(Schedule):
     """
 
     stages: AutomaticStages
-    uniform: bool = False
+    uniform: bool
     budget_s: float | None = None
 
     @property

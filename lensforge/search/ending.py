@@ -12,7 +12,7 @@ from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Margins
 from lensforge.search.feasibility import feasible_lens
 from lensforge.search.problem import Problem, ValidationRays
-from lensforge.search.schedule import Outcome
+from lensforge.search.schedule import Judgement, Outcome
 from lensforge.search.search_state import Parameters
 from lensforge.spec import Accuracy
 
@@ -22,17 +22,24 @@ _TRY = "try more steps or rays (optimise.steps_per_level, optimise.rays), other 
 
 @dataclass(frozen=True)
 class Ending:
-    """A feasible ``lens`` with its ``margins`` and its ``merit``; ``why``: words on it, where it is the start."""
+    """A feasible ``lens`` with its ``margins`` and ``merits``; ``why``: words on it, where it is the start.
+
+    ``merits``: by the light, and with the uniformity first where the search has sought that.
+    """
 
     lens: Lens
     margins: Margins
-    merit: float
+    merits: tuple[float, ...]
     why: str = ""
+
+    def is_no_worse(self, merits: tuple[float, ...]) -> bool:
+        """True where any of its merits is as low: what is traded for evenness is no loss."""
+        return any(own <= other for own, other in zip(self.merits, merits, strict=True))
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """Judge of lenses by ``validation`` rays, those of ``even`` light by that first; lenses have ``seed``."""
+    """Judge of lenses by ``validation`` rays; ``even``: the search has sought even light. Lenses have ``seed``."""
 
     validation: ValidationRays
     even: bool
@@ -40,20 +47,23 @@ class Candidates:
     accuracy: Accuracy
 
     def better(self, begun: Outcome, start: tuple[Problem, Parameters], end: tuple[Problem, Parameters]) -> Ending:
-        """The feasible lens of ``end``, or of the ``start``, judged in ``begun``, where that one has less merit."""
+        """The feasible lens of ``end``, or of the ``start``, judged in ``begun``, where that one is the better."""
         found = self._feasible(*end)
         if _same(start[1], end[1]):
-            return replace(found, why=f"{_NOT_BETTER}, of merit {found.merit:.4g}; {_TRY}")
-        if found.merit <= begun.judged(self.even).merit:
+            return replace(found, why=f"{_NOT_BETTER}, of merit {found.merits[-1]:.4g}; {_TRY}")
+        if found.is_no_worse(self._merits(begun.light, begun.even)):
             return found
         kept = self._feasible(*start)
-        words = f"{_NOT_BETTER}, of merit {kept.merit:.4g}: the end has {found.merit:.4g}; {_TRY}"
-        return found if found.merit <= kept.merit else replace(kept, why=words)
+        words = f"{_NOT_BETTER}, of merit {kept.merits[-1]:.4g}: the end has {found.merits[-1]:.4g}; {_TRY}"
+        return found if found.is_no_worse(kept.merits) else replace(kept, why=words)
 
     def _feasible(self, problem: Problem, parameters: Parameters) -> Ending:
         lens, margins, moved = feasible_lens(problem, parameters, self.seed, self.accuracy)
         light, even = self.validation.judge(problem, *moved, self.even)
-        return Ending(lens, margins, (light if even is None else even).merit)
+        return Ending(lens, margins, self._merits(light, even))
+
+    def _merits(self, light: Judgement, even: Judgement | None) -> tuple[float, ...]:
+        return (light.merit,) if even is None or not self.even else (light.merit, even.merit)
 
 
 def _same(one: Parameters, other: Parameters) -> bool:

@@ -39,7 +39,7 @@ from lensforge.spec.lamps_section import EndlessLamps
 
 # Factors of the terms added to an NMSE of order 0.01 to 1. A receiver that is judged by uniformity and efficiency has
 # a strong efficiency term in every stage; elsewhere the NMSE itself includes efficiency.
-_OUTSIDE_RECEIVER = 1.0
+_OUTSIDE_RECEIVER = 0.3
 _EFFICIENCY, _UNIFORM_EFFICIENCY = 0.15, 1.2
 # In the uniformity stage the image may be traded for an even mask.
 _UNIFORM_VARIANCE = 10.0

@@ -323,8 +323,8 @@ def search(
         smooth if automatic else of_steps, problems, schedule, validation, seed, accuracy, observer, state, begun
     )
     why = descent.run(checkpoint, key).why
-    first, *_, last = stages_of(schedule, descent.state.outcomes)
-    ending = _ending(descent, first, last, start)
+    stages = stages_of(schedule, descent.state.outcomes)
+    ending, last = _ending(descent, stages, start), stages[-1]
     state = replace(descent.state, seconds=descent.seconds)
     moved = "" if state.steps_done == 0 else ending.why  # of faces that are all given nothing moves
     found = _design(ending.lens, ending.margins, source, state, last.rays, warnings)
@@ -332,12 +332,13 @@ def search(
     return found.model_copy(update={"ended": ended, "kept_start": bool(moved)})
 
 
-def _ending(descent: Descent, first: Stage, last: Stage, start: Lens | None) -> Ending:
-    """The lens of a search that has taken all its stages, the ``first`` of which judged its ``start``."""
-    problems, state, levels = descent.problems, descent.state, last.levels
+def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> Ending:
+    """The lens of a search that has taken all its ``stages``, the first of which judged its ``start``."""
+    problems, state, first, levels = descent.problems, descent.state, stages[0], stages[-1].levels
     if problems.spec.lens.levels == "auto":
         levels = _levels_of(levels, len(state.weights))
-    candidates = Candidates(descent.validation, descent.schedule.uniform, descent.seed, descent.accuracy)
+    even = any(stage.uniform for stage in stages)
+    candidates = Candidates(descent.validation, even, descent.seed, descent.accuracy)
     begin = _parameters_of(problems.of(first.levels), start)
     end = problems.of(levels), Parameters(state.weights, state.offsets)
     return candidates.better(state.outcomes[0], (problems.of(first.levels), begin), end)

@@ -83,7 +83,7 @@ def test_a_projection_that_costs_more_than_the_search_gained_gives_way_to_the_st
         found = judge.better(outcome(0.5), (problem, start), (problem, end))
         assert bool(found.why) == kept and found.margins == measure_constraints(found.lens)
         assert bool(found.lens.inner.weights_mm.any()) != kept
-        assert found.merit == (merits[1] if kept else merits[0])
+        assert found.merits == ((merits[1] if kept else merits[0]),)
 
 
 def test_a_search_that_goes_on_from_a_checkpoint_keeps_the_same_lens(

@@ -248,7 +248,8 @@ def test_a_cup_for_a_wall_beside_its_axis_lets_the_light_through_to_it() -> None
             "constraints": {"max_radius_mm": 25, "max_height_mm": 30},
             "base": {"kind": "none"},
             "receivers": [{**wall, "targets": [target]}],
-        }
+        },
+        "washer",
     )
     mouth, rim = start_faces(spec)["mouth"], np.radians(55.0)
     assert float(mouth.radius(np.array([[np.sin(rim), 0.0, np.cos(rim)]]))[0]) < float(
