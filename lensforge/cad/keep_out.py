@@ -181,8 +181,8 @@ def keep_out_criteria(spec: Spec, measured: KeepOutDistance | None) -> tuple[Cri
         return ()
     if measured is None:
         return (at_least("keep_out_distance", float("nan"), limits.keep_out_margin_mm, "mm", _UNMEASURED),)
-    limit = limits.keep_out_margin_mm - limits.tolerance_mm - measured.error_mm
-    return (at_least("keep_out_distance", measured.distance_mm, limit, "mm", _remedy(spec, measured)),)
+    asked, tolerance = limits.keep_out_margin_mm, limits.tolerance_mm + measured.error_mm
+    return (at_least("keep_out_distance", measured.distance_mm, asked, "mm", _remedy(spec, measured), tolerance),)
 
 
 def _remedy(spec: Spec, measured: KeepOutDistance) -> str:

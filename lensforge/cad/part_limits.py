@@ -12,6 +12,10 @@ from lensforge.spec.spec_section import CalendarDate
 
 # The largest errors of an exported face.
 FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
+# By which slopes, drafts and edges of exported faces may miss an angle that is asked for: a search keeps it to 0.01
+# degrees by its tables, normals of the export are off by 0.001 (NORMAL_LIMIT_MRAD), and a check looks at other points.
+# A cone of 2 degrees is measured as 1.99998.
+ANGLE_TOLERANCE_DEG = 0.02
 ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading: all digits are written
 
 

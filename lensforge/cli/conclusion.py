@@ -35,10 +35,11 @@ _WHOLE = ("ways", "limits")  # groups of a whole run; of others some facts
 _LINES = ("ways", "road_yield", "bound", "spread", "causes", "budget", "error", "design", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
 _LIGHT = (
-    "nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv", "rays", "fitted_nmse",
+    "nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv", "leak", "rays",
+    "fitted_nmse",
 )  # fmt: skip
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
-_LENS = ("radius", "height", "kept", "next")
+_LENS = ("kept_start", "radius", "height", "kept", "next")
 _FILES = ("form_error", "volume", "mass", "surfaces", "scale", "keep_out", "landing")
 _FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv", "plate_pdf", "plate_dxf")  # bytes, which lie in the folder
 

@@ -59,6 +59,20 @@ def index_in(medium, k, scene, indices):
 
 
 @inline
+def is_side_way(face, chain):
+    """True for a face by which no light is to leave: all but the last one, the exit."""
+    return face + 1 < len(chain[0])
+
+
+@inline
+def exit_sine(face, behind, q_squared, chain):
+    """Squared exit sine s, 0 within the lens; 2 - s at a face that is to reflect: the farther from that, the larger."""
+    if behind != OUTSIDE:
+        return 0.0
+    return 1.0 + q_squared if is_side_way(face, chain) else 1.0 - q_squared
+
+
+@inline
 def amplitudes(c, q_squared, ratio, mirror, fresnel, coatings, rows, face, k):
     """Amplitude a and k of light behind a face, and derivatives by c (``kernels.fields``); whether it is reflected."""
     if mirror >= 0.0:
@@ -156,7 +170,7 @@ def pass_on(
         ratio = index_in(medium, k, scene, indices) / index_in(behind, k, scene, indices)
         bx, by, bz, c, q_squared = refract(d[0], d[1], d[2], n[0], n[1], n[2], ratio)
         mirror = chain[2][face]
-        sin2_exit[k] = 1.0 - q_squared if behind == OUTSIDE and mirror < 0.0 else 0.0
+        sin2_exit[k] = exit_sine(face, behind, q_squared, chain) if mirror < 0.0 else 0.0
         if c <= 0.0:  # tangent, to the last bit
             fates[k] = Fate.TOTAL_REFLECTION
             continue

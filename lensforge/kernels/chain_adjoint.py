@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.kernels.bicubic import cell_at, jet, scatter
-from lensforge.kernels.chain import FROM_BEHIND, REFLECTED, amplitudes, index_in
+from lensforge.kernels.chain import FROM_BEHIND, REFLECTED, amplitudes, index_in, is_side_way
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import field_adjoint, field_behind, reflect, unpolarised
@@ -122,7 +122,7 @@ def back_at_face(k, event, e, f, by_sin2, followed, by_t, scene, coatings, rows,
     mirror = chain[2][face]
     on_n, on_d, on_c = scaled(0.0, n), scaled(0.0, n), 0.0
     if behind == OUTSIDE and mirror < 0.0:
-        on_c -= 2.0 * ratio * ratio * c * by_sin2
+        on_c += (2.0 if is_side_way(face, chain) else -2.0) * ratio * ratio * c * by_sin2
     if followed:
         a, more, by_a, by_more, _ = amplitudes(c, q_squared, ratio, mirror, scene[0], coatings, rows, face, k)
         b, u = reflect(d, n, c) if mirrored else (bx, by, bz), mixed(1.0, n, -c, d, 0.0, n)

@@ -5,10 +5,11 @@ by more than a pixel reaches no pixel. ``size``: width and height of the grid, i
 
 Besides the image and the flux in the window there are two sums over rays that the image misses: they have no flux and
 no derivative in it, so descent alone never brings them back. Each summand is bounded, ``e/(1+e)``, so that a few
-outliers cannot outweigh the image, and counts the flux with which a ray left the source.
+outliers cannot outweigh the image, and counts the flux with which a ray left the source. A ray that lands nowhere is
+as far off as can be: else light would gain by missing the plane of its receiver.
 """
 
-from math import floor
+from math import floor, sqrt
 
 from lensforge.kernels.compiled import inline, kernel
 
@@ -79,6 +80,9 @@ def add_to_bins(hits, flux, size, replicate, images):
 # Squared exit sine above which a ray counts as close to total reflection, and the unit of the excess.
 SAFE_SIN2 = 0.97
 SIN2_SCALE = 0.1
+# Distance off the receiver, in its halves, at which half of a ray's flux counts. It is steep beside the edge: a pattern
+# that is too bright somewhere throws light away where that costs little.
+BESIDE_RECEIVER = 0.25
 
 
 @inline
@@ -101,6 +105,7 @@ def collect(hits, flux, sin2_exit, landed, emitted, size, window, image, sums):
         if excess > 0.0:
             sums[2] += emitted[k] * excess / (1.0 + excess)
         if not landed[k]:
+            sums[1] += emitted[k]
             continue
         x, y = hits[k, 0], hits[k, 1]
         add_to_pixels(x, y, flux[k], size, image)
@@ -108,8 +113,8 @@ def collect(hits, flux, sin2_exit, landed, emitted, size, window, image, sums):
             sums[0] += flux[k]
         ex, ey = excess_outside(x, y, size)
         if ex > 0.0 or ey > 0.0:
-            excess = ex * ex + ey * ey
-            sums[1] += emitted[k] * excess / (1.0 + excess)
+            excess = sqrt(ex * ex + ey * ey)
+            sums[1] += emitted[k] * excess / (BESIDE_RECEIVER + excess)
 
 
 @kernel
@@ -128,8 +133,9 @@ def collect_adjoint(hits, flux, sin2_exit, landed, emitted, size, window, by_ima
             by_w += by_sums[0]
         ex, ey = excess_outside(x, y, size)
         if ex > 0.0 or ey > 0.0:
-            bounded = 1.0 + ex * ex + ey * ey
-            slope = 4.0 * by_sums[1] * emitted[k] / (bounded * bounded)
+            excess = sqrt(ex * ex + ey * ey)
+            bounded = BESIDE_RECEIVER + excess
+            slope = 2.0 * BESIDE_RECEIVER * by_sums[1] * emitted[k] / (excess * bounded * bounded)
             by_x += slope * ex / size[0] if x > 0.0 else -slope * ex / size[0]
             by_y += slope * ey / size[1] if y > 0.0 else -slope * ey / size[1]
         by_hits[k, 0], by_hits[k, 1], by_flux[k] = by_x, by_y, by_w

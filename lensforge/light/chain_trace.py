@@ -164,7 +164,8 @@ def _at_face(
     cosine = (before * normals).sum(1)
     squared = transmitted_cosine_squared(cosine, ratio)
     exits = behind == OUTSIDE and not isinstance(coating, Mirror)
-    light.sin2_exit = replaced(light.sin2_exit, rows, 1.0 - squared if exits else 0.0 * squared)
+    sense = 0.0 if not exits else -1.0 if number + 1 == len(chain.names) else 1.0  # 2 - s at a face that is to reflect
+    light.sin2_exit = replaced(light.sin2_exit, rows, abs(sense) + sense * squared)
     mirrored = constant(squared <= 0.0) | isinstance(coating, Mirror)
     onward = []
     for reflected in (False, True):

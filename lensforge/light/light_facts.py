@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
-from lensforge.light.light_ways import way_facts
+from lensforge.light.light_ways import leak_facts, way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
@@ -48,7 +48,8 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
         end = f", {name}" if light.others else ""
         for index, receiver in enumerate(own.receivers):
             title = "Light" if len(own.receivers) == 1 else receiver.name
-            groups.append(Group("light", f"{title}{end}", tuple(_figures(own, index, lens))))
+            leaks = leak_facts(own.ways, receiver.missed_by_cause, receiver.flux) if index == 0 else ()
+            groups.append(Group("light", f"{title}{end}", (*_figures(own, index, lens), *leaks)))
         if own.ways:
             groups.append(replace(way_facts(own.ways), title=f"Light by way{end}"))
         if own.limits:

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int, Int8
 from pydantic import Field
 
 from lensforge.light.metrics import jackknife_metric
-from lensforge.optics.media import FLANGE, OUTSIDE
+from lensforge.optics.media import FLANGE, OPENING, OUTSIDE, SIDES
 from lensforge.results import Fact, Group, Metric, Record, Text
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
@@ -92,6 +92,33 @@ def _numbers(met: Int8[np.ndarray, "n e"], faces: int) -> Int[np.ndarray, " n"]:
     whole = digits @ (faces + 1) ** np.arange(digits.shape[1])
     found: Int[np.ndarray, " n"] = np.where(last < faces - 1, last + 1, np.where(count <= _LONGEST, whole, 0))
     return found
+
+
+# Of the LED's flux, above which a leak is said: an evaluation knows it to a few thousandths of that.
+_SAID = 0.01
+_REFLECTS = "light that this face should reflect; {}, or give it a mirror (lens.{}.coating)"
+_ALL = "design with more steps, a larger constraints.max_radius_mm or a smaller source"
+_CAUSES = {
+    "base": ("below the rim", f"light that the rim of the body lets out below z = 0; {_ALL}"),
+    "flange": ("in the flange", f"light that meets the flange; lower lens.flange.thickness_mm, or {_ALL}"),
+    "backward": ("by the opening", "light that goes back by the opening; raise the source"),
+    "more_events": ("in the body", "light that is still reflected to and fro; raise lens.events"),
+    "total_reflection": ("at the exit", f"light that the exit reflects totally; {_ALL}"),
+}
+
+
+def leak_facts(ways: Sequence[LightWay], *lost: Record) -> Iterator[Fact]:
+    """A fact for each leak above 1 % of a lens of several faces: by a face that is to reflect, or as ``lost`` tells."""
+    if not ways:
+        return
+    for way in ways:
+        name = way.faces[0] if len(way.faces) == 1 else ""
+        if name and SIDES[name] != OPENING and way.share.value > _SAID:  # an open mouth lets all light out
+            yield Fact.share("leak", f"Lost through the {name}", way.share, _REFLECTS.format(_ALL, name))
+    for cause, (place, words) in _CAUSES.items():
+        share = next((getattr(each, cause) for each in lost if hasattr(each, cause)), 0.0)
+        if share > _SAID:
+            yield Fact.share("leak", f"Lost {place}", share, words)
 
 
 def way_facts(ways: Sequence[LightWay]) -> Group:

@@ -33,8 +33,8 @@ _TIMED: tuple[tuple[type[Design | Light | Part | Check | Proof | Photometry], st
 _STEMS = {"stray": "stray light", "compare": "photograph"}
 _OF_FACES = {"compare": "{} surface", "correct": "correction of the {} surface"}
 
-_LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak", "cct", "rms_delta_uv")
-_SHAPE = ("radius", "height", "cavity", "keep_out", "thinnest")
+_LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak", "cct", "rms_delta_uv", "leak")
+_SHAPE = ("kept_start", "radius", "height", "cavity", "keep_out", "thinnest")
 _FURTHER = (
     "form_error", "volume", "mass", "nmse_vs_design", "fitted_nmse", "table_nmse", "detected_stray", "ssim", "form",
 )  # fmt: skip

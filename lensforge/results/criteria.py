@@ -7,7 +7,7 @@ from typing import Literal, TypedDict
 from pydantic import computed_field
 
 from lensforge.errors import CriterionMissed
-from lensforge.results import Bound, Fact, FactState, Number, Record, Sense, Text
+from lensforge.results import Bound, Fact, FactState, NotNegative, Number, Record, Sense, Text
 from lensforge.results.numerals import quantity
 from lensforge.results.verdict import Reason, judge, within
 
@@ -93,12 +93,18 @@ class Kept(TypedDict, total=False):
 
 
 class Judged(Record):
-    """A ``value`` that must be ``sense`` ``limit``."""
+    """A ``value`` that must be ``sense`` ``limit``, but for the ``tolerance`` of its measure."""
 
     value: Number | None
     sense: Sense
     limit: Number | None
     unit: Text
+    tolerance: NotNegative = 0.0
+
+    @property
+    def is_kept(self) -> bool:
+        """True where the limit is kept; False where the value could not be measured."""
+        return within(self.value, self.sense, self.limit, self.tolerance)
 
 
 class Criterion(Judged):
@@ -112,7 +118,7 @@ class Criterion(Judged):
     @property
     def passed(self) -> bool:
         """True where the criterion is met; False where the value could not be measured."""
-        return within(self.value, self.sense, self.limit)
+        return self.is_kept
 
     @property
     def words(self) -> str:
@@ -126,7 +132,7 @@ class Criterion(Judged):
     @property
     def fact(self) -> Fact:
         """The criterion as a fact."""
-        state, note = judge(self.value, self.sense, self.limit), self.name.replace("_", " ")
+        state, note = judge(self.value, self.sense, self.limit, tolerance=self.tolerance), self.name.replace("_", " ")
         question = self.words.removesuffix(_YES)
         if question != self.words:
             answer = "yes" if self.passed else "no"
@@ -151,18 +157,21 @@ class Criterion(Judged):
         return f"{self.name} = {quantity(self.value, self.unit)} ({limit}): {verdict}"
 
 
-def at_most(name: str, value: float, limit: float, unit: str, remedy: str) -> Criterion:
-    """The criterion ``value <= limit``; a value that is not finite counts as not measured."""
-    return Criterion(name=name, value=_measured(value), sense="<=", limit=limit, unit=unit, remedy=remedy)
+def at_most(name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0) -> Criterion:
+    """The criterion ``value <= limit``, to ``tolerance``; a value that is not finite counts as not measured."""
+    return _criterion(name, value, "<=", limit, unit, remedy, tolerance)
 
 
-def at_least(name: str, value: float, limit: float, unit: str, remedy: str) -> Criterion:
-    """The criterion ``value >= limit``; a value that is not finite counts as not measured."""
-    return Criterion(name=name, value=_measured(value), sense=">=", limit=limit, unit=unit, remedy=remedy)
+def at_least(name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0) -> Criterion:
+    """The criterion ``value >= limit``, to ``tolerance``; a value that is not finite counts as not measured."""
+    return _criterion(name, value, ">=", limit, unit, remedy, tolerance)
 
 
-def _measured(value: float) -> float | None:
-    return float(value) if isfinite(value) else None
+def _criterion(
+    name: str, value: float, sense: Sense, limit: float, unit: str, remedy: str, tolerance: float
+) -> Criterion:
+    measured = float(value) if isfinite(value) else None
+    return Criterion(name=name, value=measured, sense=sense, limit=limit, unit=unit, remedy=remedy, tolerance=tolerance)
 
 
 def missed(criteria: Iterable[Criterion]) -> Iterator[Reason]:

@@ -13,24 +13,29 @@ CERTAIN = 2.0  # standard errors; within them of a limit, nothing is decided
 Reason = tuple[State, str]
 
 
-def within(value: float | None, sense: Sense, limit: float | None) -> bool:
-    """True where ``value`` (None: not measured, and so never) is ``sense`` ``limit`` (None: there is none)."""
+def within(value: float | None, sense: Sense, limit: float | None, tolerance: float = 0.0) -> bool:
+    """True where ``value`` (None: not measured, and so never) is ``sense`` ``limit`` (None: there is none).
+
+    ``tolerance``: error of the measure, by which a value may lie beyond its limit.
+    """
     if value is None:
         return False
     if limit is None:
         return True
-    return value <= limit if sense == "<=" else value >= limit
+    return value <= limit + tolerance if sense == "<=" else value >= limit - tolerance
 
 
-def judge(value: float | None, sense: Sense, limit: float | None, error: float | None = 0.0) -> State:
+def judge(
+    value: float | None, sense: Sense, limit: float | None, error: float | None = 0.0, tolerance: float = 0.0
+) -> State:
     """State of a ``value`` that must be ``sense`` ``limit``: the judgement behind every verdict.
 
     ``error``: standard error; 0 for an exact value, None where it is not known, and then nothing is decided. A value
-    within two standard errors of its limit is undecided.
+    within two standard errors of its limit is undecided. ``tolerance``: as of :func:`within`.
     """
     if error is None or (error > 0.0 and None not in (value, limit) and abs(value - limit) <= CERTAIN * error):  # type: ignore[operator]
         return "undecided"
-    return "pass" if within(value, sense, limit) else "fail"
+    return "pass" if within(value, sense, limit, tolerance) else "fail"
 
 
 def worst(states: Iterable[State]) -> State:

@@ -18,6 +18,8 @@ from dataclasses import dataclass, replace
 
 from lensforge.scene.lens import Lens
 from lensforge.search.schedule import (
+    ACCEPTED,
+    TAKEN_BACK,
     AutomaticStages,
     Gain,
     NextStage,
@@ -93,10 +95,7 @@ class SearchTime:
         return int(left_s / (last.step_s * max(1.0, stage.rays / last.stage.rays)))
 
 
-# How a search goes on from a stage that has ended.
-_ACCEPTED = NextStage(None, "current", improved=True, accepted=True)
-_IMPROVED = NextStage(None, "current", improved=True)
-_TAKEN_BACK = NextStage(None, "accepted")
+_IMPROVED = NextStage(None, "current", improved=True)  # how a search goes on from a long stage that has ended
 
 
 @dataclass
@@ -109,7 +108,7 @@ class _Course:
     level: int
     best: Outcome
     last: _Ended
-    how: NextStage = _ACCEPTED
+    how: NextStage = ACCEPTED
 
     def run(self, stage: Stage) -> Generator[NextStage, Outcome, Gain]:
         """Ask for ``stage`` from here; its gain over the best lens."""
@@ -121,7 +120,7 @@ class _Course:
         """Go on from the lens of the last stage, or from the best one before it where it is not ``improved``."""
         if improved:
             self.level, self.best = level, self.last.outcome
-        self.how = _ACCEPTED if improved else _TAKEN_BACK
+        self.how = ACCEPTED if improved else TAKEN_BACK
 
 
 _Phase = Generator[NextStage, Outcome, str]  # returns why it ended, "" for no reason to tell
@@ -199,7 +198,7 @@ class AutomaticSchedule(Schedule):
             if enough or (at_start and not is_last):
                 return ""
             steps = self._steps_of_levels(course.last, 1)
-            if again or steps == 0 or course.how is _ACCEPTED:
+            if again or steps == 0 or course.how is ACCEPTED:
                 return self._too_little(gain, course.last, level)
             again = True
 

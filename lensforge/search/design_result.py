@@ -128,8 +128,9 @@ class Design(StageResult):
     """A finished search.
 
     ``source_outline_mm``: a polygon around the emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface.
-    ``ended``: why a search that chooses its levels went no further. ``seconds``: of the search, set-up included.
-    ``starts``: all searches of which this was the best, where there were several.
+    ``ended``: why a search that chooses its levels went no further, and where it did not gain: it then has the better
+    lens of before. ``kept_start``: it ended with the lens from which it began. ``seconds``: of the search, set-up
+    included. ``starts``: all searches of which this was the best, where there were several.
     """
 
     stage: ClassVar[str] = "design"
@@ -146,6 +147,7 @@ class Design(StageResult):
     source_outline_mm: tuple[Point, ...]
     history: Annotated[tuple[Level, ...], Field(max_length=MOST_LEVELS)]
     ended: Text | None = None
+    kept_start: bool = False
     starts: tuple[Start, ...] = ()
     criteria: tuple[Criterion, ...]
 
@@ -312,7 +314,7 @@ def _limits_of_faces(lens: AnyLens) -> Iterator[tuple[str, tuple[str, ...], str,
 def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:
     """One criterion for each limit of ``spec``: at least 0 but for its tolerance; NaN where it was not measured."""
     return tuple(
-        at_least(limit.name, measured.at(limit), -limit.tolerance, limit.unit, limit.remedy)
+        at_least(limit.name, measured.at(limit), 0.0, limit.unit, limit.remedy, limit.tolerance)
         for limit in limits_of(spec)
     )
 
@@ -361,6 +363,8 @@ def _size(design: Design) -> Iterator[Fact]:
 
 
 def _search(design: Design) -> Iterator[Fact]:
+    if design.kept_start:
+        yield Fact("kept_start", "Search", "no gain", note=design.ended or "")
     yield Fact("steps", "Steps", design.steps, note=design.ended or "")
     yield Fact("levels", "Levels", len(design.history))
     yield Fact(

@@ -23,7 +23,7 @@ from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, 
 from lensforge.search.design_result import DIRECTIONS, EDGE, FLANGE_ROOM, Limit, Margins
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.problem import Problem
-from lensforge.search.search_state import SearchState
+from lensforge.search.search_state import Parameters
 from lensforge.spec import Accuracy, Spec
 from lensforge.surfaces import surface as chart
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for, tabulate
@@ -106,8 +106,10 @@ def _least(
     return min(coarse, least_of(ChartOperator.of(grid, finer, derivatives=True))[0])
 
 
-def feasible_lens(problem: Problem, found: SearchState, seed: int, accuracy: Accuracy) -> tuple[Lens, Margins]:
-    """The lens of the parameters that a search ``found``, projected to the feasible set, and its constraints.
+def feasible_lens(
+    problem: Problem, found: Parameters, seed: int, accuracy: Accuracy
+) -> tuple[Lens, Margins, Parameters]:
+    """The lens of the parameters that a search ``found``, projected to the feasible set, its constraints, and these.
 
     The projection sees curvatures of a table that is coarser than the one that they are measured by: a limit that is
     missed by the measured lens is made stricter by that much, and the parameters are projected again.
@@ -115,7 +117,7 @@ def feasible_lens(problem: Problem, found: SearchState, seed: int, accuracy: Acc
     parametrisation, constraints = problem.in_full()
     stricter: dict[str, float] = {}
     for left in reversed(range(_CORRECTIONS + 1)):
-        parameters = project_to_feasible(parametrisation, constraints.tightened(stricter), found.weights, found.offsets)
+        parameters = Parameters(*project_to_feasible(parametrisation, constraints.tightened(stricter), *found))
         lens = problem.parametrisation.lens(*parameters, problem.spec, seed, accuracy)
         margins = measure_constraints(lens)
         missed = {each.key: -margins.at(each) for each in constraints.constraints}
@@ -123,7 +125,7 @@ def feasible_lens(problem: Problem, found: SearchState, seed: int, accuracy: Acc
         if not (missed and left):
             break
         stricter = {key: stricter.get(key, 0.0) + missed.get(key, 0.0) for key in {*stricter, *missed}}
-    return lens, margins
+    return lens, margins, parameters
 
 
 class _LBFGS(torch.optim.LBFGS):

@@ -23,7 +23,8 @@ from lensforge.scene.lens import Lens
 from lensforge.search.automatic_schedule import AutomaticSchedule, schedule_of
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
 from lensforge.search.design_result import Design, Level, Margins, Observer, Progress, constraint_criteria
-from lensforge.search.feasibility import feasible_lens, require_feasible_start
+from lensforge.search.ending import Candidates, Ending
+from lensforge.search.feasibility import require_feasible_start
 from lensforge.search.light_path import Pair
 from lensforge.search.merit import Evaluated
 from lensforge.search.parameters import settled_symmetry
@@ -55,7 +56,7 @@ class Descent:
     source: Source
     problems: Problems
     schedule: Schedule
-    validation: ValidationRays | None
+    validation: ValidationRays
     seed: int
     accuracy: Accuracy
     observer: Observer
@@ -71,7 +72,7 @@ class Descent:
     def run(self, checkpoint: Path | None, key: str) -> NextStage:
         """Run all remaining stages and return the end; keep the checkpoint fresh, also at an interrupt."""
         saved = time.monotonic()
-        if self.validation is not None:
+        if self.problems.spec.optimise.seconds is not None:
             self._compile_kernels()
         try:
             while (stage := self.schedule.next_stage(self.state.outcomes).stage) is not None:
@@ -178,10 +179,8 @@ class Descent:
         """Judgement of ``state`` by validation rays, at the end of ``stage``."""
         key = len(state.outcomes), state.steps_done
         if self._judged is None or self._judged[0] != key:
-            light = even = None
-            if self.validation is not None:
-                problem, uniform = self.problems.of(stage.levels), self.problems.spec.has_uniform_region
-                light, even = self.validation.judge(problem, state.weights, state.offsets, uniform)
+            problem, uniform = self.problems.of(stage.levels), self.problems.spec.has_uniform_region
+            light, even = self.validation.judge(problem, state.weights, state.offsets, uniform)
             self._judged = key, Outcome(steps=state.step, seconds=self.seconds, light=light, even=even)
         return self._judged[1]
 
@@ -296,6 +295,7 @@ def search(
 ) -> Design:
     """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by torch on ``device``.
 
+    It ends with no worse a lens than it began with, by the merit that it minimises and rays that no step sees.
     ``start``: a lens to begin from instead of two hemispheres; then given levels all move from the first step on, and
     automatic ones begin with as many as it has, the broad ones first. ``checkpoint`` is written every few seconds and
     at an interrupt; with ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one,
@@ -316,19 +316,38 @@ def search(
         state = _fresh_state(schedule, problems, start)
     if checkpoint is not None and not resume:
         delete_checkpoint(checkpoint)  # of an earlier search: an interrupt before the first step leaves none
-    validation, of_steps = None, searched(source)
-    if spec.lens.levels == "auto":
-        validation, of_steps = ValidationRays.of(of_steps, preset.effort.validation_rays, seed)
+    of_steps, automatic = searched(source), spec.lens.levels == "auto"
+    validation, smooth = ValidationRays.of(of_steps, schedule.validation_rays(preset.effort.validation_rays), seed)
     observer = progress or (lambda _: None)
-    descent = Descent(of_steps, problems, schedule, validation, seed, accuracy, observer, state, begun)
-    why = descent.run(checkpoint, key).why or None
-    state = descent.state
-    last = stages_of(schedule, state.outcomes)[-1]
-    automatic = spec.lens.levels == "auto"
-    problem = problems.of(_levels_of(last.levels, len(state.weights)) if automatic else last.levels)
-    lens, margins = feasible_lens(problem, state, seed, accuracy)
-    state = replace(state, seconds=descent.seconds)
-    return _design(lens, margins, source, state, last.rays, why, warnings)
+    descent = Descent(
+        smooth if automatic else of_steps, problems, schedule, validation, seed, accuracy, observer, state, begun
+    )
+    why = descent.run(checkpoint, key).why
+    stages = stages_of(schedule, descent.state.outcomes)
+    ending, last = _ending(descent, stages, start), stages[-1]
+    state = replace(descent.state, seconds=descent.seconds)
+    moved = "" if state.steps_done == 0 else ending.why  # of faces that are all given nothing moves
+    found = _design(ending.lens, ending.margins, source, state, last.rays, warnings)
+    ended = "; ".join(words for words in (moved, why) if words) or None
+    return found.model_copy(update={"ended": ended, "kept_start": bool(moved)})
+
+
+def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> Ending:
+    """The lens of a search that has taken all its ``stages``, the first of which judged its ``start``."""
+    problems, state, first, levels = descent.problems, descent.state, stages[0], stages[-1].levels
+    if problems.spec.lens.levels == "auto":
+        levels = _levels_of(levels, len(state.weights))
+    even = any(stage.uniform for stage in stages)
+    candidates = Candidates(descent.validation, even, descent.seed, descent.accuracy)
+    begin = _parameters_of(problems.of(first.levels), start)
+    end = problems.of(levels), Parameters(state.weights, state.offsets)
+    return candidates.better(state.outcomes[0], (problems.of(first.levels), begin), end)
+
+
+def _parameters_of(problem: Problem, start: Lens | None) -> Parameters:
+    """The parameters with which a search begins."""
+    own = problem.parametrisation
+    return Parameters(*(own.start() if start is None else own.parameters_of(start)))
 
 
 def _levels_of(levels: tuple[int, ...], weights: int) -> tuple[int, ...]:
@@ -342,7 +361,6 @@ def _design(
     source: Source,
     state: SearchState,
     rays_per_step: int,
-    why: str | None,
     warnings: tuple[str, ...],
 ) -> Design:
     """The record of a finished search; ``warnings`` on its scene go with those on its source."""
@@ -363,7 +381,6 @@ def _design(
         constraints=margins,
         source=summary.model_copy(update={"warnings": (*summary.warnings, *warnings)}),
         source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
-        ended=why,
         history=state.history,
         criteria=constraint_criteria(lens.spec, margins),
     )
@@ -374,9 +391,8 @@ def _fresh_state(schedule: Schedule, problems: Problems, start: Lens | None) -> 
     first = schedule.next_stage(()).stage
     assert first is not None, "a spec has levels"
     problem = problems.of(first.levels)
-    multipliers = problem.constraints.multipliers
-    if start is not None:
-        return SearchState(*problem.parametrisation.parameters_of(start), multipliers)
-    finest = schedule.stages.levels.counts if isinstance(schedule, AutomaticSchedule) else first.levels
-    require_feasible_start(map(problems.of, dict.fromkeys((first.levels, finest))))
-    return SearchState(*problem.parametrisation.start(), multipliers)
+    begin, multipliers = _parameters_of(problem, start), problem.constraints.multipliers
+    if start is None:
+        finest = schedule.stages.levels.counts if isinstance(schedule, AutomaticSchedule) else first.levels
+        require_feasible_start(map(problems.of, dict.fromkeys((first.levels, finest))))
+    return SearchState(*begin, multipliers)

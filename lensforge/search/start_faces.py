@@ -51,11 +51,13 @@ def _reflector_faces(spec: Spec) -> dict[str, Surface]:
     wall_mm = _THICKER * (limits.min_thickness_mm + 2.0 * limits.margin_mm)
     most_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - limits.margin_mm
     cup, height_mm = lens.fixed["cup"], lens.mouth.offset_mm
-    beam_rad = _beam_rad(spec) if cup is None else 0.0
+    least_rad, beam_rad = _beam_rad(spec) if cup is None else (0.0, 0.0)
     try:
         if cup is None:
             clear_mm, side_mm = _room(spec)
-            best = best_cup(radius_mm, wall_mm, side_mm, beam_rad, clearance_mm=clear_mm, most_height_mm=most_mm)
+            best = best_cup(
+                radius_mm, wall_mm, side_mm, beam_rad, least_rad, clearance_mm=clear_mm, most_height_mm=most_mm
+            )
             if lens.cup.offset_mm is not None:
                 best = replace(best, focal_mm=0.5 * lens.cup.offset_mm)
             cup, height_mm = best.face, height_mm or best.height_mm
@@ -118,7 +120,7 @@ def _of_a_point(spec: Spec) -> dict[str, ReciprocalSurface]:
     index, wall = lens.refractive_index / lens.cavity_index, limits.min_thickness_mm
     radius_mm, flange_mm = limits.rim_radius_mm, lens.flange_room_mm or 0.0
     mirrored = lens.wall.mirror is not None
-    (clear, size), beam_rad = _room(spec), _beam_rad(spec)
+    (clear, size), (_, beam_rad) = _room(spec), _beam_rad(spec)
     try:
         best = best_collimator(
             index,
@@ -137,11 +139,13 @@ def _of_a_point(spec: Spec) -> dict[str, ReciprocalSurface]:
         raise InputError(f"lens: {str(error).removeprefix('collimator: ')} (lens.kind = 'tir')") from None
 
 
-def _beam_rad(spec: Spec) -> float:
-    """Half angle of the light that the first target wants, as seen from the lens."""
+def _beam_rad(spec: Spec) -> tuple[float, float]:
+    """Least and largest angle from the axis of the light that the first target wants; least: 0 for light about it."""
     receiver, section = receivers_of(spec, spec.optimise.pixels)[0], spec.all_receivers[0]
     bright = in_target(target_light(section.targets, receiver))
     x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
-    points = receiver.places(x[bright], y[bright])
-    angles = np.arccos(np.clip(points[:, 2] / np.linalg.norm(points, axis=1), -1.0, 1.0))
-    return float(max(angles.max(), _NARROWEST_BEAM_RAD))
+    points = receiver.places(x.ravel(), y.ravel())
+    angles = np.arccos(np.clip(points[:, 2] / np.linalg.norm(points, axis=1), -1.0, 1.0)).reshape(bright.shape)
+    pixel = max(float(np.abs(np.diff(angles, axis=axis)).max()) for axis in (0, 1))
+    least, most = float(angles[bright].min()), float(angles[bright].max())
+    return least if least > pixel else 0.0, max(most, _NARROWEST_BEAM_RAD)

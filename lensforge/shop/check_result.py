@@ -11,7 +11,6 @@ from lensforge.results import Array, NotNegative, Number, Point, Positive, Recor
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criterion, Judged
 from lensforge.results.notebook_html import screenful
-from lensforge.results.verdict import within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -194,7 +193,7 @@ class Finding(Judged):
     @property
     def holds(self) -> bool:
         """True where the shop can do it."""
-        return within(self.value, self.sense, self.limit)
+        return self.is_kept
 
 
 FLAT_MM = 1e6  # a radius beyond it is that of a plane

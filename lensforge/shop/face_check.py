@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
+from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
+from lensforge.results.verdict import within
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable, residual_height_mm
 from lensforge.shop.check_result import FLAT_MM, Curvature, Cutter, Draft, FaceResult, Sphere
 from lensforge.shop.face_samples import FaceArea, FaceSamples, OpticalFace, all_points, least_draft_rad, sample_face
@@ -85,7 +87,7 @@ def face_result(check: FaceCheck) -> FaceResult:
             residual_mm=bounded(float(check.residual_mm.max())),
         ),
         draft_deg=Draft(min=draft_deg),
-        undercut_fraction=samples.area.undercut_fraction if draft_deg < 0.0 else 0.0,
+        undercut_fraction=0.0 if within(draft_deg, ">=", 0.0, ANGLE_TOLERANCE_DEG) else samples.area.undercut_fraction,
         largest_tilt_deg=90.0 - draft_deg,
         area_mm2=samples.area.total_mm2,
         xyz=to_map(samples.points),

@@ -4,15 +4,16 @@ All follow from the measurements of the check and the spec alone.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import ceil, degrees, floor
+from math import ceil, floor
 from typing import TYPE_CHECKING
 
-from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
+from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.optics.media import FROM_BELOW
 from lensforge.results import Sense
 from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
+from lensforge.shop.ball_cutter import FIT_TOLERANCE
 from lensforge.shop.check_result import (
     BODY,
     AnyClearance,
@@ -36,10 +37,7 @@ if TYPE_CHECKING:
     from lensforge.cad.plate_layout import PlateWall
 
 GOOD_DRAFT_DEG = 2.0
-_WHOLE = 1.0 - 1e-9  # share that counts as the whole face
-_BALL = 1.0 + 1e-6  # relative: a ball that is larger than the largest by rounding still reaches the face
-_TILT_TOLERANCE_DEG = degrees(1e-3 * NORMAL_LIMIT_MRAD)  # the export allows this error of a face's normals
-_ANGLE_TOLERANCE_DEG = 0.02  # the check samples faces and edges at other points than the search
+_SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
 _MOST_TILT_DEG, _MOST_DRAFT_DEG = 120.0, 25.0  # of manufacture.max_tilt_deg and of the draft_deg of a face
 # Sense and unit of each finding.
@@ -74,26 +72,37 @@ def check_findings(
 
 
 def _finding(
-    name: FindingName, surface: str, value: float | None, limit: float | None, reason: str, changes: Sequence[str] = ()
+    name: FindingName,
+    surface: str,
+    value: float | None,
+    limit: float | None,
+    reason: str,
+    changes: Sequence[str] = (),
+    tolerance: float = 0.0,
 ) -> Finding:
     """The finding; of the ``changes`` of the spec that would help, an empty one is left out."""
     sense, unit = _KINDS[name]
-    remedy = "" if within(value, sense, limit) else ", or ".join(change for change in changes if change)
-    return Finding(
-        name=name, surface=surface, value=value, sense=sense, limit=limit, unit=unit, reason=reason, remedy=remedy
+    found = Finding(
+        name=name, surface=surface, value=value, sense=sense, limit=limit, unit=unit, tolerance=tolerance, reason=reason
     )
+    changes = [] if found.holds else [change for change in changes if change]
+    return found.model_copy(update={"remedy": ", or ".join(changes)})
 
 
 def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
     """The thinnest wall, and the thickest where the spec limits it; both within the tolerance of the search."""
-    limits, again = spec.constraints, "or give the last level more steps; the wall is"
+    limits, own, again = (
+        spec.constraints,
+        spec.constraints.tolerance_mm,
+        "or give the last level more steps; the wall is",
+    )
     remedy = f"raise lens.{spec.lens.outward}.offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
-    least = at_least("thinnest wall", walls.thinnest.thickness_mm, least_wall_mm(spec), "mm", remedy)
+    least = at_least("thinnest wall", walls.thinnest.thickness_mm, limits.min_thickness_mm, "mm", remedy, own)
     if limits.max_wall_mm is None:
         return (least,)
     remedy = f"raise lens.{spec.lens.names[0]}.offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
-    most = limits.max_wall_mm + limits.tolerance_mm
-    return least, at_most("largest radial wall", walls.thickest.thickness_mm, most, "mm", remedy)
+    thickest_mm, most_mm = walls.thickest.thickness_mm, limits.max_wall_mm
+    return least, at_most("largest radial wall", thickest_mm, most_mm, "mm", remedy, own)
 
 
 def edge_criteria(spec: Spec, edges: Sequence[Edge]) -> tuple[Criterion, ...]:
@@ -102,13 +111,9 @@ def edge_criteria(spec: Spec, edges: Sequence[Edge]) -> tuple[Criterion, ...]:
     if least_deg is None:
         return ()
     remedy = "lower constraints.min_edge_angle_deg, or give the last level more steps"
-    limit = least_deg - _ANGLE_TOLERANCE_DEG
-    return tuple(at_least(edge.criterion, edge.angle_deg, limit, "deg", remedy) for edge in edges)
-
-
-def least_wall_mm(spec: Spec) -> float:
-    """The least wall that still counts as the wall of the spec."""
-    return spec.constraints.min_thickness_mm - spec.constraints.tolerance_mm
+    return tuple(
+        at_least(edge.criterion, edge.angle_deg, least_deg, "deg", remedy, ANGLE_TOLERANCE_DEG) for edge in edges
+    )
 
 
 def _place(wall: Wall) -> str:
@@ -123,8 +128,8 @@ def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Sp
     if largest is not None:
         changes.append(f"manufacture.cutter_radius_mm = {_down(largest)}")
     ball = f"a ball of {quantity(cutter.radius_mm, 'mm')} radius"
-    limit = None if largest is None else largest * _BALL
-    if within(cutter.radius_mm, "<=", limit):
+    tolerance = 0.0 if largest is None else FIT_TOLERANCE * largest
+    if within(cutter.radius_mm, "<=", largest, tolerance):
         others = "any ball" if largest is None else f"any ball of up to {quantity(largest, 'mm', digits=4)} radius"
         base = relief.beyond_shop(largest, cutter.radius_mm, surface)
         reason = f"{ball} reaches all of the {surface} face; so does {others}{base}"
@@ -133,7 +138,7 @@ def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Sp
             f"{ball} reaches {percent(cutter.reachable_fraction)} of the {surface} face; "
             f"the largest that reaches all of it has {quantity(largest, 'mm', digits=4)} radius"
         )
-    return _finding("cutter", surface, cutter.radius_mm, limit, reason, changes)
+    return _finding("cutter", surface, cutter.radius_mm, largest, reason, changes, tolerance)
 
 
 def clearance_findings(relief: BallClearance, base: BaseSection) -> list[Finding]:
@@ -187,8 +192,7 @@ def _step_remedy(relief: StepClearance, base: BaseSection) -> str:
 def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Finding:
     """Tilt of a tool that is held normal to the face everywhere; a search for less, or a machine that tilts farther."""
     allowed_deg, changes = spec.manufacture.max_tilt_deg, []
-    limit, draft_deg = allowed_deg + _TILT_TOLERANCE_DEG, 90.0 - allowed_deg
-    holds = within(slope_deg, "<=", limit)
+    draft_deg, holds = 90.0 - allowed_deg, within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
     if 0.0 <= draft_deg <= _MOST_DRAFT_DEG:
         changes.append(_design_again("draft_deg", draft_deg, spec, surface))
     if slope_deg < _MOST_TILT_DEG:
@@ -197,13 +201,13 @@ def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Finding:
         f"the {surface} face is up to {quantity(slope_deg, 'deg', digits=4)} steep; a tool held normal to it "
         f"{'stays within' if holds else 'would exceed'} manufacture.max_tilt_deg = {allowed_deg:g}"
     )
-    return _finding("tilt", surface, slope_deg, limit, reason, changes)
+    return _finding("tilt", surface, slope_deg, allowed_deg, reason, changes, ANGLE_TOLERANCE_DEG)
 
 
 def wall_finding(wall_mm: float, spec: Spec) -> Finding:
     """Thinnest wall; a search from faces that are farther apart, or a spec that takes the wall there is."""
-    limit, required_mm, changes = least_wall_mm(spec), spec.constraints.min_thickness_mm, []
-    holds = within(wall_mm, ">=", limit)
+    required_mm, tolerance, changes = spec.constraints.min_thickness_mm, spec.constraints.tolerance_mm, []
+    holds = within(wall_mm, ">=", required_mm, tolerance)
     inwards, outwards, fixed = spec.lens.names[0], spec.lens.outward, spec.lens.fixed
     if fixed[outwards] is None:
         changes.append(f"a larger lens.{outwards}.offset_mm and design again")
@@ -213,23 +217,23 @@ def wall_finding(wall_mm: float, spec: Spec) -> Finding:
         changes.append(f"constraints.min_thickness_mm = {_down(wall_mm)} where that is enough")
     word, thinnest = "at least" if holds else "less than", quantity(wall_mm, "mm", digits=4)
     reason = f"the thinnest wall is {thinnest}, {word} constraints.min_thickness_mm = {required_mm:g}"
-    return _finding("wall", BODY, wall_mm, limit, reason, changes)
+    return _finding("wall", BODY, wall_mm, required_mm, reason, changes, tolerance)
 
 
 def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -> Iterator[Finding]:
     """Room for the ball between the lenses of the plate, where these are cut, and the thinnest wall of the plate."""
-    shop, required_mm = spec.manufacture, spec.constraints.min_thickness_mm
+    shop, required_mm, tolerance = spec.manufacture, spec.constraints.min_thickness_mm, spec.constraints.tolerance_mm
     if gap_mm is not None and shop.make == "part":
         wide = 2.0 * shop.cutter_radius_mm
-        fits = "fits" if wide <= gap_mm else "does not fit"
+        fits = "fits" if within(wide, "<=", gap_mm, tolerance) else "does not fit"
         reason = f"a ball of {quantity(wide, 'mm')} diameter {fits} between two lenses, {quantity(gap_mm, 'mm')} apart"
         changes = [f"manufacture.cutter_radius_mm = {_down(gap_mm / 2.0)}", "a wider pitch of lamps"]
-        yield _finding("gap", BODY, wide, gap_mm, reason, changes)
+        yield _finding("gap", BODY, wide, gap_mm, reason, changes, tolerance)
     if wall is not None:
         thinnest = f"{quantity(wall.thickness_mm, 'mm', digits=4)} thick between {wall.between}"
         reason = f"the plate is {thinnest}; constraints.min_thickness_mm = {required_mm:g}"
-        limit = least_wall_mm(spec)
-        yield _finding("plate", BODY, wall.thickness_mm, limit, reason, ["another place for one of the two"])
+        changes = ["another place for one of the two"]
+        yield _finding("plate", BODY, wall.thickness_mm, required_mm, reason, changes, tolerance)
 
 
 def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Finding:
@@ -237,10 +241,9 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Finding:
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
     asked_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg
-    limit_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg - _ANGLE_TOLERANCE_DEG
     if undercut > 0.0 and surface in FROM_BELOW and least_deg >= 0.0:
         reason = f"{percent(undercut)} of the {surface} face lies over the base: its half of the mould cannot be drawn"
-        return _finding("draft", surface, None, limit_deg, reason, ['base.kind = "none"', "a narrower base"])
+        return _finding("draft", surface, None, wanted_deg, reason, ['base.kind = "none"', "a narrower base"])
     if undercut > 0.0:
         down = quantity(least_deg, "deg", digits=3)
         reason = f"{percent(undercut)} of the {surface} face is undercut, down to a draft of {down}"
@@ -249,7 +252,7 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Finding:
         needed = f"{'a mould needs' if asked_deg is None else 'the spec asks for'} {quantity(wanted_deg, 'deg')}"
         reason = f"the least draft of the {surface} face is {quantity(least_deg, 'deg', digits=3)}; {needed}"
     again = _design_again("draft_deg", wanted_deg, spec, surface)
-    return _finding("draft", surface, least_deg, limit_deg, reason, [again])
+    return _finding("draft", surface, least_deg, wanted_deg, reason, [again], ANGLE_TOLERANCE_DEG)
 
 
 def _draft_counts(surface: str, spec: Spec) -> bool:
@@ -261,15 +264,15 @@ def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: f
     """Reach of a tool on a face, and what limits it; ``largest_mm``: the largest ball that reaches the whole face."""
     ball, whole, changes = reach.ball_reachable_fraction, reach.reachable_fraction, []
     reason = f"{tool.name} reaches {percent(whole)} of the {surface} face"
-    if whole < ball - 1e-9:
+    if not within(whole, ">=", ball, _SHARE_TOLERANCE):
         reason += f"; its ball alone reaches {percent(ball)}: shank or holder collides, a longer tool may help"
-    if ball < _WHOLE and largest_mm is not None:
+    if not within(ball, ">=", 1.0, _SHARE_TOLERANCE) and largest_mm is not None:
         reason += f"; the largest ball that reaches all of it has {quantity(largest_mm, 'mm', digits=4)} radius"
     if largest_mm is not None and largest_mm < tool.radius_mm:
         changes.append(f"a tool in manufacture.tools with radius_mm = {_down(largest_mm)} or less")
     if whole < ball:
         changes.append(f"a tool with length_mm above {tool.length_mm:g}")
-    return _finding("tool", surface, whole, _WHOLE, reason, changes)
+    return _finding("tool", surface, whole, 1.0, reason, changes, _SHARE_TOLERANCE)
 
 
 def _design_again(field: str, value: float, spec: Spec, surface: str) -> str:

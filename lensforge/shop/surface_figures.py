@@ -14,6 +14,8 @@ from matplotlib.patches import Circle
 from scipy.ndimage import distance_transform_edt
 
 from lensforge.results.figure_style import INK, add_colour_bar, in_report_style, new_map
+from lensforge.results.verdict import within
+from lensforge.shop.ball_cutter import FIT_TOLERANCE
 
 ChartMap = Float[np.ndarray, "n n"]
 
@@ -51,13 +53,14 @@ def curvature_map(kappa_min: ChartMap, mill_radius_mm: float) -> Figure:
     limit = -1.0 / mill_radius_mm
     inside = kappa_min[np.isfinite(kappa_min)]
     reach = max(float(np.quantile(np.abs(inside), _SHOWN_QUANTILE)), 1e-9)
-    if inside.min() < limit:
+    exceeded = not within(float(inside.min()), ">=", limit, -FIT_TOLERANCE * limit)
+    if exceeded:
         reach = max(reach, -1.05 * limit)  # where the limit is exceeded, the scale includes it
     shown = _show(axes, kappa_min, "PuOr_r", -reach, reach)
     low, high = bool(inside.min() < -reach), bool(inside.max() > reach)
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((low, high), "neither")
     scale = add_colour_bar(bar, shown, "smaller curvature (1/mm)", extend)
-    if inside.min() < limit:
+    if exceeded:
         nodes = np.linspace(-1.0, 1.0, len(kappa_min))
         axes.contour(nodes, nodes, kappa_min.T, levels=[limit], colors=_LINE, linewidths=0.9, linestyles="solid")
     if limit >= -reach:

@@ -103,19 +103,19 @@ def _faults(
     shape, wall = fixed.shape, limits.min_thickness_mm if name == "inner" else 0.0
     under = f" under a wall of constraints.min_thickness_mm = {wall:g}" if wall else ""
     reached = float(shape.radii_mm.max()) + wall
-    if reached > limits.max_radius_mm:
+    if reached > limits.max_radius_mm + limits.tolerance_mm:
         yield (
             f"reaches {reached:.6g} mm from the origin{under}, constraints.max_radius_mm = {limits.max_radius_mm:g}: "
             f"at least {rounded_up(reached)}"
         )
     height = float(((shape.largest_mm(_POLAR) + wall) * np.cos(_POLAR)).max())
-    if limits.max_height_mm is not None and height > limits.max_height_mm:
+    if limits.max_height_mm is not None and height > limits.max_height_mm + limits.tolerance_mm:
         yield (
             f"reaches {height:.6g} mm above z = 0{under}, constraints.max_height_mm = {limits.max_height_mm:g}: at "
             f"least {rounded_up(height)}"
         )
     inside = shape.clearance_mm(limits.cavity_height_mm, limits.cavity_radius_mm)
-    if name == "inner" and inside < 0.0:
+    if name == "inner" and inside < -limits.tolerance_mm:
         yield (
             f"cuts {-inside:.3g} mm into the paraboloid of constraints.cavity_height_mm = {limits.cavity_height_mm:g} "
             f"and cavity_radius_mm = {limits.cavity_radius_mm:g}"

@@ -52,14 +52,20 @@ class ParabolicCup:
         """The mirror."""
         return ConicFace(_ROOM * float(np.hypot(self.radius_mm, self.height_mm)), 2.0 * self.focal_mm, 1.0)
 
-    def share(self, half_angle_rad: float, side_mm: float) -> float:
+    def share(self, half_angle_rad: float, side_mm: float, least_rad: float = 0.0) -> float:
         """Share of the light of a square Lambertian source that it turns into a half angle of the axis, at first order.
 
         What leaves directly, and what the mirror absorbs, do not count: of narrow beams the one is the same for all.
+        Of light that is wanted beside the axis only, from ``least_rad`` on, what leaves directly counts, too.
         """
-        polar = np.linspace(float(np.arctan2(self.rim_mm, self.height_mm)), 0.5 * np.pi, _RAYS)
-        exits = 2.0 * self.focal_mm / np.tan(0.5 * polar)
-        return share_within([(polar, exits)], half_angle_rad, side_mm)
+        rim = float(np.arctan2(self.rim_mm, self.height_mm))
+        polar = np.linspace(rim, 0.5 * np.pi, _RAYS)
+        turned = [(polar, 2.0 * self.focal_mm / np.tan(0.5 * polar))]
+        within = share_within(turned, half_angle_rad, side_mm)
+        if least_rad == 0.0:
+            return within
+        direct = np.sin(min(rim, half_angle_rad)) ** 2 - np.sin(least_rad) ** 2
+        return within - share_within(turned, least_rad, side_mm) + max(0.0, float(direct))
 
 
 def best_cup(
@@ -67,11 +73,14 @@ def best_cup(
     wall_mm: float,
     side_mm: float,
     half_angle_rad: float,
+    least_rad: float = 0.0,
     *,
     clearance_mm: float = 0.0,
     most_height_mm: float = np.inf,
 ) -> ParabolicCup:
     """The lowest paraboloid of those that turn most of a square Lambertian source into a half angle, at first order.
+
+    ``least_rad``: from the axis, of light that is wanted beside it only; 0 for light about it.
 
     ``radius_mm``: of its body at the mouth, at most. ``clearance_mm``: least radius at z = 0. Raises
     :class:`InputError` where no paraboloid has room.
@@ -87,7 +96,7 @@ def best_cup(
             f"z = 0, a wall of {wall_mm:.3g} mm, and a height of {most_height_mm:.4g} mm at most; raise the radius or "
             "the height, or take a smaller source"
         )
-    shares = [each.share(half_angle_rad, side_mm) for each in fitting]
+    shares = [each.share(half_angle_rad, side_mm, least_rad) for each in fitting]
     best = (each for each, share in zip(fitting, shares, strict=True) if share >= _ENOUGH * max(shares))
     return min(best, key=lambda each: each.height_mm)
 

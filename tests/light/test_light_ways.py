@@ -12,8 +12,9 @@ from tir_lenses import spot_lens
 import lensforge as lf
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.light_facts import light_facts
-from lensforge.light.light_ways import FluxByWay
+from lensforge.light.light_ways import FluxByWay, LightWay, leak_facts
 from lensforge.light.simulation import TracedLens
+from lensforge.results import Metric, Record
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.build_source import build_source
 from lensforge.surfaces.asphere import sphere
@@ -53,3 +54,19 @@ def test_the_record_of_a_usual_lens_says_nothing_of_ways() -> None:
     start = lf.Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
     light = lf.evaluate(start, rays=2**8)
     assert light.ways == () and "ways" not in light.plain()
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.0099, False), (0.0101, True)])
+def test_a_leak_above_a_hundredth_is_said_with_what_to_try(share: float, said: bool) -> None:
+    def way(value: float, *faces: str) -> LightWay:
+        return LightWay(faces=faces, share=Metric(value=value, standard_error=1e-4))
+
+    class Lost(Record):
+        flange: float = 0.0
+
+    leaking = (way(0.8, "side", "wall", "exit"), way(share, "wall"))
+    facts = list(leak_facts(leaking, Lost(flange=share)))
+    assert [fact.label for fact in facts] == (["Lost through the wall", "Lost in the flange"] if said else [])
+    assert all("lens." in fact.note and fact.value == pytest.approx(100.0 * share) for fact in facts)
+    assert not list(leak_facts((way(0.3, "cup", "mouth"), way(0.5, "mouth")), Lost())), "an open mouth is no leak"
+    assert not list(leak_facts((), Lost(flange=0.5))), "a lens of two faces has none of these"

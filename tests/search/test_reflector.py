@@ -24,6 +24,7 @@ from lensforge.search.profiles import ProfileParameters
 from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
+from lensforge.surfaces.reflector_cup import best_cup
 
 BEAM: dict[str, Any] = {
     "source": {"kind": "square", "side_mm": 1.0},
@@ -228,3 +229,29 @@ def test_a_dark_target_is_said_of_the_target(tmp_path: Path, kind: str) -> None:
     target = {"kind": "image", "file": str(tmp_path / "dark.png"), "width_mm": 400.0, "distance_mm": 1000.0}
     with pytest.raises(lf.InputError, match=r"^target: it is dark everywhere"):
         start_faces(parse_spec({**BEAM, "lens": {"kind": kind, "profile": 8}, "target": target}, "beam"))
+
+
+def test_a_cup_for_a_wall_beside_its_axis_lets_the_light_through_to_it() -> None:
+    """Beyond the rim a Lambertian point sends sin^2 of its angle directly; a deep cup would light nothing there."""
+    least, most = np.radians([28.0, 60.0])
+    direct = np.sin(most) ** 2 - np.sin(least) ** 2
+    deep, open_cup = (best_cup(24.0, 0.5, 1.5, most, beside) for beside in (0.0, least))
+    rim = np.arctan2(open_cup.rim_mm, open_cup.height_mm)
+    assert open_cup.share(most, 1.5, least) >= 0.98 * direct and rim > 0.95 * most
+    assert np.arctan2(deep.rim_mm, deep.height_mm) < least and deep.share(most, 1.5, least) < 0.5 * direct
+    wall = {"kind": "plane", "centre_mm": [0, 1000, 1500], "normal": [0, -1, 0], "width_mm": 2500, "height_mm": 2500}
+    target = {"kind": "rectangle", "width_mm": 1500, "height_mm": 1500, "edge_mm": 100}
+    spec = parse_spec(
+        {
+            "source": {"kind": "square", "side_mm": 1.5},
+            "lens": {"kind": "reflector"},
+            "constraints": {"max_radius_mm": 25, "max_height_mm": 30},
+            "base": {"kind": "none"},
+            "receivers": [{**wall, "targets": [target]}],
+        },
+        "washer",
+    )
+    mouth, rim = start_faces(spec)["mouth"], np.radians(55.0)
+    assert float(mouth.radius(np.array([[np.sin(rim), 0.0, np.cos(rim)]]))[0]) < float(
+        start_faces(spec)["cup"].radius(np.array([[np.sin(rim), 0.0, np.cos(rim)]]))[0]
+    ), "light at 55 degrees passes the mouth before it meets the cup"

@@ -5,7 +5,7 @@ import re
 import pytest
 from scenes import small_spec
 
-from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
+from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.shop.check_result import (
     BallClearance,
     BoreClearance,
@@ -25,6 +25,7 @@ from lensforge.shop.findings import (
     clearance_findings,
     cutter_finding,
     draft_finding,
+    plate_findings,
     tilt_finding,
     tool_finding,
     wall_criteria,
@@ -59,18 +60,18 @@ def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, larges
         "mm",
         radius_mm,
     )
-    assert found.limit == (None if largest_mm is None else pytest.approx(0.5 * (1.0 + 1e-6), rel=1e-12))
+    assert found.limit == largest_mm, "the largest itself; its tolerance stands beside it"
 
 
-def test_tilt_has_the_tolerance_of_the_export_and_the_wall_that_of_the_search() -> None:
+def test_tilt_has_the_tolerance_of_angles_and_the_wall_that_of_the_search() -> None:
     spec = small_spec(constraints__min_thickness_mm=2.0)
-    degrees, mm = 0.0572957795 * NORMAL_LIMIT_MRAD, spec.constraints.tolerance_mm
+    degrees, mm = ANGLE_TOLERANCE_DEG, spec.constraints.tolerance_mm
     within, beyond = (
         tilt_finding("outer", 90.0 + 0.99 * degrees, spec),
         tilt_finding("outer", 90.0 + 1.01 * degrees, spec),
     )
     assert within.holds and "stays within manufacture.max_tilt_deg = 90" in within.reason
-    assert not beyond.holds and "would exceed" in beyond.reason and "the outer face is up to 90 deg" in beyond.reason
+    assert not beyond.holds and "would exceed" in beyond.reason and "the outer face is up to 90.02 deg" in beyond.reason
     assert (within.surface, within.sense, within.unit) == ("outer", "<=", "deg")
     thin, enough = wall_finding(2.0 - 1.01 * mm, spec), wall_finding(2.0 - 0.99 * mm, spec)
     assert not thin.holds and "less than constraints.min_thickness_mm = 2" in thin.reason
@@ -95,10 +96,14 @@ def test_both_walls_have_the_tolerance_of_the_search() -> None:
     spec, walls = small_spec(constraints__min_thickness_mm=1.5), Walls(thinnest=WALL, thickest=THICK)
     allowed = spec.constraints.tolerance_mm
     (least,) = wall_criteria(spec, walls)
-    assert least.limit == 1.5 - allowed and least.passed and "thinnest at (1, 0, 0.1235) mm" in least.remedy
+    assert (
+        (least.limit, least.tolerance) == (1.5, allowed)
+        and least.passed
+        and "thinnest at (1, 0, 0.1235) mm" in least.remedy
+    )
     for limit, passed in ((2.5 - 0.99 * allowed, True), (2.5 - 1.01 * allowed, False)):
         _, most = wall_criteria(spec.replace({"constraints.max_wall_mm": limit}), walls)
-        assert most.limit == limit + allowed and most.value == 2.5 and most.passed == passed
+        assert (most.limit, most.tolerance) == (limit, allowed) and most.value == 2.5 and most.passed == passed
         assert "raise lens.inner.offset_mm" in most.remedy and "thickest at (0, 1, 0) mm" in most.remedy
 
 
@@ -111,7 +116,8 @@ def face(least_deg: float, undercut: float = 0.0) -> FaceResult:
 
 def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of_the_samples() -> None:
     mould = small_spec(manufacture__make="insert")
-    assert draft_finding("inner", face(2.0), mould).holds and not draft_finding("inner", face(1.999), mould).holds
+    for least_deg, holds in ((2.0, True), (1.99998, True), (1.981, True), (1.979, False)):  # the second: a cone of 2
+        assert draft_finding("inner", face(least_deg), mould).holds == holds
     assert "a mould needs 2 deg" in draft_finding("inner", face(1.0), mould).reason
     for make in ("part", "insert"):
         asked = small_spec(manufacture__make=make, lens__inner__draft_deg=3.0)
@@ -321,3 +327,16 @@ def test_each_tool_is_judged_by_the_face_that_it_is_to_reach() -> None:
     inner, outside = (each for each in found if each.name == "tool")
     assert isinstance(inner, Finding) and "radius_mm = 0.3 or less" in inner.remedy and not inner.holds
     assert outside.holds and outside.surface == "outer"
+
+
+@pytest.mark.parametrize(("beyond", "holds"), [(-0.99, True), (0.0, True), (0.99, True), (1.01, False)])
+def test_every_limit_is_kept_to_the_tolerance_of_its_measure(beyond: float, holds: bool) -> None:
+    """Draft and tilt are one angle, edges another one; walls and gaps are lengths of the same faces."""
+    spec = small_spec(lens__outer__draft_deg=3.0, constraints__min_thickness_mm=1.5)
+    assert draft_finding("outer", face(3.0 - 0.02 * beyond), spec).holds == holds
+    tilting = small_spec(manufacture__max_tilt_deg=60.0)
+    assert tilt_finding("outer", 60.0 + 0.02 * beyond, tilting).holds == holds
+    off_mm = beyond * spec.constraints.tolerance_mm
+    assert wall_finding(1.5 - off_mm, spec).holds == holds
+    wide_mm = 2.0 * spec.manufacture.cutter_radius_mm
+    assert [each.holds for each in plate_findings(spec, wide_mm - off_mm, None)] == [holds]
