@@ -16,6 +16,7 @@ FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
 # degrees by its tables, normals of the export are off by 0.001 (NORMAL_LIMIT_MRAD), and a check looks at other points.
 # A cone of 2 degrees is measured as 1.99998.
 ANGLE_TOLERANCE_DEG = 0.02
+FIT_TOLERANCE = 1e-6  # of the radius of a ball that is to fit: 1 nm for a cutter of 1 mm
 ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading: all digits are written
 
 

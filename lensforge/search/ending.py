@@ -21,7 +21,7 @@ _TRY = "try more steps or rays (optimise.steps_per_level, optimise.rays), other 
 
 
 @dataclass(frozen=True)
-class Ending:
+class SearchEnd:
     """A feasible ``lens`` with its ``margins`` and ``merits``; ``why``: words on it, where it is the start.
 
     ``merits``: by the light, and with the uniformity first where the search has sought that.
@@ -46,7 +46,7 @@ class Candidates:
     seed: int
     accuracy: Accuracy
 
-    def better(self, begun: Outcome, start: tuple[Problem, Parameters], end: tuple[Problem, Parameters]) -> Ending:
+    def better(self, begun: Outcome, start: tuple[Problem, Parameters], end: tuple[Problem, Parameters]) -> SearchEnd:
         """The feasible lens of ``end``, or of the ``start``, judged in ``begun``, where that one is the better."""
         found = self._feasible(*end)
         if _same(start[1], end[1]):
@@ -57,10 +57,10 @@ class Candidates:
         words = f"{_NOT_BETTER}, of merit {kept.merits[-1]:.4g}: the end has {found.merits[-1]:.4g}; {_TRY}"
         return found if found.is_no_worse(kept.merits) else replace(kept, why=words)
 
-    def _feasible(self, problem: Problem, parameters: Parameters) -> Ending:
+    def _feasible(self, problem: Problem, parameters: Parameters) -> SearchEnd:
         lens, margins, moved = feasible_lens(problem, parameters, self.seed, self.accuracy)
         light, even = self.validation.judge(problem, *moved, self.even)
-        return Ending(lens, margins, self._merits(light, even))
+        return SearchEnd(lens, margins, self._merits(light, even))
 
     def _merits(self, light: Judgement, even: Judgement | None) -> tuple[float, ...]:
         return (light.merit,) if even is None or not self.even else (light.merit, even.merit)

@@ -23,7 +23,7 @@ from lensforge.scene.lens import Lens
 from lensforge.search.automatic_schedule import AutomaticSchedule, schedule_of
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
 from lensforge.search.design_result import Design, Level, Margins, Observer, Progress, constraint_criteria
-from lensforge.search.ending import Candidates, Ending
+from lensforge.search.ending import Candidates, SearchEnd
 from lensforge.search.feasibility import require_feasible_start
 from lensforge.search.light_path import Pair
 from lensforge.search.merit import Evaluated
@@ -332,7 +332,7 @@ def search(
     return found.model_copy(update={"ended": ended, "kept_start": bool(moved)})
 
 
-def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> Ending:
+def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> SearchEnd:
     """The lens of a search that has taken all its ``stages``, the first of which judged its ``start``."""
     problems, state, first, levels = descent.problems, descent.state, stages[0], stages[-1].levels
     if problems.spec.lens.levels == "auto":

@@ -19,9 +19,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from lensforge.cad.part_limits import FIT_TOLERANCE
 from lensforge.shop.face_samples import FaceSamples
 
-FIT_TOLERANCE = 1e-6  # relative: 1 nm for a cutter of 1 mm
 _GOUGE_MM = 1e-6  # a ball that is this deep in the part still counts as touching
 _ROUNDS = 60
 # Balls in a cavity are close to very many points at once: scanning large leaves is faster than descending a deep tree.

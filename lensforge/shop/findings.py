@@ -7,13 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import ceil, floor
 from typing import TYPE_CHECKING
 
-from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
+from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
 from lensforge.optics.media import FROM_BELOW
 from lensforge.results import Sense
 from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
-from lensforge.shop.ball_cutter import FIT_TOLERANCE
 from lensforge.shop.check_result import (
     BODY,
     AnyClearance,

@@ -13,9 +13,9 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 from scipy.ndimage import distance_transform_edt
 
+from lensforge.cad.part_limits import FIT_TOLERANCE
 from lensforge.results.figure_style import INK, add_colour_bar, in_report_style, new_map
 from lensforge.results.verdict import within
-from lensforge.shop.ball_cutter import FIT_TOLERANCE
 
 ChartMap = Float[np.ndarray, "n n"]
 
