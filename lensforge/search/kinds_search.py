@@ -63,6 +63,6 @@ def _joined(first: Design, found: Design) -> Design:
     later = tuple(level.model_copy(update={"level": levels + level.level}) for level in found.history)
     each = {"one lens": first.ended, "lenses of all kinds": found.ended}
     ended = "; ".join(f"{which}: {words}" for which, words in each.items() if words) or None
-    both: dict[str, Any] = {"steps": first.steps + found.steps, "seconds": first.seconds + found.seconds}
+    both: dict[str, object] = {"steps": first.steps + found.steps, "seconds": first.seconds + found.seconds}
     both |= {"ended": ended, "kept_start": first.kept_start and found.kept_start}
     return found.model_copy(update={**both, "history": (*first.history, *later)})
