@@ -191,12 +191,12 @@ class _Caster:
 def _scene(mi: Any, part: PartMesh) -> Any:
     """The part as a Mitsuba mesh with vertex normals: facet normals would refract to wrong directions."""
     rows = part.corners
-    points = np.empty((len(part.fit.normals), 3))
+    points = np.empty((len(part.fit.fitted), 3))
     points[rows.ravel()] = part.mesh.vertices[part.mesh.faces.ravel()]
     mesh = mi.Mesh("lens", len(points), len(rows), has_vertex_normals=True)
     content = mi.traverse(mesh)
     content["vertex_positions"] = points.ravel().astype(np.float32)
-    content["vertex_normals"] = part.fit.normals.ravel().astype(np.float32)
+    content["vertex_normals"] = part.fit.fitted.ravel().astype(np.float32)
     content["faces"] = rows.ravel().astype(np.uint32)
     content.update()
     return mi.load_dict({"type": "scene", "lens": mesh})

@@ -10,6 +10,7 @@ two facets that meet at a small angle lie on one curved face, whose radius is th
 
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 import trimesh
@@ -31,12 +32,52 @@ LEVEL_MM = 1e-4  # what is nearer to z = 0 lies there, in single precision too
 NEIGHBOURS = 48  # for 20 terms: fewer leave an irregular mesh undetermined, more reach over the surface's own detail
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class VertexFit:
-    """Local shape at each vertex: unit normals, and their change ``bends @ displacement``, ``bends`` in 1/mm."""
+    """Local shape at each of the ``places`` (mm): unit normals, and their change ``bends @ displacement`` (1/mm).
 
+    A quintic is fitted around a vertex when it is first asked for: of a plate a tenth is met by rays. ``normals``: of
+    the facets around each, which say where the outside is. ``faces`` numbers the smooth face of each vertex; neighbours
+    are taken from the same face only.
+    """
+
+    places: Float[np.ndarray, "k 3"]
     normals: Float[np.ndarray, "k 3"]
-    bends: Float[np.ndarray, "k 3 3"]
+    faces: Int[np.ndarray, " k"]
+
+    def __post_init__(self) -> None:
+        self._bends = np.zeros((len(self.places), 3, 3))
+        order, ends = np.argsort(self.faces, kind="stable"), np.cumsum(np.bincount(self.faces))[:-1]
+        # A few facets, such as those of a box, keep the mean of their normals.
+        self._members = {k: rows for k, rows in enumerate(np.split(order, ends)) if len(rows) >= NEIGHBOURS}
+        self._left = np.isin(self.faces, list(self._members))
+        self._trees, self._lock = dict[int, cKDTree](), Lock()
+
+    def at(self, rows: Int[np.ndarray, "*n"]) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3 3"]]:
+        """Unit normals and bends at some of the vertices."""
+        wanted = np.zeros(len(self.places), dtype=bool)
+        wanted[rows] = True
+        with self._lock:  # threads trace blocks of rays, and a vertex is fitted once
+            self._fit(np.flatnonzero(wanted & self._left))
+        return self.normals[rows], self._bends[rows]
+
+    @property
+    def fitted(self) -> Float[np.ndarray, "k 3"]:
+        """Unit normals at all of the vertices."""
+        return self.at(np.arange(len(self.places)))[0]
+
+    def _fit(self, rows: Int[np.ndarray, " n"]) -> None:
+        from lensforge.proof.vertex_fit import fit_polynomials, fit_space
+
+        space, numbers = fit_space(NEIGHBOURS), self.faces[rows]
+        for number in np.unique(numbers).tolist():
+            members = self._members[number]
+            if number not in self._trees:
+                self._trees[number] = cKDTree(self.places[members])
+            own = rows[numbers == number]
+            near = members[self._trees[number].query(self.places[own], k=NEIGHBOURS)[1]]
+            fit_polynomials(self.places, own, near, self.normals, self._bends, *space)
+        self._left[rows] = False
 
 
 @dataclass(frozen=True)
@@ -71,12 +112,12 @@ class PartMesh:
         """
         corners = self.mesh.triangles[triangles]
         rows = self.corners[triangles]
-        normals = self.fit.normals[rows]
+        normals, bends = self.fit.at(rows)
         flat = np.einsum("nk,nki->ni", barycentric, corners)
         away = flat[:, None] - corners
         heights = np.einsum("nki,nki->nk", -away, normals)
         points = flat + 0.5 * np.einsum("nk,nk,nki->ni", barycentric, heights, normals)
-        bent = normals + 0.5 * (self.fit.bends[rows] @ away[..., None])[..., 0]
+        bent = normals + 0.5 * (bends @ away[..., None])[..., 0]
         blended = np.einsum("nk,nki->ni", barycentric, bent)
         return points, blended / np.linalg.norm(blended, axis=1, keepdims=True)
 
@@ -113,7 +154,8 @@ def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> P
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
     vertices, face_of = np.divmod(keys, faces.max() + 1)
-    fit = fit_vertices(mesh.vertices[vertices], corners, face_of)
+    places = np.ascontiguousarray(mesh.vertices[vertices], dtype=np.float64)
+    fit = VertexFit(places, facet_average(places, corners), face_of)
     return PartMesh(mesh, corners, fit, optical, numbers, int(np.sum(apart > FAR_MM)))
 
 
@@ -130,25 +172,6 @@ def smooth_faces(mesh: trimesh.Trimesh, optical: Int[np.ndarray, " t"] | None = 
     graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     numbers: Int[np.ndarray, " t"] = connected_components(graph, directed=False)[1].astype(np.int64)
     return numbers
-
-
-def fit_vertices(
-    vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray, "t 3"], faces: Int[np.ndarray, " k"]
-) -> VertexFit:
-    """Fit a quintic around each vertex; the triangles say on which side the outside is.
-
-    ``faces`` numbers the smooth face of each vertex; neighbours are taken from the same face only.
-    """
-    from lensforge.proof.vertex_fit import fit_polynomials, fit_space
-
-    fit = VertexFit(facet_average(vertices, triangles), np.zeros((len(vertices), 3, 3)))
-    places, space = np.ascontiguousarray(vertices, dtype=np.float64), fit_space(NEIGHBOURS)
-    for members in np.split(np.argsort(faces, kind="stable"), np.cumsum(np.bincount(faces))[:-1]):
-        if len(members) < NEIGHBOURS:
-            continue  # a few facets, such as those of a box: the facet average stays
-        near = members[cKDTree(places[members]).query(places[members], k=NEIGHBOURS)[1]]
-        fit_polynomials(places, members, near, fit.normals, fit.bends, *space)
-    return fit
 
 
 def facet_average(vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray, "t 3"]) -> Float[np.ndarray, "k 3"]:

@@ -203,7 +203,7 @@ class _Seen:
             return
         designed = [*self.file.body.above, *(below or ())]
         found = [each.off_mm(probes) for each in designed]
-        chosen = int(np.argmin([np.median(off) for off, _ in found]))
+        chosen = int(np.argmin([off.mean() for off, _ in found]))
         face, owner = designed[chosen], int(np.median(found[chosen][1]))
         self.farthest.meet(face, np.array([owner]))
         if self.file.trimmed:

@@ -243,10 +243,10 @@ def test_a_shallow_crease_is_no_smooth_face():
     assert len(np.unique(smooth_faces(mesh))) == len(np.unique(part.faces)) - 1
     for number, face in enumerate(body.faces):
         rows = np.unique(part.corners[part.faces == number])
-        places = np.zeros((len(part.fit.normals), 3))
+        places = np.zeros((len(part.fit.fitted), 3))
         places[part.corners.ravel()] = mesh.vertices[mesh.faces.ravel()]
         exactly = face.surface.normal_at(places[rows]) * (1.0 if optical.away[number] else -1.0)
-        assert np.abs(part.fit.normals[rows] - exactly).max() < 2e-3, face.name
+        assert np.abs(part.fit.fitted[rows] - exactly).max() < 2e-3, face.name
 
 
 def test_the_usual_lens_is_the_case_of_two_faces_and_two_events():

@@ -44,7 +44,7 @@ def tilts(part, surface, sign):
     outwards = (part.mesh.triangles_center[index // 3] * part.mesh.face_normals[index // 3]).sum(1) * sign
     on_dome = np.abs(np.linalg.norm(points, axis=1) - surface.radius(directions)) < 1e-9
     rows, directions = (some[on_dome & (outwards > 1.0)] for some in (rows, directions))
-    apart = np.linalg.norm(part.fit.normals[rows] - sign * surface.normal(directions), axis=1)
+    apart = np.linalg.norm(part.fit.fitted[rows] - sign * surface.normal(directions), axis=1)
     return apart, directions[:, 2] < 1e-9
 
 
@@ -63,7 +63,7 @@ def test_sharp_edges_are_not_smoothed():
     assert len(np.unique(smooth_faces(part.mesh))) == 6  # two domes, ledge, cylinder, bottom, bore
     flat = np.nonzero(np.abs(part.mesh.face_normals[:, 2]) > 1.0 - 1e-9)[0]
     flat = flat[part.mesh.triangles_center[flat, 2] <= 0.0]
-    normals = part.fit.normals[part.corners[flat]]
+    normals = part.fit.fitted[part.corners[flat]]
     np.testing.assert_allclose(np.abs(normals[..., 2]), 1.0, atol=1e-9)
 
 
@@ -71,7 +71,7 @@ def test_box_keeps_its_six_faces_and_their_normals():
     part = part_mesh_of(trimesh.creation.box((1.0, 2.0, 3.0)).apply_translation([0.0, 0.0, 5.0]))
     assert len(np.unique(smooth_faces(part.mesh))) == 6
     expected = np.repeat(part.mesh.face_normals[:, None], 3, axis=1)
-    np.testing.assert_allclose(part.fit.normals[part.corners], expected, atol=1e-12)
+    np.testing.assert_allclose(part.fit.fitted[part.corners], expected, atol=1e-12)
 
 
 def test_stl_is_read_as_one_closed_body():
