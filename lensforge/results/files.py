@@ -145,11 +145,12 @@ def read_file(path: Path | str, *, missing: str, most_bytes: int) -> bytes:
     require_regular_file(path, missing=missing, most_bytes=most_bytes)
     try:
         with Path(path).open("rb") as file:
-            content = file.read(most_bytes + 1)  # files of the system's own state no size
+            size = os.fstat(file.fileno()).st_size
+            content = file.read(min(size, most_bytes) + 1)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {missing}") from None
-    if len(content) > most_bytes:
-        raise _too_large(path, len(content), most_bytes)
+    if len(content) > size:  # a file of the system's own, which states no size, or one that grows
+        raise InputError(f"{path}: holds more than the {size} bytes that it states; is it the right file?")
     return content
 
 
@@ -165,7 +166,8 @@ def require_regular_file(path: Path | str, *, missing: str, most_bytes: int | No
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path}: {_kind_of(status.st_mode)}, must be a file; {missing}")
     if most_bytes is not None and status.st_size > most_bytes:
-        raise _too_large(path, status.st_size, most_bytes)
+        size, most = status.st_size / MIB, most_bytes / MIB
+        raise InputError(f"{path}: {size:.0f} MiB, must be at most {most:g} MiB; is it the right file?")
     _require_unpacked(Path(path))
 
 
@@ -180,10 +182,6 @@ def _require_unpacked(path: Path) -> None:
     first_name = head[30 : 30 + int.from_bytes(head[26:28], "little")].decode("latin-1")
     if packing and not (packing == "zip" and first_name.endswith(_READ_AS_ZIP)):
         raise InputError(f"{path}: packed ({packing}); unpack it")
-
-
-def _too_large(path: Path | str, size: int, most: int) -> InputError:
-    return InputError(f"{path}: {size / MIB:.0f} MiB, must be at most {most / MIB:g} MiB; is it the right file?")
 
 
 def _kind_of(mode: int) -> str:

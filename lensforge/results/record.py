@@ -8,7 +8,6 @@ import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
@@ -209,12 +208,10 @@ def agree(one: Any, other: Any) -> bool:
         return one.keys() == other.keys() and all(agree(one[key], other[key]) for key in one)
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
         return len(one) == len(other) and all(map(agree, one, other))
-    numbers = all(isinstance(each, float | int) and not isinstance(each, bool) for each in (one, other))
-    return (
-        isclose(one, other, rel_tol=_ROUNDING, abs_tol=_ROUNDING**2)
-        if numbers
-        else type(one) is type(other) and one == other
-    )
+    if all(isinstance(each, float | int) and not isinstance(each, bool) for each in (one, other)):
+        largest = max(abs(one), abs(other))
+        return bool(largest <= LARGEST and abs(one - other) <= _ROUNDING * largest)
+    return type(one) is type(other) and bool(one == other)
 
 
 def figure_at(record: object, place: str) -> float:
