@@ -19,7 +19,8 @@ def judge_as(monkeypatch: pytest.MonkeyPatch, *merits: float) -> None:
     """Let the lenses of all searches from here on have ``merits``, one after another; the last of them for all more."""
     coming = iter(merits)
 
-    def judge(self: ValidationRays, *given: Any) -> tuple[Judgement, None]:
-        return judged(next(coming, merits[-1])), None
+    def judge(self: ValidationRays, *given: Any) -> tuple[Judgement, Judgement | None]:
+        found = judged(next(coming, merits[-1]))
+        return found, found if given[-1] else None
 
     monkeypatch.setattr(ValidationRays, "judge", judge)

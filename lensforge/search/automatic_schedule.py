@@ -138,11 +138,6 @@ class AutomaticSchedule(Schedule):
     uniform: bool
     budget_s: float | None = None
 
-    @property
-    def judgements(self) -> set[str]:
-        """Judgements by the light, and by its uniformity where a region asks for it."""
-        return {"light", "even"} if self.uniform else {"light"}
-
     def phases(self) -> Generator[NextStage, Outcome]:
         """The whole search: every stage is answered by its outcome, and the last item has none."""
         start = self.stages.start_level

@@ -129,11 +129,6 @@ class NextStage:
 class Schedule(ABC):
     """The stages of a search, one after another, of which the first takes no step: there the start is judged."""
 
-    @property
-    def judgements(self) -> set[str]:
-        """Judgements of an outcome, by the names of their fields, by which the search goes on."""
-        return set()
-
     @abstractmethod
     def phases(self) -> Generator[NextStage, Outcome]:
         """The whole search: every stage is answered by its outcome, and the last item has no stage."""

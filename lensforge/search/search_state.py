@@ -164,7 +164,7 @@ def forms_of_search(schedule: Schedule, problems: Problems) -> FormsOf:
 
     They raise :class:`ValueError` for a head that no such search can have.
     """
-    return lambda head, arrays: _Past.of(head, schedule).forms(head, arrays, problems)
+    return lambda head, arrays: _Past.of(head, schedule, problems).forms(head, arrays, problems)
 
 
 _LARGEST = 1e6  # of parameters, which are relative to the start: in sound searches they are a few
@@ -187,10 +187,11 @@ class _Past:
     accepted: bool = False
 
     @staticmethod
-    def of(head: CheckpointHead, schedule: Schedule) -> "_Past":
+    def of(head: CheckpointHead, schedule: Schedule, problems: Problems) -> "_Past":
         """The course of a search that has come as far as ``head``. Raises :class:`ValueError` where none has."""
         phases = schedule.phases()
         following = next(phases)
+        wanted = {"light", "even"} if problems.spec.has_uniform_region else {"light"}
         assert following.stage is not None, "a spec has levels"
         course = _Past(following, following.stage, ())
         for number, outcome in enumerate(head.outcomes):
@@ -201,7 +202,7 @@ class _Past:
             if not (outcome.steps == stage.steps or (cut and outcome.steps < stage.steps)):
                 raise ValueError(f"outcomes.{number}.steps = {outcome.steps}, the stage has {stage.steps}")
             judged = {name for name in ("light", "even") if getattr(outcome, name) is not None}
-            if judged != schedule.judgements:
+            if judged != wanted:
                 raise ValueError(f"outcomes.{number}: other judgements than those of the search")
             course = course._after(stage, outcome, phases.send(outcome))
         return course

@@ -128,6 +128,7 @@ def test_a_file_that_is_no_step_is_refused_in_one_line(tmp_path, content):
 def test_the_file_is_found_beside_the_spec(tmp_path, examples):
     text = (examples / "cross.toml").read_text(encoding="utf-8")
     (tmp_path / "own.toml").write_text(text + '[base]\nkind = "step"\nfile = "clamp.step"\n', encoding="utf-8")
+    (tmp_path / "clamp.step").touch()
     assert load_spec(tmp_path / "own.toml").base.file == (tmp_path / "clamp.step").resolve()
     assert isinstance(load_spec(tmp_path / "own.toml").base.file, Path)
 

@@ -125,11 +125,12 @@ def test_every_criterion_is_judged_by_its_own_value_and_limit(whole_run: lf.Run)
     for stem, criterion in whole_run.criteria():
         source, sense, limit = VALUES[criterion.name]
         assert criterion.sense == sense, criterion
+        bound = criterion.limit + (criterion.tolerance if sense == "<=" else -criterion.tolerance)
         if limit is not None:
-            assert isclose(criterion.limit, limit, rel_tol=1e-9, abs_tol=1e-12), criterion
+            assert isclose(bound, limit, rel_tol=1e-9, abs_tol=1e-12), criterion
         if source is not None:
             assert criterion.value == at(record_in(whole_run.folder, stem), way_of(source)), criterion
-        within = criterion.value <= criterion.limit if sense == "<=" else criterion.value >= criterion.limit
+        within = criterion.value <= bound if sense == "<=" else criterion.value >= bound
         assert criterion.passed is within, criterion
 
 

@@ -87,7 +87,7 @@ def test_a_search_goes_on_from_its_checkpoint_only_with_resume(tmp_path: Path, m
         ({'kind = "flat_top"': 'kind = "fancy"'}, "target"),
         ({"width_mm = 160.0": "width_mm = nan"}, "width_mm"),
         ({LEVELS: "levels = []"}, "levels"),
-        ({LEVELS: "levels = [9, 25"}, "not readable as TOML"),
+        ({LEVELS: "levels = [9, 25"}, "a list is [value, value]; write levels = [9, 25]"),
         ({"[lens]": "[lense]"}, "lens"),
         ({"offset_mm = 6.0": "offset_mm = 2.0"}, "lens: outer.offset_mm = 2.0 must exceed"),
         ({"rays = 1024": "rays = 1e9"}, "optimise.rays"),
@@ -101,8 +101,9 @@ def test_bad_specs_end_in_one_line_before_anything_is_written(
     tmp_path: Path, replace: dict[str, str], message: str
 ) -> None:
     result = lensforge("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
-    (line,) = result.stderr.splitlines()
+    line, *beneath = result.stderr.splitlines()
     assert result.code == 2 and line.startswith("lensforge: ") and message in line
+    assert all(each.startswith("  ") for each in beneath), "the place of a slip"
     assert not (tmp_path / "out" / "lens.json").exists()
 
 

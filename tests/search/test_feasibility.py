@@ -21,7 +21,7 @@ from lensforge.search.feasibility import (
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import SphereParameters
 from lensforge.search.problem import Problem, Problems
-from lensforge.search.search_state import SearchState
+from lensforge.search.search_state import Parameters
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces.asphere import Asphere
@@ -96,8 +96,8 @@ def test_a_limit_is_made_stricter_by_all_that_measured_lenses_have_missed(monkey
     monkeypatch.setattr(AugmentedLagrangian, "tightened", noted)
     monkeypatch.setattr(feasibility, "measure_constraints", measured)
     ones = torch.ones(2, dtype=torch.float64)
-    state = SearchState(torch.zeros(9, 2, dtype=torch.float64), ones, problem.constraints.multipliers)
-    _, margins = feasible_lens(problem, state, 0, "draft")
+    found = Parameters(torch.zeros(9, 2, dtype=torch.float64), ones)
+    _, margins, _ = feasible_lens(problem, found, 0, "draft")
     assert stricter == pytest.approx([0.0, 0.01, 0.012]) and margins.radius_margin_mm == 0.0
 
 
