@@ -6,10 +6,11 @@ by more than a pixel reaches no pixel. ``size``: width and height of the grid, i
 Besides the image and the flux in the window there are two sums over rays that the image misses: they have no flux and
 no derivative in it, so descent alone never brings them back. Each summand is bounded, ``e/(1+e)``, so that a few
 outliers cannot outweigh the image, and counts the flux with which a ray left the source. A ray that lands nowhere is
-as far off as can be: else light would gain by missing the plane of its receiver.
+as far off as can be: else light would gain by missing the plane of its receiver. A sum that is steep beside the edge,
+``e/(1/4+e)``, costs a lens of two faces its pattern: quickstart ended at an NMSE of 0.0107 in place of 0.0007.
 """
 
-from math import floor, sqrt
+from math import floor
 
 from lensforge.kernels.compiled import inline, kernel
 
@@ -80,9 +81,6 @@ def add_to_bins(hits, flux, size, replicate, images):
 # Squared exit sine above which a ray counts as close to total reflection, and the unit of the excess.
 SAFE_SIN2 = 0.97
 SIN2_SCALE = 0.1
-# Distance off the receiver, in its halves, at which half of a ray's flux counts. It is steep beside the edge: a pattern
-# that is too bright somewhere throws light away where that costs little.
-BESIDE_RECEIVER = 0.25
 
 
 @inline
@@ -113,8 +111,8 @@ def collect(hits, flux, sin2_exit, landed, emitted, size, window, image, sums):
             sums[0] += flux[k]
         ex, ey = excess_outside(x, y, size)
         if ex > 0.0 or ey > 0.0:
-            excess = sqrt(ex * ex + ey * ey)
-            sums[1] += emitted[k] * excess / (BESIDE_RECEIVER + excess)
+            excess = ex * ex + ey * ey
+            sums[1] += emitted[k] * excess / (1.0 + excess)
 
 
 @kernel
@@ -133,9 +131,8 @@ def collect_adjoint(hits, flux, sin2_exit, landed, emitted, size, window, by_ima
             by_w += by_sums[0]
         ex, ey = excess_outside(x, y, size)
         if ex > 0.0 or ey > 0.0:
-            excess = sqrt(ex * ex + ey * ey)
-            bounded = BESIDE_RECEIVER + excess
-            slope = 2.0 * BESIDE_RECEIVER * by_sums[1] * emitted[k] / (excess * bounded * bounded)
+            bounded = 1.0 + ex * ex + ey * ey
+            slope = 4.0 * by_sums[1] * emitted[k] / (bounded * bounded)
             by_x += slope * ex / size[0] if x > 0.0 else -slope * ex / size[0]
             by_y += slope * ey / size[1] if y > 0.0 else -slope * ey / size[1]
         by_hits[k, 0], by_hits[k, 1], by_flux[k] = by_x, by_y, by_w

@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.kernels.image_sums import BESIDE_RECEIVER, SAFE_SIN2, SIN2_SCALE, collect_adjoint
+from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect_adjoint
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.optics.media import CAVITY
 from lensforge.scene.as_made import through_frame
@@ -114,7 +114,7 @@ def worth_on(
                 by_image, by_sum, by_hits, by_flux, by_sin2,
             )  # fmt: skip
             outside = np.maximum(np.abs(landed.hits) / (0.5 * np.array(grid.size)) - 1.0, 0.0)
-            off = np.where(landed.landed, _bounded(np.linalg.norm(outside, axis=1) / BESIDE_RECEIVER), 1.0)
+            off = np.where(landed.landed, _bounded((outside**2).sum(axis=1)), 1.0)
             total += by_flux * landed.flux + by_sum[1] * off
             total += by_sum[2] * _bounded(np.maximum(sin2_exit - SAFE_SIN2, 0.0) / SIN2_SCALE)
         return total

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.kernels.image_sums import BESIDE_RECEIVER, SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
+from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
 from lensforge.kernels.parallel import CHUNKS, in_chunks, in_pieces
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.pixel_grid import PixelGrid, Window
@@ -26,7 +26,7 @@ class Collected:
     """Sums over rays on one receiver, all in W and differentiable in the landings and the exit sines.
 
     ``image``: flux per pixel by the four-pixel splat. ``in_window``: flux in the receiver's window.
-    ``outside_receiver``: flux off the receiver, each ray times ``e/(1/4+e)``, e its distance from it in half
+    ``outside_receiver``: flux off the receiver, each ray times ``e^2/(1+e^2)``, e its distance from it in half
     widths and heights, infinite for one that lands nowhere. ``total_reflection``: flux whose squared exit sine exceeds
     0.97, likewise bounded: its gradient brings totally reflected rays back and keeps others from it. The last two count
     the flux with which a ray left the source, as a constant. ``colours``: as ``image``, of the flux times two weights
@@ -109,12 +109,12 @@ def collected_on_device(
     size, (half_width, half_height, square) = hits.new_tensor(grid.size), window.packed()
     distance = hits.abs()
     in_window = (distance[:, 0] <= half_width) & (distance[:, 1] <= half_height) & (hits.square().sum(dim=1) <= square)
-    beyond = torch.linalg.vector_norm((distance / (0.5 * size) - 1.0).clamp(min=0.0), dim=1)
+    outside = (distance / (0.5 * size) - 1.0).clamp(min=0.0).square().sum(dim=1)
     over = (sin2_exit - SAFE_SIN2).clamp(min=0.0) / SIN2_SCALE
     return Collected(
         image=_splat(hits, flux, grid),
         in_window=flux[in_window].sum(),
-        outside_receiver=(emitted[landed] * beyond / (BESIDE_RECEIVER + beyond)).sum() + emitted[~landed].sum(),
+        outside_receiver=(emitted[landed] * _bounded(outside)).sum() + emitted[~landed].sum(),
         total_reflection=(emitted * _bounded(over)).sum(),
         colours=None if weights is None else torch.stack([_splat(hits, flux * each[landed], grid) for each in weights]),
     )
