@@ -21,6 +21,7 @@ _CONTROL = re.compile(r"[\0-\x08\x0b\x0c\x0e-\x1f\x7f\x85\u2028\u2029]")  # Pyth
 _COMMENT = re.compile(r"(?:^|\s)#.*")
 _PADDING = "\0\x1a \n\r"  # behind the last line in files of old programs
 _SAMPLE = 2**12  # bytes that tell UTF-16 without a mark
+_NUL_SHARE = 0.8  # at least, of every second byte in UTF-16 of mostly ASCII; other encodings have NULs as padding only
 _SHOWN = 24  # characters of a cell in a message
 
 
@@ -36,7 +37,7 @@ def decoded_text(content: bytes, name: str) -> str:
 
     Raises :class:`InputError` for bytes that are no text.
     """
-    text = _decoded(content).rstrip(_PADDING)
+    text = decoded(content).rstrip(_PADDING)
     strange = _CONTROL.search(text)
     if strange:
         line = len(_LINE_END.findall(text, 0, strange.start())) + 1
@@ -45,13 +46,14 @@ def decoded_text(content: bytes, name: str) -> str:
     return text
 
 
-def _decoded(content: bytes) -> str:
+def decoded(content: bytes) -> str:
+    """Text of a file in UTF-8 or UTF-16, with a byte-order mark or without, else in Windows-1252 or Latin-1."""
     for mark, encoding in ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be")):
         if content.startswith(mark):
             return content[len(mark) :].decode(encoding, "replace")
     head = content[:_SAMPLE]
-    for encoding, zeros, others in (("utf-16-le", head[1::2], head[::2]), ("utf-16-be", head[::2], head[1::2])):
-        if zeros.count(0) > 0.9 * len(zeros) and others.count(0) == 0:
+    for encoding, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
+        if _NUL_SHARE * len(zeros) < zeros.count(0) > 0.5 * head.count(0):
             return content.decode(encoding, "replace")
     for encoding in ("utf-8", "cp1252"):
         try:
