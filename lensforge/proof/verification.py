@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lensforge.cad.part import STEP_FILE
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, proof_criteria
@@ -90,16 +91,16 @@ def verify_part(
     """
     started = perf_counter()
     _require_rays(rays, expected)
-    through = None
+    through, designed = None, None
     if step is not None:
         # Here it is read before the casts: a file that is refused costs no more than that.
         file: bytes | StepBody = step if second.runs else StepBody(step, optical)
-        designed = next((each for each in files if each.content == step), None)
+        designed = next((each for each in files if each.name == STEP_FILE and each.content == step), None)
         sized = exported is not None
         through = cast_step(
             file, rays, media, step_rays, optical=optical, sized=sized, designed=designed, second=second
         )
-    solids = {each.name: second.call(form_in_step, each) for each in files if each.is_step and each.content != step}
+    solids = {each.name: second.call(form_in_step, each) for each in files if each.is_step and each is not designed}
     part = read_part_mesh(stl, optical)
     plate = None if lamps is None else read_part_mesh(lamps.stl, lamps.optical)
     grid = Grid(part.mesh)

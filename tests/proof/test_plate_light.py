@@ -160,5 +160,9 @@ def test_verify_judges_the_light_of_the_whole_plate() -> None:
     assert {each.name: each.passed for each in proof.criteria}[name]
     (shown,) = [group for group in proof_facts(proof, {}) if group.key == "together"]
     assert [fact.state for fact in shown.facts] == ["pass", ""]
+    # A plate's file that holds the lens, byte by byte.
+    forged = verify(part.model_copy(update={"plate_step": part.step}), light, rays=2048)
+    missed = [each.name for each in forged.criteria if not each.passed]
+    assert {"plate.step: form", "plate.step: gaps"} & set(missed) and not any("lens.step" in name for name in missed)
     wrong = proof.model_copy(update={"together": (found.model_copy(update={"nmse_vs_sum": 9 * found.nmse_vs_sum}),)})
     assert not {each.name: each.passed for each in proof_criteria(wrong)}[name]
