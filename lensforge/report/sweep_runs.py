@@ -46,20 +46,24 @@ def runs_on_workers(
 
 
 def files_of_run(options: Mapping[str, Any], spec: Spec) -> Files | str:
-    """Make one design in a folder of the worker, and return what is in it, or why it cannot be made."""
+    """Make one design in a folder of the worker: its files by their paths in it, or why it cannot be made.
+
+    Lenses of several kinds have a folder each in it.
+    """
     with TemporaryDirectory(prefix="lensforge_") as name:
         folder = Path(name) / spec.name
         try:
             pipeline.run(spec, folder, **options, warn=lambda _: None)
         except InputError as error:
             return str(error)
-        return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if not path.name.startswith(".")}
+        files = (path for path in sorted(folder.rglob("*")) if path.is_file() and not path.name.startswith("."))
+        return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def write_run(files: Files, folder: Path) -> None:
     """Write the files of a run into its folder, those last that name the hashes of others."""
     with locked(folder, create=True):
-        for name in sorted(files, key=lambda each: (each == "run.json", each.endswith(".json"))):
+        for name in sorted(files, key=lambda each: (each.endswith("run.json"), each.endswith(".json"))):
             with replacing(folder / name) as temporary:
                 temporary.write_bytes(files[name])
 

@@ -257,16 +257,17 @@ def test_what_a_worker_returns_is_the_files_of_its_run_or_why_there_are_none(tmp
     def run(spec, folder, *, seed, warn):
         if seed == 0:
             raise InputError("it cannot be")
-        folder.mkdir()
-        for name in ("lens.json", "run.json", ".lensforge-lock"):
+        (folder / "edge").mkdir(parents=True)  # of lamps with lenses of another kind
+        for name in ("lens.json", "run.json", ".lensforge-lock", "edge/lens.json", "edge/.lensforge-lock"):
             (folder / name).write_text(name, encoding="utf-8")
 
     monkeypatch.setattr("lensforge.report.pipeline.run", run)
     files = files_of_run({"seed": 3}, SPEC)
-    assert files == {"lens.json": b"lens.json", "run.json": b"run.json"}
+    assert files == {name: name.encode() for name in ("edge/lens.json", "lens.json", "run.json")}
     assert files_of_run({"seed": 0}, SPEC) == "it cannot be"
     write_run(files, tmp_path / "made")
-    assert {path.name: path.read_bytes() for path in (tmp_path / "made").iterdir()} == files
+    written = [path for path in (tmp_path / "made").rglob("*") if path.is_file()]
+    assert {path.relative_to(tmp_path / "made").as_posix(): path.read_bytes() for path in written} == files
 
 
 @pytest.mark.nightly("processes that each load everything, and two whole runs")
