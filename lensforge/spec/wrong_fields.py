@@ -22,6 +22,7 @@ _LIKENESS = 0.77  # of two names: "diametre_mm" and "diameter_mm" have 0.9, "con
 _NO_HINT = "known here: "
 _KINDS = ("union_tag_invalid", "union_tag_not_found")
 _NUMBERS = ("float_parsing", "int_parsing")  # a text that is none
+_LISTS, _TABLES = ("tuple_type", "list_type"), ("model_type", "model_attributes_type", "dict_type")
 
 
 @dataclass(frozen=True)
@@ -86,13 +87,25 @@ def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
         near = _nearest(str(context.get("tag", "")), kinds)
         either = f"must be one of {', '.join(kinds)}" + (f"; did you mean {near}?" if near else "")
         return either if error["type"] == _KINDS[0] else f"kind is missing; it {either}"
-    words = error["msg"].removeprefix("Value error, ")
+    words = _shape_wanted(error, place) or error["msg"].removeprefix("Value error, ")
     given = error["input"] if isinstance(error["input"], str) else ""
     cure = cured_number(place.last, given.strip()) if error["type"] in _NUMBERS else None
     if cure is not None:
         return f"{words}; {cure.words}" + ("" if cure.told else f"; write {cure.meant}")
     near = _nearest(given, re.findall(r"'([^']*)'", str(context.get("expected", ""))))
     return f"{words}; did you mean {near}?" if near and error["type"] == "literal_error" else words
+
+
+def _shape_wanted(error: ErrorDetails, place: _FieldPlace) -> str:
+    """Words for one value where a list is wanted, or a list where one table is, as TOML writes them; "" for others."""
+    given = error["input"]
+    if error["type"] in _LISTS:
+        if isinstance(given, dict):
+            return f"must be a list of tables: write [[{place.name}]]"
+        return "must be a list" + (f": write [{given}]" if isinstance(given, int | float) else "")
+    if error["type"] in _TABLES:
+        return f"must be one table: write [{place.name}]" if isinstance(given, list) else "must be a table"
+    return ""
 
 
 def _kinds_of(place: _FieldPlace) -> list[str]:

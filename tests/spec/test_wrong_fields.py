@@ -63,8 +63,12 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ({"constraints.max_radius_mm": None}, "constraints.max_radius_mm: missing: largest distance of the outer "),
         (
             {"target.uniform_mm": "a"},
-            "target.uniform_mm = 'a': Input should be a valid number, unable to parse string as a number or Input ",
+            "target.uniform_mm = 'a': Input should be a valid number, unable to parse string as a number or must be a list",
         ),
+        ({"lens.levels": 25}, "lens.levels = 25: must be a list: write [25]"),
+        ({"roads": {"name": "x"}}, "roads: must be a list of tables: write [[roads]]"),
+        ({"source": [{"kind": "square"}]}, "source = list: must be one table: write [source]"),
+        ({"constraints": 3}, "constraints = 3: must be a table"),
         ({"lens.levels": ["a"]}, "lens.levels.0 = 'a': Input should be a valid integer"),
         (
             {"lens.outer.offset_mm": 20.0},
