@@ -63,7 +63,7 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ({"constraints.max_radius_mm": None}, "constraints.max_radius_mm: missing: largest distance of the outer "),
         (
             {"target.uniform_mm": "a"},
-            "target.uniform_mm = 'a': Input should be a valid number, unable to parse string as a number or must be a list",
+            "target.uniform_mm = 'a': Input should be a valid number, unable to parse string as a number or must be a",
         ),
         ({"lens.levels": 25}, "lens.levels = 25: must be a list: write [25]"),
         ({"roads": {"name": "x"}}, "roads: must be a list of tables: write [[roads]]"),
