@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from lensforge.cad.part import STEP_FILE
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, proof_criteria
@@ -95,7 +94,7 @@ def verify_part(
     if step is not None:
         # Here it is read before the casts: a file that is refused costs no more than that.
         file: bytes | StepBody = step if second.runs else StepBody(step, optical)
-        designed = next((each for each in files if each.name == STEP_FILE and each.content == step), None)
+        designed = next((each for each in files if each.content == step), None)
         sized = exported is not None
         through = cast_step(
             file, rays, media, step_rays, optical=optical, sized=sized, designed=designed, second=second

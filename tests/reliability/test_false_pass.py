@@ -19,6 +19,7 @@ from lensforge.optics.media import DOUBLE
 from lensforge.report.folder import RunFolder
 from lensforge.report.pipeline import write_report
 from lensforge.report.results import own_stems
+from lensforge.report.stored import load_results
 from lensforge.results.stage_result import with_checksum
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -209,6 +210,32 @@ def test_a_forged_figure_is_refused_whatever_hashes_are_right(
     with pytest.raises(lf.InputError, match=r"not as it follows from|the other entries make it") as caught:
         kind.read(tmp_path, stem, **given)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("stem", "place", "value"),
+    [
+        ("verify", "criteria.3.value", 1e-9),
+        ("verify", "criteria.3.limit", 0.75),
+        ("verify", "forms.1.off_um", 0.015),
+        ("verify", "receivers.0.nmse_same_rays", 1e-9),
+        ("stray", "criteria.0.limit", 0.75),
+        ("evaluate", "criteria.0.limit", 0.75),
+        ("photometry", "criteria.1.limit", 0.75),
+    ],
+)
+def test_criteria_are_those_that_the_figures_beside_them_make(
+    whole_run: lf.Run, tmp_path: Path, stem: str, place: str, value: float
+) -> None:
+    content = record_in(whole_run.folder, stem)
+    *way, last = way_of(place)
+    at(content, tuple(way))[last] = value
+    for path in whole_run.folder.iterdir():
+        if path.is_file():
+            (tmp_path / path.name).symlink_to(path)
+    (tmp_path / f"{stem}.json").unlink()
+    write(tmp_path, stem, content)
+    assert "not as it follows from" in refusal(load_results, tmp_path)
 
 
 @pytest.mark.parametrize(

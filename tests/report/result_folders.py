@@ -10,8 +10,10 @@ from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, s
 from lensforge.light.evaluation_result import Light
 from lensforge.light.metrics import nmse
 from lensforge.light.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight
+from lensforge.proof.acceptance import proof_criteria
 from lensforge.proof.file_form import FileForm
 from lensforge.proof.proof_result import (
+    Agreement,
     IndependentRays,
     PlainCast,
     Proof,
@@ -291,6 +293,10 @@ def make_receiver_proof(section, **changes):
         "height": section.size[1],
         "far_field": section.kind == "far_field",
         "efficiency": 0.8475,
+        "against_design": filled(Agreement, rms=0.0125, flux=0.00025, fates_flux=0.000375),
+        "nmse_same_rays": 0.000625,
+        "nmse_vs_design": 0.0875,
+        "deviation_limit_mm": 0.015,
         "own_rays": filled(IndependentRays, nmse_less_noise=Metric(value=0.00035, standard_error=0.0015)),
         "irradiance": images["raw_map"],
         "design_irradiance": images["map"],
@@ -309,11 +315,15 @@ def make_proof(lens, **changes):
         "open_edges": 0,
         "sizes": Sizes(exported=SIZE, chord_mm=0.000875, mesh=SizedFile(size=SIZE), step=SizedFile(size=SIZE)),
         "emission_apart": 2.25,
-        "forms": tuple(filled(FileForm, name=name, lacking=()) for name in (STEP_FILE, STL_FILE, THREEMF_FILE)),
+        "forms": tuple(
+            filled(FileForm, name=name, off_um=0.0075, open_edges=0, lacking=())
+            for name in (STEP_FILE, STL_FILE, THREEMF_FILE)
+        ),
         "plain_cast": PlainCast(rays=200, casts=390, disagreements=0),
-        "criteria": (criterion("deviation_rms", 0.0125, 0.015),),
+        "criteria": (),
     }
-    return filled(Proof, **{**content, **of_record})
+    proof = filled(Proof, **{**content, **of_record})
+    return proof if "criteria" in of_record else proof.model_copy(update={"criteria": proof_criteria(proof)})
 
 
 MAKERS = {
