@@ -7,6 +7,7 @@ which uniformity counts, and in which light counts as in the target, follow from
 
 import hashlib
 import unicodedata
+import warnings
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -17,7 +18,7 @@ from jaxtyping import Bool, Float
 from PIL import Image, ImageDraw, ImageFont, features
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from lensforge.errors import InputError, remedy
+from lensforge.errors import FileWarning, InputError, remedy
 from lensforge.kernels.parallel import in_pieces
 from lensforge.optics.image_reading import MOST_BYTES, read_light
 from lensforge.results.files import MIB, read_file
@@ -29,7 +30,7 @@ from lensforge.scene import target_shapes
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.photometric.photometric_file import turned_over
+from lensforge.sources.photometric.photometric_file import far_field_warnings, turned_over
 from lensforge.spec import Target
 from lensforge.spec.shape_targets import FlatTopTarget
 from lensforge.spec.target_sections import (
@@ -261,8 +262,10 @@ def _pattern(target: Target, x: target_shapes.Places, y: target_shapes.Places, g
             return target_shapes.batwing(target, x, y)
         case PhotometricTarget():
             with remedy("correct target.file"):
-                table = turned_over(read_photometric(target.file).intensity)
-            return target_shapes.photometric(table, x, y)
+                file = read_photometric(target.file)
+            for words in far_field_warnings(file):
+                warnings.warn(f"{target.file}: {words}", FileWarning, stacklevel=1)
+            return target_shapes.photometric(turned_over(file.intensity), x, y)
     return target_shapes.in_shape(target, x, y).astype(np.float64)
 
 

@@ -8,7 +8,7 @@ import pytest
 from scenes import small_spec
 from scipy.special import ndtr, ndtri
 
-from lensforge.errors import InputError
+from lensforge.errors import FileWarning, InputError
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Plane, receivers_of
@@ -118,6 +118,10 @@ def test_a_photometric_file_is_wanted_as_it_stands(tmp_path: Path) -> None:
         tmp_path / "lamp.ies", PhotometricFile(TabulatedIntensity(c, gamma, values), lamps=(LampSet(1000.0),))
     )
     target = {"kind": "photometric", "file": str(tmp_path / "lamp.ies")}
+    few = PhotometricFile(TabulatedIntensity(c, gamma, values), lamps=(LampSet(100.0),))  # of 2 pi 100/3 lm
+    write_photometric(tmp_path / "few.ies", few)
+    with pytest.warns(FileWarning, match=r"few\.ies: its light has 209\.\d+ lm, its lamps only 100 lm"):
+        wanted({**target, "file": str(tmp_path / "few.ies")}, **FAR)
     x, on_x, y, on_y = along(*wanted(target, **FAR))
     own = turned_over(TabulatedIntensity(c, gamma, values))
     for angles, light, azimuths in ((x, on_x, (0.0, 180.0)), (y, on_y, (90.0, 270.0))):
