@@ -174,10 +174,11 @@ def fit_patch(surface: Surface, nodes: int | None = None, extent: Extent = _WHOL
     the hole within a ring is filled smoothly. Raises :class:`InputError` if ``nodes`` is out of range or the radius is
     not positive over the chart.
     """
-    count = default_nodes(surface.detail_rad) if nodes is None else nodes
-    if not 2 * DEGREE <= count <= MAX_NODES:
-        raise InputError(f"nodes = {count}: from {2 * DEGREE} to {MAX_NODES}; leave it out to have it set by the lens")
-    return _interpolate(surface, count, HALF_WIDTH * extent[1], extent[0])
+    count, half_width = default_nodes(surface.detail_rad) if nodes is None else nodes, HALF_WIDTH * extent[1]
+    fewest = _fewest_nodes(half_width)
+    if not fewest <= count <= MAX_NODES:
+        raise InputError(f"nodes = {count}: from {fewest} to {MAX_NODES}; leave it out to have it set by the lens")
+    return _interpolate(surface, count, half_width, extent[0])
 
 
 def fit_extended(surface: Surface, nodes: int, extension_deg: float, extent: Extent = _WHOLE) -> Patch:
@@ -190,7 +191,16 @@ def fit_extended(surface: Surface, nodes: int, extension_deg: float, extent: Ext
     edges_deg = 2.0 * np.rad2deg(np.arctan(extent)) + (-extension_deg, extension_deg)
     hole, half_width = np.tan(np.deg2rad(np.maximum(edges_deg, 0.0)) / 2.0).tolist()
     count = int(np.ceil(1.0 + (nodes - 1) * np.arctan(half_width) / np.arctan(HALF_WIDTH * extent[1])))
+    fewest = _fewest_nodes(half_width)
+    if count < fewest:
+        raise InputError(f"nodes = {nodes}: {count} with the extension, at least {fewest}; leave it out, or raise it")
     return _interpolate(surface, count, half_width, hole)
+
+
+def _fewest_nodes(half_width: float) -> int:
+    """The fewest nodes across a square whose apron, even in angle as well, ends before the pole of the chart."""
+    half = np.arctan(half_width)
+    return max(2 * DEGREE, 2 + int(2 * _APRON * half / (0.5 * np.pi - half)))
 
 
 def _interpolate(surface: Surface, count: int, half_width: float, hole: float) -> Patch:

@@ -7,7 +7,7 @@ from scipy.interpolate import NdBSpline
 
 from lensforge.cad.edges import geom_surface
 from lensforge.cad.form_error import chart_samples, face_error, fit_to_form, form_error, largest_errors
-from lensforge.cad.patch import _JET_ORDERS, DEGREE, MAX_NODES, Patch, default_nodes, fit_patch, node_axis
+from lensforge.cad.patch import _JET_ORDERS, DEGREE, MAX_NODES, Patch, default_nodes, fit_extended, fit_patch, node_axis
 from lensforge.errors import InputError
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import HALF_WIDTH, to_sphere
@@ -139,7 +139,15 @@ def test_a_surface_through_the_origin_is_refused_with_its_place():
         fit_patch(SrbfSurface(surface.basis, weights, 2.45))
 
 
-@pytest.mark.parametrize("nodes", [0, 5, MAX_NODES + 1])
+@pytest.mark.parametrize("nodes", [0, 5, 17, MAX_NODES + 1])
 def test_node_counts_out_of_range_are_refused(nodes):
-    with pytest.raises(InputError, match=f"nodes = {nodes}"):
+    """Of 17 the eight nodes beyond each edge would reach the pole of the chart."""
+    with pytest.raises(InputError, match=f"nodes = {nodes}: from 18 to {MAX_NODES}"):
         fit_patch(random_surface(2.45, 0.0, seed=0), nodes)
+
+
+def test_the_fewest_nodes_make_a_spline_and_an_extension_needs_more():
+    surface = random_surface(2.45, 0.0, seed=0)
+    assert fit_patch(surface, 18).nodes == 18 and fit_extended(surface, 22, 10.0).nodes == 25
+    with pytest.raises(InputError, match="nodes = 18: 20 with the extension, at least 22"):
+        fit_extended(surface, 18, 10.0)
