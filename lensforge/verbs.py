@@ -53,10 +53,12 @@ from lensforge.spec import (
     LensSection,
     ManufactureSection,
     OptimiseSection,
+    Preset,
     Spec,
     Tool,
     load_spec,
 )
+from lensforge.spec.accuracy import preset_of
 from lensforge.spec.emitter_section import (
     CosineIntensity,
     FileSpectrum,
@@ -133,14 +135,14 @@ __all__ = [
     "LimitResult", "LineLimit", "LineSpectrum", "LuminanceSource", "ManufactureSection", "Metric", "MissingResult",
     "NamedSource", "OptimiseSection", "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity",
     "PhotometricSummary", "PhotometricTarget", "Photometry", "PhotometrySection", "PlaneReceiver", "PointsLimit",
-    "PolygonTarget", "Possible", "Progress", "Proof", "RadianceSource", "RayFileSummary", "RaySource",
+    "PolygonTarget", "Possible", "Preset", "Progress", "Proof", "RadianceSource", "RayFileSummary", "RaySource",
     "RayfilePart", "RayfileSource", "RayfilesSource", "RectangleSource", "RectangleTarget", "RenamedWarning",
     "Results", "RingTarget", "Run", "Sensitivity", "SourceWarning", "Spec", "SphereReceiver", "SpotsTarget",
     "SquareSource", "StrayLight", "SurfaceComparison", "Sweep", "TableIntensity", "TableSpectrum", "TableTarget",
     "TextTarget", "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit",
     "__version__", "best_design", "build", "check", "compare", "correct", "design", "evaluate", "handover", "load",
-    "load_lens", "load_spec", "photometry", "rays", "redesign", "run", "sensitivity", "stray_light", "sweep",
-    "tolerance", "tradeoff", "verify",
+    "load_lens", "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light",
+    "sweep", "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
 
 NAMES = {name: globals()[name] for name in __all__}

@@ -84,12 +84,6 @@ def undrawn() -> Iterator[None]:
 
 
 @pytest.fixture
-def no_table_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Evaluations that do not measure the error of their tables, half of their time: for tests of the light."""
-    monkeypatch.setattr("lensforge.light.evaluation.measure_preset", lambda *_: None)
-
-
-@pytest.fixture
 def cad_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """CAD files are read in this process, by the same code: a child takes a second to load the CAD kernel.
 
@@ -143,15 +137,15 @@ def small_run(shared: Path) -> lensforge.Run:
     The report has no pictures, which take ten seconds, and the part few triangles, which every reader of the folder
     adds up. It is made on one thread, one stage after another.
     """
-    from coarse_part import coarse_part  # not before the import hook is there
+    from presets import WITH_TABLE_ERROR  # not before the import hook is there
     from scenes import small_spec
     from undrawn import undrawn
 
     from lensforge.results.arguments import threads_of_torch
 
     spec = small_spec(optimise__steps_per_level=[40, 40])
-    with undrawn(), coarse_part(), threads_of_torch(1):
-        return made_once(shared / "small_run", lambda folder: lensforge.run(spec, folder, accuracy="draft"))
+    with undrawn(), threads_of_torch(1):
+        return made_once(shared / "small_run", lambda folder: lensforge.run(spec, folder, accuracy=WITH_TABLE_ERROR))
 
 
 @pytest.fixture(scope="session")
@@ -166,16 +160,10 @@ def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
     from lensforge.verbs import SENSITIVITY, STRAY, YIELD
 
     shutil.copytree(small_run.folder, folder)
-    with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions
-        patch.setattr("lensforge.proof.casts._STRAY_RAYS", 512)
-        patch.setattr("lensforge.made.sensitivity.RAYS", 512)
-        STRAY.run(folder)
-        patch.setattr("lensforge.made.yield_study.DESIGNED_RAYS", 2048)
-        patch.setattr("lensforge.made.yield_study._WORST_RAYS", 512)
-        patch.setattr("lensforge.made.tolerance_budget.MOST_PARTS", 8)
-        SENSITIVITY.run(folder)
-        with undrawn():
-            YIELD.run(folder, parts=40, rays=512)
+    STRAY.run(folder)
+    SENSITIVITY.run(folder)
+    with undrawn():
+        YIELD.run(folder, parts=40, rays=512)
     _measure_part(small_run, folder)
     return lensforge.load(folder)
 

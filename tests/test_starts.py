@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from presets import FEW
 from scenes import small_spec
 
 import lensforge as lf
@@ -13,13 +14,12 @@ from lensforge.search.design_result import Start
 from lensforge.surfaces.imported_face import LENS_FILE
 
 
-@pytest.mark.usefixtures("no_table_error")
 def test_the_best_of_the_starts_is_the_design_of_its_seed(tmp_path):
     spec, said = small_spec(), []
-    found = lf.best_design(spec, starts=2, seed=5, accuracy="draft", announce=said.append)
+    found = lf.best_design(spec, starts=2, seed=5, accuracy=FEW, announce=said.append)
     assert [start.seed for start in found.starts] == [5, 6]
     best = min(found.starts, key=lambda start: (start.missed, start.merit))
-    alone = lf.design(spec, seed=best.seed, accuracy="draft")
+    alone = lf.design(spec, seed=best.seed, accuracy=FEW)
     assert found.lens == alone.lens
     judged, chosen = lf.evaluate(alone.lens), lf.evaluate(alone.lens, seed=seeds.of_choice(5))
     assert (best.nmse, best.efficiency) == (chosen.nmse, chosen.efficiency), "by the same rays for every start"
@@ -39,7 +39,7 @@ def test_rays_of_a_file_that_judge_the_best_do_not_choose_it(monkeypatch):
     rays = Path(__file__).parents[1] / "examples" / "led.tm25ray"
     spec = small_spec(source={"kind": "rayfile", "file": str(rays), "origin": "virtual_focus"})
     monkeypatch.setattr("lensforge.light.evaluation.held_back", lambda _: pytest.fail("held back"))
-    found = lf.best_design(spec, starts=2, accuracy="draft", force=True)
+    found = lf.best_design(spec, starts=2, accuracy=FEW, force=True)
     assert len(found.starts) == 2
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from presets import FEW
 
 from lensforge.cad.wall import Span
 from lensforge.scene.lens import Lens
@@ -34,7 +35,7 @@ def spot(**lens: Any) -> Spec:
 def spot_lens(spec: Spec | None = None, **changes: Any) -> Lens:
     """The lens from which the search starts; ``changes`` of sections of its spec."""
     spec = (spec or spot()).replace(**changes)
-    return Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
+    return Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, FEW)
 
 
 @contextmanager

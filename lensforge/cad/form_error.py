@@ -15,12 +15,13 @@ from jaxtyping import Float
 from lensforge.cad.boundary import WHOLE, Domain, Pair, lens_boundaries, of_shapes
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.part_limits import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
-from lensforge.cad.patch import MAX_NODES, Patch, default_nodes, fit_patch
+from lensforge.cad.patch import LEAST_NODES, MAX_NODES, Patch, default_nodes, fit_patch
 from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.seeds import sobol
+from lensforge.spec.accuracy import preset_of
 from lensforge.surfaces.surface import Surface, to_chart
 
 SAMPLES = 4096
@@ -69,7 +70,8 @@ def fit_lens(lens: Lens, *nodes: int) -> Pair[Patch]:
     """
     known = _fits(lens)
     if nodes not in known:
-        pair = fit_boundaries(lens_boundaries(lens), dict(zip(lens.surfaces, nodes, strict=True)) if nodes else {})
+        given = dict(zip(lens.surfaces, nodes, strict=True)) if nodes else {}
+        pair = fit_boundaries(lens_boundaries(lens), given, preset_of(lens.accuracy).part.spline_nodes)
         counts = {face.name: face.shape.nodes for boundary in pair for face in boundary.faces}
         known[nodes] = known[tuple(counts[name] for name in lens.surfaces)] = pair
     return known[nodes]
@@ -81,20 +83,23 @@ def _fits(_: Lens) -> dict[tuple[int, ...], Pair[Patch]]:
     return {}
 
 
-def fit_boundaries(pair: Pair[Surface], nodes: Mapping[str, int]) -> Pair[Patch]:
-    """The boundaries of cavity and body by fitted faces; ``nodes``: by name, as many as they need where left out."""
+def fit_boundaries(pair: Pair[Surface], nodes: Mapping[str, int], least: int = LEAST_NODES) -> Pair[Patch]:
+    """The boundaries of cavity and body by fitted faces.
+
+    ``nodes``: by name; where left out as many as they need, ``least`` or more.
+    """
     faces = [face for boundary in pair for face in boundary.of_material]
     with ThreadPoolExecutor() as pool:
-        fitted = pool.map(lambda face: fit_to_form(face.shape, nodes.get(face.name), face.domain), faces)
+        fitted = pool.map(lambda face: fit_to_form(face.shape, nodes.get(face.name), face.domain, least), faces)
         patches = dict(zip((face.name for face in faces), fitted, strict=True))
     return of_shapes(pair, patches)
 
 
-def fit_to_form(surface: Surface, nodes: int | None = None, domain: Domain = WHOLE) -> Patch:
-    """The patch of ``surface`` with ``nodes``; by default as many as its measured form and normal errors need."""
+def fit_to_form(surface: Surface, nodes: int | None = None, domain: Domain = WHOLE, least: int = LEAST_NODES) -> Patch:
+    """The patch of ``surface`` with ``nodes``; by default ``least``, or as many as its form and normal errors need."""
     if nodes is not None:
         return fit_patch(surface, nodes, domain.extent)
-    chart, count = chart_samples(domain=domain), default_nodes(surface.detail_rad)
+    chart, count = chart_samples(domain=domain), default_nodes(surface.detail_rad, least)
     while True:
         patch = fit_patch(surface, count, domain.extent)
         error = form_error(surface, patch.points(chart), patch.normals(chart))

@@ -50,6 +50,7 @@ from lensforge.optics.media import FLANGE
 from lensforge.results import Extent
 from lensforge.results.criteria import Criterion, at_most
 from lensforge.scene.lens import Lens
+from lensforge.spec.accuracy import preset_of
 from lensforge.surfaces.step_file import Schema, parts_of
 from lensforge.surfaces.surface import scaled
 
@@ -78,8 +79,8 @@ def build_part(
     """Make the part: the bytes of STEP, STL and 3MF, and their errors, measured by reading these bytes back.
 
     ``nodes``: spline nodes across each optical face, by default as many as the form needs.
-    ``rings``: equal rings of the mesh; by default as many as the faces' detail needs, their facets split where they
-    are more than ``chord_mm`` (mm) from the surface.
+    ``rings``: equal rings of the mesh; by default those of the lens's preset, or as many as the faces' detail needs,
+    their facets split where they are more than ``chord_mm`` (mm) from the surface.
     ``extension_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle
     (degrees) beyond the rim, where the tool runs off; those of a mould insert are scaled by 1 + shrinkage.
     ``date``: of the files, by default ``manufacture.date``; an AP242 part carries ``manufacture.form_tolerance_um``.
@@ -88,6 +89,7 @@ def build_part(
     """
     start = time.perf_counter()
     require_schema(schema)
+    rings = preset_of(lens.accuracy).part.mesh_rings if rings is None else rings
     body = _build(lens, nodes, rings, chord_mm)
     name = lens.spec.name
     signed = signed_step(body.solid, lens.spec, name, schema, date)

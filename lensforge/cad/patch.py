@@ -24,6 +24,7 @@ from jaxtyping import Float
 from scipy.interpolate import BSpline, make_interp_spline
 
 from lensforge.errors import InputError
+from lensforge.spec.accuracy import PartEffort
 from lensforge.surfaces.surface import HALF_WIDTH, Surface, to_chart, to_sphere
 
 
@@ -78,9 +79,8 @@ def principal_curvatures(jet: Jet, normal: Float[np.ndarray, "n 3"]) -> Principa
 
 
 DEGREE = 5
-# The chart of a sphere itself has complex poles at R = +-i, however wide the basis functions: 72 nodes resolve it.
-# The wall of flashlight.toml has 1.06 nm with 240 nodes: it takes 273.
-MIN_NODES, MAX_NODES = 72, 320
+MAX_NODES = 320  # the wall of flashlight.toml has 1.06 nm with 240
+LEAST_NODES = PartEffort().spline_nodes
 # Measured: 5 nodes per sigma at the apex leave 0.5 nm and 4 urad on the 14 mm dome of the pi design.
 NODES_PER_SIGMA = 5.0
 _APRON = 8  # nodes beyond each edge: the ends' error decays by 0.43 a node
@@ -154,10 +154,10 @@ class Patch:
         return found.reshape(len(orders), *chart.shape[:-1], 3)
 
 
-def default_nodes(detail_rad: float) -> int:
-    """Nodes that resolve the narrowest feature: ``NODES_PER_SIGMA`` across it at the apex, within the limits."""
+def default_nodes(detail_rad: float, least: int = LEAST_NODES) -> int:
+    """Nodes that resolve the narrowest feature: ``NODES_PER_SIGMA`` across it at the apex, from ``least`` on."""
     apex_step = detail_rad / NODES_PER_SIGMA
-    return int(np.clip(np.ceil(1.0 + _ANGLE_SPAN / apex_step), MIN_NODES, MAX_NODES))
+    return int(np.clip(np.ceil(1.0 + _ANGLE_SPAN / apex_step), least, MAX_NODES))
 
 
 def node_axis(count: int, apron: int = 0, half_width: float = HALF_WIDTH) -> Float[np.ndarray, " n"]:

@@ -18,19 +18,21 @@ from rich.text import Text
 from lensforge.cli.output import printable, warning_line
 from lensforge.report.results import REPORT_FILE, STAGES
 from lensforge.search.design_result import Progress as Step
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import Spec
 
 _FRAMES_PER_SECOND = 4
-_SILENT_SECONDS = 60.0  # at most, where a pipe is written
 _NAME_COLUMNS, _TIME_COLUMNS = 12, 12
 
 
 class StageClock:
-    """Lines of the stages of one command, the first called ``name``; ``quiet``: nothing but warnings."""
+    """Lines of the stages of one command, the first called ``name``; ``quiet``: nothing but warnings.
 
-    def __init__(self, name: str, *, quiet: bool = False) -> None:
+    ``silent_s``: at most, where a pipe is written.
+    """
+
+    def __init__(self, name: str, *, quiet: bool = False, silent_s: float = 60.0) -> None:
         self._console = Console(stderr=True, highlight=False)
-        self._quiet = quiet
+        self._quiet, self._silent_s = quiet, silent_s
         self._progress = Progress(
             _StageColumn(self._time_left),
             console=self._console,
@@ -125,8 +127,8 @@ class StageClock:
             )
 
     def _write_until_exit(self) -> None:
-        while not self._exited.wait(max(0.01, self._written + _SILENT_SECONDS - time.monotonic())):
-            if time.monotonic() >= self._written + _SILENT_SECONDS:
+        while not self._exited.wait(max(0.01, self._written + self._silent_s - time.monotonic())):
+            if time.monotonic() >= self._written + self._silent_s:
                 for task in self._progress.tasks:
                     self._write(_line(task))
 
@@ -163,9 +165,13 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
 
 
-# Seconds of all later stages over those of the search, as is usual on two cores.
-_LATER: dict[Accuracy, float] = {"draft": 2.5, "standard": 0.6, "reference": 0.6}
+# Seconds of all later stages over those of the search, as is usual on two cores: of a draft, and of any other.
+_LATER_OF_DRAFT, _LATER = 2.5, 0.6
 _NAMES = {*(kind.stage for kind in STAGES), REPORT_FILE.partition(".")[0]}
+
+
+def _later(step: Step) -> float:
+    return _LATER_OF_DRAFT if step.accuracy == "draft" else _LATER
 
 
 class DesignProgress:
@@ -205,7 +211,7 @@ class DesignProgress:
             return None
         pace = (step.seconds - began) / (step.steps_done - first)
         left = pace * (step.steps_total - step.steps_done)
-        return left + _LATER[step.accuracy] * (step.seconds + left)
+        return left + _later(step) * (step.seconds + left)
 
     def _words(self, step: Step) -> str:
         return (
@@ -222,7 +228,7 @@ class DesignProgress:
             self._clock.end()  # the search, which tells its end by no other words
             self._searching = False
             if self._last is not None:
-                self._clock.expect(_LATER[self._last.accuracy] * self._last.seconds)
+                self._clock.expect(_later(self._last) * self._last.seconds)
         self._clock.begin(words, beside=True)
 
     def on_end(self, name: str, seconds: float) -> None:

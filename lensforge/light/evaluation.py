@@ -156,11 +156,12 @@ def evaluate_lens(
         bounds_by=source,
         colour=lens.spec.colour,
     )
-    design = TracedLens.of(lens, preset.nodes_per_sigma)
-    error = measure_preset(lens, judging, design, traced)
+    error = None
+    if preset.table_error:
+        error = measure_preset(lens, judging, TracedLens.of(lens, preset.nodes_per_sigma), traced)
     fitted = _fitted(traced, lens.spec, searched(source), count, seed) if judging is not source else None
-    settled = {"preset_error": error, "inputs": {"lens": lens.sha256}, "lumens_per_watt": lumens_per_watt}
-    settled["fitted"] = fitted
+    settled: dict[str, object] = {"preset_error": error, "inputs": {"lens": lens.sha256}, "fitted": fitted}
+    settled["lumens_per_watt"] = lumens_per_watt
     return light.model_copy(update=settled)
 
 

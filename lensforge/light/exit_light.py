@@ -77,7 +77,6 @@ PARTS = 16  # independent samples: their spread is the standard error
 _ROUNDS = 32  # at most, of these samples, so that every one has a seed of its own
 _FILE_RAYS = 2**17  # rays of the ray file
 _LARGEST_NODE_ERROR = 0.02  # rms, relative: more rays are traced until then; goniophotometers have about as much
-_FIRST_RAYS = 2**20  # half a second on two cores; enough for a smooth beam
 _MOST_AT_ONCE = 2**20  # bounds the memory
 _IN_BEAM = 0.995  # of the flux: within the angle that holds it, the grid is fine
 
@@ -103,19 +102,20 @@ def trace_exit_light(
     symmetry: str,
     *,
     rays: int | None,
-    most_rays: int,
+    by_itself: tuple[int, int],
     seed: int,
     sphere_mm: float,
     street_deg: float,
     lamps: Lamps = ALONE,
 ) -> ExitLight:
-    """Trace ``rays`` rays, or more and more, to ``most_rays``, until the nodes are known to 2 % rms.
+    """Trace ``rays`` rays, or more and more, until the nodes are known to 2 % rms.
 
+    ``by_itself``: rays without such a number, at first and at most.
     ``symmetry``: mirror group of lens, source and ``lamps``, under which the light is averaged. ``sphere_mm``: radius
     of the sphere on which exit rays start. ``street_deg``: azimuth of the street. A measured source gives at most its
     own rays. Raises :class:`InputError` where no light leaves the lens upwards.
     """
-    sums, wanted = _Sums(lens, sphere_mm, symmetry, street_deg, lamps), rays or min(_FIRST_RAYS, most_rays)
+    sums, wanted = _Sums(lens, sphere_mm, symmetry, street_deg, lamps), rays or min(by_itself)
     if source.ray_count is not None:
         count = min(wanted, source.ray_count)
         parts = bundles(source, count, min(PARTS, count), seed)
@@ -128,7 +128,7 @@ def trace_exit_light(
         if sums.rays < wanted:
             continue
         light = sums.light()
-        wanted = sums.rays if rays is not None else _rays_needed(light, most_rays)
+        wanted = sums.rays if rays is not None else _rays_needed(light, by_itself[1])
         if wanted <= sums.rays:
             break
     return light

@@ -17,7 +17,7 @@ from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import SeveralSources
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import Preset, preset_of
 from lensforge.spec.source_list import source_with_file
 from lensforge.spec.source_sections import SourceSpec
@@ -27,7 +27,7 @@ from lensforge.spec.spec_files import input_hashes, section_sha256
 def evaluate(
     lens: Lens,
     *,
-    accuracy: Accuracy | None = None,
+    accuracy: AnyAccuracy | None = None,
     source: SourceSpec | Path | str | None = None,
     rays: int | None = None,
     pixels: int | None = None,
@@ -51,11 +51,11 @@ def evaluate(
     rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
     temperature_c = number_of("temperature_c", temperature_c)
     body = lens if temperature_c is None else at_temperature(lens, temperature_c)
-    preset, coloured = preset_of(accuracy or lens.accuracy), lens.spec.colour is not None
+    preset, coloured = preset_of(lens.accuracy if accuracy is None else accuracy), lens.spec.colour is not None
     emitter = build_source(chosen, body.dispersion, coloured=coloured)
     summary = summarise(emitter, chosen)
-    asked = {"accuracy": accuracy, "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
-    conditions = _conditions(lens, other, summary.warnings, name, asked)
+    asked = {"accuracy": str(preset), "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
+    conditions = _conditions(lens, other, summary.warnings, name, asked, preset)
     settings: Mapping[str, Any] = {"rays": rays, "pixels": pixels, "seed": seed}
     with kernel_threads(count_of("threads", threads)):
         light = evaluate_lens(
@@ -84,12 +84,17 @@ def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator
 
 
 def _conditions(
-    lens: Lens, source: SourceSpec | None, warnings: tuple[str, ...], name: str | None, asked: Mapping[str, Any]
+    lens: Lens,
+    source: SourceSpec | None,
+    warnings: tuple[str, ...],
+    name: str | None,
+    asked: Mapping[str, Any],
+    preset: Preset,
 ) -> Conditions | None:
     """Conditions ``asked`` that are not those of ``lens``; None where every one is. ``warnings``: on the ``source``."""
     evaluate, law = lens.spec.evaluate, lens.spec.lens.temperature_law
-    rays = evaluate.rays or preset_of(asked["accuracy"] or lens.accuracy).evaluate_rays
-    own: dict[str, Any] = {"accuracy": lens.accuracy, "rays": rays, "pixels": evaluate.pixels, "seed": lens.seed}
+    rays = evaluate.rays or preset.evaluate_rays
+    own: dict[str, Any] = {"accuracy": str(lens.accuracy), "rays": rays, "pixels": evaluate.pixels, "seed": lens.seed}
     own["temperature_c"] = law.reference_c
     other = None if source is None or is_same_source(source, lens.spec.source) else source
     conditions = Conditions.of(

@@ -144,7 +144,7 @@ def measure_photometry(
         source,
         shared_symmetry([source.symmetry, lens.symmetry], lamps.from_afar.has_mirrors),
         rays=rays,
-        most_rays=preset.photometry_rays,
+        by_itself=preset.photometry_rays,
         seed=lens.seed,
         sphere_mm=_SLACK * largest_mm,
         street_deg=section.street_side_deg,

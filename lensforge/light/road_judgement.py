@@ -37,7 +37,7 @@ from lensforge.spec.road_section import (
 
 _NONE = "none"
 _KWH_PER_WH = 1e-3
-_LEAST_STEPS, _MOST_STEPS, _END_M = 5, 120, 1e-3  # of a tenth of the pole height, of spacings tried
+_LEAST_STEPS, _END_M = 5, 1e-3  # of a tenth of the pole height, of spacings tried
 
 Candela = Callable[[CandelaSum], Float[np.ndarray, "p n"]]  # intensities (cd) of a lamp by each sample
 
@@ -180,11 +180,11 @@ def classes_held(drivers: tuple[SeenRoad, ...]) -> str:
     return ", ".join(held) or _NONE
 
 
-def held_spacing(road: RoadSection, candela: Candela) -> HeldSpacing | None:
+def held_spacing(road: RoadSection, candela: Candela, most_steps: int = 120) -> HeldSpacing | None:
     """The largest spacing at which lamps of these intensities hold the class of ``road``, all else as it is.
 
-    By steps of a tenth of the pole height, from 12 of them down to a half, and to 1 mm at both ends; None where no step
-    holds it.
+    By steps of a tenth of the pole height, from ``most_steps`` of them down to a half of it, and to 1 mm at both ends;
+    None where no step holds it.
     """
     read = _Reader(candela)
 
@@ -200,7 +200,7 @@ def held_spacing(road: RoadSection, candela: Candela) -> HeldSpacing | None:
             inside, outside, why = (middle, outside, why) if found is None else (inside, middle, found)
         return inside, why
 
-    falling = [road.pole_height_m * step / 10.0 for step in range(_MOST_STEPS, _LEAST_STEPS - 1, -1)]
+    falling = [road.pole_height_m * step / 10.0 for step in range(most_steps, _LEAST_STEPS - 1, -1)]
     first = next((k for k, step in enumerate(falling) if missed(step) is None), None)
     if first is None:
         return None

@@ -74,7 +74,6 @@ class FacePixels:
 
 # A change is a thousandth of the radius: five nodes for its shortest wave keep its slopes to some hundredths.
 _WIDER = 2.0
-_MOST_RAYS = 2**20
 
 
 @dataclass(frozen=True)
@@ -89,9 +88,11 @@ class ChangedLens:
 
     @staticmethod
     def of(lens: Lens, side: str, rays: int | None) -> "tuple[ChangedLens, Conditions | None]":
-        """Simulation by rays that judge ``lens``, by default as of its evaluation, at most 2^20; and its conditions."""
+        """Simulation by rays that judge ``lens``, and its conditions; by default as many as evaluate it, if the preset
+        compares by so many.
+        """
         preset, source = preset_of(lens.accuracy), judging_source(lens.spec)
-        usual = min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
+        usual = min(lens.spec.evaluate.rays or preset.evaluate_rays, preset.studies.compared_rays)
         count, conditions = rays_of(rays, usual, source)
         return ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, count), conditions
 

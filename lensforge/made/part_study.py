@@ -43,7 +43,7 @@ from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
-from lensforge.spec.accuracy import PRESETS
+from lensforge.spec.accuracy import preset_of
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.tolerances_section import Factor, factor_name, factors_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -106,7 +106,7 @@ class PartStudy:
     def _nominal(self) -> TracedLens:
         """Tables of the search, not of an evaluation: their error is in the part and in the lens as designed alike."""
         lens = self.recipe.lens
-        return TracedLens.of(lens, PRESETS[lens.accuracy].nodes_per_sigma)
+        return TracedLens.of(lens, preset_of(lens.accuracy).nodes_per_sigma)
 
     @cached_property
     def limits(self) -> tuple[LightLimit, ...]:
@@ -142,7 +142,7 @@ class PartStudy:
     def designed_light(self) -> Light:
         """The light of the lens as designed, by many rays."""
         lens, recipe = self.recipe.lens, self.recipe
-        traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
+        traced = TracedLens.of(lens, preset_of(lens.accuracy).evaluate_nodes_per_sigma)
         judging, rays = held_back(self._source), recipe.designed_rays
         limits = self.limits
         return evaluate_traced(traced, lens.spec, judging, rays, recipe.seed, limits=limits, bounds_by=self._source)

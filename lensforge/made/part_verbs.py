@@ -19,6 +19,7 @@ from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, path_of, require, require_choice, threads_of_torch
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, require_one_kind
+from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import section_sha256
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, read_tolerances, tolerances_with
 from lensforge.surfaces.point_cloud import read_cloud
@@ -199,11 +200,12 @@ def sensitivity(
 
     ``progress`` is called with the number of lenses traced and of all.
     """
-    from lensforge.made.sensitivity import RAYS, measure_sensitivity
+    from lensforge.made.sensitivity import measure_sensitivity
 
     require(lens, Lens, "sensitivity")
     require_one_kind(lens, "sensitivity")
-    count, conditions = rays_of(count_of("rays", rays), RAYS, judging_source(lens.spec))
+    usual = preset_of(lens.accuracy).studies.sensitivity_rays
+    count, conditions = rays_of(count_of("rays", rays), usual, judging_source(lens.spec))
     with threads_of_torch(threads):
         result = measure_sensitivity(lens, rays=count, progress=progress)
     return result.model_copy(update={"conditions": conditions})

@@ -15,7 +15,6 @@ from lensforge.made.measured_parts import MeasuredParts
 from lensforge.made.tolerance_result import PASS_RATE, Budget, BudgetRow
 from lensforge.spec.tolerances_section import Factor
 
-MOST_PARTS = 128  # the standard error of a share of 0.95 is then 0.02, that of an amount about a tenth
 _UP = (16.0, 4.0)  # most tolerances of most lenses matter little: one look tells
 _DOWN = (0.25, 0.0)
 _ROUNDS = 3
@@ -97,15 +96,18 @@ class ScaleSearch:
 
 
 def budget(parts: MeasuredParts, passes: Passes, announce: Callable[[str], None]) -> Budget:
-    """Search for the largest amount of each tolerance alone, and of all together; ``passes``: parts as specified."""
-    factors, first = parts.study.factors, passes[:MOST_PARTS]
+    """Search for the largest amount of each tolerance alone, and of all together.
+
+    ``passes``: of the first parts as specified, those that pass.
+    """
+    factors = parts.study.factors
     rows = []
     for factor in factors:
         announce(f"budget: {factor.words}")
-        rows.append(_row(parts, (factor,), first, factor.name, factor.words, factor.unit, factor.amount))
+        rows.append(_row(parts, (factor,), passes, factor.name, factor.words, factor.unit, factor.amount))
     announce("budget: all tolerances together")
-    together = _row(parts, factors, first, "all", "all tolerances, by one factor", "", 1.0)
-    return Budget(pass_rate=PASS_RATE, parts=len(first), alone=tuple(rows), together=together)
+    together = _row(parts, factors, passes, "all", "all tolerances, by one factor", "", 1.0)
+    return Budget(pass_rate=PASS_RATE, parts=len(passes), alone=tuple(rows), together=together)
 
 
 def _row(

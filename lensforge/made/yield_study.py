@@ -39,6 +39,7 @@ from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws, orthonormal
 from lensforge.sources.build_source import build_source
 from lensforge.sources.measured_rays import held_back
+from lensforge.spec.accuracy import preset_of
 from lensforge.spec.road_section import names_of
 from lensforge.spec.tolerances_section import Factor
 
@@ -111,16 +112,13 @@ def _metric(values: Float[np.ndarray, " s"]) -> Metric:
     return Metric(value=float(values[0]), standard_error=jackknife_error(values[1:]))
 
 
-PARTS, RAYS = 1000, 2**16
-DESIGNED_RAYS = 2**20  # of the lens as designed: its error is common to all parts
+PARTS = 1000
 _MOST_OF_LAMPS = 2**24  # of one of several lamps as designed, whose pictures are part of that of every board
-_MOST_RAYS = 2**20
 _PILOT = 32
 _LARGEST_ERROR = 0.1  # of a part's metric, as a share of the spread over the parts
-_FEWEST_RAYS = 2**14  # of a part in the budget, which only asks whether it passes
 _OF_DISTANCE, _LARGEST_BUDGET_ERROR = 0.1, 0.3
 _LEAST_SPREAD = 0.01  # of the metric: nobody needs to know a smaller spread to a tenth of it
-_WORST, _WORST_RAYS = 3, 2**19
+_WORST = 3
 
 
 def measure_yield(
@@ -137,14 +135,16 @@ def measure_yield(
 ) -> Yield:
     """Draw ``parts`` from the tolerances of the lens's spec, and measure the light of each.
 
-    Without ``rays`` as many are traced, from 2^16 to 2^20, as keep the standard error of a part below a tenth of the
-    spread over the parts. ``file``: where measured parts are kept until the study is done. Raises :class:`InputError`
-    for tolerances that the part cannot bear.
+    Without ``rays`` as many are traced, within those of the lens's preset, as keep the standard error of a part below a
+    tenth of the spread over the parts. ``file``: where measured parts are kept until the study is done. Raises
+    :class:`InputError` for tolerances that the part cannot bear.
     """
     started, announce = time.perf_counter(), announce or (lambda _: None)
     lamps = not lens.spec.all_lamps.alone
-    designed_rays = max(DESIGNED_RAYS, min(lens.spec.evaluate.rays or 0, _MOST_OF_LAMPS)) if lamps else DESIGNED_RAYS
-    study = PartStudy(Recipe(lens, parts, rays or RAYS, seed, designed_rays))
+    effort = preset_of(lens.accuracy).studies
+    of_lamps = min(lens.spec.evaluate.rays or 0, _MOST_OF_LAMPS) if lamps else 0
+    designed_rays = max(effort.designed_rays, of_lamps)
+    study = PartStudy(Recipe(lens, parts, rays or effort.part_rays[0], seed, designed_rays))
     require_bearable(lens, study.factors)
     found = MeasuredParts(study, workers, KeptParts.of(file, study), progress)
     if rays is None:
@@ -160,7 +160,7 @@ def measure_yield(
         for number, name in enumerate(study.names)
         if metrics[name].spread > 0.0
     }
-    limits = budget(_for_budget(found, measured), passes, announce) if with_budget else None
+    limits = budget(_for_budget(found, measured), passes[: effort.budget_parts], announce) if with_budget else None
     worst = _worst(study, measured)
     columns, table = _table(study, measured)
     announce("worst parts")
@@ -189,7 +189,8 @@ def measure_yield(
 
 def _with_enough_rays(found: MeasuredParts, pilot: int) -> MeasuredParts:
     """Parts measured by as many rays as the judged metrics need, judged by the first ``pilot`` parts."""
-    while found.study.recipe.rays < _MOST_RAYS and not _is_certain(found.study, found.of(range(pilot))):
+    most = preset_of(found.study.recipe.lens.accuracy).studies.part_rays[1]
+    while found.study.recipe.rays < most and not _is_certain(found.study, found.of(range(pilot))):
         found = found.with_rays(2 * found.study.recipe.rays)
     return found
 
@@ -197,7 +198,7 @@ def _with_enough_rays(found: MeasuredParts, pilot: int) -> MeasuredParts:
 def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> MeasuredParts:
     """Parts measured by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
     study, rays = found.study, found.study.recipe.rays
-    least = max(_FEWEST_RAYS, 2 * REPLICATES * len(study.lamps))
+    least = max(preset_of(study.recipe.lens.accuracy).studies.budget_rays, 2 * REPLICATES * len(study.lamps))
     columns = [study.names.index(bound.metric) for bound in study.bounds]
     errors = np.median(measured[:, columns, 1], axis=0)
     apart = np.abs(study.excess(measured[..., 0])).mean(axis=0) * _OF_DISTANCE
@@ -284,7 +285,8 @@ def _worst_maps(study: PartStudy, worst: tuple[WorstPart, ...]) -> Float[np.ndar
     """Light of the worst parts on the first receiver, per measure of its pixels, by more rays."""
     lens, light = study.recipe.lens, study.light
     source = held_back(build_source(lens.spec.source, lens.dispersion))
-    held = HeldLight.of(source, max(_WORST_RAYS, study.recipe.rays), study.recipe.seed)
+    rays = max(preset_of(lens.accuracy).studies.worst_rays, study.recipe.rays)
+    held = HeldLight.of(source, rays, study.recipe.seed)
     finer = replace(light, held=held)  # of lamps, their share of the rays is new as well
     images = [finer.received(study.part(each.part))[0].images.mean(axis=0) for each in worst]
     return np.stack(images) / light.receivers[0].pixel_measure

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from lensforge.proof.optical_faces import OpticalFaces
     from lensforge.proof.part_comparison import Expected
 
-_STRAY_RAYS = 2**15  # each splits into about ten; more would take minutes
-
 
 def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | None = None) -> Proof:
     """Cast rays through the STL and STEP of ``part``, and compare their landings with the design's.
@@ -129,7 +127,7 @@ def stray_light(
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
     rays = count_of("rays", rays)
     preset, source = preset_of(lens.accuracy), judging_source(spec)
-    count, conditions = rays_of(rays, min(preset.verify_rays, _STRAY_RAYS), source)
+    count, conditions = rays_of(rays, min(preset.verify_rays, preset.stray_rays), source)
     optical, stl = optical_of(lens.body, lens.events), part.stl
     if spec.plate is not None and part.plate_stl is not None:
         optical, stl = replace(optical, plate=plate_of(spec.plate.lenses(spec.lamps))), part.plate_stl

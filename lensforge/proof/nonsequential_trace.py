@@ -120,12 +120,15 @@ def _joined(parts: Sequence[SplitRays]) -> SplitRays:
     return SplitRays(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
 
-def follow(body: PartBody, rays: RayBundle, limits: Limits, threads: int = 1) -> FluxBudget:
-    """Follow all light of ``rays`` until it has left the part. The result does not depend on ``threads``."""
+def follow(body: PartBody, rays: RayBundle, limits: Limits, threads: int = 1, chunk: int = _CHUNK) -> FluxBudget:
+    """Follow all light of ``rays`` until it has left the part. The result does not depend on ``threads``.
+
+    ``chunk``: rays that are cast at a time.
+    """
     least = limits.cut_off * float(rays.flux.mean())
 
     def followed(start: int) -> _Followed:
-        found, light = _Followed(), _emitted(body, rays.take(slice(start, start + _CHUNK)))
+        found, light = _Followed(), _emitted(body, rays.take(slice(start, start + chunk)))
         for _ in range(limits.depth):
             light = _step(body, light, least, found)
             if len(light.flux) == 0:
@@ -135,7 +138,7 @@ def follow(body: PartBody, rays: RayBundle, limits: Limits, threads: int = 1) ->
 
     budget = FluxBudget()
     with ThreadPoolExecutor(threads) as pool:
-        for found in pool.map(followed, range(0, len(rays), _CHUNK)):
+        for found in pool.map(followed, range(0, len(rays), chunk)):
             budget.pieces += found.pieces
             for name, flux in found.losses:
                 setattr(budget, name, getattr(budget, name) + flux)

@@ -40,8 +40,8 @@ from lensforge.search.searches import SearchOptions, best_design, design
 from lensforge.shop.check_result import Check
 from lensforge.shop.point_tables import GridRequest
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
-from lensforge.spec import Accuracy, DrawingSection, Spec
-from lensforge.spec.accuracy import preset_of
+from lensforge.spec import AnyAccuracy, DrawingSection, Spec
+from lensforge.spec.accuracy import accuracy_of, preset_of
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
 from lensforge.spec.part_section import read_drawing
@@ -322,7 +322,7 @@ def sweep(
     *,
     source: Sequence[NamedSource | SourceSpec | Path | str] | None = None,
     scale: Sequence[str] = (),
-    accuracy: Accuracy = "standard",
+    accuracy: AnyAccuracy = "standard",
     seed: int = 0,
     threads: int | None = None,
     progress: Observer | None = None,
@@ -358,12 +358,14 @@ def tradeoff(
     *,
     lens: Lens | None = None,
     most_rays: int = 2**20,
+    accuracy: AnyAccuracy = "standard",
     threads: int | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> Tradeoff:
     """Measure accuracy against computing time for the scene of ``spec``, on ``lens`` or on a draft designed first.
 
-    ``most_rays``: of the largest sample, 2^12 to 2^24. ``announce`` is called with the name of each study as it starts.
+    ``most_rays``: of the largest sample, 2^12 to 2^24. ``accuracy``: of the search whose stages are followed.
+    ``announce`` is called with the name of each study as it starts.
     """
     from lensforge.report.tradeoff_study import measure, require_same_scene
 
@@ -378,4 +380,4 @@ def tradeoff(
     else:
         require_same_scene(require(lens, Lens, "tradeoff"), spec, source, "tradeoff")
     with threads_of_torch(threads):
-        return measure(lens, source, most_rays, announce or (lambda _: None))
+        return measure(lens, source, most_rays, accuracy_of(accuracy), announce or (lambda _: None))

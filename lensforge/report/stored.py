@@ -27,7 +27,7 @@ from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.design_result import Design
-from lensforge.spec import Accuracy
+from lensforge.spec import AnyAccuracy
 from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.version import __version__
 
@@ -171,7 +171,7 @@ class RunRecord(Record):
 
     version: Text = __version__
     name: Text
-    accuracy: Accuracy
+    accuracy: AnyAccuracy
     seed: Count
     verdict: Verdict
     results: dict[Text, Sha256]

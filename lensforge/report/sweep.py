@@ -29,7 +29,7 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criterion
 from lensforge.search.design_result import Margins
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.spec_files import section_sha256
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class Sweep(StageResult):
     spec_sha256: Sha256
     vary: Text
     scale: tuple[Text, ...]
-    accuracy: Accuracy
+    accuracy: AnyAccuracy
     seed: Count
     designs: tuple[SweepRow, ...]
     failed: dict[Text, Text] = Field(default_factory=dict)

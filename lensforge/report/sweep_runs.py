@@ -28,7 +28,7 @@ from lensforge.results.files import replacing, require_own
 from lensforge.results.folder_lock import locked
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.spec_files import section_sha256
 from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.version import __version__
@@ -81,7 +81,7 @@ def run_sweep(
     directory: Path,
     run_design: RunDesign,
     *,
-    accuracy: Accuracy = "standard",
+    accuracy: AnyAccuracy = "standard",
     seed: int = 0,
     resume: bool = False,
     scheduler: str | None = None,
@@ -191,7 +191,7 @@ def _joined(spec: Spec, variation: AnyVariation, made: Iterator[Made], directory
     return sweep
 
 
-def _finished(directory: Path, spec: Spec, variation: AnyVariation, accuracy: Accuracy, seed: int) -> Sweep | None:
+def _finished(directory: Path, spec: Spec, variation: AnyVariation, accuracy: AnyAccuracy, seed: int) -> Sweep | None:
     """The designs that an earlier call finished, None without any. Only its values may differ from this call's.
 
     Raises :class:`InputError` where anything else differs, the content of a file too, and where the folder of one of

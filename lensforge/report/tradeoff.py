@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Record, StageResult, Text
 from lensforge.results.arguments import require_choice
-from lensforge.spec import Accuracy
+from lensforge.spec import AnyAccuracy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,7 +67,7 @@ class Tradeoff(StageResult):
     stage: ClassVar[str] = "tradeoff"
 
     name: Text
-    accuracy: Accuracy
+    accuracy: AnyAccuracy
     threads: Count
     rows: tuple[TradeoffRow, ...]
     seconds: NotNegative

@@ -26,14 +26,13 @@ from lensforge.search.parameters import settled_symmetry
 from lensforge.search.searches import design
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
-from lensforge.spec import Accuracy, Spec
-from lensforge.spec.accuracy import PRESETS, Preset
+from lensforge.spec import AnyAccuracy, Spec
+from lensforge.spec.accuracy import PRESETS, Preset, preset_of
 from lensforge.spec.spec_files import section_sha256
 from lensforge.surfaces.imported_face import LENS_FILE
 
 PAGE = "tradeoff.html"
 _LEAST_RAYS = 2**12
-_SEARCH: Accuracy = "standard"  # of the search that is followed
 
 
 def run_tradeoff(
@@ -41,14 +40,16 @@ def run_tradeoff(
     directory: Path,
     *,
     most_rays: int = 2**20,
+    accuracy: AnyAccuracy = "standard",
     announce: Callable[[str], None] = lambda _: None,
     warn: Callable[[str], None] = lambda _: None,
 ) -> Tradeoff:
     """Measure the lens in ``directory`` for the scene ``spec``; without a lens there, a draft is designed first.
 
-    Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``announce`` is called with what is measured next, ``warn``
-    with each warning on the spec. Raises :class:`InputError` if the lens is that of another scene, for a page of
-    another program, and where another process writes there.
+    Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``accuracy``: of the search whose stages are followed.
+    ``announce`` is called with what is measured next, ``warn`` with each warning on the spec. Raises
+    :class:`InputError` if the lens is that of another scene, for a page of another program, and where another process
+    writes there.
     """
     require_own(directory / PAGE)
     with locked(directory, create=True):
@@ -58,7 +59,7 @@ def run_tradeoff(
         else:
             announce("no lens yet: a draft is designed")
             lens = RunFolder(directory).write(design(spec, accuracy="draft", warn=warn)).lens
-        measured = measure(lens, source, most_rays, announce)
+        measured = measure(lens, source, most_rays, accuracy, announce)
         measured.write(directory)
         write_page(tradeoff_page(measured), directory / PAGE)
         return measured
@@ -74,12 +75,17 @@ def _lens_in(directory: Path, spec: Spec, source: Source) -> Lens:
     return results.lens
 
 
-def measure(lens: Lens, source: Source, most_rays: int, announce: Callable[[str], None]) -> Tradeoff:
-    """Measure all series for ``lens`` and its ``source``; ``announce`` is called with the next one's name."""
+def measure(
+    lens: Lens, source: Source, most_rays: int, accuracy: AnyAccuracy, announce: Callable[[str], None]
+) -> Tradeoff:
+    """Measure all series for ``lens`` and its ``source``.
+
+    ``accuracy``: of the search. ``announce`` is called with the next series' name.
+    """
     started = time.perf_counter()
     judging = held_back(source)
     announce("rays of an evaluation")
-    traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
+    traced = TracedLens.of(lens, preset_of(lens.accuracy).evaluate_nodes_per_sigma)
     evaluate_traced(traced, lens.spec, judging, _LEAST_RAYS, lens.seed)  # compiles the kernels
     rows = []
     for count in ray_counts(most_rays, judging):
@@ -88,7 +94,7 @@ def measure(lens: Lens, source: Source, most_rays: int, announce: Callable[[str]
     announce("accuracy presets")
     rows += [_preset_row(name, preset, lens, judging, most_rays) for name, preset in PRESETS.items()]
     announce("stages of a search")
-    rows += _search_rows(lens.spec, source, most_rays)
+    rows += _search_rows(lens.spec, source, most_rays, accuracy)
     return Tradeoff(
         inputs={"lens": lens.sha256},
         name=lens.spec.name,
@@ -105,14 +111,14 @@ def ray_counts(most_rays: int, source: Source) -> tuple[int, ...]:
     return tuple(sorted({min(count, source.ray_count or count) for count in counts}))
 
 
-def _preset_row(name: Accuracy, preset: Preset, lens: Lens, source: Source, most_rays: int) -> TradeoffRow:
+def _preset_row(name: str, preset: Preset, lens: Lens, source: Source, most_rays: int) -> TradeoffRow:
     started = time.perf_counter()  # with the tables
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     light = evaluate_traced(traced, lens.spec, source, min(preset.evaluate_rays, most_rays), lens.seed)
     return _row("presets", name, light, time.perf_counter() - started)
 
 
-def _search_rows(spec: Spec, source: Source, rays: int) -> list[TradeoffRow]:
+def _search_rows(spec: Spec, source: Source, rays: int, accuracy: AnyAccuracy) -> list[TradeoffRow]:
     """The lens by ``rays`` rays after each stage of a search with automatic levels, those left out again among them."""
     stages: list[tuple[Progress, Lens]] = []
 
@@ -120,10 +126,10 @@ def _search_rows(spec: Spec, source: Source, rays: int) -> list[TradeoffRow]:
         if step.steps_done == step.steps_total:
             stages.append((step, step.lens()))
 
-    search(spec.with_automatic_levels(), source, accuracy=_SEARCH, progress=keep)
+    search(spec.with_automatic_levels(), source, accuracy=accuracy, progress=keep)
     rows = []
     for step, lens in stages:
-        traced = TracedLens.of(lens, PRESETS[_SEARCH].evaluate_nodes_per_sigma)
+        traced = TracedLens.of(lens, preset_of(accuracy).evaluate_nodes_per_sigma)
         light, grown = evaluate_traced(traced, spec, held_back(source), rays, 0), step.functions
         rows.append(_row("search", f"{grown} functions", light, step.seconds, functions=grown, steps=step.steps_done))
     return rows

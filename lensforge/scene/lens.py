@@ -25,7 +25,8 @@ from lensforge.results.files import json_in, read_json_bytes, write_json
 from lensforge.results.notebook_html import section_html, table_text
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
 from lensforge.scene.body import Body, radii
-from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
+from lensforge.spec import AnyAccuracy, AnyReceiver, Spec, parse_spec
+from lensforge.spec.accuracy import stated
 from lensforge.spec.search_section import LARGEST
 from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import has_mirrors
@@ -54,13 +55,13 @@ class Lens:
     surfaces: Mapping[str, Surface]
     spec: Spec
     seed: int
-    accuracy: Accuracy
+    accuracy: AnyAccuracy
     version: str = __version__
     others: Mapping[str, Mapping[str, Surface]] = field(default_factory=dict)
 
     @staticmethod
     def double(
-        inner: Surface, outer: Surface, spec: Spec, seed: int, accuracy: Accuracy, version: str = __version__
+        inner: Surface, outer: Surface, spec: Spec, seed: int, accuracy: AnyAccuracy, version: str = __version__
     ) -> "Lens":
         """The usual lens: ``inner`` faces the source, ``outer`` the target."""
         return Lens({"inner": inner, "outer": outer}, spec, seed, accuracy, version)
@@ -147,7 +148,7 @@ class Lens:
             "schema": SCHEMA,
             "version": self.version,
             "seed": self.seed,
-            "accuracy": self.accuracy,
+            "accuracy": stated(self.accuracy),
             "units": {"length": "mm", "angle": "rad"},
             "faces": _faces_record(self.surfaces),
             **({"others": {kind: _faces_record(faces) for kind, faces in self.others.items()}} if self.others else {}),
@@ -311,11 +312,11 @@ class LensUnits(Record):
 class LensRecord(Record):
     """``lens.json`` without the name of its schema; the spec is validated by :func:`parse_spec`."""
 
-    unions = DOUBLE
+    unions = (*DOUBLE, "accuracy")
 
     version: Text
     seed: Count
-    accuracy: Literal["draft", "standard", "reference"]
+    accuracy: AnyAccuracy
     units: LensUnits
     faces: dict[str, SurfaceRecord]
     others: Annotated[dict[Text, dict[str, SurfaceRecord]], Field(default_factory=dict)]

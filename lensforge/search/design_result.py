@@ -35,7 +35,7 @@ from lensforge.results.criteria import Criterion, at_least, state_of
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 from lensforge.sources.source_summary import SourceSummary
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.lens_section import AnyLens
 from lensforge.surfaces.srbf import MOST_LEVELS
 
@@ -198,7 +198,7 @@ class Progress:
     functions: int
     level_done: bool
     seconds: float
-    accuracy: Accuracy
+    accuracy: AnyAccuracy
     lens: Callable[[], Lens]
 
 

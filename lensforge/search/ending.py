@@ -14,7 +14,7 @@ from lensforge.search.feasibility import feasible_lens
 from lensforge.search.problem import Problem, ValidationRays
 from lensforge.search.schedule import Judgement, Outcome
 from lensforge.search.search_state import Parameters
-from lensforge.spec import Accuracy
+from lensforge.spec import AnyAccuracy
 
 _NOT_BETTER = "the search did not improve on its start, which is kept"
 _TRY = "try more steps or rays (optimise.steps_per_level, optimise.rays), other lens.*.offset_mm, or lens.start"
@@ -44,7 +44,7 @@ class Candidates:
     validation: ValidationRays
     even: bool
     seed: int
-    accuracy: Accuracy
+    accuracy: AnyAccuracy
 
     def better(self, begun: Outcome, start: tuple[Problem, Parameters], end: tuple[Problem, Parameters]) -> SearchEnd:
         """The feasible lens of ``end``, or of the ``start``, judged in ``begun``, where that one is the better."""

@@ -24,7 +24,7 @@ from lensforge.search.design_result import DIRECTIONS, EDGE, FLANGE_ROOM, Limit,
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.problem import Problem
 from lensforge.search.search_state import Parameters
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import AnyAccuracy, Spec
 from lensforge.surfaces import surface as chart
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for, tabulate
 from lensforge.surfaces.mirror_group import first_images
@@ -107,7 +107,7 @@ def _least(
 
 
 def feasible_lens(
-    problem: Problem, found: Parameters, seed: int, accuracy: Accuracy
+    problem: Problem, found: Parameters, seed: int, accuracy: AnyAccuracy
 ) -> tuple[Lens, Margins, Parameters]:
     """The lens of the parameters that a search ``found``, projected to the feasible set, its constraints, and these.
 

@@ -17,7 +17,7 @@ from lensforge.search.collected_light import Collected
 from lensforge.search.light_path import LightPath
 from lensforge.search.parameters import Parametrisation
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.lamps_section import Lamps
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.surface import Surface
@@ -107,7 +107,7 @@ class KindsParameters(Parametrisation):
         return {kind: own.surfaces(*columns) for kind, (own, *columns) in each}
 
     def lens(
-        self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"], spec: Spec, seed: int, accuracy: Accuracy
+        self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"], spec: Spec, seed: int, accuracy: AnyAccuracy
     ) -> Lens:
         """The frozen record of these parameters: the lens of the first kind, with the others behind it."""
         faces = self._faces(weights, offsets)

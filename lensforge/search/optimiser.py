@@ -35,13 +35,12 @@ from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import each_of
-from lensforge.spec import Accuracy, Spec
-from lensforge.spec.accuracy import PRESETS, for_preview
+from lensforge.spec import AnyAccuracy, Spec
+from lensforge.spec.accuracy import for_preview, preset_of
 from lensforge.spec.spec_files import input_hashes, section_sha256
 from lensforge.surfaces.mirror_group import first_images
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
-_ROUND = 10  # steps between multiplier updates
 _CHECKPOINT_SECONDS = 2.0
 
 
@@ -58,7 +57,7 @@ class Descent:
     schedule: Schedule
     validation: ValidationRays
     seed: int
-    accuracy: Accuracy
+    accuracy: AnyAccuracy
     observer: Observer
     state: SearchState
     begun: float
@@ -118,7 +117,7 @@ class Descent:
         before = self.state.steps_of_moments, self.state.moments
         optimiser = Adam(weights, offsets, (0.9, 0.99), stage.least_gradient, *before)
         earlier, most_steps = self.state.steps_done - self.state.step, self.schedule.most_steps(self.state.outcomes)
-        steps = range(self.state.step, stage.steps)
+        steps, between = range(self.state.step, stage.steps), preset_of(self.accuracy).effort.multiplier_steps
         own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
         for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
             with remedy(f"raise {' or '.join(f'lens.{name}.offset_mm' for name in problem.spec.lens.names)}"):
@@ -128,7 +127,7 @@ class Descent:
             optimiser.zero_grad()
             result.loss.backward()
             optimiser.step(stage.rate(step))
-            if step % _ROUND == _ROUND - 1:
+            if step % between == between - 1:
                 problem.constraints.update(result.fields)
             following = self._after_step(stage, step, problem, optimiser, result)
             proceed = self.observer(self._progress(following, stage, most_steps, result))
@@ -283,7 +282,7 @@ def search(
     spec: Spec,
     source: Source,
     *,
-    accuracy: Accuracy = "standard",
+    accuracy: AnyAccuracy = "standard",
     seed: int = 0,
     device: torch.device | None = None,
     start: Lens | None = None,
@@ -304,11 +303,11 @@ def search(
     fewer steps.
     """
     begun = time.perf_counter()
-    preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
+    preset, spec = preset_of(accuracy), settled_symmetry(spec, source)
     preset = for_preview(preset) if preview else preset
     schedule = schedule_of(spec, source, preset, start)
     problems = Problems(spec, source, preset.nodes_per_sigma, device, preset.single)
-    key = fingerprint(spec, seed, f"{accuracy}, preview" if preview else accuracy, start, device)
+    key = fingerprint(spec, seed, f"{accuracy}, preview" if preview else str(accuracy), start, device)
     if resume and checkpoint is not None:
         state = SearchState.load(checkpoint, key, forms_of_search(schedule, problems))
         begun -= state.seconds

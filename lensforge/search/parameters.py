@@ -24,7 +24,7 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.sources.ray_bundle import Source
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import AnyAccuracy, Spec
 from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, tabulate
 from lensforge.surfaces.mirror_group import NAMES, contains, generators
 from lensforge.surfaces.placed_bodies import has_mirrors
@@ -117,7 +117,7 @@ class Parametrisation(ABC):
         """The faces of these parameters."""
 
     def lens(
-        self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"], spec: Spec, seed: int, accuracy: Accuracy
+        self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"], spec: Spec, seed: int, accuracy: AnyAccuracy
     ) -> Lens:
         """The frozen record of these parameters."""
         return Lens(self.surfaces(weights, offsets), spec, seed, accuracy)

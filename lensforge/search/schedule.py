@@ -76,8 +76,7 @@ class Outcome(Record):
         return self.judged(even).gain_of(later.judged(even))
 
 
-# Step sizes relative to the starting offset: large while the functions are few and broad, small at the end.
-_LEARNING_RATE = 0.004
+# Step sizes are large while the functions are few and broad, small at the end.
 _FINEST_RATE_SHARE = 0.2
 _FLOOR = 0.05
 # A lens of revolution has a few dozen parameters, whose gradients have little noise. Those of a TIR lens move light far
@@ -211,7 +210,7 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSched
     stages, functions = [], 0
     for level, count in enumerate(levels):
         functions += count
-        rate = _LEARNING_RATE * _FINEST_RATE_SHARE ** (level / max(1, last))
+        rate = preset.effort.learning_rate * _FINEST_RATE_SHARE ** (level / max(1, last))
         if level == 0 and spec.lens.has_creases:
             rate *= _MIRROR_RATE if spec.lens.is_opaque else _TIR_RATE
         stages.append(Stage(level, of_basis, functions, steps[level], rays, rate))
@@ -337,7 +336,7 @@ class AutomaticStages:
     def _stage(self, level: int, steps: int, doublings: int, share: float) -> Stage:
         counts, (first, most) = self.levels.counts, self.effort.rays
         levels = counts[: max(level, self.start_level) + 1]
-        rate = _FIRST_RATE * _LEARNING_RATE * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
+        rate = _FIRST_RATE * self.effort.learning_rate * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
         rays = min(first * 2 ** (level // _TWICE_FROM + doublings), most)
         return Stage(
             level,

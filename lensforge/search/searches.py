@@ -19,8 +19,8 @@ from lensforge.search.design_result import Design, Observer, Start
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.sources.several_sources import SeveralSources
-from lensforge.spec import Accuracy, Spec
-from lensforge.spec.accuracy import preset_of
+from lensforge.spec import AnyAccuracy, Spec
+from lensforge.spec.accuracy import accuracy_of, preset_of
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.source_sections import SourceSpec
 from lensforge.spec.spec_files import joined_name
@@ -39,7 +39,7 @@ RENAMED_ANYWAY = "anyway is called force now; the old name goes with the next ve
 class SearchOptions(TypedDict, total=False):
     """Keywords of :func:`design`, which :func:`best_design` and :func:`lensforge.run` hand on."""
 
-    accuracy: Accuracy
+    accuracy: AnyAccuracy
     seed: int
     threads: int | None
     start: Lens | None
@@ -55,7 +55,7 @@ class SearchOptions(TypedDict, total=False):
 def design(
     spec: Spec,
     *,
-    accuracy: Accuracy = "standard",
+    accuracy: AnyAccuracy = "standard",
     seed: int = 0,
     threads: int | None = None,
     start: Lens | None = None,
@@ -84,7 +84,7 @@ def design(
     from lensforge.search.kinds_search import search_kinds
 
     require_spec(spec, "design")
-    preset_of(accuracy)
+    accuracy = accuracy_of(accuracy)
     seed, path = count_of("seed", seed, 0) or 0, path_of("checkpoint", checkpoint)
     if progress is not None and not callable(progress):
         raise InputError(f"progress = {progress!r}: a function that takes a Progress")
@@ -205,7 +205,7 @@ class SeededSearch:
     """
 
     spec: Spec
-    accuracy: Accuracy
+    accuracy: AnyAccuracy
     warnings: tuple[str, ...]
     progress: Observer | None
     rays_seed: int
@@ -256,8 +256,7 @@ def best_design(
     require_spec(spec, "best_design")
     if any(options.get(name) not in (None, "cpu") for name in ("start", "checkpoint", "device")):
         raise InputError("several starts, or a scheduler: without start, checkpoint (--resume) and device")
-    accuracy, given = options.get("accuracy", "standard"), options.get("seed", 0)
-    preset_of(accuracy)
+    accuracy, given = accuracy_of(options.get("accuracy", "standard")), options.get("seed", 0)
     count, first = count_of("starts", starts, most=MOST_STARTS) or 1, count_of("seed", given, 0) or 0
     if first + count - 1 > seeds.MOST:
         raise InputError(f"seed = {first}: with {count} starts the last seed is above {seeds.MOST}")

@@ -21,6 +21,7 @@ from lensforge.shop.face_check import FaceCheck, check_face, face_result
 from lensforge.shop.face_samples import OpticalFace, air_side
 from lensforge.shop.findings import check_findings, edge_criteria, plate_findings, wall_criteria
 from lensforge.shop.tool_reach import check_tools
+from lensforge.spec.accuracy import preset_of
 
 
 def check_part(part: Part) -> Check:
@@ -66,7 +67,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
 
 def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
     """The faces, measured from their air side; a mould insert has air where the lens has material, and is scaled."""
-    manufacture, found = lens.spec.manufacture, {}
+    manufacture, nodes, found = lens.spec.manufacture, preset_of(lens.accuracy).part.check_nodes, {}
     for boundary in pair:
         faces = {}
         for face in (each for each in boundary.faces if lens.body.face(each.name).is_optical):
@@ -76,7 +77,7 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
             faces[face.name] = OpticalFace(cut, air, face.domain, sense=sense)
         for name, own in faces.items():
             beside = tuple(other for each, other in faces.items() if each != name)
-            found[name] = check_face(replace(own, beside=beside), manufacture.cutter_radius_mm)
+            found[name] = check_face(replace(own, beside=beside), manufacture.cutter_radius_mm, nodes)
     return {name: found[name] for name in lens.surfaces if name in found}
 
 

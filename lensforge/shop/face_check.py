@@ -16,8 +16,9 @@ from lensforge.results.verdict import within
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable, residual_height_mm
 from lensforge.shop.check_result import FLAT_MM, Curvature, Cutter, Draft, FaceResult, Sphere
 from lensforge.shop.face_samples import FaceArea, FaceSamples, OpticalFace, all_points, least_draft_rad, sample_face
+from lensforge.spec.accuracy import PartEffort
 
-SAMPLE_NODES = 161  # odd, so that the apex is a node
+SAMPLE_NODES = PartEffort().check_nodes
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.source_sections import Placement
 
 _SHARE = 0.95  # of the flux inside the outline; the rest starts far out, such as at the edge of a window
-_SORTED = 2**20  # values that are sorted at once
 _DIGIT = 20  # bits of a value by which more are divided
 _Crossings = tuple[Float[np.ndarray, "_ 2"], Float[np.ndarray, " _"]]  # points (mm) of the plane, and the flux there
 _Values = tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]  # values, and the flux at each
@@ -73,14 +72,14 @@ def _around(crossings: Callable[[], Iterable[_Crossings]]) -> Float[np.ndarray, 
     return convex_hull(outermost)
 
 
-def _value_at(wanted: float, count: int, blocks: Callable[[], Iterable[_Values]]) -> float:
+def _value_at(wanted: float, count: int, blocks: Callable[[], Iterable[_Values]], sorted_at_once: int = 2**20) -> float:
     """The value up to which there is the flux ``wanted``: exact, in memory that does not grow with the rays.
 
     ``blocks`` begins a pass through the ``count`` values. Where they are too many to be sorted, a pass tells the
     leading bits of the one sought, and the next one more of them.
     """
     known, bits, below = 0, 0, 0.0  # leading bits of the value sought, and the flux at smaller ones than begin so
-    while count > _SORTED and bits + _DIGIT <= 64:
+    while count > sorted_at_once and bits + _DIGIT <= 64:
         counts, fluxes = np.zeros(2**_DIGIT, dtype=np.int64), np.zeros(2**_DIGIT)
         for values, flux in _beginning(blocks(), known, bits):
             digits = (_sortable(values) >> (64 - bits - _DIGIT)).astype(np.int64) & (2**_DIGIT - 1)

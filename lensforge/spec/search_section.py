@@ -17,7 +17,6 @@ from lensforge.spec.spec_section import (
 )
 from lensforge.surfaces.srbf import MOST_LEVELS
 
-Accuracy = Literal["draft", "standard", "reference"]
 MOST_STEPS = 1_000_000  # of a level; a search of 5000 takes minutes, and its history is kept
 Steps = Annotated[int, Field(ge=1, le=MOST_STEPS)]
 LARGEST = 10.0  # over the largest radius: a lens may miss that, but not by far; tables of it would not end

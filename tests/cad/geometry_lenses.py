@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from presets import COARSE_SPLINES
 
 from lensforge.cad.patch import Patch, fit_patch
 from lensforge.cad.plan import Plan, make_plan
@@ -47,7 +48,7 @@ def make_lens(
         "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 60.0},
         "base": base or {},
     }
-    return Lens.double(*surfaces, parse_spec(content, "test"), seed, "draft")
+    return Lens.double(*surfaces, parse_spec(content, "test"), seed, COARSE_SPLINES)
 
 
 def plan_of(inner: Surface, outer: Surface, base: BaseSection | None = None, nodes: int | None = None) -> Plan[Patch]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from geometry_lenses import make_lens
 from keep_outs import ball, box, step_file
+from presets import COARSE_SPLINES
 
 from lensforge.cad import part_export
 from lensforge.cad.body_export import BuiltBody
@@ -30,7 +31,7 @@ def part_with(path: Path, margin_mm: float = 0.1, **base: object) -> Part:
     """Two hemispheres, and the keep-out of a file."""
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base=base or {"kind": "none"})
     limits = {"constraints.keep_out": str(path), "constraints.keep_out_margin_mm": margin_mm}
-    return built(Lens.double(plain.inner, plain.outer, plain.spec.replace(limits), 0, "draft"))
+    return built(Lens.double(plain.inner, plain.outer, plain.spec.replace(limits), 0, COARSE_SPLINES))
 
 
 def built(lens: Lens) -> Part:
@@ -142,7 +143,7 @@ def test_the_remedy_names_the_field_of_the_place(
 def test_the_mass_is_that_of_the_volume(tmp_path: Path) -> None:
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
     spec = plain.spec.replace({"lens.density_g_per_cm3": 1.19})
-    part, light = built(Lens.double(plain.inner, plain.outer, spec, 0, "draft")), built(plain)
+    part, light = built(Lens.double(plain.inner, plain.outer, spec, 0, COARSE_SPLINES)), built(plain)
     assert light.mass_g is None and light.keep_out is None
     assert "keep_out_distance" not in {criterion.name for criterion in light.criteria}
     shell = 2.0 / 3.0 * np.pi * (OUTER_MM**3 - INNER_MM**3)

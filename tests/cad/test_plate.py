@@ -8,7 +8,6 @@ from typing import Any
 import cadquery as cq
 import numpy as np
 import pytest
-from coarse_part import coarse_part
 from geometry_lenses import make_lens
 
 from lensforge.cad import plate_export
@@ -245,6 +244,5 @@ def test_the_check_of_a_lens_has_the_findings_of_its_plate() -> None:
     hole = {"place_mm": [0.0, 8.0], "diameter_mm": 1.0}
     plate = {"thickness_mm": 1.0, "width_mm": 20.0, "height_mm": 20.0, "holes": [hole]}
     lens = on_plate(plate, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
-    with coarse_part():
-        check = check_lens(lens)
+    check = check_lens(lens)
     assert [each for each in check.verdicts if each.name in ("gap", "plate")] == list(findings(lens))

@@ -11,9 +11,9 @@ from pathlib import Path
 import cadquery
 import numpy as np
 import pytest
-from coarse_part import coarse_part
 from matplotlib.axes import Axes
 from nightly import NIGHTLY, first_by_day
+from presets import FEW, WITH_TABLE_ERROR
 from scenes import small_spec, sphere
 
 import lensforge as lf
@@ -28,10 +28,10 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def other() -> lf.Design:
     """A draft of another lens than that of the runs."""
-    return lf.design(small_spec(), accuracy="draft")
+    return lf.design(small_spec(), accuracy=FEW)
 
 
-LENS = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
+LENS = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, FEW)
 
 
 def results() -> dict[str, type[StageResult]]:
@@ -59,12 +59,11 @@ def test_verbs_write_nothing_and_give_what_a_run_gives(
     small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    design = lf.design(small_spec(optimise__steps_per_level=[40, 40]), accuracy="draft")
-    with coarse_part():  # like the run
-        run, made = small_run, [lf.evaluate(design.lens)]
-        if NIGHTLY:  # half a minute
-            made += [lf.build(design.lens)]
-            made += [lf.check(made[1]), lf.verify(made[1], made[0])]
+    design = lf.design(small_spec(optimise__steps_per_level=[40, 40]), accuracy=WITH_TABLE_ERROR)
+    run, made = small_run, [lf.evaluate(design.lens)]
+    if NIGHTLY:  # half a minute
+        made += [lf.build(design.lens)]
+        made += [lf.check(made[1]), lf.verify(made[1], made[0])]
     assert not list(tmp_path.iterdir()) and capfd.readouterr() == ("", "")
     assert run.design.lens == design.lens
     for one, other in zip(made, (run.light, run.part, run.check, run.proof), strict=False):
@@ -133,12 +132,12 @@ def test_a_search_reports_and_stops(other: lf.Design, tmp_path: Path) -> None:
     with pytest.raises(lf.Cancelled):
         lf.design(
             small_spec(),
-            accuracy="draft",
+            accuracy=FEW,
             checkpoint=tmp_path / "search.pt",
             progress=lambda step: seen.append(step) or len(seen) < 3,
         )
     assert [step.steps_done for step in seen] == [1, 2, 3] and seen[0].steps_total == 8
-    resumed = lf.design(small_spec(), accuracy="draft", checkpoint=tmp_path / "search.pt")
+    resumed = lf.design(small_spec(), accuracy=FEW, checkpoint=tmp_path / "search.pt")
     assert resumed.lens == other.lens
 
 

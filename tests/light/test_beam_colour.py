@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from presets import FEW
 from scenes import small_spec, sphere
 
 from lensforge.errors import InputError
@@ -19,7 +20,6 @@ from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.spec import Spec
 from lensforge.spec.emitter_section import GaussianSpectrum
 
-pytestmark = pytest.mark.usefixtures("no_table_error")
 WARM, COOL = np.array([60.0, 50.0, 20.0]), np.array([50.0, 52.0, 60.0])
 RED, BLUE = (
     {"kind": "gaussian", "peak_nm": 630.0, "fwhm_nm": 20.0},
@@ -113,7 +113,7 @@ def chip(x: float, spectrum: Any, flux_w: float = 1.0) -> dict[str, Any]:
 
 def spheres(*chips: dict[str, Any], **changes: Any) -> Lens:
     spec = small_spec(source={"kind": "chips", "chips": list(chips)}, base={"kind": "none"}, **changes)
-    return Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
+    return Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)
 
 
 def lit(lens: Lens) -> Light:
@@ -194,7 +194,7 @@ def test_each_of_several_leds_has_its_colour() -> None:
     leds = [{"kind": "chips", "chips": [chip(0.0, spectrum)]} for spectrum in (RED, BLUE)]
     sources = [{"name": f"led_{number}", "source": led} for number, led in enumerate(leds)]
     spec = small_spec(sources=sources, source=None, colour={}, base={"kind": "none"})
-    light = lit(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    light = lit(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW))
     found = [each.receivers[0].colour for each in light.by_led.values()]
     assert [each is not None and (each.u.value, each.v.value) for each in found] == [
         pytest.approx(tuple(uv_of(xyz(spectrum)))) for spectrum in (RED, BLUE)
@@ -204,4 +204,4 @@ def test_each_of_several_leds_has_its_colour() -> None:
 def test_colour_of_a_source_without_a_spectrum_is_one_line_at_once() -> None:
     spec: Spec = small_spec(colour={}, base={"kind": "none"})
     with pytest.raises(InputError, match="source: its colour is not known; give its spectrum, or leave out"):
-        lit(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+        lit(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW))

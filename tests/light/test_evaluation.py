@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from known_refraction import normal_transmittance
 from nightly import NIGHTLY
+from presets import FEW
 from scenes import small_spec, sphere
 
 import lensforge as lf
@@ -15,11 +16,9 @@ from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.rayfiles.ray_file import RayFile
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
-from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.source_sections import RayfileSource
 
-DRAFT = PRESETS["draft"]
-pytestmark = pytest.mark.usefixtures("no_table_error")
+DRAFT = FEW
 
 
 def _evaluate(lens: Lens, **options):
@@ -31,7 +30,7 @@ def test_a_point_in_concentric_spheres_shines_like_a_bare_lambertian_point() -> 
     spec = small_spec(
         source={"kind": "square", "side_mm": 0.0}, evaluate={"rays": 2**20, "pixels": 16, "filter_variance": 0.0}
     )
-    result = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    result = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW))
     fine = np.arange(-100, 100, 0.5) + 0.25
     x, y = np.meshgrid(fine, fine)
     irradiance = normal_transmittance(1.4936) ** 2 / np.pi * 100.0**2 / (100.0**2 + x**2 + y**2) ** 2 * 1e6
@@ -63,7 +62,7 @@ def test_the_efficiency_is_the_share_of_the_light_in_the_window(changes: dict, w
     if "receivers" in changes:
         changes = {**changes, "receivers": [{**each, "targets": targets} for each in changes["receivers"]]}
     spec = small_spec(source={"kind": "square", "side_mm": 0.0}, evaluate__rays=2**14, **changes)
-    found = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")).efficiency
+    found = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)).efficiency
     x, y = np.meshgrid(*((np.arange(400) + 0.5) / 400 * side - 0.5 * side for side in (width, height)))
     share = np.mean(100.0**2 / (100.0**2 + x**2 + y**2) ** 2) * width * height / np.pi
     expected = normal_transmittance(1.4936) ** 2 * share
@@ -73,7 +72,7 @@ def test_the_efficiency_is_the_share_of_the_light_in_the_window(changes: dict, w
 
 def test_the_share_in_the_target_is_the_flux_where_it_is_bright() -> None:
     """A flat top on a receiver that only just holds it: what lands on its bright pixels, counted from the picture."""
-    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(evaluate__pixels=64), 0, "draft")
+    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(evaluate__pixels=64), 0, FEW)
     light = _evaluate(lens)
     side_m = 1e-3 * light.first.width / light.pixels
     x = np.abs(light.first.chart.x(light.pixels)) / 80.0
@@ -86,7 +85,7 @@ def test_the_share_in_the_target_is_the_flux_where_it_is_bright() -> None:
 def test_the_picture_is_that_of_the_rays_under_the_gaussian_asked_for(variance: float) -> None:
     """Weights of a pixel and its eight neighbours by their distance; the edge is repeated outwards."""
     spec = small_spec(evaluate__filter_variance=variance)
-    light = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    light = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW))
     padded, total, weight = np.pad(light.raw_map, 1, mode="edge"), np.zeros((16, 16)), 0.0
     for row, column in np.ndindex(3, 3):
         squared = (row - 1) ** 2 + (column - 1) ** 2
@@ -99,7 +98,7 @@ def test_the_picture_is_that_of_the_rays_under_the_gaussian_asked_for(variance: 
 def test_standard_errors_tell_the_truth() -> None:
     """Ten evaluations with other seeds scatter as the standard error of one says, within twice: 3 sigma for ten."""
     spec = small_spec()
-    lenses = [Lens.double(sphere(3.0), sphere(6.0), spec, seed, "draft") for seed in range(30 if NIGHTLY else 10)]
+    lenses = [Lens.double(sphere(3.0), sphere(6.0), spec, seed, FEW) for seed in range(30 if NIGHTLY else 10)]
     lights = [_evaluate(lens, rays=4096) for lens in lenses]
     for metric in ("efficiency", "nmse", "share_in_target"):
         scatter = np.std([getattr(light, metric).value for light in lights], ddof=1)
@@ -110,7 +109,7 @@ def test_standard_errors_tell_the_truth() -> None:
 def test_the_figures_of_few_rays_are_those_of_many_but_for_their_errors() -> None:
     """With 2^14 rays each pixel has a noise of 0.2; the picture as binned looks worse than the light is."""
     spec = small_spec(evaluate__pixels=48)
-    lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
+    lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)
     few, many = (_evaluate(lens, rays=rays) for rays in (2**14, 2**20))
     for name, worse_by in (("nmse", 5.0), ("rsd", 5.0), ("uniformity", 1.0)):  # standard errors
         rough, fine = getattr(few, name), getattr(many, name)
@@ -134,7 +133,7 @@ def test_a_lens_for_a_ray_file_is_judged_by_the_rays_that_no_search_uses(tmp_pat
         columns = (each[order].astype(np.float32) for each in (rays.origins, turned))
         write_rayfile(path, RayFile(*columns, np.full(4096, 1 / 4096, np.float32), "W", header_flux_w=1.0), "tm25")
     source = RayfileSource(file=files["own"], flux_w=1.0)
-    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec().model_copy(update={"source": source}), 0, "draft")
+    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec().model_copy(update={"source": source}), 0, FEW)
     light, copied, other = (
         lf.evaluate(lens, source=source.model_copy(update={"file": files[name]})) for name in ("own", "copy", "other")
     )

@@ -43,8 +43,10 @@ def half_transparent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(exit_light, "exit_rays", traced)
 
 
-def measured(source, rays: int | None = None, most_rays: int = 4096, symmetry: str = "none") -> ExitLight:
-    options = {"rays": rays, "most_rays": most_rays, "seed": SEED, "sphere_mm": 7.0, "street_deg": 90.0}
+def measured(
+    source, rays: int | None = None, by_itself: tuple[int, int] = (4096, 4096), symmetry: str = "none"
+) -> ExitLight:
+    options = {"rays": rays, "by_itself": by_itself, "seed": SEED, "sphere_mm": 7.0, "street_deg": 90.0}
     return trace_exit_light(LENS, source, symmetry, **options)
 
 
@@ -91,13 +93,12 @@ def test_many_rays_are_traced_in_rounds(monkeypatch: pytest.MonkeyPatch) -> None
     agrees(measured(source, 300), drawn(source, [8, 8, 3]))
 
 
-def test_more_rays_are_traced_until_the_noise_is_down_or_there_are_most(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_rays_are_traced_until_the_noise_is_down_or_there_are_most() -> None:
     """From 256 by doublings: at 2,000 rays at most, 1024 in a second round."""
-    monkeypatch.setattr(exit_light, "_FIRST_RAYS", 256)
     source = SquareEmitter(1.0, 2.0)
-    agrees(measured(source, most_rays=2000), drawn(source, [16, 48]))
-    agrees(measured(source, most_rays=200), drawn(source, [13]))
-    agrees(measured(source, most_rays=500), drawn(source, [16]))
+    agrees(measured(source, by_itself=(256, 2000)), drawn(source, [16, 48]))
+    agrees(measured(source, by_itself=(256, 200)), drawn(source, [13]))
+    agrees(measured(source, by_itself=(256, 500)), drawn(source, [16]))
 
 
 def ray_set(count: int) -> RaySetEmitter:
@@ -115,11 +116,10 @@ def test_the_rays_of_a_measured_source_are_dealt_at_random(count: int, rays: int
     agrees(measured(source, rays), [[each] for each in scaled])
 
 
-def test_the_file_has_rays_of_every_sample_and_all_the_flux(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exit_light, "_FILE_RAYS", 40)
+def test_the_file_has_rays_of_every_sample_and_all_the_flux() -> None:
     source = SquareEmitter(1.0, 2.0)
-    found = measured(source, 320)
-    kept = [behind(bundles[0]).directions[:2] for bundles in drawn(source, [20])]
+    found = measured(source, 16 * 20_000)
+    kept = [behind(bundles[0]).directions[:8192] for bundles in drawn(source, [20_000])]
     np.testing.assert_array_equal(found.sample.directions, np.concatenate(kept))
     assert found.sample.flux.sum() == pytest.approx(found.exit_w.value)
 

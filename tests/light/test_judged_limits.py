@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from presets import FEW
 from pydantic import ValidationError
 from scenes import small_spec
 
@@ -75,7 +76,6 @@ def test_a_limit_is_decided_beyond_two_standard_errors(
         LimitResult.model_validate({**found.model_dump(mode="json"), "state": other})
 
 
-@pytest.mark.usefixtures("no_table_error")
 def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> None:
     import lensforge as lf
     from lensforge.report.results import Results
@@ -86,7 +86,7 @@ def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> No
         spec = small_spec(target=BEAM, source__flux_w=1.0).replace(
             limits=[{"kind": "points", "name": "axis", "at_deg": [[0, 0]], "unit": "w_per_sr", "at_least": bound}]
         )
-        lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
+        lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)
         light = lf.evaluate(lens, rays=2**14)
         assert [limit.name for limit in light.limits] == ["axis"]
         verdict = Results(lens, {"evaluate": light}).verdict
@@ -94,4 +94,4 @@ def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> No
         assert state == "pass" or "axis = " in verdict.reasons.light[0]
     in_candela = spec.replace(limits=[{"kind": "zone", "unit": "cd", "at_most": 1.0}])
     with pytest.raises(InputError, match="lumens"):
-        lf.evaluate(Lens.double(sphere(3.0), sphere(6.0), in_candela, 0, "draft"))
+        lf.evaluate(Lens.double(sphere(3.0), sphere(6.0), in_candela, 0, FEW))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nightly import first_by_day
+from presets import FEW
 from scenes import random_surface, small_spec, sphere
 
 import lensforge as lf
@@ -14,14 +15,13 @@ from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 
-pytestmark = pytest.mark.usefixtures("no_table_error")
 LINE = {"kind": "line", "wavelength_nm": 450.0}
 PLASTIC = {"lens__index_per_k": -1.1e-4, "lens__expansion_per_k": 7e-5}
 TARGET = {"kind": "flat_top", "width_mm": 160.0, "distance_mm": 100.0, "receiver_mm": 200.0, "uniform_mm": 100.0}
 
 
 def lens_of(spec: Spec) -> Lens:
-    return Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, "draft")
+    return Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, FEW)
 
 
 def require_same(found: lf.Light, wanted: lf.Light, larger: float = 1.0) -> None:
@@ -97,7 +97,7 @@ def test_a_source_without_wavelengths_has_the_index_at_the_design_wavelength() -
 def test_concentric_spheres_reflect_what_fresnel_says() -> None:
     """From their centre every ray meets both faces at right angles: what passes is (4 n / (n + 1)^2)^2."""
     spec = small_spec(source__side_mm=1e-6, base={"kind": "none"}, **PLASTIC)
-    light = lf.evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"), temperature_c=85.0)
+    light = lf.evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW), temperature_c=85.0)
     n = 1.4936 - 65.0 * 1.1e-4
     assert light.flux.reflected == pytest.approx(1.0 - (4.0 * n / (n + 1.0) ** 2) ** 2, abs=1e-9)
 
@@ -106,7 +106,7 @@ def test_a_fixed_face_expands_too() -> None:
     fixed = {"kind": "sphere", "radius_mm": 6.0, "centre_z_mm": 0.0}
     lens = {"levels": [9], "inner": {"offset_mm": 3.0}, "outer": {"fixed": fixed}, "symmetry": "none"}
     spec = small_spec(lens=lens | {"index_per_k": 0.0, "expansion_per_k": 1e-4}, optimise={"rays": 1024, "pixels": 16})
-    warm = at_temperature(Lens.double(sphere(3.0), spec.lens.fixed["outer"], spec, 0, "draft"), 120.0)
+    warm = at_temperature(Lens.double(sphere(3.0), spec.lens.fixed["outer"], spec, 0, FEW), 120.0)
     assert warm.outer.radius(np.array([[0.0, 0.6, 0.8]]))[0] == pytest.approx(6.06, abs=1e-12)
     assert lf.evaluate(replace(warm.designed), temperature_c=120.0).efficiency.value > 0.1
 

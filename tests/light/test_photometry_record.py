@@ -60,7 +60,7 @@ def measured(lens: Lens = LENS, **options: object) -> Photometry:
 
 def test_every_field_is_that_of_the_light(asked: dict) -> None:
     found, given = measured(rays=1000), light()
-    assert (asked["rays"], asked["most_rays"], asked["seed"]) == (1000, PRESETS["draft"].photometry_rays, 5)
+    assert (asked["rays"], asked["by_itself"], asked["seed"]) == (1000, PRESETS["draft"].photometry_rays, 5)
     assert asked["sphere_mm"] == pytest.approx(1.001 * 6.0) and asked["symmetry"] == "none"
     assert found.inputs == {"lens": LENS.sha256} and (found.rays, found.source_w, found.source_lm) == (640, 2.0, 600.0)
     for metric, factor, unit in (

@@ -253,8 +253,7 @@ def test_the_largest_spacing_is_where_a_class_ceases_to_be_held(fields, tmp_path
     assert (found.least > 20.0) == (fields is _NOT_TOO_MUCH)
     assert not any(held(spacing) for spacing in np.linspace(found.largest + 0.9, 108.0, 4))
     assert held(0.5 * (found.least + found.largest)) and found.beyond.state == "missed"
-    monkeypatch.setattr(road_judgement, "_MOST_STEPS", 15)
-    assert held_spacing(road.model_copy(update={"maintenance_factor": 1e-9}), candela) is None
+    assert held_spacing(road.model_copy(update={"maintenance_factor": 1e-9}), candela, most_steps=15) is None
     path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
     write_photometric(path, _file())
     roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in fields.items()))

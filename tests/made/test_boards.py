@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from parts import few_rays, lens_with
+from parts import lens_with
 from scenes import NO_TOLERANCES, small_spec, sphere, tolerance_changes
 
 from lensforge.errors import InputError
@@ -159,9 +159,8 @@ def test_causes_of_boards_are_those_of_a_known_sum() -> None:
         assert abs(shares[name].share - share) < 4.0 * shares[name].standard_error < 0.2, name
 
 
-def test_yield_and_sensitivity_of_a_board(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_yield_and_sensitivity_of_a_board() -> None:
     """The scatter of the mean flux; numbers of each lamp are not in the table. All lamps at an end are a lamp there."""
-    few_rays(monkeypatch, 2**11, 2**11)
     limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "at_least": 1.0, "unit": "w_per_m2"}
     tolerances = {"source_flux": {"amount": 0.3, "distribution": "uniform"}, "index": 1e-4}
     lens = study_of(tolerances, ENDLESS, target=PERIOD, limits=[limit]).recipe.lens

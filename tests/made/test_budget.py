@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from lensforge.made.tolerance_budget import MOST_PARTS, budget
+from lensforge.made.tolerance_budget import budget
 from lensforge.made.tolerance_result import PASS_RATE
+from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.tolerances_section import Factor
 
-COUNT = 1000
+COUNT, PARTS = 1000, PRESETS["draft"].studies.budget_parts
 
 
 class KnownParts:
@@ -19,7 +20,7 @@ class KnownParts:
     def __init__(self, bound: float, widths: dict[str, float]) -> None:
         rng = np.random.default_rng(0)
         self.widths = widths
-        self.numbers = {name: rng.permutation(norm.ppf((np.arange(MOST_PARTS) + 0.5) / MOST_PARTS)) for name in widths}
+        self.numbers = {name: rng.permutation(norm.ppf((np.arange(PARTS) + 0.5) / PARTS)) for name in widths}
         self.measured = 0
         factors = tuple(Factor(name, name, "mm", 1.0, 0.1, "spread", "normal", 1) for name in widths)
         self.study = SimpleNamespace(
@@ -61,7 +62,7 @@ def test_amounts_are_those_of_the_known_parts(bound: float) -> None:
         assert row.low <= row.at_most <= row.high
     free = rows["nothing"]
     assert free.unlimited or rows["one"].at_most is None or rows["one"].at_most < 0.1
-    assert known.measured < 20 * MOST_PARTS
+    assert known.measured < 20 * PARTS
 
 
 def test_where_the_others_alone_are_too_much_no_amount_is_small_enough() -> None:

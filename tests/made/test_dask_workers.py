@@ -12,7 +12,7 @@ from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
-from parts import few_rays, lens_with
+from parts import lens_with
 from scenes import small_spec
 
 import lensforge as lf
@@ -41,8 +41,7 @@ def cluster():
 
 @pytest.fixture
 def short(monkeypatch):
-    """Studies of few rays, and tasks of one part."""
-    few_rays(monkeypatch)
+    """Tasks of one part."""
     monkeypatch.setattr("lensforge.made.measured_parts._CHUNK", 1)
 
 

@@ -6,7 +6,8 @@ import os
 import numpy as np
 import pytest
 from nightly import first_by_day
-from parts import few_rays, lens_with, study_of
+from parts import lens_with, study_of
+from presets import FEW
 
 from lensforge.errors import Cancelled, InputError
 from lensforge.made import measured_parts
@@ -54,11 +55,9 @@ def test_parts_by_other_rays_are_kept_beside_each_other(tmp_path) -> None:
     assert measured == []
 
 
-def test_a_study_that_chooses_its_rays_goes_on_after_an_interrupt(tmp_path, monkeypatch) -> None:
-    few_rays(monkeypatch, 1024, 256)
-    for name, value in {"RAYS": 64, "_MOST_RAYS": 256}.items():
-        monkeypatch.setattr(f"lensforge.made.yield_study.{name}", value)
-    lens, file, measured = lens_with({"gap_mm": 0.1}), tmp_path / "parts.npz", []
+def test_a_study_that_chooses_its_rays_goes_on_after_an_interrupt(tmp_path) -> None:
+    fewer = FEW.replace("fewer", studies={"part_rays": (64, 256)})
+    lens, file, measured = lens_with({"gap_mm": 0.1}, accuracy=fewer), tmp_path / "parts.npz", []
     whole = measure_yield(lens, parts=40, with_budget=False)
     assert whole.rays == 256
 

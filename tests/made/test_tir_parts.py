@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from chains import REACH, clear, upwards
 from known_shapes import Ellipsoid
-from parts import few_rays
 from tir_lenses import spot, spot_lens
 
 import lensforge as lf
@@ -103,8 +102,7 @@ def test_a_form_error_has_its_rms_over_the_part_of_the_face_that_light_meets() -
         assert np.sqrt(np.mean(along**2)) == pytest.approx(1e-3, rel=0.03), name
 
 
-def test_sensitivity_and_yield_know_every_face(monkeypatch: pytest.MonkeyPatch) -> None:
-    few_rays(monkeypatch)
+def test_sensitivity_and_yield_know_every_face() -> None:
     smooth = {name: {"waviness_um": 0.0, "ripple_um": 0.0, "form_um": 0.0} for name in ("cap", "side", "exit")}
     lens = spot_lens(spot(**smooth))
     rows = {row.name for row in measure_sensitivity(lens, rays=256).rows}

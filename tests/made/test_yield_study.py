@@ -1,11 +1,9 @@
 """Parts of a study against closed forms of small errors, and the yield against binomial statistics."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 from nightly import NIGHTLY, scaled
-from parts import few_rays, lens_with, study_of
+from parts import lens_with, study_of
 
 from lensforge.errors import InputError
 from lensforge.light.judged_limits import limit_value
@@ -23,13 +21,6 @@ SMALL = {
     "lens_tilt_deg": 0.02, "inner_form_um": 0.1, "outer_form_um": 0.1, "inner_waviness_um": 0.02, "index": 1e-4,
     "shrinkage": 1e-4,
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module", autouse=True)
-def short() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        few_rays(patch, 2**13)
-        yield
 
 
 def _landed(study: PartStudy, part) -> tuple[np.ndarray, np.ndarray]:
@@ -251,9 +242,7 @@ def test_a_tolerance_that_the_part_cannot_bear_is_one_line(tolerances: dict, wor
     assert "\n" not in str(error.value)
 
 
-def test_rays_are_doubled_until_a_part_is_certain(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lensforge.made.yield_study.RAYS", 256)
-    monkeypatch.setattr("lensforge.made.yield_study._MOST_RAYS", 2**10)
+def test_rays_are_doubled_until_a_part_is_certain() -> None:
     found = measure_yield(lens_with({"gap_mm": 0.2}), parts=48, with_budget=False)
     nmse = found.metrics["nmse"]
     assert found.rays > 256

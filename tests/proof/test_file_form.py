@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from presets import COARSE_SPLINES
 from scenes import small_spec
 from tir_lenses import spot, spot_lens
 
@@ -52,7 +53,7 @@ def lens(seed: int = 1, **changes: Any) -> Lens:
     basis = SrbfBasis((9, 25), 1.75, "none")
     noise = np.random.default_rng(seed).normal(size=basis.size) * basis.sigmas / basis.sigmas.max()
     surfaces = (SrbfSurface(basis, 0.02 * h * noise, h) for h in (INNER, OUTER))
-    return Lens.double(*surfaces, small_spec(**wide, **changes), 0, "draft")
+    return Lens.double(*surfaces, small_spec(**wide, **changes), 0, COARSE_SPLINES)
 
 
 @cache

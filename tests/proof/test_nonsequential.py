@@ -135,10 +135,9 @@ def test_what_the_cut_off_leaves_out_falls_with_it():
     assert most - few <= coarse and most - more <= fine
 
 
-def test_threads_and_chunks_of_rays_lose_none_and_change_no_bit(monkeypatch):
-    monkeypatch.setattr("lensforge.proof.nonsequential_trace._CHUNK", 150)
+def test_threads_and_chunks_of_rays_lose_none_and_change_no_bit():
     rays, part = lambertian(400, 2.0, seed=6), PartBody(LENS, GRID, Media(Medium(INDEX, 0.01)), "black")
-    one, two = (follow(part, rays, Limits(), threads) for threads in (1, 2))
+    one, two = (follow(part, rays, Limits(), threads, chunk=150) for threads in (1, 2))
     assert total(one) == pytest.approx(1.0, abs=1e-9) and one.base > 0.0
     for name in ("absorbed", "base", "cut_off", "leaked"):
         assert getattr(one, name) == getattr(two, name)

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from coarse_part import coarse_part
 from lens_meshes import lambertian
+from presets import FEW
 from scenes import small_spec
 
 from lensforge import seeds
@@ -47,7 +47,7 @@ def lens_on(plate: dict[str, Any], places: list[list[float]], turns: list[float]
     spec = small_spec(lamps=lamps, base={"kind": "none"}, plate={"thickness_mm": 2.0, **plate}, **WIDE)
     basis = SrbfBasis((9, 25), 1.75, "none")
     noise = np.random.default_rng(1).normal(size=basis.size) * basis.sigmas / basis.sigmas.max()
-    return Lens.double(*(SrbfSurface(basis, h * relative * noise, h) for h in (INNER, OUTER)), spec, 0, "draft")
+    return Lens.double(*(SrbfSurface(basis, h * relative * noise, h) for h in (INNER, OUTER)), spec, 0, FEW)
 
 
 WIDE = {"constraints__max_radius_mm": 4.0, "lens__inner__offset_mm": 1.5, "lens__outer__offset_mm": 3.0}
@@ -123,7 +123,6 @@ def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
         assert (plate.nearest(seen)[0] == 1) == (turn == turns[1])
 
 
-@pytest.mark.usefixtures("no_table_error")
 def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
     """The same rays through the lens alone, its light turned and moved with each lamp, added on a tilted plane."""
     places, turns = [[-5.0, 1.0], [4.0, -2.0], [3.0, 7.0]], [0.0, 70.0, 200.0]
@@ -149,11 +148,9 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
     assert found.efficiency == pytest.approx(total.sum() * screen.pixel_measure / 3.0, rel=1e-3)
 
 
-@pytest.mark.usefixtures("no_table_error")
 def test_verify_judges_the_light_of_the_whole_plate() -> None:
     lens = lens_on({}, [[-5.0, 0.0], [5.0, 0.0]], [0.0, 90.0], 0.03)
-    with coarse_part():
-        part, light = build_part(lens), evaluate(lens, rays=2**13)
+    part, light = build_part(lens), evaluate(lens, rays=2**13)
     proof = verify(part, light, rays=2048)
     (found,), name = proof.together, "light: plate_nmse_vs_sum"
     assert found.efficiency == pytest.approx(light.first.efficiency.value, abs=0.02)

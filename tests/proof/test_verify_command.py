@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from presets import COARSE_SPLINES
 from scenes import random_surface, small_spec
 
 from lensforge.cli.cli import cli
@@ -17,7 +18,7 @@ def verified(tmp_path_factory):
     folder = tmp_path_factory.mktemp("verified")
     spec = small_spec(lens__absorption_per_mm=0.002)
     surfaces = [random_surface(seed, offset, 0.002, (9, 25)) for seed, offset in ((1, 3.0), (2, 6.0))]
-    Lens.double(*surfaces, spec, 0, "draft").save(folder / "lens.json")
+    Lens.double(*surfaces, spec, 0, COARSE_SPLINES).save(folder / "lens.json")
     EVALUATE.run(folder)
     EXPORT.run(folder, rings=24)  # a mesh for the cast, not for the shop
     done = CliRunner().invoke(cli, ["verify", str(folder), "--rays", "512", "--stray", "--base", "black", "--json"])

@@ -8,13 +8,13 @@ import hashlib
 import io
 import json
 import random
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from nightly import scaled
+from presets import FEW_STEPS
 from refusals import one_line
 from scenes import small_spec
 
@@ -23,7 +23,6 @@ from lensforge.search.checkpoint import _FORMAT, CHECKPOINT
 from lensforge.search.optimiser import search
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
-from lensforge.spec.accuracy import PRESETS, SearchEffort
 
 Arrays = dict[str, Any]
 Head = dict[str, Any]
@@ -33,7 +32,7 @@ _KINDS = ("?", "i1", "<i8", "<f2", "<f4", ">f8", ">i4", "c16", "U3", "S4", "M8[s
 
 
 def whole(path: Path, spec: Spec, **options: Any) -> lf.Design:
-    return search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, **options)
+    return search(spec, build_source(spec.source), accuracy=FEWEST, checkpoint=path, **options)
 
 
 def stopped_after(steps: int, spec: Spec, path: Path) -> tuple[Head, Arrays]:
@@ -117,7 +116,7 @@ def given(**changes: Any) -> Spec:
     return small_spec(optimise__rays=64, evaluate__pixels=8, **changes)
 
 
-FEW = SearchEffort(25, (2, 2), (64, 64), 64, 0.5, 0.05)
+FEWEST = FEW_STEPS.replace("fewest", effort={"steps": (2, 2), "rays": (64, 64), "validation_rays": 64})
 SEARCHES = {
     "first level": (given(optimise__steps_per_level=[2, 2]), 1),
     "second level": (given(optimise__steps_per_level=[2, 2]), 3),
@@ -137,10 +136,7 @@ def ended(path: Path, spec: Spec) -> str:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", SEARCHES)
-def test_another_content_is_searched_on_or_refused_in_one_line(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], effort=FEW))
+def test_another_content_is_searched_on_or_refused_in_one_line(name: str, tmp_path: Path) -> None:
     (spec, steps), path = SEARCHES[name], tmp_path / CHECKPOINT
     head, arrays = stopped_after(steps, spec, path)
     write(path, head, arrays)

@@ -2,22 +2,21 @@
 
 import json
 import shutil
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from coarse_part import coarse_part
 from in_this_process import lensforge
 from nightly import first_by_day
+from presets import FEW
 from scenes import hemisphere_directions, small_spec
 from undrawn import undrawn
 
 import lensforge as lf
-from lensforge.cad import part_limits
 from lensforge.results.arguments import threads_of_torch
 from lensforge.spec import FlatTopTarget
-from lensforge.spec.accuracy import PRESETS
+from lensforge.spec.accuracy import PRESETS, Preset
 
 TARGET = FlatTopTarget(width_mm=40.0, distance_mm=100.0, receiver_mm=200.0)
 
@@ -30,17 +29,17 @@ def verdict_in(folder: Path) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def dark(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, str]:
+def dark(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, int, str]]:
     """A design of one step for each level, which spreads its light far beyond the target: folder, exit code, stderr."""
     folder = tmp_path_factory.mktemp("dark")
     small_spec(optimise={"steps_per_level": [1, 1], "rays": 1024, "pixels": 16}).replace(target=TARGET).save(
         folder / "dark.toml"
     )
-    few = replace(PRESETS["draft"], photometry_rays=2**14, verify_rays=2**11)
-    with undrawn(), coarse_part(), threads_of_torch(1), pytest.MonkeyPatch.context() as patch:
-        patch.setitem(PRESETS, "draft", few)
+    few = {**vars(FEW), "name": "draft", "photometry_rays": (2**14, 2**14), "verify_rays": 2**11}
+    with undrawn(), threads_of_torch(1), pytest.MonkeyPatch.context() as patch:
+        patch.setitem(PRESETS, "draft", Preset.model_construct(**few))  # the command line takes no other
         code, _, stderr = lensforge("design", folder / "dark.toml", "--accuracy", "draft", "--out", folder / "out")
-    return folder / "out", code, stderr
+        yield folder / "out", code, stderr
 
 
 @pytest.fixture
@@ -98,16 +97,13 @@ def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(
     record["spec"]["manufacture"] = {"required": True}
     del record["content_sha256"]  # of the lens as it was
     (folder / "lens.json").write_text(json.dumps(record), encoding="utf-8")
-    with coarse_part():
-        code, _, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
+    code, _, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
     assert code == 1 and "cutting: " in stderr
     assert verdict_in(folder)["cutting"] == "fail"
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_files_that_fail_exit_with_1(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(part_limits, "FORM_LIMIT_NM", 1e-9)  # below rounding: no STEP file is as good
-    with coarse_part():
-        code, _, stderr = lensforge("export", folder)
+def test_files_that_fail_exit_with_1(folder: Path) -> None:
+    code, _, stderr = lensforge("export", folder, "--nodes", 18)  # of splines far off their faces
     assert code == 1 and "form_error = " in stderr.splitlines()[-1], stderr
     assert verdict_in(folder)["files"] == "fail"

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from presets import FEW
 from scenes import hemisphere_directions, random_surface, small_spec
 from undrawn import undrawn
 
@@ -20,9 +21,11 @@ from lensforge.report.pipeline import write_report
 from lensforge.scene.lens import Lens
 from lensforge.verbs import EVALUATE
 
-pytestmark = pytest.mark.usefixtures("undrawn", "no_table_error")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 RAYS = 1500
+
+OWN = FEW.replace("few_of_sensitivity", studies={"sensitivity_rays": 256})
 
 
 def write_rays(path: Path, sense: float = 1.0, side_mm: float = 1.0, flux_w: float = 1.0) -> Path:
@@ -43,7 +46,7 @@ def lensforge(*arguments: object) -> Result:
 
 
 def rough_lens(spec: lf.Spec) -> Lens:
-    return Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, "draft")
+    return Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, OWN)
 
 
 @pytest.fixture(scope="module")
@@ -178,8 +181,7 @@ def test_a_record_under_other_conditions_never_takes_the_place_of_the_own(folder
 
 
 @pytest.mark.nightly("every study; by day the evaluation goes beside, above")
-def test_every_study_with_other_rays_goes_beside(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lensforge.made.sensitivity.RAYS", 256)
+def test_every_study_with_other_rays_goes_beside(folder: Path) -> None:
     (folder / "report.html").unlink()  # written anew by each command otherwise
     cloud, lens = folder / "cloud.csv", lf.load_lens(folder / "lens.json")
     u = hemisphere_directions(2000)
@@ -230,10 +232,10 @@ def test_a_source_is_warned_of_before_the_search(tmp_path: Path, monkeypatch: py
     source = {"kind": "rayfile", "file": str(led)}
     spec = small_spec(source=source, optimise__steps_per_level=[1, 1])
     heard: list[str] = []
-    found = lf.design(spec, accuracy="draft", warn=heard.append, progress=lambda step: heard.append("step"))
+    found = lf.design(spec, accuracy=FEW, warn=heard.append, progress=lambda step: heard.append("step"))
     assert heard[-2:] == ["step", "step"] and tuple(heard[:-2]) == found.source.warnings != ()
     with pytest.warns(SourceWarning) as warned:
-        lf.design(spec, accuracy="draft")
+        lf.design(spec, accuracy=OWN)
     assert [str(each.message) for each in warned if each.category is SourceWarning] == heard[:-2]
     spec.save(tmp_path / "led.toml")
     done = CliRunner().invoke(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from coarse_part import coarse_part
+from presets import FEW
 from scenes import random_surface, small_spec
 from scipy.interpolate import RegularGridInterpolator
 
@@ -23,10 +23,9 @@ FAR = {
 
 def test_light_and_proof_of_a_lens_have_both_receivers() -> None:
     spec = small_spec(target=None, receivers=[WALL, FAR], base={"kind": "none"})
-    lens = lf.Lens.double(random_surface(1, 3.0, 0.005), random_surface(2, 6.0, 0.005), spec, 0, "draft")
+    lens = lf.Lens.double(random_surface(1, 3.0, 0.005), random_surface(2, 6.0, 0.005), spec, 0, FEW)
     light = lf.evaluate(lens, rays=2**13)
-    with coarse_part():
-        proof = lf.verify(lf.build(lens), light, rays=2**12)
+    proof = lf.verify(lf.build(lens), light, rays=2**12)
     assert [receiver.name for receiver in light.receivers] == ["wall", "far_field"]
     for own, design in zip(proof.receivers, light.receivers, strict=True):
         assert own.name == design.name
@@ -42,10 +41,8 @@ def test_light_and_proof_of_a_lens_have_both_receivers() -> None:
 def run(tmp_path_factory: pytest.TempPathFactory) -> lf.Run:
     folder = tmp_path_factory.mktemp("runs") / "lens"
     spec = small_spec(target=None, receivers=[WALL, FAR], optimise__steps_per_level=[20, 20], base={"kind": "none"})
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.proof.casts._STRAY_RAYS", 512)
-        lf.run(spec, folder, accuracy="draft")
-        STRAY.run(folder)
+    lf.run(spec, folder, accuracy=FEW)
+    STRAY.run(folder)
     return lf.load(folder)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from presets import FEW
 from scenes import hemisphere_directions, small_spec, sphere
 from scipy.special import k1
 
@@ -24,9 +25,7 @@ from lensforge.scene.pixel_grid import bin_flux, splat_flux
 from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
-from lensforge.spec.accuracy import PRESETS
 
-pytestmark = pytest.mark.usefixtures("no_table_error")
 GRID = {"kind": "grid", "columns": 4, "rows": 3, "pitch_mm": 20.0}
 RING = {"kind": "ring", "count": 5, "diameter_mm": 60.0}
 DISC = [{"kind": "disc", "diameter_mm": 40.0}]
@@ -170,7 +169,7 @@ ABOVE = {"target": {**PATTERN, "distance_mm": 20.0, "receiver_mm": 30.0}}
 def light_of(rays: int = 2**14, pixels: int = 16, **changes: Any) -> ReceiverLight:
     """Light of a point source in concentric spheres, whose rays go straight: Lambertian, with one transmittance."""
     spec = small_spec(**{"base": {"kind": "none"}, "source__side_mm": 0.0, **ABOVE, **changes})
-    lens = Lens.double(sphere(3.0), sphere(6.0), spec, seed=0, accuracy="draft")
+    lens = Lens.double(sphere(3.0), sphere(6.0), spec, seed=0, accuracy=FEW)
     return evaluate(lens, rays=rays, pixels=pixels).receivers[0]
 
 
@@ -232,8 +231,8 @@ def test_lamps_from_afar_have_so_many_times_the_candela_and_turn() -> None:
     pair = {"kind": "table", "places_mm": [[-30.0, 0.0], [30.0, 0.0]], "turns_deg": [90.0, 90.0]}
     alone, two = (
         measure_photometry(
-            Lens.double(sphere(3.0), sphere(6.0), each, seed=0, accuracy="draft"),
-            build_source(each.source, None), PRESETS["draft"], rays=2**15,
+            Lens.double(sphere(3.0), sphere(6.0), each, seed=0, accuracy=FEW),
+            build_source(each.source, None), FEW, rays=2**15,
         )
         for each in (spec, spec.replace({"lamps": pair}))
     )  # fmt: skip
@@ -306,9 +305,9 @@ def test_the_photometry_of_lamps_on_poles_is_that_of_one() -> None:
     )
     found = [
         measure_photometry(
-            Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"),
+            Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW),
             build_source(spec.source, None),
-            PRESETS["draft"],
+            FEW,
             rays=2**12,
         )
         for spec in (one, poles)

@@ -15,7 +15,7 @@ from lensforge.search.optimiser import search
 from lensforge.search.problem import Problems
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import Source
-from lensforge.spec import Spec
+from lensforge.spec import AnyAccuracy, Spec
 
 LARGE = {"source_shift_mm": 0.2, "source_height_mm": 0.2, "outer_shift_mm": 0.1, "inner_form_um": 20.0, "index": 0.01}
 WHITE = {"kind": "table", "wavelength_nm": [440.0, 460.0, 550.0, 680.0], "weight": [0.0, 1.0, 0.6, 0.0]}
@@ -74,7 +74,9 @@ class Stop(KeyboardInterrupt):
     """An interrupt by the user."""
 
 
-def search_interrupted(spec: Spec, source: Source, checkpoint: Path, stop_at: int, seed: int = 0) -> None:
+def search_interrupted(
+    spec: Spec, source: Source, checkpoint: Path, stop_at: int, seed: int = 0, accuracy: AnyAccuracy = "draft"
+) -> None:
     """A search that is interrupted after ``stop_at`` steps, and leaves its checkpoint."""
 
     def stop(step: Progress) -> None:
@@ -82,15 +84,21 @@ def search_interrupted(spec: Spec, source: Source, checkpoint: Path, stop_at: in
             raise Stop
 
     with pytest.raises(Stop):
-        search(spec, source, accuracy="draft", seed=seed, checkpoint=checkpoint, progress=stop)
+        search(spec, source, accuracy=accuracy, seed=seed, checkpoint=checkpoint, progress=stop)
 
 
 def require_same_bits_after(
-    stop_at: int, spec: Spec, source: Source, checkpoint: Path, whole: Design, seed: int = 0
+    stop_at: int,
+    spec: Spec,
+    source: Source,
+    checkpoint: Path,
+    whole: Design,
+    seed: int = 0,
+    accuracy: AnyAccuracy = "draft",
 ) -> None:
     """Assert that a search interrupted after ``stop_at`` steps goes on to the bits of the ``whole`` one."""
-    search_interrupted(spec, source, checkpoint, stop_at, seed)
+    search_interrupted(spec, source, checkpoint, stop_at, seed, accuracy)
     for _ in range(2):  # the second time from the end of the search
-        resumed = search(spec, source, accuracy="draft", seed=seed, checkpoint=checkpoint, resume=True)
+        resumed = search(spec, source, accuracy=accuracy, seed=seed, checkpoint=checkpoint, resume=True)
         assert resumed.lens.sha256 == whole.lens.sha256
         assert (resumed.ended, resumed.history) == (whole.ended, whole.history)

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from lensforge.search.automatic_schedule import AutomaticSchedule
 from lensforge.search.schedule import SLICES, AutomaticStages, Judgement, Outcome, Stage, UsefulLevels, stages_of
 from lensforge.spec.accuracy import SearchEffort
 
-EFFORT = SearchEffort(289, (6, 20), (256, 1024), 4096, 0.1, 0.2)
+EFFORT = SearchEffort(finest=289, steps=(6, 20), rays=(256, 1024), validation_rays=4096, step_gain=0.1, level_gain=0.2)
 LEVELS = UsefulLevels((9, 25, 81), "three levels are enough")
 MOST_STAGES = 1000
 
@@ -163,7 +162,7 @@ def test_a_level_is_not_tried_again_without_time() -> None:
 
 
 def test_a_short_budget_is_shared_among_the_levels() -> None:
-    effort = replace(EFFORT, steps=(60, 200))
+    effort = EFFORT.model_copy(update={"steps": (60, 200)})
     halved = towards({0: 0.5, 1: 0.2, 2: 0.05})
     steps = {}
     for budget_s in (150.0, 250.0, 2000.0):

@@ -1,7 +1,6 @@
 """Searches that choose their levels: where they stop, how they resume, and how their light is judged."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import pytest
 import torch
 from judgements import judge_as
 from nightly import first_by_day
+from presets import FEW_STEPS
 from scenes import small_spec
 from search_scenes import require_same_bits_after
 
@@ -27,17 +27,12 @@ from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.spec import Spec, load_spec
 from lensforge.spec.accuracy import PRESETS, SearchEffort
 
-FEW = SearchEffort(25, (4, 6), (256, 512), 512, 0.5, 0.05)
+FEW = FEW_STEPS.effort
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def automatic(**changes: object) -> Spec:
     return small_spec(lens__levels="auto", optimise__steps_per_level=None, optimise__rays=None, **changes)
-
-
-@pytest.fixture
-def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], effort=FEW))
 
 
 def levels_of(spec: Spec, finest: int = 4225) -> UsefulLevels:
@@ -67,24 +62,24 @@ def measured(spec: Spec) -> Source:
     ),
 )
 def test_the_same_bits_after_an_interrupt(
-    light: Callable[[Spec], Source], changes: dict[str, object], stop_at: int, tmp_path: Path, few_steps: None
+    light: Callable[[Spec], Source], changes: dict[str, object], stop_at: int, tmp_path: Path
 ) -> None:
     spec, path = automatic(**changes), tmp_path / "checkpoint.bin"
     source = light(spec)
-    whole = search(spec, source, accuracy="draft")
+    whole = search(spec, source, accuracy=FEW_STEPS)
     assert whole.ended and whole.steps >= stop_at
-    require_same_bits_after(stop_at, spec, source, path, whole)
+    require_same_bits_after(stop_at, spec, source, path, whole, accuracy=FEW_STEPS)
 
 
 def test_a_level_that_is_left_out_at_the_very_end_leaves_its_functions_out(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, few_steps: None
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     seconds = iter(range(0, 10_000, 20))
     monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: float(next(seconds)))
     spec, path = automatic(optimise__seconds=700.0, target__uniform_mm=None), tmp_path / "checkpoint.bin"
     for resume in (False, True):
         judge_as(monkeypatch, 1.0, 0.5, 0.51, 0.49)
-        found = search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, resume=resume)
+        found = search(spec, build_source(spec.source), accuracy=FEW_STEPS, checkpoint=path, resume=resume)
         assert found.lens.basis.levels == (9,) and found.steps == 3 * FEW.steps[0]
         assert "25 functions more lower the error by" in str(found.ended)
 
@@ -180,9 +175,7 @@ def judged_again(spec: Spec, design: lf.Design, effort: SearchEffort, seed: int 
 
 
 @pytest.mark.parametrize("seed", first_by_day(1, range(3)))
-def test_no_search_ends_above_what_validation_rays_have_accepted(
-    seed: int, monkeypatch: pytest.MonkeyPatch, few_steps: None
-) -> None:
+def test_no_search_ends_above_what_validation_rays_have_accepted(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[float] = []
     judge = ValidationRays.judge
 
@@ -193,15 +186,13 @@ def test_no_search_ends_above_what_validation_rays_have_accepted(
 
     monkeypatch.setattr(ValidationRays, "judge", noted)
     spec = automatic(target__uniform_mm=None)
-    design = lf.design(spec, accuracy="draft", seed=seed)
+    design = lf.design(spec, accuracy=FEW_STEPS, seed=seed)
     assert len(seen) > 2
     last = judged_again(spec, design, FEW, seed).merit
     assert last <= min(seen[:-1]) + 1e-4, "a margin of a constraint may still have been missing"
 
 
-def test_a_machine_that_becomes_slower_keeps_the_budget(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, few_steps: None
-) -> None:
+def test_a_machine_that_becomes_slower_keeps_the_budget(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     clock, levels = [0.0], []
     compiling, evaluate = [0.0], MeritFunction.evaluate
     monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: clock[0] + compiling[0])
@@ -222,10 +213,10 @@ def test_a_machine_that_becomes_slower_keeps_the_budget(
     monkeypatch.setattr("lensforge.search.optimiser.rays_ahead", slow)
     monkeypatch.setattr(MeritFunction, "evaluate", compiled)
     spec, path = automatic(optimise__seconds=50.0), tmp_path / "checkpoint.bin"
-    found = search(spec, build_source(spec.source), accuracy="draft", progress=observe, checkpoint=path)
+    found = search(spec, build_source(spec.source), accuracy=FEW_STEPS, progress=observe, checkpoint=path)
     assert found.seconds == 4.0 + 2 * 30.0, "the step that goes beyond the budget is the last"
     assert compiling[0] == 1000.0, "is no time of the search"
     assert str(found.ended).endswith("optimise.seconds = 50 are used")
     assert len(levels) == len(found.lens.basis.levels)
-    resumed = search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, resume=True)
+    resumed = search(spec, build_source(spec.source), accuracy=FEW_STEPS, checkpoint=path, resume=True)
     assert resumed.lens.sha256 == found.lens.sha256 and resumed.steps == found.steps == FEW.steps[0] + 2

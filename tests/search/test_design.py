@@ -1,9 +1,9 @@
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from nightly import NIGHTLY
+from presets import FEW
 from scenes import hemisphere_directions, small_spec
 from search_scenes import require_same_bits_after
 from tir_lenses import spot, spot_lens
@@ -37,15 +37,15 @@ def test_a_design_gets_better_and_keeps_its_history() -> None:
         assert design_facts(design)[0].facts[0].label == where
 
 
-def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lensforge.search.optimiser._ROUND", 2)
+def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    often = FEW.replace("often", effort={"multiplier_steps": 2})
     spec = small_spec(constraints__min_thickness_mm=2.97)
     source = build_source(spec.source)
-    whole = search(spec, source, accuracy="draft", seed=3)
+    whole = search(spec, source, accuracy=often, seed=3)
     assert whole.history[0].constraints["wall_margin_mm"][1] < 0.0, "multipliers are not 0 at the first stop"
 
     for stop_at in (2, 4, 7) if NIGHTLY else (4,):  # within a level, at its end, within the last
-        require_same_bits_after(stop_at, spec, source, tmp_path / f"{stop_at}.bin", whole, seed=3)
+        require_same_bits_after(stop_at, spec, source, tmp_path / f"{stop_at}.bin", whole, 3, often)
 
 
 def test_the_plan_is_coarse_to_fine_and_the_spec_outranks_the_preset() -> None:
@@ -56,22 +56,22 @@ def test_the_plan_is_coarse_to_fine_and_the_spec_outranks_the_preset() -> None:
     assert stages[0].rays == 1024
 
 
-def test_a_search_is_as_precise_as_its_preset_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_search_is_as_precise_as_its_preset_says() -> None:
     assert [name for name, preset in PRESETS.items() if not preset.single] == ["reference"]
     spec, found = small_spec(optimise__steps_per_level=[1, 1]), []
     for single in (True, False):
-        monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], single=single))
-        found.append(search(spec, build_source(spec.source), accuracy="draft").lens.outer.weights_mm)
+        accuracy = FEW.replace("own", single=single)
+        found.append(search(spec, build_source(spec.source), accuracy=accuracy).lens.outer.weights_mm)
     assert 0.0 < np.abs(found[0] - found[1]).max() < 1e-5 * np.abs(found[1]).max()
 
 
-def test_a_search_from_a_lens_begins_with_that_lens(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_search_from_a_lens_begins_with_that_lens() -> None:
     spec = small_spec(lens__symmetry="none")
     source = build_source(spec.source)
     first = search(spec, source, accuracy="draft")
     begun: list[Lens] = []
-    monkeypatch.setattr("lensforge.search.schedule._LEARNING_RATE", 1e-12)
-    further = search(spec, source, accuracy="draft", start=first.lens, progress=lambda step: begun.append(step.lens()))
+    still = FEW.replace("still", effort={"learning_rate": 1e-12})
+    further = search(spec, source, accuracy=still, start=first.lens, progress=lambda step: begun.append(step.lens()))
     assert [level.level for level in further.history] == [1], "all functions move from the first step on"
     for side in ("inner", "outer"):
         before, after = getattr(first.lens, side), getattr(begun[0], side)

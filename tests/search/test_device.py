@@ -1,11 +1,11 @@
 """A search whose rays are traced in torch on a device is the search by the kernels, to rounding."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from presets import FEW
 from scenes import DEVICES, small_spec
 from test_bodies import COVER, spec_with
 
@@ -15,17 +15,16 @@ from lensforge.search.merit import MeritFunction
 from lensforge.search.optimiser import search
 from lensforge.search.problem import parameters_of
 from lensforge.sources.build_source import build_source
-from lensforge.spec.accuracy import PRESETS
 
 CPU = torch.device("cpu")
 
 
 @pytest.mark.parametrize("device", DEVICES)
-def test_a_design_ends_where_the_kernels_end(device: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], single=False))
+def test_a_design_ends_where_the_kernels_end(device: str) -> None:
+    double = FEW.replace("double", single=False)
     spec = small_spec(optimise__steps_per_level=[2, 2])
     source = build_source(spec.source)
-    kernels, found = (search(spec, source, accuracy="draft", device=d) for d in (None, torch.device(device)))
+    kernels, found = (search(spec, source, accuracy=double, device=d) for d in (None, torch.device(device)))
     for one, other in zip(found.history, kernels.history, strict=True):
         assert one.loss == pytest.approx(other.loss, rel=1e-8)
     assert np.allclose(found.lens.outer.weights_mm, kernels.lens.outer.weights_mm, rtol=1e-6, atol=1e-9)

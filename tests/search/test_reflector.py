@@ -8,6 +8,7 @@ import pytest
 import torch
 from chains import upwards
 from PIL import Image
+from presets import FEW
 
 import lensforge as lf
 from lensforge.kernels.fate import Fate
@@ -48,7 +49,7 @@ def given(second_focus_mm: float | None = None, **changes: Any) -> Lens:
     conic = {"kind": "focal_conic", "vertex_mm": FOCAL, "second_focus_mm": second_focus_mm}
     lens = {"cup": {"mirror": MIRROR, "fixed": conic}, "mouth": {"offset_mm": HEIGHT}}
     spec = reflector(lens, constraints={"max_radius_mm": 16.0}, **changes)
-    return Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
+    return Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, FEW)
 
 
 def traced_exactly(lens: Lens, rays: Any) -> Any:
@@ -82,7 +83,6 @@ def test_an_ellipsoid_sends_the_light_of_one_focus_to_the_other() -> None:
     assert beside.max() < 1e-11
 
 
-@pytest.mark.usefixtures("no_table_error")
 def test_light_by_way_is_that_of_a_lambertian_point() -> None:
     light = lf.evaluate(given(source={"kind": "disc", "diameter_mm": 1e-3}), rays=2**14)
     found = {way.faces: way.share.value for way in light.ways}
@@ -110,7 +110,7 @@ def test_light_passes_a_cover_window_after_the_reflector() -> None:
     glass = {**GLASS, "distance_mm": HEIGHT + 1.0}
     open_cup, rays = given(), upwards(400, 3)
     spec = open_cup.spec.replace({"lens.cover_glass": glass})
-    lens = Lens(open_cup.surfaces, spec, 0, "draft")
+    lens = Lens(open_cup.surfaces, spec, 0, FEW)
     exits, behind = traced_exactly(open_cup, rays), traced_exactly(lens, rays)
     along = exits.directions[:, 2] > 1.0 - 1e-12
     assert behind.flux[along] == pytest.approx(exits.flux[along] * (1.0 - 0.2**2) ** 2, rel=1e-9)
@@ -158,7 +158,7 @@ def test_the_back_follows_the_cup() -> None:
     walls = [each["back"].radius(directions) - each["cup"].radius(directions) for each in (start, now)]
     assert walls[1] == pytest.approx(walls[0], rel=0.1)
     assert np.abs(now["cup"].radius(directions) - start["cup"].radius(directions)).max() > 0.02
-    again = parameters.tables(*parameters.parameters_of(parameters.lens(weights, offsets, reflector(), 0, "draft")))
+    again = parameters.tables(*parameters.parameters_of(parameters.lens(weights, offsets, reflector(), 0, FEW)))
     apart = (again - parameters.tables(weights, offsets)).abs().amax(dim=(1, 2))
     assert apart[0] < 1e-6 and apart[2] < 1e-6
 
@@ -170,26 +170,25 @@ def test_limits_are_those_of_the_body() -> None:
     fine = parameters.refined()
     constraints = AugmentedLagrangian.of(spec, fine.grid)
     least = constraints.least(constraints.fields(fine.tables(weights, offsets)))
-    margins = measure_constraints(parameters.lens(weights, offsets, spec, 0, "draft"))
+    margins = measure_constraints(parameters.lens(weights, offsets, spec, 0, FEW))
     for name in ("cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm", "height_margin_mm"):
         assert least[name] == pytest.approx(getattr(margins, name), abs=0.01), name
     assert least["cup_draft_margin_deg"] == pytest.approx(margins.draft_margin_deg["cup"], abs=0.05)
     assert margins.wall_margin_mm > 0.0 and margins.draft_margin_deg["cup"] > 0.0
 
 
-@pytest.mark.usefixtures("no_table_error")
 def test_a_short_search_gains_light_and_keeps_the_limits() -> None:
     spec = reflector().replace({"optimise.steps_per_level": [8]})
-    design = lf.design(spec, accuracy="draft")
+    design = lf.design(spec, accuracy=FEW)
     assert all(each.passed for each in design.criteria)
-    start = Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
+    start = Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, FEW)
     before, after = (lf.evaluate(each, rays=2**13).share_in_target.value for each in (start, design.lens))
     assert after > before + 0.01
 
 
 def test_a_given_reflector_is_taken_as_it_is() -> None:
     lens = given()
-    design = lf.design(lens.spec, accuracy="draft", force=True)
+    design = lf.design(lens.spec, accuracy=FEW, force=True)
     assert design.steps == 0 and design.lens.to_json()["faces"] == lens.to_json()["faces"]
 
 
@@ -219,7 +218,7 @@ def test_a_given_reflector_is_taken_as_it_is() -> None:
 def test_what_cannot_be_is_refused_in_one_line(changes: dict[str, Any], words: str) -> None:
     lens = {**BEAM["lens"], **changes.pop("lens", {})}
     with pytest.raises(lf.InputError, match=words) as caught:
-        lf.design(parse_spec({**BEAM, "lens": lens, **changes}, "beam"), accuracy="draft")
+        lf.design(parse_spec({**BEAM, "lens": lens, **changes}, "beam"), accuracy=FEW)
     assert "\n" not in str(caught.value)
 
 

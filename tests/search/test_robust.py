@@ -1,6 +1,5 @@
 """Robust searches: the merit that they lower is the mean over parts, exact in its gradient; what they gain and keep."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from nightly import first_by_day
+from presets import FEW_STEPS
 from scenes import NO_TOLERANCES, small_spec, tolerance_changes
 from search_scenes import LARGE, Step, require_same_bits_after
 
@@ -18,9 +18,6 @@ from lensforge.search.optimiser import search
 from lensforge.search.problem import Problem, Problems, ValidationRays
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
-from lensforge.spec.accuracy import PRESETS, SearchEffort
-
-FEW = SearchEffort(25, (4, 6), (256, 512), 512, 0.5, 0.05)
 
 
 def robust(**changes: Any) -> Spec:
@@ -108,18 +105,15 @@ def test_a_spec_without_deviations_is_refused_in_one_line() -> None:
 
 
 @pytest.mark.parametrize("levels", first_by_day(1, [[9, 25], "auto"], "three seconds"))
-def test_an_interrupted_search_goes_on_to_the_same_bits(
-    levels: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], effort=FEW))
+def test_an_interrupted_search_goes_on_to_the_same_bits(levels: Any, tmp_path: Path) -> None:
     given = {"optimise__steps_per_level": None, "optimise__rays": None} if levels == "auto" else {}
     spec, path = robust(lens__levels=levels, **tolerance_changes(LARGE), **given), tmp_path / "checkpoint.bin"
     source = build_source(spec.source)
-    whole = search(spec, source, accuracy="draft", seed=3)
-    require_same_bits_after(5, spec, source, path, whole, seed=3)
+    whole = search(spec, source, accuracy=FEW_STEPS, seed=3)
+    require_same_bits_after(5, spec, source, path, whole, 3, FEW_STEPS)
     other = spec.replace({"tolerances.source_shift_mm": 0.1})
     with pytest.raises(InputError, match="belongs to another spec"):
-        search(other, source, accuracy="draft", seed=3, checkpoint=path, resume=True)
+        search(other, source, accuracy=FEW_STEPS, seed=3, checkpoint=path, resume=True)
 
 
 @pytest.mark.nightly("two searches of seventy steps")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from nightly import first_by_day
+from presets import FAR
 from scenes import random_surface, small_spec, sphere
 
 from lensforge.cad.patch import fit_patch
@@ -71,12 +72,11 @@ def test_a_cavity_tighter_than_the_cutter_fails_its_criterion() -> None:
     assert failed["inner curvature margin"].unit == "1/mm"
 
 
-def test_a_design_for_a_cutter_passes_the_check_of_the_shop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_design_for_a_cutter_passes_the_check_of_the_shop() -> None:
     """By what the check measures of the inner face.
 
     The start is a cavity of 3 mm; the cutter has 3.5 mm, and the mould wants a draft of 1 deg.
     """
-    monkeypatch.setattr("lensforge.search.schedule._LEARNING_RATE", 0.01)
     spec = small_spec(
         lens__symmetry="square",
         lens__inner__concave_radius_mm=3.5,
@@ -84,7 +84,7 @@ def test_a_design_for_a_cutter_passes_the_check_of_the_shop(monkeypatch: pytest.
         optimise__steps_per_level=[15, 15],
         optimise__rays=256,
     )
-    found = search(spec, build_source(spec.source), accuracy="draft")
+    found = search(spec, build_source(spec.source), accuracy=FAR)
     inner = sample_face(OpticalFace(fit_patch(found.lens.inner), AirSide.INSIDE), SAMPLE_NODES)
     assert all(criterion.passed for criterion in found.criteria), [str(criterion) for criterion in found.criteria]
     assert -1.0 / inner.lowest_curvature() >= 3.5 * (1.0 - 1e-3)

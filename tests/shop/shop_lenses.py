@@ -1,17 +1,15 @@
 """A small lens with any base, for the tests of drawing and handover."""
 
 import re
-from contextlib import contextmanager
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
-import pytest
+from presets import CHECKED
 from scenes import random_surface, small_spec
 
 from lensforge.cad.part_export import build_part
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_part
-from lensforge.shop.face_check import check_face
 from lensforge.shop.point_tables import COLUMNS
 
 BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, "pocket_diameter_mm": 7.0}
@@ -22,7 +20,7 @@ def small_lens(base=BASE, manufacture=None, **sections):
     own = {"source__side_mm": 0.5, "lens__refractive_index": 1.49, "lens__material": "<PMMA> & co"}
     own |= {"constraints__cavity_radius_mm": 0.5, "constraints__min_thickness_mm": 0.1, "constraints__max_radius_mm": 8}
     spec = small_spec(name="shop", **own, base=base, manufacture=manufacture or {}, **sections)
-    return Lens.double(inner, outer, spec, 0, "draft")
+    return Lens.double(inner, outer, spec, 0, CHECKED)
 
 
 class OfSpheres(Lens):
@@ -32,25 +30,11 @@ class OfSpheres(Lens):
     sha256 = "0" * 64
 
 
-@contextmanager
-def few_nodes(nodes):
-    """Checks on grids of ``nodes`` x ``nodes``, where a command takes 161."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.shop.check.check_face", partial(check_face, nodes=nodes))
-        yield
-
-
-def quick_check(part):
-    """The check on a grid a quarter as dense: the same findings in a tenth of the time."""
-    with few_nodes(81):
-        return check_part(part)
-
-
 @cache
 def bare_part():
     """The part of one lens without a base, and its check."""
     part = build_part(small_lens({"kind": "none"}), rings=16)
-    return part, quick_check(part)
+    return part, check_part(part)
 
 
 def rows_of(grid):

@@ -1,16 +1,15 @@
 """The check against a ball that is tried at every contact: against all points of the mesh of the part."""
 
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from nightly import NIGHTLY, first_by_day
+from presets import CHECKED
 from scenes import small_spec
 from scipy.spatial import cKDTree
-from shop_lenses import few_nodes
 
 import lensforge as lf
 from lensforge.cad.cutter_room import base_with_room
@@ -38,13 +37,6 @@ def _required(path: Path) -> bool:
 CUT = [path for path in sorted(EXAMPLES.glob("*.toml")) if _required(path)]
 
 
-@pytest.fixture(autouse=True)
-def fewer_nodes() -> Iterator[None]:
-    """By day the check takes a quarter of its nodes: shares of a face are compared to 2 %."""
-    with few_nodes(161 if NIGHTLY else 81):
-        yield
-
-
 def designed_for_the_ball(**base: float) -> Lens:
     """A cavity that narrows upwards, and a dome that overhangs its rim a little: both rims need room."""
     inner, outer = sphere(1.6, -0.35), sphere(2.7, 0.15)
@@ -57,7 +49,7 @@ def designed_for_the_ball(**base: float) -> Lens:
         base={"height_mm": 3.0, **base},
         manufacture={"cutter_radius_mm": BALL},
     )
-    return Lens.double(inner, outer, spec, 0, "draft")
+    return Lens.double(inner, outer, spec, 0, CHECKED)
 
 
 def tried(lens: Lens, mesh: trimesh.Trimesh) -> dict[str, float]:

@@ -4,9 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from known_shapes import exported, random_surface
+from presets import FEW
 from scenes import hemisphere_directions, sphere
 from scipy.spatial import cKDTree
-from shop_lenses import few_nodes, small_lens
+from shop_lenses import small_lens
 
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import INNER, OUTER, lay_out
@@ -28,14 +29,7 @@ def lens(inner, outer, cutter_mm=1.0, wall_mm=0.5, base="cylinder"):
     limits = {"cavity_height_mm": 0.5, "cavity_radius_mm": 0.5, "min_thickness_mm": wall_mm, "max_radius_mm": 3.0}
     offsets = {"inner_offset_mm": INNER_MM, "outer_offset_mm": OUTER_MM, "levels": [9, 25]}
     made = small_lens({"kind": base}, {"cutter_radius_mm": cutter_mm}, lens=offsets, constraints=limits)
-    return Lens.double(inner, outer, made.spec, seed=0, accuracy="draft")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def fewer_nodes():
-    """Checks of 61 x 61 nodes, where a command takes 161: what is said of them does not ask for more."""
-    with few_nodes(61):
-        yield
+    return Lens.double(inner, outer, made.spec, seed=0, accuracy=FEW)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from known_shapes import sphere
 from nightly import first_by_day
+from presets import CHECKED
 from shop_lenses import BASE, OfSpheres, small_lens
 
 from lensforge.shop.dimensions import dimensions, highest_point_mm
@@ -29,7 +30,7 @@ def rim(ball):
 
 
 def test_the_sizes_of_two_spheres_are_in_closed_form():
-    found = sizes(OfSpheres({"inner": INNER, "outer": OUTER}, small_lens({"kind": "none"}).spec, 0, "draft"))
+    found = sizes(OfSpheres({"inner": INNER, "outer": OUTER}, small_lens({"kind": "none"}).spec, 0, CHECKED))
     inner, outer = (apex(ball) for ball in (INNER, OUTER))
     assert found.pop("outer apex above z = 0") == pytest.approx(outer, abs=1e-12)
     assert found.pop("apex of the cavity above z = 0") == pytest.approx(inner, abs=1e-12)
@@ -48,7 +49,7 @@ def test_the_sizes_of_two_spheres_are_in_closed_form():
 
 def test_a_size_that_is_drawn_ends_where_the_part_does():
     """Ends (z, x) of the rims and of the apexes in the section at y = 0 of two spheres off the axis."""
-    lens = OfSpheres({"inner": INNER, "outer": OUTER}, small_lens({"kind": "none"}).spec, 0, "draft")
+    lens = OfSpheres({"inner": INNER, "outer": OUTER}, small_lens({"kind": "none"}).spec, 0, CHECKED)
     ends = {each.name: each.ends for each in dimensions(lens) if each.ends is not None}
     for name, ball in (("outer rim", OUTER), ("opening of the cavity", INNER)):
         half = sqrt(rim(ball)[1] ** 2 - ball.centre[1] ** 2)

@@ -6,12 +6,13 @@ from html import unescape
 
 import numpy as np
 import pytest
-from shop_lenses import quick_check, small_lens
+from shop_lenses import small_lens
 
 from lensforge.cad.part_export import build_part
 from lensforge.errors import InputError
 from lensforge.report.results import Results
 from lensforge.results.criteria import Criterion
+from lensforge.shop.check import check_part
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Finding
 from lensforge.shop.point_tables import GridRequest
@@ -24,7 +25,7 @@ COARSE = GridRequest(spacing_mm=0.4)
 def results():
     lens = small_lens()
     part = build_part(lens, rings=16)
-    return Results(lens, {"export": part, "check": quick_check(part)})
+    return Results(lens, {"export": part, "check": check_part(part)})
 
 
 def files_of(results, request=COARSE):
@@ -146,7 +147,7 @@ def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
     }
     lens = small_lens(manufacture=shop)
     part = build_part(lens, rings=16, extension_deg=5.0)
-    results = Results(lens, {"export": part, "check": quick_check(part)})
+    results = Results(lens, {"export": part, "check": check_part(part)})
     handed = files_of(results)
     text = unescape(handed.html.decode("utf-8"))
     for words in ("0.0125;", "the lens times 1.0125", "0.0025"):

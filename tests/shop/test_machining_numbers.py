@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from known_shapes import exported, sampled, sphere
+from presets import CHECKED
 from scenes import sphere as hemisphere
-from shop_lenses import few_nodes
 from test_check import lens
 
 from lensforge.cad.boundary import as_pair
@@ -136,8 +136,7 @@ def checked(**manufacture):
     part = lens(hemisphere(0.8), hemisphere(2.45), base="none")
     section = ManufactureSection(cutter_radius_mm=1.0, **manufacture)
     spec = part.spec.model_copy(update={"manufacture": section})
-    with few_nodes(81):
-        return check_lens(type(part)(part.surfaces, spec, 0, "draft"))
+    return check_lens(type(part)(part.surfaces, spec, 0, CHECKED))
 
 
 def test_every_tool_has_its_verdict():

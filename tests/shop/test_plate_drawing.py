@@ -7,12 +7,13 @@ from typing import Any
 import ezdxf
 import numpy as np
 import pytest
-from shop_lenses import quick_check, small_lens
+from shop_lenses import small_lens
 
 from lensforge.cad.part import Part
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plate_layout import layout_of
 from lensforge.scene.lens import Lens
+from lensforge.shop.check import check_part
 from lensforge.shop.plate_drawing import pattern_of, place_rows, plate_sheet
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.sheet import Sheet, box_of
@@ -157,7 +158,7 @@ def test_lenses_of_the_drawing_stand_where_they_are(part: Part) -> None:
 
 
 def test_the_handover_has_both_drawings(part: Part) -> None:
-    check = quick_check(part)
+    check = check_part(part)
     made = make_handover(part, check, [], GridRequest(spacing_mm=1.0))
     assert {"plate.pdf", "plate.dxf"} < set(made.files) and made.files["plate.pdf"].startswith(b"%PDF")
     page = made.html.decode("utf-8")

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nightly import first_by_day
+from presets import CHECKED
 from scenes import random_surface, sphere
 from shop_lenses import between_nodes, rows_of, small_lens
 
@@ -17,7 +18,7 @@ ROUGH = random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 
 
 
 def lens_of(inner, outer, **manufacture):
-    return Lens.double(inner, outer, small_lens({"kind": "none"}, manufacture).spec, 0, "draft")
+    return Lens.double(inner, outer, small_lens({"kind": "none"}, manufacture).spec, 0, CHECKED)
 
 
 def written(lens, request):

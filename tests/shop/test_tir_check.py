@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from known_shapes import sphere
-from shop_lenses import OfSpheres, few_nodes
+from presets import CHECKED
+from shop_lenses import OfSpheres
 from tir_lenses import spot, spot_lens
 
 from lensforge.optics.media import TIR
@@ -27,13 +28,12 @@ def checked(envelope: tuple, **sections: object) -> tuple[Check, Lens]:
         name: sphere(radius, (0.0, 0.0, height))
         for name, (radius, height) in zip(TIR, (*CAVITY, *envelope), strict=True)
     }
-    lens = OfSpheres(faces, spot().replace(sections), 0, "draft")
+    lens = OfSpheres(faces, spot().replace(sections), 0, CHECKED)
     return on_few_nodes(lens), lens
 
 
 def on_few_nodes(lens: Lens) -> Check:
-    with few_nodes(81):
-        return check_lens(lens, dict.fromkeys(TIR, 61))
+    return check_lens(lens, dict.fromkeys(TIR, 61))
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import ezdxf
 import numpy as np
 import pytest
 from known_shapes import sphere
+from presets import CHECKED
 from shop_lenses import OfSpheres, bare_part, between_nodes, rows_of
 from tir_lenses import spot, spot_lens
 
@@ -76,7 +77,7 @@ def test_a_table_from_crease_to_rim_read_back_and_interpolated_is_within_its_sta
 def test_the_sizes_of_creases_are_those_of_spheres_that_meet():
     faces = {name: sphere(radius, (0.0, 0.0, height)) for name, (radius, height) in SPHERES.items()}
     spec = spot(exit={"gap_mm": 0.07}).replace(base={"kind": "none"})
-    lens = OfSpheres(faces, spec, 0, "draft")
+    lens = OfSpheres(faces, spec, 0, CHECKED)
     found = {each.name: each for each in dimensions(lens)}
     for name, height in MET.items():
         radius = 0.5 * WIDTH[name]
@@ -92,7 +93,7 @@ def test_the_sizes_of_creases_are_those_of_spheres_that_meet():
     found = {each.name: each.value_mm for each in dimensions(lens)}
     rim = 2.0 * np.sqrt(144.0 - (267.0 / 82.0 - 6.0) ** 2)
     assert found["width of the dome"] == pytest.approx(rim, abs=1e-9), "widest at its crease"
-    lens = OfSpheres(faces, spec, 0, "draft")
+    lens = OfSpheres(faces, spec, 0, CHECKED)
     (seen,) = (
         line.points for line in section_view(lens, "S", 0.0).lines if np.abs(line.points[:, 0] - 0.51).max() < 1e-9
     )

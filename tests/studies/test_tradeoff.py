@@ -1,11 +1,11 @@
 """Accuracy against time: rows of each series, page, screen and plot; the lens that is measured."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
+from presets import FEW_STEPS
 from scenes import random_surface, small_spec
 
 import lensforge as lf
@@ -18,9 +18,9 @@ from lensforge.report.tradeoff import Tradeoff
 from lensforge.report.tradeoff_study import _lens_in, run_tradeoff, tradeoff_figure
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.sources.build_source import build_source
-from lensforge.spec.accuracy import PRESETS, SearchEffort
+from lensforge.spec.accuracy import PRESETS
 
-FEW = SearchEffort(25, (4, 6), (256, 512), 512, 0.5, 0.0)
+FEW = FEW_STEPS.replace("every_level", effort={"level_gain": 0.0})
 SPEC = small_spec(base={"kind": "none"})
 RAYS = 2**14
 
@@ -33,9 +33,7 @@ def small_lens():
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("tradeoff")
     small_lens().save(path / "lens.json")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(PRESETS, "standard", replace(PRESETS["standard"], effort=FEW))
-        assert run_tradeoff(SPEC, path, most_rays=RAYS) == Tradeoff.read(path)
+    assert run_tradeoff(SPEC, path, most_rays=RAYS, accuracy=FEW) == Tradeoff.read(path)
     return path
 
 
@@ -49,10 +47,9 @@ def test_an_evaluation_by_rays_is_that_of_the_lens_and_its_error_falls(folder):
     assert [row.setting for row in Tradeoff.read(folder).series("presets")] == list(PRESETS)
 
 
-def test_the_stages_of_a_search_are_those_of_the_search(folder, monkeypatch):
-    monkeypatch.setitem(PRESETS, "standard", replace(PRESETS["standard"], effort=FEW))
+def test_the_stages_of_a_search_are_those_of_the_search(folder):
     rows = Tradeoff.read(folder).series("search")
-    result = lf.design(SPEC.with_automatic_levels())
+    result = lf.design(SPEC.with_automatic_levels(), accuracy=FEW)
     assert [row.functions for row in rows[:2]] == [9, 34]
     assert [row.steps for row in rows[:3]] == [4, 8, 14] and rows[-1].steps == result.steps
     assert [row.seconds for row in rows] == sorted(row.seconds for row in rows)
@@ -71,7 +68,7 @@ def test_a_stage_has_the_seconds_of_the_search_so_far(monkeypatch):
             )  # fmt: skip
 
     monkeypatch.setattr(tradeoff_study, "search", search)
-    rows = tradeoff_study._search_rows(SPEC, build_source(SPEC.source), 2**12)
+    rows = tradeoff_study._search_rows(SPEC, build_source(SPEC.source), 2**12, FEW)
     assert [row.seconds for row in rows] == [100.0, 200.0]
 
 
