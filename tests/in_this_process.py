@@ -1,11 +1,8 @@
 """A command in this process, which has torch and the CAD kernel loaded already."""
 
-import sys
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from typing import NamedTuple
-
-import pytest
 
 from lensforge.cli.cli import main
 
@@ -21,10 +18,9 @@ class Ended(NamedTuple):
 def lensforge(*arguments: object) -> Ended:
     """Run ``lensforge`` with ``arguments``."""
     output, errors, code = StringIO(), StringIO(), 0
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(output), redirect_stderr(errors):
-        patch.setattr(sys, "argv", ["lensforge", *map(str, arguments)])
+    with redirect_stdout(output), redirect_stderr(errors):
         try:
-            main()
+            main(arguments=[*map(str, arguments)])
         except SystemExit as end:
             code = int(end.code or 0)
     return Ended(code, output.getvalue(), errors.getvalue())

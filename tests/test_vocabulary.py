@@ -79,6 +79,14 @@ def test_the_house_does_not_grow() -> None:
     assert sum(text.count("\n") for text in tests) <= 49_400
 
 
+def test_tests_replace_little() -> None:
+    """Places where a test, fixture or context replaces something as it runs; those where that is a constant."""
+    tests = [path.read_text(encoding="utf-8") for path in (PACKAGE.parent / "tests").rglob("*.py")]
+    replaced = [each for text in tests for each in re.findall(r"\.(?:setattr|setitem|delattr)\((.*)", text)]
+    assert len(replaced) <= 100
+    assert sum(bool(re.search(r"\b_?[A-Z][A-Z_]{2,}\b", each)) for each in replaced) <= 17
+
+
 def test_every_file_has_a_name_of_its_own() -> None:
     """One name, one module, in an editor's tabs; formats of files have a folder of their own."""
     names = Counter(path.name for path in MODULES if path.name != "__init__.py")

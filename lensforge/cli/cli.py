@@ -12,6 +12,7 @@ import tempfile
 import threading
 import traceback
 import warnings
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import zip_longest
 from typing import Any, NoReturn
@@ -109,17 +110,17 @@ for command in (*STAGE_COMMANDS, design, preview, new, sweep, tradeoff, report, 
     cli.add_command(command)
 
 
-def main(interrupts: Interrupts | None = None) -> None:
+def main(interrupts: Interrupts | None = None, arguments: Sequence[str] | None = None) -> None:
     """Entry point: every exit has a code and at most one line on stderr, or one for each wrong field of a spec.
 
-    ``interrupts``: installed already.
+    ``interrupts``: installed already. ``arguments``: of the command; None: those of this process.
     """
     open_standard_streams()
     _show_own_warnings_in_a_line()
     own = Interrupts().install() if interrupts is None else interrupts
     try:
         with lasting_streams() as stdout_failure:
-            code = _run(own)
+            code = _run(own, arguments)
             failure = stdout_failure()
             if failure is not None and code == 0:
                 code = _say(
@@ -147,11 +148,11 @@ def _show_own_warnings_in_a_line() -> None:
     warnings.showwarning = show
 
 
-def _run(interrupts: Interrupts) -> int:
-    """Run the command of ``sys.argv``, say in one line why it ended early, and return the exit code."""
+def _run(interrupts: Interrupts, arguments: Sequence[str] | None) -> int:
+    """Run the command, say in one line why it ended early, and return the exit code."""
     try:
         with interrupts.raised():
-            cli.main(prog_name="lensforge", standalone_mode=False, obj=interrupts)
+            cli.main(args=arguments, prog_name="lensforge", standalone_mode=False, obj=interrupts)
     except SystemExit as end:  # of click, for the completion of a shell
         return int(end.code or 0)
     except BaseException as error:

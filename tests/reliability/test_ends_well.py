@@ -193,9 +193,8 @@ def test_the_end_of_a_file_is_no_interrupt(
         raise error
 
     monkeypatch.setattr(cli.cli.commands["examples"], "callback", end)
-    monkeypatch.setattr(sys, "argv", ["lensforge", "examples"])
     with pytest.raises(SystemExit):
-        cli.main()
+        cli.main(arguments=["examples"])
     assert capfd.readouterr().err.startswith(f"lensforge: {said}")
 
 

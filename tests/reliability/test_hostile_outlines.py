@@ -17,7 +17,7 @@ from typing import Any
 
 import cadquery as cq
 import pytest
-from nightly import scaled
+from nightly import NIGHTLY, scaled
 from refusals import one_line
 
 import lensforge as lf
@@ -45,7 +45,7 @@ _NUMBERS = (
     b"$",
     b"*",
 )
-_SECONDS, _BYTES = 10, 3 * 2**30  # of a case, of a batch
+_SECONDS, _BYTES = 10 if NIGHTLY else 1, 3 * 2**30  # of a case (most take a tenth of a second), of a batch
 
 
 def drawings() -> dict[str, bytes]:

@@ -128,15 +128,19 @@ def test_a_lamp_on_a_pole_sees_the_receiver_as_its_raster_does(receiver: dict[st
         np.testing.assert_allclose(alone.corners(), raster.receiver.corners(), atol=1e-9)
 
 
-def test_a_picture_of_all_lamps_has_so_many_pixels_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
-    (found,) = receivers_of(together(GRID, SHEET), 32)
-    (raster,) = _pictures.__wrapped__(found).rasters
-    pixels = raster.receiver.grid.columns * raster.receiver.grid.rows
-    monkeypatch.setattr("lensforge.scene.lamp_pictures._MOST_PIXELS", pixels)
-    assert len(_pictures.__wrapped__(found).rasters) == 1
-    monkeypatch.setattr("lensforge.scene.lamp_pictures._MOST_PIXELS", pixels - 1)
-    with pytest.raises(InputError, match=f"at most {pixels - 1}; take fewer pixels"):
-        _pictures.__wrapped__(found)
+def test_a_picture_of_all_lamps_has_so_many_pixels_at_most() -> None:
+    """Sides of the receiver and the way from the first to the last lamp, 60 by 40 mm, in pixels."""
+
+    def pixels(count: int) -> int:
+        (found,) = receivers_of(together(GRID, SHEET), count)
+        across, along = np.array([150.0, 120.0]) / [found.grid.columns, found.grid.rows]
+        return round((150.0 + 60.0) / across) * round((120.0 + 40.0) / along)
+
+    most = next(count for count in range(2048, 32, -1) if pixels(count) <= 2**22)
+    (raster,) = _pictures.__wrapped__(receivers_of(together(GRID, SHEET), most)[0]).rasters
+    assert raster.receiver.grid.columns * raster.receiver.grid.rows == pixels(most)
+    with pytest.raises(InputError, match=f"at most {2**22}; take fewer pixels"):
+        _pictures.__wrapped__(receivers_of(together(GRID, SHEET), most + 1)[0])
 
 
 def test_a_period_holds_all_light_and_moves_round() -> None:

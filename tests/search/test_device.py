@@ -22,7 +22,7 @@ CPU = torch.device("cpu")
 @pytest.mark.parametrize("device", DEVICES)
 def test_a_design_ends_where_the_kernels_end(device: str) -> None:
     double = FEW.replace("double", single=False)
-    spec = small_spec(optimise__steps_per_level=[2, 2])
+    spec = small_spec(optimise__steps_per_level=[2, 2], optimise__rays=256)
     source = build_source(spec.source)
     kernels, found = (search(spec, source, accuracy=double, device=d) for d in (None, torch.device(device)))
     for one, other in zip(found.history, kernels.history, strict=True):
@@ -31,7 +31,7 @@ def test_a_design_ends_where_the_kernels_end(device: str) -> None:
 
 
 def test_a_checkpoint_is_not_resumed_on_another_device(tmp_path: Path) -> None:
-    spec = small_spec(optimise__steps_per_level=[2, 2])
+    spec = small_spec(optimise__steps_per_level=[2, 2], optimise__rays=256)
     source = build_source(spec.source)
     search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, device=CPU)
     search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, device=CPU, resume=True)

@@ -1,17 +1,14 @@
 """Wrong fields of a spec: all of them, a complete line for each, unknown names first, with the name that was meant."""
 
 import copy
-import sys
 import tomllib
-from contextlib import redirect_stderr
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
+from in_this_process import lensforge
 
 import lensforge as lf
-from lensforge.cli.cli import main
 from lensforge.errors import WrongFields
 from lensforge.spec import load_spec, parse_spec
 
@@ -100,13 +97,9 @@ def test_the_command_says_each_in_a_line_of_its_own(tmp_path: Path) -> None:
     (tmp_path / "a\nb.toml").write_text(
         EXAMPLE.read_text(encoding="utf-8").replace("side_mm", "sides_mm").replace("14.0", '"x"'), encoding="utf-8"
     )
-    errors = StringIO()
-    with pytest.MonkeyPatch.context() as patch, redirect_stderr(errors):
-        patch.setattr(sys, "argv", ["lensforge", "design", str(tmp_path / "a\nb.toml")])
-        with pytest.raises(SystemExit) as exit:
-            main()
-    first, second = errors.getvalue().splitlines()
-    assert exit.value.code == 2
+    code, _, errors = lensforge("design", tmp_path / "a\nb.toml")
+    first, second = errors.splitlines()
+    assert code == 2
     assert first.startswith("lensforge: ") and first.endswith("source.sides_mm = 1.0: unknown; did you mean side_mm?")
     assert "a b.toml: constraints.max_radius_mm = 'x'" in second
 

@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 import pytest
 from PIL import Image
+from presets import FEW
 from scenes import small_spec
 from undrawn import undrawn
 
@@ -24,7 +25,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 
 SPEC = small_spec(optimise={"steps_per_level": [2, 2], "rays": 256, "pixels": 16}, base={"kind": "none"})
 SCALED = ("lens.inner.offset_mm", "lens.outer.offset_mm")
-SETTINGS = {"accuracy": "draft", "seed": 3}
+SETTINGS = {"accuracy": FEW, "seed": 3}
 
 
 class Designer:
@@ -43,7 +44,7 @@ class Designer:
 
 
 def searched(spec, folder, resume=False, progress=None):
-    return design(spec, accuracy="draft", seed=3, checkpoint=folder / CHECKPOINT, resume=resume, progress=progress)
+    return design(spec, accuracy=FEW, seed=3, checkpoint=folder / CHECKPOINT, resume=resume, progress=progress)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def test_every_design_is_the_spec_with_its_own_value(swept):
     assert content.values == (6.5, 8.0)
     for row in content.designs:
         lens = load_lens(folder / row.folder / "lens.json")
-        assert lens.seed == 3 and lens.accuracy == "draft"
+        assert lens.seed == 3 and lens.accuracy == FEW
         assert content.inputs[row.folder] == lens.sha256
         assert lens.spec.name == row.folder
         assert lens.spec.constraints.max_radius_mm == row.value

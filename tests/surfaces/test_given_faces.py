@@ -220,10 +220,7 @@ def test_a_cad_face_that_is_none_is_one_line(shape, face, message: str, tmp_path
 
 @pytest.mark.nightly("two seconds; by day a cone")
 @HERE
-def test_several_faces_with_a_kink_between_them_are_refused_with_the_place(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("lensforge.surfaces.cad_sampling._MOST_NODES", 100)  # no number of them follows a kink
+def test_several_faces_with_a_kink_between_them_are_refused_with_the_place(tmp_path: Path) -> None:
     path = write(cone(), tmp_path / "cone.step")
     faces = [k for k in range(1, 6) if _is_of_cavity(path, k)]
     with pytest.raises(InputError, match=r"not smooth \d+\.\d degrees from the axis .* misses it by"):
