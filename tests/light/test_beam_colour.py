@@ -205,3 +205,13 @@ def test_colour_of_a_source_without_a_spectrum_is_one_line_at_once() -> None:
     spec: Spec = small_spec(colour={}, base={"kind": "none"})
     with pytest.raises(InputError, match="source: its colour is not known; give its spectrum, or leave out"):
         lit(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW))
+
+
+def test_the_pixels_of_a_beam_are_those_of_the_mean_of_its_replicates() -> None:
+    """A ramp whose replicates differ: each alone is dark in other pixels, and the mean of all is the ramp itself."""
+    ramp = np.linspace(1.0, 0.1, 10)[None, :, None] * WARM * np.ones((6, 1, 1))
+    uneven = np.array([0.4, 1.6, 1.3, 0.7])[:, None, None, None] * ramp
+    uneven[0, :, 4:] *= 0.1
+    uneven[1, :, 4:] *= (4.0 - 0.7 - 1.3 - 0.04) / 1.6
+    found = BeamColour.of(np.moveaxis(uneven, -1, 0), 0.45)
+    assert found is not None and found.pixels == 6 * int((ramp[0, :, 1] >= 0.45 * WARM[1]).sum()) == 36

@@ -14,6 +14,7 @@ from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.scene.body import Body, Face
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
@@ -228,3 +229,15 @@ def test_light_into_directions_is_the_light_of_a_sample(name: str) -> None:
     found = (aimed.flux * aimed.directions[:, 2] / distance**2).sum() * 3.0
     assert found == pytest.approx(wanted, rel=0.01)
     assert (aimed.wavelengths_nm is None) == (rays.wavelengths_nm is None)
+
+
+def test_the_crease_of_a_part_with_its_led_out_of_place_is_that_of_a_led_that_stands_there() -> None:
+    """Tilted and shifted by the tolerances of the part, or by its own pose: the same light and the same gradient."""
+    made = Displacement((0.2, -0.3, 0.15), (0.06, -0.09))
+    tables, here = tables_of(pocket(**BASES[pocket][0]), GRID), scene(pocket(**BASES[pocket][0]))
+    own = PlanarEmitter(Disc(1.0), CosinePower(1.5))
+    there = PlacedSource(own, SourcePose(made.rotation, made.shift))
+    wanted = crease_gradients(tables, here, there, mixed, 2**10, 3)
+    names = tuple(face.name for face in pocket().faces)
+    found = crease_gradients(tables, replace(here, made=AsMade(names, source=made)), own, mixed, 2**10, 3)
+    assert np.abs(found - wanted).max() < 1e-9 * np.abs(wanted).max()

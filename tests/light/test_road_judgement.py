@@ -17,7 +17,17 @@ from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.judged_limits import judged_limits, limit_value
 from lensforge.light.light_facts import spacing_fact
 from lensforge.light.luminaire_classes import LampLight
-from lensforge.light.road_judgement import c_class, classes_held, held_spacing, judge_road, of_file, of_lens, p_class
+from lensforge.light.road_judgement import (
+    best_class,
+    c_class,
+    classes_held,
+    held_spacing,
+    judge_road,
+    of_file,
+    of_lens,
+    p_class,
+)
+from lensforge.results import Metric
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.road_field import RoadReadings
@@ -128,9 +138,76 @@ def test_noise_chooses_no_minimum(fields) -> None:
     for true, found in zip(quiet.limits, noisy.limits, strict=True):
         error = found.value.standard_error
         assert abs(found.value.value - true.value.value) < 4.0 * error + 1e-9, found.name
-    watts = quiet.power_density.value * quiet.mean_lx.value * 7.0 * 30.0
-    assert watts == pytest.approx(50.0)
-    assert quiet.yearly_energy.value == pytest.approx(50.0 * 4.0 / 210.0)
+
+
+@pytest.mark.parametrize(
+    ("arrangement", "lamps"), {"right": 1, "left": 1, "opposite": 2, "staggered": 2, "median": 1}.items()
+)
+def test_power_and_energy_are_those_of_the_lamps_of_one_field(arrangement, lamps) -> None:
+    """Of two on a median the second lights another road."""
+    median = {"median_m": 3.0} if arrangement == "median" else {}
+    road = RoadSection(**ROAD, arrangement=arrangement, lamp_w=50.0, hours=1234.0, **median)
+    found = judge_road(road, of_lens(_lamp(), 1.0))
+    watts = lamps * 50.0 / (7.0 * 30.0)  # per m^2
+    assert found.power_density.value == pytest.approx(watts / found.mean_lx.value, rel=1e-9)
+    assert found.yearly_energy.value == pytest.approx(1e-3 * 1234.0 * watts, rel=1e-12)
+
+
+_EN_13201_2 = {  # cd/m^2, U0, Ul, TI in %, edge ratio
+    "M1": (2.0, 0.40, 0.70, 10.0, 0.35), "M2": (1.5, 0.40, 0.70, 10.0, 0.35), "M3": (1.0, 0.40, 0.60, 15.0, 0.30),
+    "M4": (0.75, 0.40, 0.60, 15.0, 0.30), "M5": (0.50, 0.35, 0.40, 15.0, 0.30), "M6": (0.30, 0.35, 0.40, 20.0, 0.30),
+}  # fmt: skip
+_OF_M = "mean_cd_per_m2", "uniformity", "uniformity_along", "glare_percent"
+
+
+@pytest.mark.parametrize("name", _EN_13201_2)
+def test_each_figure_of_each_driver_and_edge_decides_the_class_that_is_reached(name) -> None:
+    """At its bound it is held; a little beyond, by one of two drivers or at one edge, a lower class is reached."""
+    (first, *_), any_edge = judge_road(RoadSection(**ROAD), of_lens(_lamp(), 1.0)).drivers, Metric(value=9.0)
+    asked = dict(zip(_OF_M, _EN_13201_2[name], strict=False))
+
+    def driver(**figures):
+        given = {field: getattr(first, field).model_copy(update={"value": each}) for field, each in figures.items()}
+        return first.model_copy(update=given)
+
+    def reached(drivers, edges):
+        return best_class(drivers, tuple(any_edge.model_copy(update={"value": each}) for each in edges))
+
+    least = _EN_13201_2[name][4]
+    at, far = driver(**asked), driver(mean_cd_per_m2=9.0, uniformity=0.9, uniformity_along=0.9, glare_percent=1.0)
+    assert reached((far, at), (least, least)) == name
+    beyond = [driver(**{**asked, field: asked[field] * (1.001 if "glare" in field else 0.999)}) for field in _OF_M]
+    tried = [((far, each), (9.0, 9.0)) for each in beyond] + [((each, far), (9.0, 9.0)) for each in beyond]
+    tried += [((at, at), (0.999 * least, 9.0)), ((at, at), (9.0, 0.999 * least))]
+    for drivers, edges in tried:
+        found = reached(drivers, edges)
+        worst = [max if field == "glare_percent" else min for field in _OF_M]
+        figures = [
+            pick(getattr(each, field).value for each in drivers) for pick, field in zip(worst, _OF_M, strict=True)
+        ]
+        held = [
+            each
+            for each, bounds in _EN_13201_2.items()
+            if all(value >= bound for value, bound in zip(figures[:3], bounds, strict=False))
+            and figures[3] <= bounds[3]
+            and min(edges) >= bounds[4]
+        ]
+        assert found == (held or ["none"])[0] != name
+
+
+def test_each_road_has_its_own_lamp_and_its_own_spacing(tmp_path) -> None:
+    """Two roads but for the lumens of their lamps: all light in proportion, and poles farther apart."""
+    path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
+    write_photometric(path, _file())
+    fields = "".join(f"{name} = {json.dumps(value)}\n" for name, value in {**ROAD, "lighting_class": "P5"}.items())
+    roads.write_text("".join(f"[[roads]]\n{fields}lamp_lm = {lumens}\n" for lumens in (1500.0, 4000.0)))
+    done = lensforge("road", path, "--road", roads, "--street-c", "270", "--spacing", "--json")
+    content = json.loads(done.stdout)
+    first, second = content["roads"]
+    assert second["mean_lx"]["value"] / first["mean_lx"]["value"] == pytest.approx(4000.0 / 1500.0, rel=1e-9)
+    assert first["name"] != second["name"]
+    apart = [fact["value"] for group in content["facts"] for fact in group["facts"] if fact["key"] == "largest_spacing"]
+    assert apart[1] > 1.1 * apart[0] > 0.0
 
 
 @pytest.mark.parametrize("lighting_class", ["M3", "collector medium"])

@@ -40,10 +40,10 @@ class KnownParts:
         return np.stack([values, 0.0 * values], axis=-1)[:, None, :]
 
 
-def _true_scale(known: KnownParts, names: list[str], bound: float) -> float:
+def _true_scale(known: KnownParts, names: list[str], bound: float, rate: float = PASS_RATE) -> float:
     scales = np.linspace(0.0, 20.0, 4001)
     rates = [np.mean(known.metric(dict.fromkeys(names, scale)) <= bound) for scale in scales]
-    return float(scales[np.flatnonzero(np.array(rates) >= PASS_RATE)[-1]])
+    return float(scales[np.flatnonzero(np.array(rates) >= rate)[-1:].sum()])
 
 
 @pytest.mark.parametrize("bound", [1.0, 3.0, 6.0])
@@ -59,7 +59,11 @@ def test_amounts_are_those_of_the_known_parts(bound: float) -> None:
             assert true == 0.0 or row.unlimited
             continue
         assert row.at_most == pytest.approx(true, rel=0.08)
+        error = np.sqrt(PASS_RATE * (1.0 - PASS_RATE) / MOST_PARTS)  # of a share of so many parts
         assert row.low <= row.at_most <= row.high
+        for found, rate in ((row.low, PASS_RATE + error), (row.high, PASS_RATE - error)):
+            end = amount * _true_scale(known, names, bound, rate)
+            assert found == pytest.approx(end, rel=0.08) or end == 0.0
     free = rows["nothing"]
     assert free.unlimited or rows["one"].at_most is None or rows["one"].at_most < 0.1
     assert known.measured < 20 * PARTS

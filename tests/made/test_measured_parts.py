@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from presets import FEW
 from lensforge.errors import Cancelled, InputError
 from lensforge.made import measured_parts
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, by_threads
+from lensforge.made.part_study import Recipe
 from lensforge.made.yield_study import measure_yield
 from lensforge.results.stage_result import with_checksum
 
@@ -145,3 +147,17 @@ def test_progress_counts_the_parts_that_are_asked_for() -> None:
     parts.of(range(20))
     parts.of(range(3), {"gap_mm": 2.0})
     assert seen == [(8, 20), (16, 20), (20, 20), (3, 3)]
+
+
+def test_a_worker_keeps_no_study_of_another_recipe(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each field of a recipe alone makes it another one; of the same recipe the study stays."""
+    monkeypatch.setattr(measured_parts, "prepare", lambda _: None)
+    monkeypatch.setattr(measured_parts, "_studies", [])
+    first = Recipe(lens_with({"index": 1e-3}), 4, 256, 0, 512)
+    other = {"lens": lens_with({"index": 2e-3}), "parts": 5, "rays": 512, "seed": 1, "designed_rays": 1024}
+    assert set(other) == {each.name for each in fields(Recipe)}
+    kept = measured_parts._study(first)
+    for name, value in other.items():
+        changed = measured_parts._study(replace(first, **{name: value})).recipe
+        assert getattr(changed, name) == value and changed != kept.recipe, name
+        assert measured_parts._study(first).recipe == first

@@ -8,6 +8,7 @@ from parts import lens_with, study_of
 from lensforge.errors import InputError
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.metrics import rsd_estimate
+from lensforge.made import yield_study
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.part_verbs import _name_of
 from lensforge.made.tolerance_result import PassRate, Yield
@@ -312,6 +313,24 @@ def test_the_class_of_a_road_is_held_by_the_parts_whose_source_is_bright_enough(
     assert rows[0]["nearest"] == f"lane {darker}: mean luminance: light, of 100\u2009% of the parts"
     assert rows[0]["main"].startswith("source, flux, ")
     assert found.pass_rate.value == 0.0  # a part must hold the classes of all roads
+
+
+@pytest.mark.parametrize(("noise", "decided"), [(0.02, True), (0.1, False)])
+def test_causes_of_a_road_are_sought_where_the_spread_is_larger_than_the_noise_of_its_figure(
+    noise: float, decided: bool
+) -> None:
+    """Glare of 20 % is the nearest figure of each part, and differs by 2 % of it; all else is far from its bound."""
+    lens = lens_with({"source_flux": 0.05, "index": 1e-9}, target=FAR, roads=[ROAD | {"glare_percent": 20.0}])
+    study = PartStudy(Recipe(lens, 40, 512, 0, 1024))
+    measured = np.zeros((40, len(study.names), 2))
+    for bound in study.bounds:
+        measured[:, study.names.index(bound.metric), 0] = bound.bound * (2.0 if bound.sense == ">=" else 0.5)
+    glare = next(study.names.index(bound.metric) for bound in study.bounds if bound.unit == "%")
+    measured[:, glare, 0] = 20.0 * (0.9 + 0.5 * study.draws.numbers["source_flux"][:, 0] * 0.1)
+    measured[:, glare, 1] = 20.0 * noise * 0.5
+    (road,) = yield_study._roads(study, measured)
+    assert road.nearest == study.names[glare] and (road.variance is not None) == decided
+    assert 0.02 < measured[:, glare, 0].std() / 20.0 < 0.03
 
 
 def test_limits_read_at_once_are_those_read_one_by_one() -> None:

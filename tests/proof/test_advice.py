@@ -8,8 +8,9 @@ import trimesh
 from lens_meshes import DISTANCE, INDEX, INNER, OUTER, lambertian, oracle, right
 
 from lensforge.optics.media import Media, Medium
-from lensforge.proof.part_comparison import Expected, compare
-from lensforge.proof.proof_result import Agreement
+from lensforge.proof.acceptance import brep_criteria, mitsuba_criteria
+from lensforge.proof.part_comparison import Expected, compare, gap_quantiles
+from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.remedies import Evidence, form_of_mesh
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage
@@ -157,3 +158,42 @@ def test_rays_that_met_other_faces_count_as_of_another_fate():
     assert found.fates_flux == pytest.approx(rays.flux[1] / rays.flux.sum())
     assert (alike.compared, alike.fates) == (3, 0)
     assert replace(one_way, met=design).take(np.array([1, 2])).met.tolist() == design[1:].tolist()
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("plane", 1.0), ("cylinder", 1.0), ("sphere", 1.0), ("far_field", 1e3)])
+def test_gaps_are_mm_on_the_receiver_and_of_directions_those_at_a_metre(kind, unit):
+    """Of three rays: 0.005 and 0.013 units of the chart, the third lands nowhere in the part."""
+    screen = Screen(kind, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, 60.0, 1.5, 1.0, 8, 4, (None, None, None))
+    rays, places = lambertian(3, 0.0), np.array([[0.1, 0.2], [-0.3, 0.1], [0.2, 0.2]])
+    fates = np.array([CastFate.LANDED, CastFate.LANDED, CastFate.NO_HIT], dtype=np.int64)
+    off = np.array([[3e-3, -4e-3], [5e-3, 12e-3], [np.nan, 0.0]])
+    landed = landed_rays(rays, places + off, fates=fates)
+    expected = Expected(screen, np.ones((4, 8)), places, np.ones(3))
+    found = compare(rays, landed, expected)
+    assert (found.compared, found.fates) == (2, 1)
+    assert (found.rms, found.max) == pytest.approx((unit * np.sqrt(97e-6), 0.013 * unit))
+    assert gap_quantiles(landed, expected)[[0, 250, 500]] == pytest.approx(unit * np.array([5e-3, 9e-3, 13e-3]))
+    nowhere = compare(rays, replace(landed, landings=np.full((3, 2), np.nan)), expected)
+    assert nowhere.rms == pytest.approx(unit * np.hypot(1.5, 1.0)), "the diagonal"
+
+
+CASTS = {  # limits by hand: rad, share of the flux, rays or share of the flux with another fate
+    "brep_": (5e-5, 1e-4, 2), "mitsuba_": (1e-3, 2e-3, 2e-3)}  # fmt: skip
+
+
+@pytest.mark.parametrize("beyond", [0.999, 1.001])
+@pytest.mark.parametrize("prefix", CASTS)
+def test_each_figure_of_a_cast_is_judged_by_its_own_limit(prefix, beyond):
+    """A little inside each limit, and a little beyond each; the reach of the light is 2 m."""
+    angle, flux, fates = CASTS[prefix]
+    count = int(fates * (beyond > 1.0) + 2) if prefix == "brep_" else 7
+    seen = Agreement(compared=9, rms=beyond * angle * 2000.0, p99=9.0, max=9.0, flux=beyond * flux, fates=count,
+                     fates_flux=beyond * 2e-3)  # fmt: skip
+    common = {"rays": 1024, "seconds": 1.0, "against_design": seen}
+    if prefix == "brep_":
+        found = brep_criteria(BrepCast(**common, against_mesh=seen), 2000.0)
+    else:
+        nmse = {"nmse_vs_design": beyond * (2.5 * 0.01 + 1e-3), "noise_floor_nmse": 0.01, "nmse_same_rays": 0.0}
+        found = mitsuba_criteria(MitsubaCast(version="3", **common, **nmse), 2000.0)
+    assert {each.name: each.passed for each in found} == {each.name: beyond < 1.0 for each in found}
+    assert f"{prefix}deviation_rms" in {each.name for each in found} and len(found) == (3 if prefix == "brep_" else 4)

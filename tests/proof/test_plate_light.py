@@ -23,7 +23,7 @@ from lensforge.proof.acceptance import proof_criteria
 from lensforge.proof.casts import verify
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Base
-from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
+from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import cast_lamps
 from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.proof.proof_facts import proof_facts
@@ -35,6 +35,7 @@ from lensforge.proof.stray_analysis import trace_stray
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import BaseSection
+from lensforge.spec.lamps_section import Lamps
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 INNER, OUTER, APART, INDEX = 1.0, 3.0, 8.0, 1.5
@@ -109,7 +110,7 @@ def test_a_plate_may_be_turned_and_any_of_its_lenses_lit() -> None:
 
 def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
     turns = np.array([0.3, -1.1, 2.0])
-    plate = PlateOfLenses(np.array([[4.0, 1.0], [-6.0, 2.0], [3.0, -8.0]]), turns, 1)
+    plate = plate_of(Lamps.level([(4.0, 1.0), (-3.0, 2.0), (3.0, -8.0)], np.degrees(turns).tolist()))
     point, normal = np.array([[1.0, -0.5, 0.7]]), np.array([[0.6, 0.0, 0.8]])
     for place, turn in zip(plate.places, turns, strict=True):
         there, ahead = (

@@ -6,8 +6,10 @@ from result_folders import PIXELS, criterion, make_results
 from result_folders import finding as any_finding
 from shown_folders import lens_of
 
+from lensforge.cli.conclusion import _limit_rows
 from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import LimitResult
+from lensforge.light.light_facts import light_facts
 from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
 from lensforge.report.results import Results
@@ -182,3 +184,20 @@ def test_a_face_needs_one_tool_of_the_shop_not_all() -> None:
     assert cut(lens, finding("tool", holds=False), finding("tool", holds=True)).verdict.cutting == "pass"
     found = cut(lens, finding("tool", "inner", holds=True), finding("tool", "outer"), finding("tool", "outer")).verdict
     assert found.cutting == "fail" and found.reasons.cutting == ("tool of outer; tool of outer",)
+
+
+def test_limits_that_are_undecided_are_not_counted_as_held_on_the_screen() -> None:
+    axis = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}
+    content = {"receiver": "light", "quantity": "light", "sense": ">=", "bound": 1.0, "unit": "W/m²"}
+    limits = tuple(
+        LimitResult(name=name, value=Metric(value=value, unit="W/m²", standard_error=0.1), **content)
+        for name, value in (("near", 1.1), ("well", 1.3), ("far", 0.5))
+    )
+    results = make_results(lens=lens_of(limits=[axis]), evaluate={"limits": limits})
+    (group,) = (group for group in light_facts(results.light, results.lens) if group.key == "limits")
+    (_, held), *others = _limit_rows(group)
+    assert held == "1 of 3 held"
+    assert [(label.strip(), words.partition(":")[0]) for label, words in others] == [
+        ("undecided", "near"),
+        ("missed", "far"),
+    ]

@@ -21,6 +21,7 @@ from lensforge.made.yield_facts import (
     spread_rows,
     yield_facts,
 )
+from lensforge.report import yield_section
 from lensforge.results import Conditions, Metric
 from lensforge.results.numerals import percent
 from lensforge.shop.sheet_tables import tolerance_table
@@ -173,3 +174,18 @@ def test_a_yield_by_other_tolerances_has_a_section_of_its_own(lens, found):
     both = Page(undrawn_page_of(results)).text
     assert both.count("How far the light scatters") == 2 and "yield_moulded.csv" in both
     assert str(other.conditions) in both
+
+
+def test_the_worst_parts_of_a_lattice_are_drawn_over_all_its_periods(monkeypatch):
+    """Three by three periods of 60 x 40 mm: axes of 180 x 120 mm, as for the light as designed."""
+    drawn = []
+    monkeypatch.setattr(yield_section, "picture", lambda name, figure, *_: drawn.append(figure.axes[0]))
+    disc = {"kind": "disc", "diameter_mm": 20.0}
+    plane = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 60.0, "height_mm": 40.0, "targets": [disc]}
+    lamps = {"kind": "endless", "pitch_mm": [60.0, 40.0]}
+    lens = small_lens(wanted={"receivers": [plane], "lamps": lamps})
+    found = make_yield(lens).model_copy(update={"worst_maps": np.ones((1, 33, 48))})
+    yield_section._worst_pictures("yield", found, make_results((), lens))
+    for axes in drawn:
+        assert [*np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1)] == pytest.approx([180.0, 120.0])
+    assert drawn

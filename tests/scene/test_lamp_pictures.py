@@ -318,3 +318,13 @@ def test_the_photometry_of_lamps_on_poles_is_that_of_one() -> None:
     ]
     np.testing.assert_array_equal(found[0].candela, found[1].candela)
     assert [each.source_lm for each in found] == [100.0, 100.0] and any("those of one" in w for w in found[1].warnings)
+
+
+def test_the_mean_over_lamps_counts_each_lamp_once() -> None:
+    """Three lamps share a raster, a turned one has its own."""
+    places = [[-40.0, 0.0], [0.0, 0.0], [40.0, 0.0], [0.0, 40.0]]
+    lamps = {"kind": "table", "places_mm": places, "turns_deg": [0.0, 0.0, 0.0, 30.0]}
+    board = LampPictures.of(receivers_of(together(lamps, SHEET), 30)[0])
+    counts = [raster.lamps for raster in board.rasters]
+    assert sorted(counts) == [1, 3]
+    assert board.mean([np.array([1.0 * (count == 3), count]) for count in counts]) == pytest.approx([0.75, 2.5])

@@ -25,7 +25,8 @@ from lensforge.search.profiles import ProfileParameters
 from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
-from lensforge.surfaces.reflector_cup import best_cup
+from lensforge.surfaces.reciprocal import ConicFace
+from lensforge.surfaces.reflector_cup import best_cup, reflector_faces
 
 BEAM: dict[str, Any] = {
     "source": {"kind": "square", "side_mm": 1.0},
@@ -149,6 +150,27 @@ def test_the_derivative_of_the_merit_is_that_of_differences(along: list[float]) 
     assert float((moving.grad * direction).sum()) == pytest.approx(found, rel=0.05)
 
 
+@pytest.mark.parametrize("offset_mm", [3.0, 4.5])
+def test_the_offset_of_a_cup_is_its_radius_in_the_plane_of_the_led(offset_mm: float) -> None:
+    cup = start_faces(reflector({"cup": {"offset_mm": offset_mm}}))["cup"]
+    for azimuth in (0.0, 2.0):
+        way = np.array([[np.cos(azimuth), np.sin(azimuth), 0.0]])
+        assert cup.radius(way)[0] == pytest.approx(offset_mm, rel=1e-9)
+
+
+def test_the_back_of_an_oval_cup_is_a_wall_away_on_every_side() -> None:
+    """Round, and so a wall away where the cup reaches farthest, and more elsewhere."""
+    cup, wall = ConicFace(16.0, 5.0, 0.8, (0.1, -0.05, 1.0)), 0.8
+    back = reflector_faces(cup, 12.0, wall, 9.0)["back"]
+    polar, azimuth = np.radians(np.linspace(50.0, 88.0, 20)), np.linspace(0.0, 2.0 * np.pi, 361)
+    for angle in polar:
+        u = np.column_stack(
+            [np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.full_like(azimuth, np.cos(angle))]
+        )
+        needed = cup.radius(u) + wall / np.sum(cup.normal(u) * u, axis=1)
+        assert back.radius(u) == pytest.approx(np.full(361, needed.max()), rel=5e-3)
+
+
 def test_the_back_follows_the_cup() -> None:
     parameters = ProfileParameters.of(reflector(), 2.5)
     weights, offsets = moved(parameters)
@@ -161,6 +183,11 @@ def test_the_back_follows_the_cup() -> None:
     again = parameters.tables(*parameters.parameters_of(parameters.lens(weights, offsets, reflector(), 0, FEW)))
     apart = (again - parameters.tables(weights, offsets)).abs().amax(dim=(1, 2))
     assert apart[0] < 1e-6 and apart[2] < 1e-6
+    for face, factor in ((0, 1.02), (1, 0.97)):  # the back goes with the cup, and by its own offset without it
+        scaled = offsets.clone()
+        scaled[face] *= factor
+        ratio = parameters.surfaces(weights, scaled)["back"].radius(directions) / now["back"].radius(directions)
+        assert ratio == pytest.approx(np.full(40, factor), rel=1e-6)
 
 
 def test_limits_are_those_of_the_body() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from chains import upwards
 from scenes import small_spec
 from search_scenes import require_same_bits_after
 
@@ -22,6 +23,7 @@ from lensforge.search.parameters import SphereParameters
 from lensforge.search.problem import Problems, ValidationRays
 from lensforge.sources.measured_rays import held_back, searched, smoothed
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import Spec
 
@@ -152,6 +154,9 @@ def test_files_of_rays_are_divided_each_by_itself(examples: Path) -> None:
     source = searched_source(small_spec(source=None, sources=files))
     count = source_of(small_spec(source=files[0]["source"])).ray_count
     assert count is not None and source.ray_count == 2 * count
+    unequal = SeveralSources(tuple(RaySetEmitter(upwards(rays, rays), 1.0) for rays in (90, 31, 47)), 550.0)
+    assert unequal.ray_count == 3 * 31 and len(np.unique(unequal.sample(93, 0).directions, axis=0)) == 93
+    assert replace(unequal, sources=(*unequal.sources, source_of(_spec()))).ray_count == 4 * 31
     steps, judging = searched(source), held_back(source)
     assert isinstance(steps, SeveralSources) and isinstance(judging, SeveralSources)
     assert [led.ray_count for led in (*steps.sources, *judging.sources)] == [14000, 14000, 6000, 6000]

@@ -111,8 +111,9 @@ def test_what_is_saved_is_what_the_record_holds(handed, tmp_path):
         handed.save(tmp_path / "file" / "folder")
 
 
-@pytest.mark.parametrize("name", ["manufacturing.html", "manufacturing.pdf"])
+@pytest.mark.parametrize("name", ["manufacturing.html", "manufacturing.pdf", "plate.pdf"])
 def test_the_page_of_another_program_is_kept(handed, name, tmp_path):
+    handed = handed.model_copy(update={"plate_pdf": handed.pdf})
     handed.save(tmp_path)
     handed.save(tmp_path)  # its own are replaced
     (tmp_path / name).write_bytes(b"%PDF-1.7 of another program")

@@ -110,9 +110,15 @@ INNER_BASES = [
 ]
 
 
+@pytest.mark.parametrize("aside", [(0.0, 0.0), (0.16, -0.12)])
 @pytest.mark.parametrize("sizes", INNER_BASES)
-def test_the_cavity_needs_a_bore_and_a_pocket(sizes: dict[str, float], faces) -> None:
-    plan = lay_out(INNER.patch, OUTER.patch, BaseSection(height_mm=3.0, **sizes))
+def test_the_cavity_needs_a_bore_and_a_pocket(sizes: dict[str, float], aside: tuple[float, float], faces) -> None:
+    """A bore goes round the place of the rim that is farthest from the axis: of a cavity aside 0.2 mm farther."""
+    if aside != (0.0, 0.0):
+        inner = exported(sphere(1.2, (*aside, -0.3)), AirSide.INSIDE)
+        faces = check_face(inner, BALL, 25), faces[1]
+    RIM_IN = sqrt(1.2**2 - 0.3**2) + hypot(*aside)
+    plan = lay_out(faces[0].samples.face.patch, OUTER.patch, BaseSection(height_mm=3.0, **sizes))
     found = check_ball_clearance(plan, None, by_name(faces)).faces["inner"]
     contacts, pocket_mm = centres(faces[0]), sizes.get("pocket_diameter_mm")
     depth = 3.0 - sizes.get("pocket_depth_mm", 0.0)

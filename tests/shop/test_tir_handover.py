@@ -109,6 +109,14 @@ def test_the_section_and_the_sheet_show_every_face(handed):
     off = {name: np.abs(lens.surfaces[name].radius(u) - distance) for name in TIR}
     assert np.min(list(off.values()), axis=0).max() < 1e-9
     assert all((each < 1e-9).sum() > 20 for each in off.values()), "of all four faces"
+    page = made.html.decode("utf-8")
+    for name in TIR:  # as far as it bounds its medium
+        polar = np.radians(np.linspace(0.0, 90.0, 90_001))
+        own = domain_of(lens, name, polar)
+        ways = np.column_stack([np.sin(polar), 0.0 * polar, np.cos(polar)])[own]
+        widest = 2.0 * float((lens.surfaces[name].radius(ways) * ways[:, 0]).max())
+        stated = re.findall("Effective aperture: ⌀([0-9.]+)", page)[("exit", "wall", "side", "cap").index(name)]
+        assert float(stated) == pytest.approx(widest, abs=2e-3)
     document = ezdxf.read(io.StringIO(made.dxf.decode("utf-8")))
     assert not document.audit().errors
     measured = np.array([each.get_measurement() for each in document.modelspace().query("DIMENSION")])

@@ -74,8 +74,8 @@ def test_tilt_factors_are_passed_over_a_multiplier_counts_and_damaged_numbers_ar
     values = _read(tmp_path, plain).intensity.values
     tilted = _read(tmp_path, plain.replace("TILT=NONE", "TILT=INCLUDE\n1 2 0 90 1 0.5"))
     np.testing.assert_array_equal(tilted.intensity.values, values)
-    twice = _read(tmp_path, plain.replace("1 -1 1 3 2", "1 -1 2 3 2"))
-    np.testing.assert_array_equal(twice.intensity.values, 2.0 * values)
+    made = _read(tmp_path, plain.replace("1 -1 1 3 2", "1 -1 3 3 2").replace("\n1 1 10\n", "\n0.8 1 10\n"))
+    np.testing.assert_allclose(made.intensity.values, 3.0 * 0.8 * values, rtol=1e-12, err_msg="and the ballast")
     for before, after, message in (
         ("40 4 0\n", "40 4", "truncated"),
         (" 3 2 1 2", " 1e9 2 1 2", "count"),

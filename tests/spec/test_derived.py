@@ -9,7 +9,7 @@ import pytest
 import lensforge as lf
 from lensforge.errors import WrongFields
 from lensforge.spec import load_spec, parse_spec
-from lensforge.spec.derived_values import WHY, LensSizes
+from lensforge.spec.derived_values import WHY, LensSizes, source_extent
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHORTEST = """
@@ -56,6 +56,13 @@ def test_sections_of_another_spec_bring_what_was_given_and_no_derived_value() ->
     made = lf.Spec(source=wide, target=first.target, constraints=first.constraints, lens=first.lens)
     assert made.constraints.cavity_radius_mm == 2.4 and made.lens.start_mm == {"inner": 7.0, "outer": 13.7}
     assert made.constraints.cavity_height_mm == pytest.approx(0.6 * 2.4 + 0.2)
+    leds = [{"name": f"led{number}", "source": {"kind": "disc", "diameter_mm": 1.0, "position_mm": [0.0, y, z]}}
+            for number, (y, z) in enumerate(((0.0, 0.3), (1.4, 1.5), (0.2, -0.4)))]  # fmt: skip
+    several = lf.Spec(sources=leds, target=first.target, constraints=first.constraints, lens=first.lens)
+    assert several.constraints.cavity_radius_mm == pytest.approx(1.2 * (0.5 + 1.4), abs=0.1), "of the farthest"
+    assert several.constraints.cavity_height_mm == pytest.approx(
+        0.6 * several.constraints.cavity_radius_mm + 1.5, abs=0.1
+    ), "above the highest"
     assert first.constraints.cavity_radius_mm == 0.6
 
 
@@ -140,3 +147,21 @@ def test_chips_have_the_cavity_of_the_circle_that_holds_all_of_them() -> None:
     limits = parse_spec(content, "lamp").constraints
     assert 0.0 <= limits.cavity_radius_mm - 1.2 * (np.hypot(1.2, 1.4) + 0.5) < 0.01  # rounded up to three digits
     assert 0.0 <= limits.cavity_height_mm - (0.6 * limits.cavity_radius_mm + 0.1) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("source", "corner"),
+    [
+        ({"kind": "square", "side_mm": 1.4}, (0.7, 0.7)),
+        ({"kind": "disc", "diameter_mm": 1.4}, (0.7, 0.0)),
+        ({"kind": "rectangle", "width_mm": 2.0, "height_mm": 0.4}, (1.0, 0.2)),
+        ({"kind": "chip_array", "columns": 3, "rows": 2, "pitch_mm": [2.0, 0.7], "width_mm": 0.5, "height_mm": 0.3},
+         (2.25, 0.5)),
+        ({"kind": "chips", "chips": [{"x_mm": 0.4, "y_mm": 0.0, "width_mm": 0.5, "height_mm": 0.5},
+                                     {"x_mm": 0.0, "y_mm": -1.2, "width_mm": 0.6, "height_mm": 0.2}]}, (0.3, 1.3)),
+    ],
+    ids=lambda each: each["kind"] if isinstance(each, dict) else "",
+)  # fmt: skip
+def test_the_extent_of_an_emitter_is_the_way_to_its_farthest_corner(source: dict, corner: tuple[float, float]) -> None:
+    spec = parse_spec({**tomllib.loads(SHORTEST), "source": source}, "lamp")
+    assert source_extent(spec.source) == pytest.approx(float(np.hypot(*corner)), rel=1e-12)

@@ -1,5 +1,6 @@
 """Lamps together in a spec: where they stand, which mirrors they have, and what cannot be."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.spec import Spec, parse_spec
-from lensforge.spec.lamps_section import Lamps
+from lensforge.spec.lamps_section import LampKind, Lamps
 
 GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 30.0]}
 DISC = {"kind": "disc", "diameter_mm": 9.0}
@@ -212,3 +213,18 @@ def test_kinds_that_cannot_be(lamps: dict[str, Any], words: str) -> None:
 def test_what_goes_with_one_lens_alone(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         small_spec(**{"lamps": BY_PLACE, "base": {"kind": "none"}, "target__receiver_mm": 200.0, **changes})
+
+
+@pytest.mark.parametrize(
+    ("turn", "square", "apart"),
+    [(0.0, True, 7.5), (90.0, True, 7.5), (45.0, True, 7.5 * 2.0**0.5), (0.0, False, 7.5 * 2.0**0.5)],
+)
+def test_square_bases_stand_side_by_side_only_unturned(turn: float, square: bool, apart: float) -> None:
+    lamps = Lamps.level([(0.0, 0.0), (7.5, 7.5), (7.5, 30.0)], (0.0, turn, 0.0))
+    assert lamps.nearest_mm(square) == pytest.approx(apart)
+
+
+def test_rays_of_each_kind_of_lens_are_by_the_root_of_its_lamps() -> None:
+    kinds = LampKind("a", tuple(range(9))), LampKind("b", tuple(range(9, 13))), LampKind("c", (13,))
+    lamps = replace(Lamps.level([(20.0 * k, 0.0) for k in range(14)]), kinds=kinds)
+    assert lamps.shares_of_rays == pytest.approx((3 / 6, 2 / 6, 1 / 6))

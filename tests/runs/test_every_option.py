@@ -1,0 +1,299 @@
+"""Every option of every command reaches what it is for: the keyword that hears it, or what is printed and written.
+
+An option without a row fails. The seams are the verbs that a command calls: what they make of a keyword is tested
+with them.
+"""
+
+import json
+import shutil
+from contextlib import nullcontext
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.cli.cli import cli
+from lensforge.search.checkpoint import CHECKPOINT
+from lensforge.verbs import FolderStage
+
+OF_FOLDER = (
+    "check", "compare", "correct", "evaluate", "export", "handover", "photometry", "sensitivity", "verify", "yield",
+)  # fmt: skip
+BASE = dict.fromkeys(OF_FOLDER, ("{folder}",)) | {
+    "correct": ("{folder}", "--points", "p.csv", "--surface", "inner"),
+    "design": ("{spec}", "--out", "{out}"), "preview": ("{spec}", "--out", "{out}"),
+    "sweep": ("{spec}", "--vary", "source.side_mm=1,2", "--out", "{out}"), "tradeoff": ("{spec}", "--out", "{out}"),
+    "report": ("{folder}", "{folder}"),
+}  # fmt: skip
+COUNT = {"--rays": ("1.5e3", "rays", 1500), "--threads": ("3", "threads", 3)}
+SEARCH = COUNT | {
+    "--accuracy": ("draft", "accuracy", "draft"), "--seed": ("7", "seed", 7),
+    "--scheduler": ("local:2", "scheduler", "local:2"),
+    "--out": ("{tmp}/other", "", "{tmp}/other"),
+}  # fmt: skip
+FORCE = {"--force": ("", "force", True), "--anyway": ("", "force", True)}
+OPEN = {"--open": ("", "", "click.launch")}
+HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or any), its value
+    "check": {},
+    "compare": {
+        "--on": ("on.png", "on", Path("on.png")), "--off": ("off.png", "off", Path("off.png")),
+        "--corners": ("1,2 3,4 5.5,6 7,8", "corners", [(1.0, 2.0), (3.0, 4.0), (5.5, 6.0), (7.0, 8.0)]),
+        "--target-mm": ("12.5", "target_mm", 12.5), "--gamma": ("2.2", "gamma", 2.2),
+        "--points": ("p.csv", "points", Path("p.csv")), "--surface": ("outer", "surface", "outer"),
+        "--registration": ("shift", "registration", "shift"), "--rays": COUNT["--rays"],
+    },
+    "correct": {
+        **COUNT, "--points": ("q.csv", "points", Path("q.csv")), "--surface": ("outer", "surface", "outer"),
+        "--wavelength": ("1.5", "wavelength_mm", 1.5), "--gain": ("0.7", "gain", 0.7),
+        "--registration": ("none", "registration", "none"),
+    },
+    "design": SEARCH | FORCE | OPEN | {
+        "--rays": ("1.5e3", "rays", 1500), "--sources": ("{led} --sources {other_led}", "sources", "led, other"),
+        "--starts": ("4", "starts", 4),
+        "--device": ("cuda", "device", "cuda"), "--resume": ("", "checkpoint", Path("{out}") / CHECKPOINT),
+    },
+    "evaluate": {
+        **COUNT, "--pixels": ("48", "pixels", 48), "--source": ("led.ray", "source", Path("led.ray")),
+        "--temperature": ("85.5", "temperature_c", 85.5), "--name": ("warm", "name", "warm"),
+        "--compare": ("--source led.ray", "", "renewed_for"),
+    },
+    "export": {
+        "--schema": ("AP242", "schema", "AP242"), "--runout": ("2.5", "extension_deg", 2.5),
+        "--extension": ("2.5", "extension_deg", 2.5), "--nodes": ("77", "nodes", 77), "--rings": ("30", "rings", 30),
+        "--date": ("2025-03-04", "date", "2025-03-04"),
+    },
+    "handover": {
+        "--spacing": ("0.25", "spacing_mm", 0.25), "--error": ("3.5", "error_nm", 3.5),
+        "--interpolation": ("linear", "interpolation", "linear"), "--drawing": ("d.toml", "drawing", Path("d.toml")),
+    },
+    "photometry": {
+        **COUNT, "--lumens": ("250", "lumens", 250.0), "--ies-version": ("2002", "ies_version", 2002),
+    },
+    "preview": {key: SEARCH[key] for key in ("--seed", "--threads")} | FORCE | OPEN
+    | {"--out": ("{tmp}/other", "", "{tmp}/other/light.png")},
+    "report": {"--out": ("{tmp}/two.html", "", "{tmp}/two.html")},
+    "sensitivity": COUNT,
+    "sweep": SEARCH | {
+        "--vary": ("source.side_mm=2,3", "values", (2.0, 3.0)), "--resume": ("", "resume", True),
+        "--scale": ("lens.inner.offset_mm", "scaled", ("lens.inner.offset_mm",)),
+    },
+    "tradeoff": {
+        "--most-rays": ("8192", "most_rays", 8192), "--threads": ("3", "", "threads 3"), "--out": SEARCH["--out"],
+    },
+    "verify": COUNT | {"--stray": ("", "", "stray"), "--base": ("black --stray", "base", "black")},
+    "yield": {
+        **COUNT, "--parts": ("77", "parts", 77), "--seed": ("7", "seed", 7),
+        "--budget": ("--no-budget", "budget", False),
+        "--tolerances": ("moulded", "tolerances", "moulded"), "--scheduler": SEARCH["--scheduler"],
+    },
+}  # fmt: skip
+OUTPUT = {"--json": ("", "json", True), "--quiet": ("", "quiet", True)}
+Calls = list[tuple[str, tuple[object, ...], dict[str, object]]]
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch, small_run: lf.Run) -> Calls:
+    """What the verbs of the commands are called with; each returns what the command shows next."""
+    heard: Calls = []
+
+    def hear(where: str, returned: object = None) -> None:
+        def called(*given: object, **named: object) -> object:
+            heard.append((where.rpartition(".")[2] if where != "click.launch" else where, given, named))
+            return returned
+
+        monkeypatch.setattr(where, called)
+
+    def run_in(stage: FolderStage[Any], here: object, **options: object) -> object:
+        heard.append((stage.name, (), options))
+        return SimpleNamespace()
+
+    monkeypatch.setattr(FolderStage, "run_in", run_in)
+    none = SimpleNamespace(vary="", designs=(), failed={}, criteria=(), save=lambda _: None)
+    cli_modules = {"stages": ("finish", "finish_handover", "finish_page", "renewed_for", "write_comparison")}
+    for module, names in (cli_modules | {"design": ("finish_run",), "studies": ("finish_study",)}).items():
+        for name in names:
+            hear(f"lensforge.cli.{module}.{name}")
+    hear("lensforge.cli.stages.make_handover", none)
+    hear("lensforge.report.pipeline.run", small_run)
+    hear("lensforge.report.sweep_runs.run_sweep", none)
+    hear("lensforge.report.tradeoff_study.run_tradeoff", none)
+    hear("lensforge.search.searches.design", small_run.design)
+    hear("lensforge.cli.design.evaluate", small_run.light)
+    hear("lensforge.light.evaluation_result.Light.save")
+    hear("lensforge.cli.design.Output.show")
+    hear("click.launch")
+
+    def threads(count: int | None) -> Any:
+        heard.append((f"threads {count}", (), {}))
+        return nullcontext()
+
+    monkeypatch.setattr("lensforge.cli.studies.threads_of_torch", threads)
+    return heard
+
+
+def invoked(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, list(map(str, arguments)))
+
+
+def options_of(name: str) -> set[str]:
+    return {flag for each in cli.commands[name].params if isinstance(each, click.Option) for flag in each.opts}
+
+
+@pytest.fixture
+def places(tmp_path: Path, small_run: lf.Run) -> dict[str, Path]:
+    here = {name: tmp_path / name for name in ("folder", "out", "spec")} | {"tmp": tmp_path}
+    leds = Path(__file__).parents[2] / "examples" / "led.tm25ray"
+    here |= {"led": leds, "other_led": Path(shutil.copy(leds, tmp_path / "other.tm25ray"))}
+    for name in ("folder", "out"):
+        here[name].mkdir()
+    shutil.copy(small_run.folder / "lens.json", here["folder"])
+    (here["out"] / CHECKPOINT).touch()
+    small_spec().save(here["spec"])
+    return here
+
+
+ROWS = [(name, flag, *row) for name, rows in HEARD.items() for flag, row in {**rows, **OUTPUT}.items()]
+
+
+@pytest.mark.parametrize(("name", "flag", "value", "keyword", "wanted"), ROWS, ids=[f"{r[0]}{r[1]}" for r in ROWS])
+def test_an_option_is_heard(
+    name: str, flag: str, value: str, keyword: str, wanted: object, calls: Calls, places: dict[str, Path]
+) -> None:
+    def given(words: object) -> Any:
+        if isinstance(words, list | tuple):
+            return type(words)(map(given, words))
+        return type(words)(str(words).format(**places)) if isinstance(words, str | Path) else words
+
+    def said() -> list[object]:
+        """What the calls had under the keyword, or all that they had."""
+        found: list[object] = []
+        for where, args, named in calls:
+            parts = [*args, *named.values()]
+            fields = {k: v for each in parts if hasattr(each, "__dict__") for k, v in vars(each).items()}
+            of_spec = [each.optimise.rays for each in parts if isinstance(each, lf.Spec)] if keyword == "rays" else []
+            asked = [({**fields, **named})[keyword]] if keyword in {**fields, **named} else []
+            asked = [", ".join(led.name for led in each) for each in asked] if keyword == "sources" else asked
+            found += asked + of_spec if keyword else [where, *map(str, parts)]
+        calls.clear()
+        return found
+
+    base = [given(each) for each in BASE[name]]
+    without = invoked(name, *base)
+    assert without.exception is None or isinstance(without.exception, lf.LensforgeError), without.exception
+    before = said()
+    words = [value] if value.startswith("--no-") else [flag, *given(value).split()]
+    done = invoked(name, *base, *words)
+    assert done.exception is None or isinstance(done.exception, lf.LensforgeError), done.exception
+    after = said()
+    assert given(wanted) in after and given(wanted) not in before, (before, after, done.output)
+
+
+RAYS = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w\n0,0,0,0,0.6,0.8,0.25\n1,0,0,0,0,1,0.5\n"
+IES = """IESNA:LM-63-2002
+TILT=NONE
+1 1000 1 4 3 1 2 0 0 0
+1 1 10
+0 45 80 90
+0 90 180
+100 200 30 0
+100 80 60 0
+100 50 20 0
+"""
+ROADS = "[[roads]]\nlighting_class = 'P5'\nwidth_m = 6.0\npole_height_m = 5.0\npole_spacing_m = 20.0\nlamp_lm = {}\n"
+LAMP = {"--source": "disc:1", "--target": "rectangle:200x150@300", "--max-radius": "14"}
+
+
+def printed(*arguments: object) -> str:
+    done = invoked(*arguments)
+    assert not isinstance(done.exception, lf.InputError), done.exception
+    return done.stdout
+
+
+def of_rays(flag: str, here: Path) -> bool:
+    """The summary of a file of two rays, what it is converted to, and its picture."""
+    led, lamp, to = here / "led.csv", here / "lamp.ies", here / "to.ies"
+    led.write_text(RAYS), lamp.write_text(IES)
+    summary = json.loads(printed("rays", led, "--json"))
+    match flag:
+        case "--header":
+            return summary["flux"] != json.loads(printed("rays", led, "--json", "--header"))["flux"]
+        case "--to" | "--format":
+            kinds = {"zemax_binary": here / "a.dat", "tm25": here / "a.tm25ray"}
+            given = {name: ("--format", name) if name == "zemax_binary" else () for name in kinds}
+            for name, path in kinds.items():
+                printed("rays", led, "--to", path, *given[name])
+            found = [json.loads(printed("rays", path, "--json")) for path in kinds.values()]
+            return [each["format"] for each in found] == list(kinds) and {each["rays"] for each in found} == {2}
+        case "--ies-version":
+            printed("rays", lamp, "--to", to, flag, "2002")
+            return to.read_text().startswith("IESNA:LM-63-2002")
+        case "--plot":
+            printed("rays", lamp, flag, here / "a.svg")
+            return "<svg" in (here / "a.svg").read_text()
+    return (summary["rays"], printed("rays", led, "--quiet")) == (2, "")
+
+
+def of_road(flag: str, here: Path) -> bool:
+    """Lux of a lamp whose street is at C = 0: twice as many lumens, the street behind it, spacing."""
+    (here / "lamp.ies").write_text(IES)
+    for name, lumens in (("a", 1e3), ("b", 2e3)):
+        (here / f"{name}.toml").write_text(ROADS.format(lumens))
+
+    def lux(*more: object, roads: str = "a") -> float:
+        found = json.loads(printed("road", here / "lamp.ies", "--road", here / f"{roads}.toml", "--json", *more))
+        return float(found["roads"][0]["mean_lx"]["value"])
+
+    match flag:
+        case "--road":
+            return lux(roads="b") == pytest.approx(2.0 * lux(), rel=1e-9)
+        case "--street-c":
+            return lux("--street-c", "0") > 1.1 * lux("--street-c", "180")
+        case "--spacing":
+            words = [printed("road", here / "lamp.ies", "--road", here / "b.toml", *each) for each in ((), (flag,))]
+            return "spacing" in words[1].lower() and "spacing" not in words[0].lower()
+    return printed("road", here / "lamp.ies", "--road", here / "b.toml", "--quiet") == ""
+
+
+def of_new(flag: str, here: Path) -> bool:
+    """One field of the spec is another one."""
+    other = {
+        "--source": "square:2",
+        "--target": "disc:120@300",
+        "--max-radius": "20",
+        "--material": "PC",
+        "--cutter": "2",
+    }
+    text, base = other.get(flag, ""), [each for pair in LAMP.items() for each in pair]
+    if flag in FORCE:
+        narrow = {**LAMP, "--source": "square:12", "--target": "beam:2x2"}
+        refused, forced = (
+            invoked("new", *(each for pair in narrow.items() for each in pair), *more) for more in ((), (flag,))
+        )
+        return isinstance(refused.exception, lf.InputError) and "[source]" in forced.stdout
+    lines = [set(printed("new", *base, *more).splitlines()) for more in ((), (flag, text))]
+    word = text.partition(":")[2].partition("@")[0].partition("x")[0] or text
+    return any(word in line for line in lines[1] - lines[0])
+
+
+SHOWN = {
+    "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", *OUTPUT)),
+    "road": (of_road, ("--road", "--street-c", "--spacing", *OUTPUT)),
+    "new": (of_new, (*LAMP, "--material", "--cutter", *FORCE)),
+    "schema": (lambda *_: printed("schema", "--page").startswith("#") and printed("schema")[0] == "{", ("--page",)),
+    "examples": (None, ()),
+}
+
+
+@pytest.mark.parametrize(("name", "flag"), [(name, flag) for name, (_, flags) in SHOWN.items() for flag in flags])
+def test_an_option_is_seen(name: str, flag: str, tmp_path: Path) -> None:
+    assert SHOWN[name][0](flag, tmp_path)
+
+
+@pytest.mark.parametrize("name", sorted(cli.commands))
+def test_every_option_has_a_row(name: str) -> None:
+    assert options_of(name) == ({*HEARD[name], *OUTPUT} if name in HEARD else set(SHOWN[name][1]))
