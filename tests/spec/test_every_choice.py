@@ -1,0 +1,326 @@
+"""Each word that a field of the spec may have changes a number, by hand here; a field without a row fails.
+
+A few are tested where their number is made; of these the test is named.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+import numpy as np
+import pytest
+from picture_files import png
+from pydantic import BaseModel
+from scenes import small_spec, sphere
+from scipy.special import ndtr
+from scipy.stats import truncnorm
+
+import lensforge as lf
+from lensforge.cad.plate_layout import layout_of
+from lensforge.light.judged_limits import limit_value
+from lensforge.light.road_judgement import judge_road
+from lensforge.light.road_lighting import RoadJudgement
+from lensforge.scene.lens import Lens
+from lensforge.scene.limit_readings import light_limits
+from lensforge.scene.perturbations import quantiles
+from lensforge.scene.pixel_grid import PixelGrid
+from lensforge.scene.receiver import ReceiverPose
+from lensforge.scene.receiver_shapes import FarField, receivers_of
+from lensforge.scene.road_field import RoadReadings
+from lensforge.scene.target_pattern import target_light
+from lensforge.shop.drawing import SIZES
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
+from lensforge.spec.road_section import RoadSection
+from lensforge.spec.spec_reference import all_sections
+from lensforge.spec.tolerances_section import Factor
+from lensforge.surfaces.plane_loop import area_mm2
+from lensforge.surfaces.srbf import SrbfBasis
+
+TESTS = Path(__file__).parents[1]
+Case = tuple[object, object]  # found, and by hand
+ROAD = {"width_m": 6.0, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "lanes": 2}
+PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
+
+
+def judged(candela: float = 4000.0, **fields: Any) -> RoadJudgement:
+    """A road lit by lamps of the same intensity in all directions."""
+    road = RoadSection(**{**ROAD, "lighting_class": "M3", **fields})
+    return judge_road(road, lambda light: np.full((1, len(light.azimuth_deg)), candela))
+
+
+def arrangement(name: str) -> Case:
+    """Mean and least lux at 10 x 6 points, I h / d^3 of each lamp of the rows, and the edge that has more light."""
+    rows = {"right": [(0.0, -1.0)], "left": [(0.0, 7.0)], "opposite": [(0.0, -1.0), (0.0, 7.0)],
+            "staggered": [(0.0, -1.0), (15.0, 7.0)], "median": [(0.0, 7.0), (0.0, 9.0)]}[name]  # fmt: skip
+    more = {"median_m": 4.0} if name == "median" else {}
+    x, y = np.meshgrid((np.arange(10) + 0.5) * 3.0, (np.arange(6) + 0.5))
+    total = 0.0 * x
+    for start, across in rows:
+        for number in range(-40, 41):
+            away = (x - start - 30.0 * number) ** 2 + (y - across) ** 2 + 64.0
+            total += np.where(away - 64.0 <= 40.0**2, 4000.0 * 8.0 / away**1.5, 0.0)  # up to 5 heights
+    found = judged(arrangement=name, overhang_m=-1.0, maintenance_factor=1.0, **more)
+    right, left = (each.value for each in found.edges)
+    brighter = {"right": 1, "left": -1, "median": -1}.get(name, 0)
+    figures = found.mean_lx.value, found.least_lx.value, int(np.sign(round(right - left, 9)))
+    return figures, (pytest.approx(total.mean(), rel=2e-3), pytest.approx(total.min(), rel=0.03), brighter)
+
+
+RATIOS = {  # of RP-8-14, table 2: cd/m^2, mean over least, largest over least, veiling
+    "freeway A": (0.6, 3.5, 6.0, 0.3), "freeway B": (0.4, 3.5, 6.0, 0.3), "expressway": (1.0, 3.0, 5.0, 0.3),
+    "major high": (1.2, 3.0, 5.0, 0.3), "major medium": (0.9, 3.0, 5.0, 0.3), "major low": (0.6, 3.5, 6.0, 0.3),
+    "collector high": (0.8, 3.0, 5.0, 0.4), "collector medium": (0.6, 3.5, 6.0, 0.4),
+    "collector low": (0.4, 4.0, 8.0, 0.4), "local high": (0.6, 6.0, 10.0, 0.4), "local medium": (0.5, 6.0, 10.0, 0.4),
+    "local low": (0.3, 6.0, 10.0, 0.4),
+}  # fmt: skip
+LUX = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
+LUMINANCE = {
+    "M1": (2.0, 0.4, 0.7, 10.0, 0.35), "M2": (1.5, 0.4, 0.7, 10.0, 0.35), "M3": (1.0, 0.4, 0.6, 15.0, 0.3),
+    "M4": (0.75, 0.4, 0.6, 15.0, 0.3), "M5": (0.5, 0.35, 0.4, 15.0, 0.3), "M6": (0.3, 0.35, 0.4, 20.0, 0.3),
+}  # fmt: skip
+PATHS = {"P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4)}
+
+
+def lighting_class(name: str) -> Case:
+    """All bounds that the class asks for, each value once."""
+    bounds = {each.bound for each in judged(lighting_class=name).limits}
+    if name in PATHS:
+        mean, least = PATHS[name]
+        return bounds, {mean, least, 1.5 * mean}
+    if name in LUX:
+        return bounds, {LUX[name], 0.4}
+    return bounds, set(LUMINANCE.get(name) or RATIOS[name])
+
+
+def driving_side(side: str) -> Case:
+    """The eye of the first lane, 1.5 m from the edge on that side."""
+    readings = RoadReadings.of(RoadSection(**ROAD, lighting_class="M3", driving_side=side))
+    return readings.seen[0][0].y, {"right": pytest.approx(1.5), "left": pytest.approx(4.5)}[side]
+
+
+def surface(name: str) -> Case:
+    """Q0 and S1 (CIE 144)."""
+    found = judged(surface=name)
+    by_hand = {"R1": (0.1, 0.25), "R2": (0.07, 0.58), "R3": (0.07, 1.11), "R4": (0.08, 1.55), "C1": (0.1, 0.24),
+               "C2": (0.07, 0.97)}[name]  # fmt: skip
+    return (found.q0, found.s1), (pytest.approx(by_hand[0], abs=5e-3), pytest.approx(by_hand[1], abs=0.02))
+
+
+def wet_surface(name: str) -> Case:
+    added = {each.bound for each in judged(wet_surface=name).limits} - {each.bound for each in judged().limits}
+    return added, {0.15}
+
+
+WAYS = np.array([[0.6, 0.1, 0.8], [-0.6, 0.2, 0.75]])
+WAYS /= np.linalg.norm(WAYS, axis=1)[:, None]
+
+
+def rays(**fields: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Starts and directions of two rays that cross at (0, 0, 2) mm: the virtual focus of the bundle."""
+    starts = np.array([0.0, 0.0, 2.0]) + np.array([[3.0], [1.0]]) * WAYS
+    given = lf.RaySource(positions_mm=starts, directions=WAYS, ray_flux=np.ones(2), **fields)
+    sample = build_source(given).sample(2, 0)
+    return sample.origins, sample.directions
+
+
+def symmetry(name: str) -> Case:
+    """Free weights of 81 functions that a mirror group joins, each with its images."""
+    if name == "auto":
+        found = small_spec(lens__symmetry="auto", source__kind="square").lens
+        return found.symmetry, "auto"
+    basis = SrbfBasis((9, 25), 1.75, name)
+    u = np.array([[0.6, 0.3, np.sqrt(1.0 - 0.45)]])
+    images = {"none": [], "mirror_x": [(-1, 1)], "mirror_y": [(1, -1)], "diagonal": ["swap"],
+              "rectangle": [(-1, 1), (1, -1)], "square": [(-1, 1), (1, -1), "swap"]}[name]  # fmt: skip
+    value = basis.evaluate(u)[0]
+    kept = []
+    for image in ((-1, 1), (1, -1), "swap"):
+        moved = u[:, [1, 0, 2]] if image == "swap" else u * [*image, 1]
+        if np.allclose(basis.evaluate(moved)[0], value, atol=1e-12):
+            kept.append(image)
+    return kept, images
+
+
+def profile(name: str) -> Case:
+    """Intensity at a quarter of the width, over that of the axis."""
+    beam = lf.BeamTarget(fwhm_deg=40.0, profile=name, half_angle_deg=45.0)
+    field = FarField(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid.square(1.2, 121))
+    light = target_light((beam,), field)
+    side = 2.0 * np.sin(np.radians(0.5 * 10.0))
+    column = round(60 + side / 1.2 * 121)
+    angle = np.degrees(2.0 * np.arcsin(0.5 * 1.2 * (column - 60) / 121))
+    power = np.log(0.5) / np.log(np.cos(np.radians(20.0)))
+    by_hand = {"flat": 1.0, "gaussian": 2.0 ** -((angle / 20.0) ** 2), "cosine": np.cos(np.radians(angle)) ** power}
+    return float(light[60, column] / light[60, 60]), pytest.approx(by_hand[name], abs=5e-3)
+
+
+def distribution(name: str) -> Case:
+    """Share of the parts within half of the amount."""
+    factor = Factor("a", "a", "mm", 1.0, 0.1, "spread", name, 1)
+    found = np.abs(quantiles(factor, (np.arange(10_000) + 0.5) / 10_000))
+    by_hand = {"uniform": 0.5, "normal": 2.0 * ndtr(1.0) - 1.0, "truncated": 2.0 * truncnorm(-2, 2).cdf(1.0) - 1.0}
+    return float((found <= 0.5).mean()), pytest.approx(by_hand[name], abs=1e-3)
+
+
+def preset(name: str) -> Case:
+    found = small_spec(tolerances={"preset": name}).part_tolerances
+    amounts = [found.tolerance(each).amount for each in ("gap_mm", "source_tilt_deg", "inner_form_um", "index")]
+    return amounts, {"precision": [0.005, 0.2, 0.3, 0.0005], "standard": [0.02, 0.5, 1.0, 0.001],
+                     "moulded": [0.025, 0.5, 2.0, 0.001]}[name]  # fmt: skip
+
+
+def kinds(name: str) -> Case:
+    """A row of three: the outer two are mirror images of each other."""
+    lamps = {"kind": "grid", "columns": 3, "rows": 1, "pitch_mm": 20.0, "kinds": name}
+    found = small_spec(lamps=lamps, base={"kind": "none"}, target__receiver_mm=200.0).all_lamps
+    return sorted(len(each.numbers) for each in found.kinds), {"one": [], "place": [1, 2]}[name]
+
+
+def lattice(name: str) -> Case:
+    found = small_spec(lamps={"kind": "endless", "lattice": name, "pitch_mm": 100.0},
+                       target__receiver_mm=100.0 if name == "rectangle" else None,
+                       **({} if name == "rectangle" else _hexagonal())).all_lamps  # fmt: skip
+    return found.period_mm, pytest.approx((100.0, 100.0 if name == "rectangle" else 100.0 * 3.0**0.5))
+
+
+def _hexagonal() -> dict[str, Any]:
+    disc = [{"kind": "disc", "diameter_mm": 20.0}]
+    plane = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 100.0, "height_mm": 100.0 * 3.0**0.5}
+    return {"target": None, "receivers": [{**plane, "targets": disc}]}
+
+
+def base(name: str) -> Case:
+    """Widest size of a body of that side."""
+    section = lf.BaseSection(kind=name, **{"square": {"side_mm": 9.0}, "cylinder": {"diameter_mm": 9.0}}.get(name, {}))
+    return section.widest_mm if name != "none" else 0.0, {"cylinder": 9.0, "square": 9.0 * 2.0**0.5, "none": 0.0}[name]
+
+
+def plate(name: str) -> Case:
+    """Area of the outline."""
+    sizes = {"rectangle": {"width_mm": 30.0, "height_mm": 20.0}, "round": {"diameter_mm": 30.0}}[name]
+    spec = small_spec(base={"kind": "none"}, plate={"kind": name, "thickness_mm": 1.0, **sizes})
+    layout = layout_of(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    assert layout is not None
+    return area_mm2(layout.outline), pytest.approx({"rectangle": 600.0, "round": np.pi * 225.0}[name])
+
+
+def axis(name: str) -> Case:
+    """Components along the lens's z: those along the axis of the file."""
+    _, ways = rays(axis=name)
+    return sorted(ways[:, 2]), pytest.approx(sorted((1 if name[0] == "+" else -1) * WAYS[:, "xyz".index(name[1])]))
+
+
+def mirror(name: str) -> Case:
+    _, ways = rays(mirror=name)
+    signs = {"none": (1, 1, 1), "x": (-1, 1, 1), "y": (1, -1, 1)}[name]
+    wanted = (WAYS * signs)[np.argsort(WAYS[:, 2])]
+    return ways[np.argsort(ways[:, 2])].tolist(), [pytest.approx(each) for each in wanted]
+
+
+def origin(name: str) -> Case:
+    """Heights of the starts: 3 and 1 ways beyond the point in which both rays cross."""
+    starts, ways = rays(origin=name)
+    found = starts[np.argsort(ways[:, 2]), 2]
+    heights = np.array([3.0, 1.0])[np.argsort(WAYS[:, 2])] * np.sort(WAYS[:, 2])
+    return found.tolist(), pytest.approx(heights + {"file": 2.0, "virtual_focus": 0.0}[name], abs=1e-6)
+
+
+def unit(name: str) -> Case:
+    """A picture of 0.5 mW a pixel, half of that in the zone, by an LED of 200 lm/W."""
+    far = name in ("w_per_sr", "cd")
+    beam, disc = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}, {"kind": "disc", "diameter_mm": 50.0}
+    target = beam if far else disc | PLACE
+    place = {"at_deg": [[0.5, 0.5]]} if far else {"at_mm": [[5.0, 5.0]]}
+    spec = small_spec(target=target).replace(limits=[{"kind": "points", **place, "unit": name, "at_least": 0.1}])
+    (receiver,) = receivers_of(spec, 30)
+    picture = np.full((16, 30, 30), 5e-4)
+    picture[:, :, 12:18] *= 0.5
+    (limit,) = light_limits(spec, [receiver], 200.0, 1.0)
+    pixel = (2.0 * 2.0 * np.sin(np.radians(30.0)) / 30) ** 2 if far else 1e-4  # sr, or m^2
+    by_hand = {"w_per_m2": 2.5, "lx": 500.0, "w_per_sr": 2.5e-4 / pixel, "cd": 0.05 / pixel, "relative": 0.5}[name]
+    return limit_value(limit, picture).value, pytest.approx(by_hand, rel=1e-6)
+
+
+def sheet(name: str) -> Case:
+    return SIZES[name], {"A3": (420.0, 297.0), "A4": (297.0, 210.0)}[name]
+
+
+def within(name: str) -> Case:
+    return lf.ColourSection(within=name).level, {"fwhm": 0.5, "tenth": 0.1}[name]
+
+
+def halves(folder: Path) -> Path:
+    """A picture whose left half has a 16-bit grey of a quarter, the right one of 1."""
+    grey = np.full((16, 16), 65535, dtype=np.uint16)
+    grey[:, :8] = 16384
+    (folder / "halves.png").write_bytes(png(grey, "grey", 16))
+    return folder / "halves.png"
+
+
+HALF = {"as_stored": 16384 / 65535, "srgb": ((16384 / 65535 + 0.055) / 1.055) ** 2.4}
+
+
+def luminance(name: str, folder: Path) -> Case:
+    target = lf.ImageTarget(file=halves(folder), width_mm=300.0, luminance=name, **PLACE)
+    light = target_light((target,), receivers_of(small_spec(target=None, receivers=[_plane(target)]), 16)[0])
+    return light[8, 2] / light[8, 13], pytest.approx(HALF[name], rel=1e-3)
+
+
+def _plane(target: lf.ImageTarget) -> lf.PlaneReceiver:
+    own = target.model_copy(update={"distance_mm": None, "receiver_mm": None})
+    return lf.PlaneReceiver(centre_mm=(0.0, 0.0, 100.0), width_mm=300.0, height_mm=300.0, targets=(own,))
+
+
+def emitting_luminance(name: str, folder: Path) -> Case:
+    rays = build_source(lf.LuminanceSource(file=halves(folder), width_mm=6.0, luminance=name)).sample(2**14, 0)
+    left = rays.flux[rays.origins[:, 0] < 0.0].sum() / rays.flux.sum()
+    return left, pytest.approx(HALF[name] / (1.0 + HALF[name]), abs=2e-3)
+
+
+CASES = {
+    "arrangement": arrangement, "lighting_class": lighting_class, "driving_side": driving_side, "surface": surface,
+    "wet_surface": wet_surface, "axis": axis, "mirror": mirror, "origin": origin, "symmetry": symmetry,
+    "profile": profile, "distribution": distribution, "preset": preset, "kinds": kinds, "lattice": lattice,
+    "BaseSection.kind": base, "PlateSection.kind": plate, "within": within, "unit": unit, "sheet": sheet,
+    "ImageTarget.luminance": luminance, "LuminanceSource.luminance": emitting_luminance,
+}  # fmt: skip
+ELSEWHERE = {  # where each value is one of a test's cases
+    "edition": "scene/test_road_field.py", "coordinates": "surfaces/test_given_faces.py",
+    "make": "search/test_constraint_fields.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
+    "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
+}  # fmt: skip
+DEFAULTS = {"use": "general", "aim": "pattern"}  # what every other test takes
+OF_FILES = {("BaseSection.kind", "step"), ("PlateSection.kind", "step")}  # in cad/test_custom_base.py and of outlines
+
+
+def choices() -> Iterator[tuple[str, str]]:
+    """Fields of more than one word, and each word; of fields of one name with other words with their section."""
+    known: dict[str, set[tuple[str, ...]]] = {}
+    found = [(section, name, words) for section in all_sections(Spec) for name, field in section.model_fields.items()
+             for words in literals(field.annotation)]  # fmt: skip
+    for _, name, words in found:
+        known.setdefault(name, set()).add(words)
+    for section, name, words in found:
+        if len(words) > 1 or name != "kind":
+            plain = len(known[name]) == 1 and name not in ("luminance",)
+            yield from ((name if plain else f"{section.__name__}.{name}", word) for word in words)
+
+
+def literals(annotation: object) -> Iterator[tuple[str, ...]]:
+    if get_origin(annotation) is Literal:
+        yield get_args(annotation)
+    for part in get_args(annotation):
+        if get_origin(part) is not None or (isinstance(part, type) and not issubclass(part, BaseModel)):
+            yield from literals(part)
+
+
+@pytest.mark.parametrize(("field", "word"), sorted(set(choices())))
+def test_every_word_changes_a_number(field: str, word: str, tmp_path: Path) -> None:
+    if field in ELSEWHERE:
+        text = (TESTS / ELSEWHERE[field]).read_text(encoding="utf-8")
+        assert f'"{word}"' in text or DEFAULTS.get(field) == word
+    elif (field, word) not in OF_FILES:
+        case = CASES[field]
+        found, wanted = case(word, tmp_path) if field.endswith("luminance") else case(word)
+        assert found == wanted
