@@ -1,0 +1,212 @@
+"""What is kept is kept by all that it depends on: asked again with one thing changed, the answer is the new one.
+
+A cache without a row fails, but for those that hold no number.
+"""
+
+import functools
+import importlib
+import inspect
+import json
+import pkgutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import random_surface, small_spec, sphere
+
+import lensforge
+from lensforge.cad.boundary import lens_boundaries
+from lensforge.cad.cutter_room import base_with_room, lens_plan
+from lensforge.cad.form_error import fit_lens
+from lensforge.cad.keep_out import read_keep_out
+from lensforge.light.further_bodies import tabled
+from lensforge.optics.coatings import coating_tables, least_reflectance, reflectance_of
+from lensforge.optics.exit_space import ExitColumn, _on_level
+from lensforge.optics.material import MATERIALS
+from lensforge.optics.media import FurtherBody, Media, Medium, ReflectanceTable, values_at
+from lensforge.scene.as_made import _noise
+from lensforge.scene.lamp_pictures import _pictures
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.road_surface import RoadSurface
+from lensforge.scene.target_pattern import target_light
+from lensforge.search.face_fields import _directions
+from lensforge.shop.face_samples import area_rule
+from lensforge.shop.sheet import _width_points
+from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere
+from lensforge.spec.tolerances_section import PartTolerances, TirTolerances
+from lensforge.surfaces.asphere import sphere as ball
+from lensforge.surfaces.bicubic_table import TableGrid, _cubic_pieces
+from lensforge.surfaces.collimator import best_collimator
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+U = fibonacci_hemisphere(50)
+NO_NUMBER = {  # pools, compiled functions, folders, words; and what is keyed by the object itself
+    "kernels.compiled._folder_of", "kernels.parallel._pool", "kernels.precision.in_single",
+    "spec.spec_fields._module_words", "spec.spec_fields._words", "cad.plate_mesh.lens_mesh",
+    "search.constraint_points._extent_at", "search.constraint_points._outline",
+}  # fmt: skip
+BY_CONTENT = {"spec.plate_outline._read", "surfaces.imported_face._sampled", "surfaces.step_file._tested"}
+COATING = ReflectanceTable((0.0, 60.0), ((0.01, 0.05),))
+PLANE = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 300.0, "height_mm": 300.0}
+ROW = {"kind": "table", "places_mm": [[-30.0, 0.0], [30.0, 0.0]]}
+BEST = {"index": 1.49, "radius_mm": 10.0, "side_mm": 1.0, "half_angle_rad": 0.1}
+
+
+def lens(outer: float = 6.0, **changes: Any) -> Lens:
+    return Lens.double(sphere(3.0), random_surface(2, outer, 0.01), small_spec(**changes), 0, "draft")
+
+
+def receiver(lamps: dict[str, Any] = ROW, **changes: Any) -> Any:
+    disc = [{"kind": "disc", "diameter_mm": 90.0}]
+    spec = small_spec(
+        target=None, lamps=lamps, base={"kind": "none"}, receivers=[{**PLANE, "targets": disc, **changes}]
+    )
+    return receivers_of(spec, 16)[0]
+
+
+def coated(reflectance: float) -> Media:
+    return small_spec(lens__outer={"offset_mm": 6.0, "coating": {"reflectance": reflectance}}).media
+
+
+def rooms(of: Lens) -> list[float]:
+    found = base_with_room(of)
+    return [found.relief_step_mm or 0.0, found.relief_setback_mm or 0.0, found.bore_setback_mm or 0.0]
+
+
+def target(diameter_mm: float, width_mm: float = 300.0) -> np.ndarray:
+    found = receiver(width_mm=width_mm)
+    section = lensforge.PlaneReceiver(**{**PLANE, "targets": [{"kind": "disc", "diameter_mm": diameter_mm}]})
+    return target_light(section.targets, found)
+
+
+CUT = {"lens__inner": {"offset_mm": 3.0, "concave_radius_mm": 1.0}, "lens__outer": {"offset_mm": 6.0, "draft_deg": 0.0}}
+# By the cache: the question, and arguments of which the first two and any two others differ in one thing.
+ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
+    "cad.boundary.lens_boundaries": (
+        lambda each: lens_boundaries(each)[1].faces[0].shape.radius(U), [(lens(),), (lens(6.5),)]),
+    "cad.cutter_room.base_with_room": (rooms, [(lens(**CUT),), (lens(**CUT, manufacture__cutter_radius_mm=2.5),)]),
+    "cad.cutter_room.lens_plan": (
+        lambda each: lens_plan(each).base.height_mm, [(lens(),), (lens(base__height_mm=3.5),)]),
+    "cad.form_error._fits": (lambda each: fit_lens(each)[1].faces[0].shape.control, [(lens(),), (lens(6.5),)]),
+    "light.further_bodies.tabled": (lambda *faces: tabled(FurtherBody("a", Medium(1.5), *faces)).tables,
+                                    [(ball(7.0), ball(9.0)), (ball(7.0), ball(9.5)), (ball(7.5), ball(9.0))]),
+    "optics.coatings.coating_tables": (
+        lambda media, span: next(iter(coating_tables(media, span).faces.values())),
+        [(coated(0.01), (500.0, 500.0)), (coated(0.03), (500.0, 500.0))]),
+    "optics.coatings.reflectance_of": (
+        lambda *all_: reflectance_of(*all_, (500.0, 500.0)).at(np.full(3, 500.0), np.array([1.0, 0.8, 0.3])),
+        [(COATING, 1.0), (replace(COATING, reflectance=((0.02, 0.05),)), 1.0)]),
+    "optics.coatings.least_reflectance": (
+        least_reflectance, [(COATING, 1.0), (replace(COATING, reflectance=((0.02, 0.05),)), 1.0)]),
+    "optics.exit_space._on_level": (
+        lambda *all_: _on_level(*all_)[1],
+        [(ExitColumn(5.0, ((0.0, 2.0),)), 50.0), (ExitColumn(5.5, ((0.0, 2.0),)), 50.0),
+         (ExitColumn(5.0, ((0.0, 2.0),)), 60.0), (ExitColumn(5.0, ((0.0, 2.5),)), 50.0)]),
+    "scene.as_made._noise": (_noise, [(9, 2), (10, 2), (9, 3)]),
+    "scene.lamp_pictures._pictures": (
+        lambda each: [raster.receiver.pose.centre_mm for raster in _pictures(each).rasters],
+        [(receiver(),), (receiver({**ROW, "places_mm": [[-30.0, 0.0], [40.0, 0.0]]}),),
+         (receiver({**ROW, "turns_deg": [0.0, 20.0]}),), (receiver(centre_mm=[0.0, 0.0, 110.0]),)]),
+    "scene.lens._lens_in": (lambda outer, folder: _of_file(outer, folder), [(6.0, Path()), (6.5, Path())]),
+    "scene.road_surface._standard": (lambda name: RoadSurface.of(name, None, None).r, [("R1",), ("R3",), ("C2",)]),
+    "scene.target_pattern._drawn": (target, [(90.0, 300.0), (120.0, 300.0), (90.0, 200.0)]),
+    "search.face_fields._directions": (_directions, [(TableGrid(9),), (TableGrid(11),)]),
+    "shop.face_samples.area_rule": (lambda *all_: area_rule(*all_).weights, [(24, 32), (25, 32), (24, 40)]),
+    "shop.sheet._width_points": (_width_points, [("iii",), ("mmm",)]),
+    "spec.fixed_surface._made": (
+        lambda **fields: FixedAsphere(**fields).surface.radius(U),
+        [{"vertex_z_mm": 6.0, "radius_mm": -8.0}, {"vertex_z_mm": 6.5, "radius_mm": -8.0},
+         {"vertex_z_mm": 6.0, "radius_mm": -9.0}, {"vertex_z_mm": 6.0, "radius_mm": -8.0, "conic_constant": -0.3}]),
+    "spec.fixed_surface._shape_of": (
+        lambda radius, centre: FixedSphere(radius_mm=radius, centre_z_mm=centre).apex_mm,
+        [(6.0, 0.0), (6.5, 0.0), (6.0, 0.3)]),
+    "spec.tolerances_section._causes": (lambda kind: sorted(kind.names), [(PartTolerances,), (TirTolerances,)]),
+    "surfaces.asphere._kept_profile": (
+        lambda radius, centre: FixedSphere(radius_mm=radius, centre_z_mm=centre).surface.radius(U),
+        [(6.0, 0.0), (6.5, 0.0), (6.0, 0.3)]),
+    "surfaces.bicubic_table._cubic_pieces": (lambda order: [list(each) for each in _cubic_pieces(order)], [(0,), (1,)]),
+    "surfaces.collimator.best_collimator": (
+        lambda **fields: [float(each) for each in vars(best_collimator(**fields)).values() if isinstance(each, float)],
+[BEST, BEST | {"radius_mm": 12.0}, BEST | {"draft_rad": 0.1}]),
+}  # fmt: skip
+
+
+def _of_file(outer: float, folder: Path) -> np.ndarray:
+    path = folder / "lens.json"
+    lens(outer).save(path)
+    return load_lens(path).outer.radius(U)
+
+
+def caches() -> Iterator[str]:
+    """The caches of the package, of functions that take arguments."""
+    for module in pkgutil.walk_packages(lensforge.__path__, "lensforge."):
+        if not module.name.endswith("__main__"):
+            for name, found in vars(importlib.import_module(module.name)).items():
+                own = getattr(found, "__module__", "") == module.name
+                if own and isinstance(found, functools._lru_cache_wrapper) and inspect.signature(found).parameters:
+                    yield f"{module.name.partition('.')[2]}.{name}"
+
+
+def test_every_cache_has_a_row() -> None:
+    found = set(caches())
+    assert found == {*ASKED, *NO_NUMBER, *BY_CONTENT, "cad.keep_out._meshed"}
+    for name in (*BY_CONTENT, "cad.keep_out._meshed", "scene.lens._lens_in"):
+        module, _, function = name.rpartition(".")
+        first = next(
+            iter(inspect.signature(getattr(importlib.import_module(f"lensforge.{module}"), function)).parameters)
+        )
+        assert first in ("content", "file"), "the bytes that were read"
+
+
+def answered(ask: Callable[..., Any], arguments: Any) -> Any:
+    return ask(**arguments) if isinstance(arguments, dict) else ask(*arguments)
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_an_answer_is_that_of_what_is_asked(name: str, tmp_path: Path) -> None:
+    """Each answer when nothing is kept, and again after all others: the same; and no two are alike."""
+    ask, asked = ASKED[name]
+    asked = [
+        tuple(tmp_path if each == Path() else each for each in one) if isinstance(one, tuple) else one for one in asked
+    ]
+    module, _, function = name.rpartition(".")
+    kept = getattr(importlib.import_module(f"lensforge.{module}"), function)
+    alone = []
+    for arguments in asked:
+        kept.cache_clear()
+        alone.append(_plain(answered(ask, arguments)))
+    for arguments, wanted in zip([*asked, *asked[::-1]], [*alone, *alone[::-1]], strict=True):
+        assert _plain(answered(ask, arguments)) == wanted
+    assert len({json.dumps(each) for each in alone}) == len(asked)
+
+
+def _plain(found: Any) -> Any:
+    if isinstance(found, np.ndarray):
+        return found.tolist()
+    return [_plain(each) for each in found] if isinstance(found, list | tuple) else found
+
+
+@pytest.mark.usefixtures("cad_read_here")
+def test_a_keep_out_of_the_same_name_is_another_one(tmp_path: Path) -> None:
+    import cadquery as cq
+
+    tall = []
+    for height in (2.0, 3.0, 2.0):
+        cq.exporters.export(cq.Workplane().box(1.0, 1.0, height), str(tmp_path / "clip.step"))
+        vertices = read_keep_out(tmp_path / "clip.step").solids[0].vertices
+        tall.append(float(np.ptp(vertices[:, 2])))
+    assert tall == pytest.approx([2.0, 3.0, 2.0])
+
+
+def test_indices_at_wavelengths_are_those_of_the_material_that_is_asked_for() -> None:
+    """The same array with one glass, another, and the first again; another array at the same place in memory."""
+    for shift in (0.0, 20.0):
+        waves = np.array([450.0, 550.0, 650.0]) + shift
+        for name in ("PMMA", "PC", "PMMA"):
+            material = MATERIALS[name]
+            assert values_at(material, waves)[0] == pytest.approx(material.index(waves.copy()), abs=1e-14)
+        del waves
