@@ -7,11 +7,12 @@ import pytest
 from geometry_lenses import exact_volume, plan_of, random_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_shapes import sphere as sphere_at
 from nightly import first_by_day, scaled
 
 from lensforge.cad.mesh import build_mesh, check_closed
 from lensforge.cad.outline import FULL_TURN
-from lensforge.cad.plan import rim_directions
+from lensforge.cad.plan import lay_out, make_plan, rim_directions
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.errors import InputError
@@ -207,3 +208,27 @@ def test_surfaces_that_cross_are_refused_with_the_place():
     weights[0] = -1.8  # the first centre is the nearest to the axis
     with pytest.raises(InputError, match=r"wall = -0\.\d+ mm in the direction \(0\.\d+"):
         plan_of(sphere(0.8), SrbfSurface(outer.basis, weights, 2.45))
+
+
+def test_walls_that_stand_back_go_round_the_farthest_and_the_nearest_place_of_rims_off_the_axis():
+    """A cavity 0.5 mm aside reaches 2.5 mm, an outer sphere 1 mm aside comes as near as 5 mm; each limit from both
+    sides.
+    """
+    inner, outer = sphere_at(2.0, (0.3, -0.4, 0.0)), sphere_at(6.0, (-0.6, 0.8, 0.0))
+    sizes = {"diameter_mm": 25.4, "height_mm": 2.0, "relief_step_mm": 0.5, "bore_setback_mm": 0.2}
+    plan = lay_out(inner, outer, BaseSection(**sizes, relief_setback_mm=0.3))
+    turn = np.linspace(0.0, 6.0, 9)
+    assert plan.bore.radius(turn) == pytest.approx(np.full(9, 2.7), abs=1e-4)
+    assert plan.ring.radius(turn) == pytest.approx(np.full(9, 4.7), abs=1e-4)
+    for field, most, more in (
+        ("relief_setback_mm", 5.0 - 2.7 - 0.01, {}),
+        ("bore_setback_mm", 12.7 - 2.5 - 0.01, {"relief_step_mm": 0.0}),
+        ("bore_setback_mm", 4.0 - 2.5 - 0.01, {"relief_step_mm": 0.0, "pocket_diameter_mm": 8.0}),
+    ):
+        lay_out(inner, outer, BaseSection(**{**sizes, **more, field: most - 1e-3}))
+        with pytest.raises(InputError, match=rf"base\.{field} = .* at most {most:.4g}$"):
+            lay_out(inner, outer, BaseSection(**{**sizes, **more, field: most + 1e-3}))
+    for field, least in (("diameter_mm", 2.0 * 2.51), ("pocket_diameter_mm", 2.0 * 2.51)):
+        make_plan(inner, outer, BaseSection(**{"diameter_mm": 25.4, field: least + 1e-3}))
+        with pytest.raises(InputError, match=rf"base\.{field} = "):
+            make_plan(inner, outer, BaseSection(**{"diameter_mm": 25.4, field: least - 1e-3}))

@@ -335,7 +335,8 @@ def test_causes_of_a_road_are_sought_where_the_spread_is_larger_than_the_noise_o
 
 def test_limits_read_at_once_are_those_read_one_by_one() -> None:
     """Of all replicates, and with each left out; a figure over the maximum of the picture needs the whole picture."""
-    wanted = {"target": FAR, "roads": [ROAD], "limits": [{"kind": "glare", "from_deg": 60.0, "at_most_relative": 0.3}]}
+    glare = {"kind": "glare", "from_deg": 60.0, "unit": "relative", "at_most": 0.3}
+    wanted = {"target": FAR, "roads": [ROAD], "limits": [glare]}
     light = PartStudy(Recipe(lens_with({"source_flux": 0.05}, **wanted), 2, 4096, 0, 4096)).light
     received = light.received(None)
     images = received[0].images

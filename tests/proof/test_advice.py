@@ -8,8 +8,8 @@ import trimesh
 from lens_meshes import DISTANCE, INDEX, INNER, OUTER, lambertian, oracle, right
 
 from lensforge.optics.media import Media, Medium
-from lensforge.proof.acceptance import brep_criteria, mitsuba_criteria
-from lensforge.proof.part_comparison import Expected, compare, gap_quantiles
+from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS, brep_criteria, mitsuba_criteria
+from lensforge.proof.part_comparison import Expected, _nmse_less_noise, compare, flux_budget, gap_quantiles
 from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.remedies import Evidence, form_of_mesh
@@ -196,4 +196,42 @@ def test_each_figure_of_a_cast_is_judged_by_its_own_limit(prefix, beyond):
         nmse = {"nmse_vs_design": beyond * (2.5 * 0.01 + 1e-3), "noise_floor_nmse": 0.01, "nmse_same_rays": 0.0}
         found = mitsuba_criteria(MitsubaCast(version="3", **common, **nmse), 2000.0)
     assert {each.name: each.passed for each in found} == {each.name: beyond < 1.0 for each in found}
+    if prefix == "brep_":  # of four times as many rays four times as many may end otherwise
+        more = BrepCast(
+            **{**common, "rays": 4096, "against_design": seen.model_copy(update={"fates": 8})}, against_mesh=seen
+        )
+        assert brep_criteria(more, 2000.0)[-1].passed and brep_criteria(more, 2000.0)[-1].limit == 8.0
     assert f"{prefix}deviation_rms" in {each.name for each in found} and len(found) == (3 if prefix == "brep_" else 4)
+
+
+def test_the_flux_budget_of_a_few_rays_by_hand():
+    """Unequal rays: in the window, beside it, gone back, totally reflected; each loses some on its way."""
+    rays = lambertian(4, 0.0)
+    rays = replace(rays, flux=np.array([1.0, 2.0, 3.0, 4.0]))
+    fates = np.array([CastFate.LANDED, CastFate.LANDED, CastFate.NO_HIT, CastFate.TOTAL_REFLECTION], dtype=np.int64)
+    lost = {"absorbed": [0.1, 0.0, 0.2, 0.0], "in_glass": [0.0, 0.3, 0.0, 0.1], "in_bodies": [0.2, 0.0, 0.0, 0.3]}
+    places = np.array([[1.0, 2.0], [1.0, 4.0], [np.nan, np.nan], [np.nan, np.nan]])
+    flux = np.array([0.5, 1.5, 2.5, 3.0])
+    landed = landed_rays(rays, places, fates=fates, flux=flux, **{name: np.array(each) for name, each in lost.items()})
+    screen = replace(Screen.square(DISTANCE, 10.0, 2), window=(10.0, 6.0, None))
+    found = flux_budget(rays, landed, screen).model_dump()
+    by_hand = {"detected": 0.5, "outside": 1.5, "missed": 2.5, "total_reflection": 3.0, "more_events": 0.0,
+               "absorbed": 0.3, "cover_glass": 0.4, "bodies": 0.5, "reflected": 10.0 - 7.5 - 1.2}  # fmt: skip
+    assert found == pytest.approx({name: 0.1 * each for name, each in by_hand.items()}) and sum(found.values()) == 1.0
+
+
+def test_the_error_of_a_picture_without_the_noise_of_its_rays_by_pairs_of_blocks():
+    """The mean product of the errors of each two blocks, less the noise of the design; not known without that."""
+    random, count = np.random.default_rng(3), LEAST_RAYS
+    rays, screen = lambertian(count, 0.0), Screen.square(DISTANCE, 10.0, 3, 0.0)
+    places, flux = random.uniform(-5.0, 5.0, (count, 2)), random.uniform(0.5, 1.5, count)
+    landed = landed_rays(rays, places, flux=flux)
+    wanted = screen.irradiance(places, flux) * random.uniform(0.8, 1.2, (3, 3))
+    expected = Expected(screen, wanted, places, flux)
+    errors = []
+    for rows in np.array_split(np.arange(count), BLOCKS):
+        errors.append(screen.irradiance(places[rows], flux[rows]) * count / len(rows) - wanted)
+    pairs = [(one * other).sum() for a, one in enumerate(errors) for b, other in enumerate(errors) if a != b]
+    found = _nmse_less_noise(landed, expected, 0.002)
+    assert found.value == pytest.approx(np.mean(pairs) / (wanted**2).sum() - 0.002, rel=1e-9)
+    assert _nmse_less_noise(landed, expected, None) is None

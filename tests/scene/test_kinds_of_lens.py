@@ -12,6 +12,7 @@ from lensforge.errors import InputError
 from lensforge.light.exit_light import exit_rays
 from lensforge.light.received_flux import ReceivedFlux
 from lensforge.light.simulation import TracedLens, simulate
+from lensforge.proof.casts import _of_first_lamp
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.build_source import build_source
@@ -119,3 +120,13 @@ def test_the_record_has_every_kind(tmp_path: Path) -> None:
     assert corner.of_kind("middle") == lens and corner != lens
     with pytest.raises(InputError, match="no lens of that name; known: 'middle', 'edge', 'corner'"):
         lens.of_kind("rim")
+
+
+def test_a_cast_shows_the_first_lamp_of_the_kind_of_its_lens() -> None:
+    """Of lamps at heights, here the second: the receiver as that lamp sees it."""
+    poles = {**TABLE, "places_mm": [[-25.0, 6.0, 1.0], [0.0, 2.0, 4.0], [21.0, -9.0, 3.0]], "turns_deg": [0.0] * 3,
+             "kinds": ["wide", "narrow", "narrow"]}  # fmt: skip
+    lens = lens_of(poles, uneven(0), uneven(1))
+    assert lens.kind == "narrow"
+    (receiver,) = receivers_of(_of_first_lamp(lens), 8)
+    assert receiver.pose.centre_mm == pytest.approx((0.0, -2.0, 36.0))

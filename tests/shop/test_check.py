@@ -27,7 +27,7 @@ INNER_MM, OUTER_MM = 0.8, 2.45
 
 def lens(inner, outer, cutter_mm=1.0, wall_mm=0.5, base="cylinder"):
     limits = {"cavity_height_mm": 0.5, "cavity_radius_mm": 0.5, "min_thickness_mm": wall_mm, "max_radius_mm": 3.0}
-    offsets = {"inner_offset_mm": INNER_MM, "outer_offset_mm": OUTER_MM, "levels": [9, 25]}
+    offsets = {"inner": {"offset_mm": INNER_MM}, "outer": {"offset_mm": OUTER_MM}, "levels": [9, 25]}
     made = small_lens({"kind": base}, {"cutter_radius_mm": cutter_mm}, lens=offsets, constraints=limits)
     return Lens.double(inner, outer, made.spec, seed=0, accuracy=FEW)
 

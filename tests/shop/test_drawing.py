@@ -19,11 +19,12 @@ from lensforge.cad.plan import make_plan
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import signed_step
 from lensforge.errors import InputError
+from lensforge.shop.check_facts import check_facts
 from lensforge.shop.dimensions import datum_scheme, dimensions
-from lensforge.shop.drawing import SIZES, drawing_content, make_sheet
+from lensforge.shop.drawing import SIZES, drawing_content, make_sheet, tool_notes
 from lensforge.shop.sheet import Words, box_of, shown
 from lensforge.shop.sheet_marks import strokes_of, words_of_dimension
-from lensforge.shop.sheet_tables import index_wavelength, tolerance_table
+from lensforge.shop.sheet_tables import _texture, index_wavelength, tolerance_table
 from lensforge.shop.sheet_writers import _write_words, sheet_dxf, sheet_pdf
 from lensforge.shop.view_drawing import SCALES
 from lensforge.spec.part_section import read_drawing
@@ -390,3 +391,16 @@ def test_capitals_have_their_middle_where_the_words_are(turned, place):
     axes = Figure().add_subplot()
     _write_words(axes, Words((50.0, 40.0), "H", 10.0, "left", turned))
     assert axes.texts[0].get_position() == place
+
+
+def test_notes_have_the_steepest_tilt_and_departures_are_in_micrometres(check) -> None:
+    faces = {"inner": 71.25, "outer": 88.75}
+    tilted = {name: face.model_copy(update={"largest_tilt_deg": faces[name]}) for name, face in check.faces.items()}
+    assert "tilted up to 88.8°" in tool_notes(check.model_copy(update=tilted))[0]
+    facts = {fact.key: fact for group in check_facts(check, bare_part()[0].lens.spec) for fact in group.facts}
+    for name, face in check.faces.items():
+        assert facts[f"{name}_departure"].value == pytest.approx(1e3 * face.best_fit_sphere.pv_mm)
+    lens = bare_part()[0].lens
+    uneven = lens.spec.replace({"lens.outer.ripple_um": 0.05, "lens.outer.roughness_mrad": 0.3})
+    texture = _texture("outer", replace(lens, spec=uneven), 4.0)
+    assert texture == "polished, Rq 4 nm, RΔq 0.3 mrad, rings 50 nm PV"

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -78,6 +79,11 @@ def test_a_given_spacing_is_kept_and_its_error_stated():
     for grid in dense_tables(lens_of(*ROUGH), [], GridRequest(spacing_mm=0.5, error_nm=1.0)):
         assert grid.error_nm > 1.0, "the spacing decides"
         assert 0.3 < grid.spacing_mm < 0.6
+        _, rows = rows_of(grid)
+        rings = [rows[rows[:, 6] == polar, :3] for polar in np.unique(rows[:, 6])[1:]]  # without the apex
+        along = max(np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(rings))
+        around = max(np.linalg.norm(np.diff(ring, axis=0), axis=1).max() for ring in rings)
+        assert grid.spacing_mm == pytest.approx(max(along, around), rel=5e-3)
 
 
 def test_the_tables_of_a_mould_are_scaled_and_their_air_is_where_the_lens_has_material():

@@ -6,8 +6,14 @@ from math import hypot, inf, sqrt
 import numpy as np
 import pytest
 from known_shapes import exported, sampled, sphere
+from scenes import small_spec
+from scenes import sphere as any_sphere
 
+from lensforge.cad import cutter_room
+from lensforge.cad.boundary import as_pair
+from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.plan import lay_out
+from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh, wall_retreat_mm
 from lensforge.shop.face_check import FaceCheck, check_face
 from lensforge.shop.face_samples import AirSide
@@ -192,3 +198,30 @@ def test_obstacles_lie_on_the_base(tmp_path):
     points = plate(tmp_path, 2.0, step=1.0).points()
     assert points.shape == (4000, 3)
     assert (points[:, 2].max(), points[:, 2].min()) == pytest.approx((0.0, -3.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("pocket", [{}, {"pocket_diameter_mm": 2.78}])
+def test_derived_room_clears_the_ball_and_2_hundredths_less_do_not(pocket, monkeypatch) -> None:
+    """Faces whose rims are aside; a pocket of 2.78 mm leaves a bore no more than its half, less the wall."""
+    inner = exported(sphere(1.2, (0.16, -0.12, -0.3)), AirSide.INSIDE)
+    outer = exported(sphere(2.7, (-0.2, 0.1, 0.4)), AirSide.OUTSIDE)
+    monkeypatch.setattr(cutter_room, "fit_lens", lambda _: as_pair(inner.patch, outer.patch))
+    lens = {
+        "inner": {"offset_mm": 1.0, "concave_radius_mm": 0.7},
+        "outer": {"offset_mm": 2.5, "concave_radius_mm": 0.7},
+    }
+    spec = small_spec(lens=small_spec().lens.model_dump(exclude_unset=True) | lens, constraints__min_thickness_mm=1e-3,
+                      base={"diameter_mm": 12.0, "height_mm": 3.0, **pocket})  # fmt: skip
+    spec = spec.replace({"manufacture.cutter_radius_mm": 0.7})
+    base = base_with_room(Lens.double(any_sphere(1.0), any_sphere(2.5), spec, 0, "draft"))
+    faces = by_name((check_face(inner, BALL, 25), check_face(outer, BALL, 25)))
+    if pocket:
+        half = 0.5 * pocket["pocket_diameter_mm"]
+        assert base.bore_setback_mm == pytest.approx(half - 0.015 - (sqrt(1.2**2 - 0.3**2) + 0.2), abs=1e-4)
+        return
+    for field in (None, "bore_setback_mm", "relief_step_mm", "relief_setback_mm"):
+        less = {} if field is None else {field: getattr(base, field) - 0.02}
+        found = check_ball_clearance(lay_out(inner.patch, outer.patch, base.model_copy(update=less)), None, faces)
+        shares = [found.faces[name].flush_fraction for name in ("inner", "outer")]
+        touched = {None: [], "bore_setback_mm": [0]}.get(field, [1])
+        assert [number for number, share in enumerate(shares) if share < 1.0 - 1e-9] == touched, field

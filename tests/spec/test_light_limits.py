@@ -38,7 +38,6 @@ def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) 
     [
         ({"kind": "points", "at_deg": [[0, 0]]}, "bounds nothing"),
         ({"kind": "points", "unit": "cd", "at_least": 1.0}, "at_mm: missing"),
-        ({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 1.0, "at_most_w_per_sr": 2.0}, "give one of them"),
         ({"kind": "points", "at_deg": [[0, 0]], "unit": "cd", "at_least": 3.0, "at_most": 2.0}, "no light is both"),
         ({"kind": "points", "at_deg": [[0, 0]], "unit": "lx", "at_least": 3.0}, "in one of w_per_sr, cd"),
         ({"kind": "points", "at_mm": [[0, 0]], "unit": "cd", "at_least": 3.0}, "they are in degrees"),
@@ -76,3 +75,8 @@ def test_an_old_name_is_read_and_the_new_one_is_said() -> None:
     with pytest.warns(RenamedWarning, match=r'at_least_cd is an old name.*write at_least = 3\.0, unit = "cd"$'):
         old = far({"kind": "zone", "at_least_cd": 3.0, "at_most_lx": None})
     assert old.limits == far({"kind": "zone", "at_least": 3.0, "unit": "cd"}).limits
+
+
+def test_old_names_of_two_units_are_refused() -> None:
+    with pytest.warns(RenamedWarning), pytest.raises(InputError, match=r"limits\.0.*give one of them"):
+        far({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 1.0, "at_most_w_per_sr": 2.0})
