@@ -10,7 +10,15 @@ from scipy.ndimage import gaussian_filter
 from lensforge.errors import InputError
 from lensforge.made.image_similarity import fit_similarity, normalised
 from lensforge.made.measurement_result import PhotoComparison, central_line
-from lensforge.made.photo_comparison import Shot, _corner_error, compare_photo, lit_only, read_photograph, rectify
+from lensforge.made.photo_comparison import (
+    Shot,
+    _corner_error,
+    _samples,
+    compare_photo,
+    lit_only,
+    read_photograph,
+    rectify,
+)
 from lensforge.scene.pixel_grid import PixelGrid, Window
 
 SIDE, PIXELS = 200.0, 64
@@ -280,3 +288,11 @@ def test_photographs_of_other_kinds_are_refused(tmp_path):
     (tmp_path / "on.tif").write_bytes(tiff(np.zeros((8, 8, 1), dtype=np.float32)))
     with pytest.raises(InputError, match="float32, must be of 8 or 16 bits"):
         read_photograph(tmp_path / "on.tif")
+
+
+@pytest.mark.parametrize("sides", [(40.0, 120.0), (120.0, 40.0)])
+def test_a_pixel_is_sampled_as_finely_as_the_longer_side_of_the_picture_is(sides: tuple[float, float]) -> None:
+    """10 pixels of 1 mm along 120 of the photograph: 12 samples each way."""
+    wide, high = sides
+    corners = np.array([[0.0, 0.0], [wide, 0.0], [wide, high], [0.0, high]])
+    assert _samples(corners, (10.0, 10.0), PixelGrid.square(10.0, 10)) == 12

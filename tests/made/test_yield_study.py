@@ -315,16 +315,43 @@ def test_the_class_of_a_road_is_held_by_the_parts_whose_source_is_bright_enough(
     assert found.pass_rate.value == 0.0  # a part must hold the classes of all roads
 
 
+def measured_inside(study: PartStudy) -> np.ndarray:
+    """Figures of parts that keep every bound by far, without errors."""
+    measured = np.zeros((study.recipe.parts, len(study.names), 2))
+    for bound in study.bounds:
+        measured[:, study.names.index(bound.metric), 0] = bound.bound * (2.0 if bound.sense == ">=" else 0.5)
+    return measured
+
+
+def on_road(parts: int = 40) -> PartStudy:
+    lens = lens_with({"source_flux": 0.05, "index": 1e-9}, target=FAR, roads=[ROAD | {"glare_percent": 20.0}])
+    return PartStudy(Recipe(lens, parts, 512, 0, 1024))
+
+
+def test_a_part_that_misses_one_bound_of_several_does_not_pass_and_is_among_the_worst() -> None:
+    study = on_road()
+    measured = measured_inside(study)
+    for part, bound in ((7, study.bounds[0]), (11, study.bounds[-1])):
+        measured[part, study.names.index(bound.metric), 0] = bound.bound * (0.9 if bound.sense == ">=" else 1.1)
+    first, second, third, *_ = yield_study._worst(study, measured)
+    assert {first.part, second.part} == {7, 11} and [each.passes for each in (first, second, third)] == [
+        False,
+        False,
+        True,
+    ]
+    (road,) = yield_study._roads(study, measured)
+    assert road.pass_rate.value == 38 / 40
+    values = np.column_stack([[1.0, 2.0, 4.0, 9.0], [0.5, 1.5, 1.0, 2.0]])
+    assert yield_study._true_spread(values) == pytest.approx(np.sqrt(38.0 / 3.0 - (0.25 + 2.25 + 1.0 + 4.0) / 4.0))
+
+
 @pytest.mark.parametrize(("noise", "decided"), [(0.02, True), (0.1, False)])
 def test_causes_of_a_road_are_sought_where_the_spread_is_larger_than_the_noise_of_its_figure(
     noise: float, decided: bool
 ) -> None:
     """Glare of 20 % is the nearest figure of each part, and differs by 2 % of it; all else is far from its bound."""
-    lens = lens_with({"source_flux": 0.05, "index": 1e-9}, target=FAR, roads=[ROAD | {"glare_percent": 20.0}])
-    study = PartStudy(Recipe(lens, 40, 512, 0, 1024))
-    measured = np.zeros((40, len(study.names), 2))
-    for bound in study.bounds:
-        measured[:, study.names.index(bound.metric), 0] = bound.bound * (2.0 if bound.sense == ">=" else 0.5)
+    study = on_road()
+    measured = measured_inside(study)
     glare = next(study.names.index(bound.metric) for bound in study.bounds if bound.unit == "%")
     measured[:, glare, 0] = 20.0 * (0.9 + 0.5 * study.draws.numbers["source_flux"][:, 0] * 0.1)
     measured[:, glare, 1] = 20.0 * noise * 0.5

@@ -206,3 +206,18 @@ def test_rectangles_share_the_flux() -> None:
     first = points[:, 0] < 0.0
     assert near(first.astype(float), 0.75)
     assert near((points[first, 0] + 1.0) ** 2, 1.0 / 12.0) and near((points[~first, 1] - 3.0) ** 2, 0.0625 / 12.0)
+
+
+def test_rays_of_each_chip_have_its_spectrum_and_its_share() -> None:
+    chips = [
+        {"x_mm": 0.8, "y_mm": -0.3, "width_mm": 0.4, "height_mm": 0.2, "flux_w": 3.0,
+         "spectrum": {"kind": "line", "wavelength_nm": 450.0}},
+        {"x_mm": -0.5, "y_mm": 0.4, "width_mm": 0.6, "height_mm": 0.3, "flux_w": 1.0,
+         "spectrum": {"kind": "line", "wavelength_nm": 620.0}},
+    ]  # fmt: skip
+    spec = small_spec(source={"kind": "chips", "chips": chips}, lens__material="PMMA")
+    rays = independent_rays(spec, source_of(spec), 4000, 1)
+    first = (np.abs(rays.origins[:, :2] - [0.8, -0.3]) <= [0.2, 0.1]).all(axis=1)
+    assert near(first.astype(float), 0.75)
+    assert rays.wavelengths_nm is not None
+    assert set(rays.wavelengths_nm[first]) == {450.0} and set(rays.wavelengths_nm[~first]) == {620.0}
