@@ -21,7 +21,7 @@ from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
 from lensforge.spec.accuracy import PRESETS
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 
 ROUGH = Lens.double(random_surface(1, 3.0, 0.01), random_surface(2, 6.0, 0.01), small_spec(), seed=0, accuracy="draft")
 SHELL = Lens.double(sphere(3.0), sphere(6.0), small_spec(), seed=0, accuracy="draft")
@@ -89,10 +89,11 @@ def measured(lens, **options):
 
 
 def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
-    found = measured(ROUGH, rays=2**14, lumens=250.0)
+    dated = replace(ROUGH, spec=ROUGH.spec.replace({"manufacture.date": "2025-03-04"}))
+    found = measured(dated, rays=2**14, lumens=250.0)
     found.write(tmp_path)
     assert Photometry.read(tmp_path) == found
-    assert found.inputs == {"lens": ROUGH.sha256}
+    assert found.inputs == {"lens": dated.sha256}
     assert all(criterion.passed for criterion in found.criteria)
     assert len(found.criteria) == 4
     assert found.exit_w.value + sum(found.lost_w.model_dump().values()) + found.reflected_w == pytest.approx(1.0)
@@ -104,6 +105,9 @@ def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
         np.testing.assert_allclose(photometric.intensity.values, found.candela, rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(photometric.intensity.gamma_deg, found.gamma_deg)
         assert photometric.lamp_lumens == 250.0
+        assert photometric.issued == "2025-03-04"
+        largest = float(ROUGH.outer.radius(fibonacci_hemisphere(4000)).max())  # a sphere about all of the lens
+        assert photometric.opening.diameter_mm == pytest.approx(2.0 * largest, rel=0.01)
 
 
 def test_the_ray_file_is_the_light_that_the_tracer_sees(tmp_path):

@@ -208,6 +208,8 @@ def test_each_road_has_its_own_lamp_and_its_own_spacing(tmp_path) -> None:
     assert first["name"] != second["name"]
     apart = [fact["value"] for group in content["facts"] for fact in group["facts"] if fact["key"] == "largest_spacing"]
     assert apart[1] > 1.1 * apart[0] > 0.0
+    assert [all(limit["state"] == "held" for limit in each["limits"]) for each in (first, second)] == [True, False]
+    assert done.code == 1 and "road 2: " in done.stderr, "any of them decides"
 
 
 @pytest.mark.parametrize("lighting_class", ["M3", "collector medium"])

@@ -371,3 +371,12 @@ def test_limits_read_at_once_are_those_read_one_by_one() -> None:
     for limit, found in zip(light.limits, light.measured(received).limits, strict=True):
         kept = [images, *(np.delete(images, k, axis=0) for k in range(len(images)))]
         np.testing.assert_array_equal(found, [limit_value(limit, each).value for each in kept], err_msg=limit.name)
+
+
+def test_a_part_has_the_roughness_that_was_drawn_for_each_face() -> None:
+    study = study_of({"inner_roughness_mrad": 0.2, "outer_roughness_mrad": 0.5}, parts=3, rays=256)
+    for number in range(3):
+        (part,) = study.part(number)
+        for face, amount in (("inner", 0.2e-3), ("outer", 0.5e-3)):
+            drawn = study.draws.numbers[f"{face}_roughness_mrad"][number].ravel()[0]
+            assert part.made.slopes[face] == pytest.approx(amount * abs(drawn), rel=1e-12)

@@ -157,6 +157,9 @@ def test_files_of_rays_are_divided_each_by_itself(examples: Path) -> None:
     unequal = SeveralSources(tuple(RaySetEmitter(upwards(rays, rays), 1.0) for rays in (90, 31, 47)), 550.0)
     assert unequal.ray_count == 3 * 31 and len(np.unique(unequal.sample(93, 0).directions, axis=0)) == 93
     assert replace(unequal, sources=(*unequal.sources, source_of(_spec()))).ray_count == 4 * 31
+    sizes = ({"side_mm": 1.0}, {"side_mm": 0.3}, {"side_mm": 2.0})
+    squares = [source_of(small_spec(source={"kind": "square", **size})) for size in sizes]
+    assert np.ptp(SeveralSources(tuple(squares), 550.0).outline(), axis=0)[:2] == pytest.approx([0.3, 0.3])
     steps, judging = searched(source), held_back(source)
     assert isinstance(steps, SeveralSources) and isinstance(judging, SeveralSources)
     assert [led.ray_count for led in (*steps.sources, *judging.sources)] == [14000, 14000, 6000, 6000]
