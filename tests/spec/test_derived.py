@@ -8,6 +8,7 @@ import pytest
 
 import lensforge as lf
 from lensforge.errors import WrongFields
+from lensforge.sources.build_source import build_source
 from lensforge.spec import load_spec, parse_spec
 from lensforge.spec.derived_values import WHY, LensSizes, source_extent
 
@@ -150,18 +151,23 @@ def test_chips_have_the_cavity_of_the_circle_that_holds_all_of_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "corner"),
+    ("source", "corner", "sides"),
     [
-        ({"kind": "square", "side_mm": 1.4}, (0.7, 0.7)),
-        ({"kind": "disc", "diameter_mm": 1.4}, (0.7, 0.0)),
-        ({"kind": "rectangle", "width_mm": 2.0, "height_mm": 0.4}, (1.0, 0.2)),
+        ({"kind": "square", "side_mm": 1.4}, (0.7, 0.7), (1.4, 1.4)),
+        ({"kind": "disc", "diameter_mm": 1.4}, (0.7, 0.0), (1.4, 1.4)),
+        ({"kind": "rectangle", "width_mm": 2.0, "height_mm": 0.4}, (1.0, 0.2), (2.0, 0.4)),
         ({"kind": "chip_array", "columns": 3, "rows": 2, "pitch_mm": [2.0, 0.7], "width_mm": 0.5, "height_mm": 0.3},
-         (2.25, 0.5)),
+         (2.25, 0.5), (4.5, 1.0)),
         ({"kind": "chips", "chips": [{"x_mm": 0.4, "y_mm": 0.0, "width_mm": 0.5, "height_mm": 0.5},
-                                     {"x_mm": 0.0, "y_mm": -1.2, "width_mm": 0.6, "height_mm": 0.2}]}, (0.3, 1.3)),
+                                     {"x_mm": 0.0, "y_mm": -1.2, "width_mm": 0.6, "height_mm": 0.2}]}, (0.3, 1.3), (0.95, 1.55)),
     ],
     ids=lambda each: each["kind"] if isinstance(each, dict) else "",
 )  # fmt: skip
-def test_the_extent_of_an_emitter_is_the_way_to_its_farthest_corner(source: dict, corner: tuple[float, float]) -> None:
+def test_the_extent_of_an_emitter_is_the_way_to_its_farthest_corner(
+    source: dict, corner: tuple[float, float], sides: tuple[float, float]
+) -> None:
+    """And its rays start on all of the rectangle around it."""
     spec = parse_spec({**tomllib.loads(SHORTEST), "source": source}, "lamp")
     assert source_extent(spec.source) == pytest.approx(float(np.hypot(*corner)), rel=1e-12)
+    starts = build_source(spec.source).sample(2**13, 0).origins[:, :2]
+    assert np.ptp(starts, axis=0) == pytest.approx(sides, rel=0.02)
