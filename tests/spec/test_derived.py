@@ -159,7 +159,8 @@ def test_chips_have_the_cavity_of_the_circle_that_holds_all_of_them() -> None:
         ({"kind": "chip_array", "columns": 3, "rows": 2, "pitch_mm": [2.0, 0.7], "width_mm": 0.5, "height_mm": 0.3},
          (2.25, 0.5), (4.5, 1.0)),
         ({"kind": "chips", "chips": [{"x_mm": 0.4, "y_mm": 0.0, "width_mm": 0.5, "height_mm": 0.5},
-                                     {"x_mm": 0.0, "y_mm": -1.2, "width_mm": 0.6, "height_mm": 0.2}]}, (0.3, 1.3), (0.95, 1.55)),
+                                     {"x_mm": 0.0, "y_mm": -1.2, "width_mm": 0.6, "height_mm": 0.2}]},
+         (0.3, 1.3), (0.95, 1.55)),
     ],
     ids=lambda each: each["kind"] if isinstance(each, dict) else "",
 )  # fmt: skip
