@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import small_spec, sphere
+from scenes import hemisphere_directions, small_spec, sphere
 
 from lensforge.errors import InputError
 from lensforge.light.exit_light import exit_rays
@@ -14,6 +14,7 @@ from lensforge.light.received_flux import ReceivedFlux
 from lensforge.light.simulation import TracedLens, simulate
 from lensforge.proof.casts import _of_first_lamp
 from lensforge.scene.lens import Lens, load_lens
+from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle
@@ -130,3 +131,12 @@ def test_a_cast_shows_the_first_lamp_of_the_kind_of_its_lens() -> None:
     assert lens.kind == "narrow"
     (receiver,) = receivers_of(_of_first_lamp(lens), 8)
     assert receiver.pose.centre_mm == pytest.approx((0.0, -2.0, 36.0))
+
+
+def test_every_kind_of_lens_expands() -> None:
+    law = {"lens__index_per_k": 0.0, "lens__expansion_per_k": 1e-4}
+    lens = lens_of(TABLE, uneven(0), uneven(1), **law)
+    warm, u = at_temperature(lens, 120.0), hemisphere_directions(20)
+    for before, after in ((lens.surfaces, warm.surfaces), (lens.others["wide"], warm.others["wide"])):
+        for name, face in before.items():
+            assert after[name].radius(u) == pytest.approx((1.0 + 1e-4 * 100.0) * face.radius(u), rel=1e-12)

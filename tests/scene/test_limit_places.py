@@ -145,3 +145,22 @@ def test_each_quantity_has_its_unit_and_only_photometric_ones_the_lumens(quantit
     if light:
         (between,), _ = found({"kind": "points", "at_mm": [[1.0, 2.0], [7.0, 3.0]], **bound})
         assert between.light_per_flux == pytest.approx(scale / 1e-4), "bilinear weights add up to 1"
+
+
+def test_a_limit_reads_the_receiver_that_it_names_and_a_road_the_lamp_of_all_lenses() -> None:
+    """A wall and a far field, 250 lm/W and 2 W; the road's lamp has 24 such LEDs, or the lumens that it states."""
+    point = {"kind": "points", "receiver": "sky", "at_deg": [[10.0, 5.0]], "unit": "cd", "at_least": 1.0}
+    (limit,), (_, sky) = found(point, receivers=(WALL, FAR))
+    assert limit.receiver == 1
+    assert limit.of(np.full((1, *sky.grid.shape), 2e-3))[0] == pytest.approx(250.0 * 2e-3 / sky.pixel_measure)
+    far = {"kind": "far_field", "half_angle_deg": 90.0, "targets": [{"kind": "beam", "fwhm_deg": 60.0}]}
+    road = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0}
+    lamps = {"kind": "table", "places_mm": [[0.0, 0.0], [60.0, 0.0], [0.0, 60.0]]}
+    light = []
+    for own, more in (({}, {}), ({}, {"photometry": {"lenses": 24}}), ({"lamp_lm": 6000.0}, {"lamps": lamps})):
+        spec = small_spec(target=None, receivers=[WALL, far], base={"kind": "none"}, **more).replace(roads=[road | own])
+        built = receivers_of(spec, 24)
+        first = next(each for each in light_limits(spec, built, 250.0, 2.0) if each.quantity == "light")
+        assert first.receiver == 1
+        light.append(float(first.of(np.ones((1, 24, 24)))[0].mean()))
+    assert light[1] == pytest.approx(24.0 * light[0]) and light[2] == pytest.approx(6000.0 / 500.0 * light[0])
