@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from result_folders import PIXELS, criterion, make_results
 from result_folders import finding as any_finding
-from shown_folders import lens_of
+from shown_folders import SKY, WALL, lens_of
 
 from lensforge.cli.conclusion import _limit_rows
 from lensforge.errors import CriterionMissed
@@ -201,3 +201,19 @@ def test_limits_that_are_undecided_are_not_counted_as_held_on_the_screen() -> No
         ("undecided", "near"),
         ("missed", "far"),
     ]
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize(("field", "good", "bad"), [("nmse", 0.01, 0.2), ("share_in_target", 0.85, 0.3)])
+def test_the_light_on_each_receiver_decides(number: int, field: str, good: float, bad: float) -> None:
+    results = make_results(("evaluate",), lens_of(wanted={"receivers": (WALL, SKY)}))
+    figures = {"nmse": metric(0.01), "share_in_target": metric(0.85)}
+    receivers = [each.model_copy(update=figures) for each in results.light.receivers]
+    states = []
+    for value in (good, bad):
+        receivers[number] = receivers[number].model_copy(update={field: metric(value)})
+        light = results.light.model_copy(update={"receivers": tuple(receivers)})
+        states.append(Results(results.lens, {"evaluate": light}).verdict)
+    assert [each.light for each in states] == ["pass", "fail"]
+    (reason,) = states[1].reasons.light
+    assert f" on {receivers[number].name}" in reason and receivers[1 - number].name not in reason
