@@ -1,5 +1,7 @@
 """The verdict from the records of the stages: each bound from both sides, and what counts for an exit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from result_folders import PIXELS, criterion, make_results
@@ -197,10 +199,13 @@ def test_limits_that_are_undecided_are_not_counted_as_held_on_the_screen() -> No
     (group,) = (group for group in light_facts(results.light, results.lens) if group.key == "limits")
     (_, held), *others = _limit_rows(group)
     assert held == "1 of 3 held"
-    assert [(label.strip(), words.partition(":")[0]) for label, words in others] == [
-        ("undecided", "near"),
-        ("missed", "far"),
-    ]
+    shown = [(label.strip(), words.partition(":")[0]) for label, words in others]
+    assert shown == [("undecided", "near"), ("missed", "far")]
+    many = replace(group, facts=(*group.facts, *(replace(group.facts[2], label=name) for name in "abc")))
+    (_, held), *others = _limit_rows(many)
+    assert held == "1 of 6 held" and [words.partition(":")[0] for _, words in others] == [
+        "near", "far", "a", "and 2 more, in evaluate.json",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("number", [0, 1])

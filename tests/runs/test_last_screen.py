@@ -32,6 +32,20 @@ def test_a_run_ends_in_one_screen(small_run: lf.Run, capsys: pytest.CaptureFixtu
     assert f"Light: {small_run.verdict.light}" in lines
 
 
+def test_rows_of_the_screen_are_facts_of_the_records_and_files_of_the_folder(small_run: lf.Run) -> None:
+    facts = [fact for result in small_run.found.values() for group in small_run.facts(result) for fact in group.facts]
+    sentences: dict[str, set[str]] = {}
+    for fact in facts:
+        sentences.setdefault(fact.label, set()).add(fact.sentence)
+    rows = [(block.title.partition(":")[0], *row) for block in summary(small_run) for row in block.rows]
+    seen = [(label, text) for title, label, text in rows if label in sentences]
+    assert len(seen) > 12 and all(text.partition(". Change:")[0] in sentences[label] for label, text in seen), rows
+    (written,) = (text for _, label, text in rows if label == "Beside it")
+    names = written.split(", ")
+    assert {f"lens{name.removeprefix('lens')}" for name in names} <= {path.name for path in small_run.folder.iterdir()}
+    assert {"lens.step", ".stl", ".3mf", ".ies", ".ldt"} <= set(names), written
+
+
 def test_the_same_numbers_as_json_with_all_digits(small_run: lf.Run) -> None:
     content = json.loads(json.dumps(document(small_run, *small_run.found.values())))
     assert content["verdict"]["light"] == small_run.verdict.light
