@@ -8,6 +8,7 @@ from result_folders import make_results, small_lens
 from shown_folders import REGION, ROAD
 
 from lensforge.light.light_facts import photometry_facts
+from lensforge.report import study_figures
 from lensforge.report.lens_page import _photometry_sentence
 from lensforge.report.light_section import photometry_pictures
 from lensforge.report.study_figures import (
@@ -206,16 +207,20 @@ def test_a_road_by_rp_8_from_above_has_a_view_for_each_direction_of_travel():
     assert "83 m" in shown.caption
 
 
-def test_views_of_a_road_have_metres_on_their_axes_and_each_driver_looks_ahead():
+def test_views_of_a_road_have_metres_on_their_axes_and_each_driver_looks_ahead(monkeypatch):
     """The second of two unlike roads, with a lane against the others: its own size, and the eyes of both ways."""
     near = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "lamp_lm": 3e3}
     wide = near | {"lighting_class": "collector low", "width_m": 12.0, "lanes": 3, "oncoming_lanes": 1}
     wide |= {"pole_spacing_m": 44.0, "pole_height_m": 11.0}
     far = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "half_angle_deg": 90.0}
-    lens = small_lens(wanted={"target": far, "roads": [near, wide]})
+    lens = small_lens(wanted={"target": far, "roads": [near, wide], "photometry": ROAD})
     figure = road_from_above(make_photometry(lens), 1, lens.spec)
     found = []
     for axes in (each for each in figure.axes if each.images):
         (mark,) = (line for line in axes.lines if line.get_marker() in "<>")
         found.append((axes.images[0].get_extent(), mark.get_marker(), *mark.get_xydata().tolist()))
     assert found == [([0.0, 44.0, 8.0, 12.0], "<", [44.0, 10.0]), ([0.0, 44.0, 0.0, 8.0], ">", [0.0, 2.0])]
+    asked, drawn = [], study_figures.ground_diagram
+    monkeypatch.setattr(study_figures, "ground_diagram", lambda *given: asked.append(given[1:]) or drawn(*given))
+    photometry_pictures(make_results(("photometry",), lens, photometry=make_photometry(lens)))
+    assert asked == [(90.0, 24, 9.0)], "the street, the lenses, and the poles of the first road"

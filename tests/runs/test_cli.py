@@ -8,12 +8,10 @@ from pathlib import Path
 
 import pytest
 import torch
-from click.testing import CliRunner
 from in_this_process import lensforge
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.cli.cli import cli
 from lensforge.search.checkpoint import CHECKPOINT
 
 LEVELS = "levels = [\n    9,\n    25,\n]"
@@ -133,19 +131,6 @@ def test_a_process_ends_in_one_line_too(tmp_path: Path) -> None:
     result = subprocess.run(command, capture_output=True, encoding="utf-8", cwd=tmp_path, check=False)
     assert result.returncode == 2 and result.stdout == ""
     assert result.stderr.startswith("lensforge: ") and len(result.stderr.splitlines()) == 1
-
-
-def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:
-    runner = CliRunner()
-    described = runner.invoke(cli, ["rays", str(examples / "led.tm25ray"), "--json"])
-    assert described.exit_code == 0
-    assert json.loads(described.stdout)["rays"] == 20_000
-    converted = runner.invoke(cli, ["rays", str(examples / "led.tm25ray"), "--to", str(tmp_path / "led.csv")])
-    assert converted.exit_code == 0
-    again = runner.invoke(cli, ["rays", str(tmp_path / "led.csv"), "--json"])
-    assert json.loads(again.stdout)["format"] == "csv"
-    header = runner.invoke(cli, ["rays", str(examples / "led.tm25ray"), "--json", "--header"])
-    assert json.loads(header.stdout)["flux"]["header_w"] == 1.0
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
