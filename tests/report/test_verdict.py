@@ -222,3 +222,13 @@ def test_the_light_on_each_receiver_decides(number: int, field: str, good: float
     assert [each.light for each in states] == ["pass", "fail"]
     (reason,) = states[1].reasons.light
     assert f" on {receivers[number].name}" in reason and receivers[1 - number].name not in reason
+
+
+@pytest.mark.parametrize(
+    ("missed", "words"), [(1, "is not met: something 0."), (2, "are not met: something 0, something 1.")]
+)
+def test_the_criteria_that_are_missed_are_counted_and_named(missed: int, words: str) -> None:
+    criteria = tuple(criterion(f"something_{number}", 2.0, 1.0) for number in range(missed))
+    results = make_results(design={"criteria": (*criteria, criterion("held", 0.5, 1.0))})
+    count = len([1 for _ in results.criteria()])
+    assert headline(results).criteria == f"{missed} of {count} criteria on light and files {words}"

@@ -172,3 +172,35 @@ def test_the_extent_of_an_emitter_is_the_way_to_its_farthest_corner(
     assert source_extent(spec.source) == pytest.approx(float(np.hypot(*corner)), rel=1e-12)
     starts = build_source(spec.source).sample(2**13, 0).origins[:, :2]
     assert np.ptp(starts, axis=0) == pytest.approx(sides, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("target", "size"),
+    [
+        ({"kind": "rectangle", "width_mm": 200.0, "height_mm": 150.0}, 300.0),
+        ({"kind": "rectangle", "width_mm": 100.0, "height_mm": 151.0}, 227.0),  # 226.5 rounded up
+        ({"kind": "disc", "diameter_mm": 60.0, "centre_mm": [10.0, -25.0]}, 1.5 * (60.0 + 2.0 * 25.0)),
+        ({"kind": "ellipse", "width_mm": 30.0, "height_mm": 90.0, "centre_mm": [-40.0, 10.0]}, 1.5 * (90.0 + 80.0)),
+        ({"kind": "ring", "inner_diameter_mm": 40.0, "outer_diameter_mm": 80.0}, 120.0),
+        ({"kind": "cross", "length_mm": 70.0, "stroke_mm": 20.0}, 105.0),
+        ({"kind": "text", "text": "AB", "width_mm": 50.0}, 75.0),
+        ({"kind": "text", "text": "I", "width_mm": 50.0}, 1.5 * 80.0),  # a glyph may be 1.6 times as high as wide
+        ({"kind": "spots", "columns": 5, "rows": 7, "pitch_mm": 20.0, "diameter_mm": 10.0}, 1.5 * 130.0),
+        ({"kind": "spots", "columns": 9, "rows": 2, "pitch_mm": 20.0, "diameter_mm": 10.0}, 1.5 * 170.0),
+        ({"kind": "beam", "fwhm_deg": [30.0, 60.0]}, 80.0), ({"kind": "beam", "fwhm_deg": [60.0, 30.0]}, 80.0),
+        ({"kind": "beam", "fwhm_deg": 75.0}, 85.0), ({"kind": "batwing", "to_deg": 45.0}, 60.0),
+    ],
+    ids=lambda each: each["kind"] if isinstance(each, dict) else "",
+)  # fmt: skip
+def test_the_receiver_of_a_pattern_has_room_around_it(target: dict, size: float) -> None:
+    """One and a half of the square about the axis that holds it; of a beam four thirds of its wider side."""
+    place = {} if target["kind"] in ("beam", "batwing") else {"distance_mm": 300.0}
+    found = parse_spec({**tomllib.loads(SHORTEST), "target": target | place}, "lamp").target
+    assert (found.receiver_mm if place else found.half_angle_deg) == pytest.approx(size, rel=1e-9)
+
+
+def test_a_turned_pattern_has_room_for_its_corners() -> None:
+    turned = {"kind": "rectangle", "width_mm": 100.0, "height_mm": 150.0, "distance_mm": 300.0, "rotation_deg": 20.0}
+    found = parse_spec({**tomllib.loads(SHORTEST), "target": turned}, "lamp").target
+    across, up = (abs(np.cos(np.radians(20.0 + 90.0 * k))) for k in (0, 1))
+    assert 1.5 * (150.0 * across + 100.0 * up) <= found.receiver_mm <= 1.5 * 150.0 * 2.0**0.5 + 1.0
