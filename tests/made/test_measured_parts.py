@@ -13,7 +13,7 @@ from presets import FEW
 from lensforge.errors import Cancelled, InputError
 from lensforge.made import measured_parts
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, by_threads
-from lensforge.made.part_study import Recipe
+from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.yield_study import measure_yield
 from lensforge.results.stage_result import with_checksum
 
@@ -40,7 +40,8 @@ def test_parts_of_another_study_do_not_count(tmp_path) -> None:
     file = tmp_path / "parts.npz"
     _parts(study_of(rays=256), file).of(range(4))
     assert len(_parts(study_of(rays=256), file).kept.known) == 4
-    for other in (study_of(rays=256, seed=1), study_of({"gap_mm": 0.1}, rays=256)):
+    designed = PartStudy(replace(study_of(rays=256).recipe, designed_rays=512))
+    for other in (study_of(rays=256, seed=1), study_of({"gap_mm": 0.1}, rays=256), designed):
         assert len(_parts(other, file).kept.known) == 0
 
 

@@ -173,3 +173,12 @@ def test_few_points_over_the_face_are_input_error(registration):
     cloud = np.concatenate([cloud[:60], 0.1 * cloud[60:70] - [0.0, 0.0, 50.0]])
     with pytest.raises(InputError, match="60 of them lie over the surface once registered, must be at least 100"):
         register(PATCH, cloud, registration)
+
+
+@pytest.mark.parametrize(
+    ("unit", "mm"), [("mm", 1), ("in", 25.4), ("inch", 25.4), ("cm", 10), ("m", 1000), ("um", 1e-3)]
+)
+def test_each_unit_of_a_table_of_points(tmp_path, unit, mm):
+    rows = "".join(";".join(f"{value:.12e}" for value in point) + "\n" for point in POINTS)
+    (tmp_path / "cloud.csv").write_text(f"x [{unit}];y [{unit}];z [{unit}]\n{rows}", encoding="utf-8")
+    np.testing.assert_allclose(read_cloud(tmp_path / "cloud.csv"), mm * POINTS, rtol=1e-11)

@@ -177,8 +177,9 @@ def lighttools(row=ROW, flux_type=0, far_field=0, colour=0, unit=1, major=2):
 
 
 def test_lighttools_binary():
-    rayfile = decode(image(lighttools(unit=4)))
-    np.testing.assert_allclose(rayfile.positions_mm, [[25.4, 50.8, 76.2]])
+    for unit, mm in enumerate((1.0, 1.0, 10.0, 1000.0, 25.4, 304.8, 1e-3, 1e-6)):
+        rayfile = decode(image(lighttools(unit=unit)))
+        np.testing.assert_allclose(rayfile.positions_mm, mm * np.array([[1.0, 2.0, 3.0]]), rtol=1e-6)
     assert (rayfile.flux_unit, rayfile.total_flux()) == ("W", 2.0)
     coloured = decode(image(lighttools(row=(*ROW, 450.0), flux_type=1, colour=2)))
     assert (coloured.flux_unit, coloured.wavelengths_nm[0]) == ("lm", 450.0)

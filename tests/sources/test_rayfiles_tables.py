@@ -97,3 +97,12 @@ def test_directions_of_another_length_are_said_and_angles_refused(name):
     degrees = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))).astype(np.float32)
     with pytest.raises(InputError, match=r"lengths of 97.31 to 217.6, must be 1: are they angles\?"):
         decode(image(encoded(name, replace(ones, directions=degrees))))
+
+
+@pytest.mark.parametrize(("unit", "mm"), [("mm", 1.0), ("cm", 10.0), ("m", 1000.0), ("um", 1e-3), ("in", 25.4)])
+def test_each_unit_of_a_table_of_rays(unit, mm):
+    """Of places; of flux mW, and of wavelengths um, beside."""
+    head = f"x [{unit}];y [{unit}];z [{unit}];kx;ky;kz;flux [mW];wavelength [um]\n"
+    found = decode(image((head + "1.5;2;3;0;0.6;0.8;250;0.4505\n").encode()))
+    np.testing.assert_allclose(found.positions_mm, mm * np.array([[1.5, 2.0, 3.0]]), rtol=1e-6)
+    assert (found.flux[0], found.wavelengths_nm[0]) == pytest.approx((0.25, 450.5)) and found.flux_unit == "W"
