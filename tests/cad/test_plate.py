@@ -245,6 +245,29 @@ def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, 
 
 
 @pytest.mark.parametrize(
+    ("place", "wall", "between"),
+    [
+        ([10.0, 3.0], 3.0 - 2.0 - 0.2, "the cavity of a lens"),
+        ([-10.0, 1.7], 1.7 - 0.8 - 0.2, "the cavity of a lens"),
+        ([0.0, 14.2], 15.0 - 14.2 - 0.2, "the edge"),
+        ([-19.1, 5.0], 20.0 - 19.1 - 0.2, "the edge"),
+    ],
+)
+def test_walls_are_those_at_turned_cavities_and_at_the_nearer_edge(
+    place: list[float], wall: float, between: str
+) -> None:
+    """Openings of 4 x 1.6 mm, the second lens turned by a right angle, on a plate of 40 x 30 mm."""
+    lamps = {"kind": "table", "places_mm": [[-10.0, 0.0], [10.0, 0.0]], "turns_deg": [0.0, 90.0]}
+    pin = {"place_mm": place, "diameter_mm": 0.4, "height_mm": 1.0}
+    layout = layout_of(on_plate({"thickness_mm": 1.0, "width_mm": 40.0, "height_mm": 30.0, "pins": [pin]}, lamps))
+    turn = np.linspace(0.0, 2.0 * np.pi, 3601)
+    assert layout is not None
+    found = layout.thinnest_wall(np.column_stack([2.0 * np.cos(turn), 0.8 * np.sin(turn)]))
+    assert found is not None and found.thickness_mm == pytest.approx(wall, abs=1e-6)
+    assert found.between == f"plate.pins.0 and {between}"
+
+
+@pytest.mark.parametrize(
     ("bore", "wall", "between"),
     [
         ({"bore_diameter_mm": 1.8, "bore_depth_mm": 1.0}, 0.1, "plate.bosses.0 and its bore"),
