@@ -99,29 +99,9 @@ def driving_side(side: str) -> Case:
     return readings.seen[0][0].y, {"right": pytest.approx(1.5), "left": pytest.approx(4.5)}[side]
 
 
-def surface(name: str) -> Case:
-    """Q0 and S1 (CIE 144)."""
-    found = judged(surface=name)
-    by_hand = {"R1": (0.1, 0.25), "R2": (0.07, 0.58), "R3": (0.07, 1.11), "R4": (0.08, 1.55), "C1": (0.1, 0.24),
-               "C2": (0.07, 0.97)}[name]  # fmt: skip
-    return (found.q0, found.s1), (pytest.approx(by_hand[0], abs=5e-3), pytest.approx(by_hand[1], abs=0.02))
-
-
 def wet_surface(name: str) -> Case:
     added = {each.bound for each in judged(wet_surface=name).limits} - {each.bound for each in judged().limits}
     return added, {0.15}
-
-
-WAYS = np.array([[0.6, 0.1, 0.8], [-0.6, 0.2, 0.75]])
-WAYS /= np.linalg.norm(WAYS, axis=1)[:, None]
-
-
-def rays(**fields: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Starts and directions of two rays that cross at (0, 0, 2) mm: the virtual focus of the bundle."""
-    starts = np.array([0.0, 0.0, 2.0]) + np.array([[3.0], [1.0]]) * WAYS
-    given = lf.RaySource(positions_mm=starts, directions=WAYS, ray_flux=np.ones(2), **fields)
-    sample = build_source(given).sample(2, 0)
-    return sample.origins, sample.directions
 
 
 def symmetry(name: str) -> Case:
@@ -205,27 +185,6 @@ def plate(name: str) -> Case:
     return area_mm2(layout.outline), pytest.approx({"rectangle": 600.0, "round": np.pi * 225.0}[name])
 
 
-def axis(name: str) -> Case:
-    """Components along the lens's z: those along the axis of the file."""
-    _, ways = rays(axis=name)
-    return sorted(ways[:, 2]), pytest.approx(sorted((1 if name[0] == "+" else -1) * WAYS[:, "xyz".index(name[1])]))
-
-
-def mirror(name: str) -> Case:
-    _, ways = rays(mirror=name)
-    signs = {"none": (1, 1, 1), "x": (-1, 1, 1), "y": (1, -1, 1)}[name]
-    wanted = (WAYS * signs)[np.argsort(WAYS[:, 2])]
-    return ways[np.argsort(ways[:, 2])].tolist(), [pytest.approx(each) for each in wanted]
-
-
-def origin(name: str) -> Case:
-    """Heights of the starts: 3 and 1 ways beyond the point in which both rays cross."""
-    starts, ways = rays(origin=name)
-    found = starts[np.argsort(ways[:, 2]), 2]
-    heights = np.array([3.0, 1.0])[np.argsort(WAYS[:, 2])] * np.sort(WAYS[:, 2])
-    return found.tolist(), pytest.approx(heights + {"file": 2.0, "virtual_focus": 0.0}[name], abs=1e-6)
-
-
 def unit(name: str) -> Case:
     """A picture of 0.5 mW a pixel, half of that in the zone, by an LED of 200 lm/W."""
     far = name in ("w_per_sr", "cd")
@@ -279,18 +238,20 @@ def emitting_luminance(name: str, folder: Path) -> Case:
 
 
 CASES = {
-    "arrangement": arrangement, "lighting_class": lighting_class, "driving_side": driving_side, "surface": surface,
-    "wet_surface": wet_surface, "axis": axis, "mirror": mirror, "origin": origin, "symmetry": symmetry,
+    "arrangement": arrangement, "lighting_class": lighting_class, "driving_side": driving_side,
+    "wet_surface": wet_surface, "symmetry": symmetry,
     "profile": profile, "distribution": distribution, "preset": preset, "kinds": kinds, "lattice": lattice,
     "BaseSection.kind": base, "PlateSection.kind": plate, "within": within, "unit": unit, "sheet": sheet,
     "ImageTarget.luminance": luminance, "LuminanceSource.luminance": emitting_luminance,
 }  # fmt: skip
 ELSEWHERE = {  # where each value is one of a test's cases
+    "axis": "sources/test_ray_set_numbers.py", "mirror": "sources/test_ray_set_numbers.py",
+    "origin": "sources/test_ray_set.py", "surface": "scene/test_road_field.py",
     "edition": "scene/test_road_field.py", "coordinates": "surfaces/test_given_faces.py",
     "make": "search/test_constraint_fields.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
     "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
 }  # fmt: skip
-DEFAULTS = {"use": "general", "aim": "pattern"}  # what every other test takes
+DEFAULTS = {"use": "general", "aim": "pattern", "origin": "file"}  # what every other test takes
 OF_FILES = {("BaseSection.kind", "step"), ("PlateSection.kind", "step")}  # in cad/test_custom_base.py and of outlines
 
 
