@@ -102,3 +102,15 @@ def test_a_search_has_the_same_bits_on_any_number_of_threads() -> None:
         with threads_of_torch(threads), pytest.raises(Cancelled):
             search(spec, source, accuracy="draft", progress=keep_second)
     assert len(found) == 1
+
+
+def test_what_a_spec_leaves_open_is_that_of_the_preset_and_a_round_lens_needs_a_quarter_of_the_rays() -> None:
+    preset = PRESETS["draft"]
+    left_open = {"optimise.rays": None, "optimise.steps_per_level": None}
+    for spec, rays in ((small_spec(), preset.design_rays), (spot(), preset.design_rays // 4)):
+        stages = fixed_schedule(spec.replace(left_open), preset, last_only=False).stages
+        assert {stage.rays for stage in stages} == {rays}
+        *coarse, fine = (stage.steps for stage in stages)
+        assert fine == preset.fine_steps and set(coarse) <= {preset.coarse_steps}
+        given = fixed_schedule(spec.replace({**left_open, "optimise.rays": 3000}), preset, last_only=False).stages
+        assert {stage.rays for stage in given} == {3000}
