@@ -185,7 +185,9 @@ def test_a_spec_has_the_outline_itself_and_needs_the_file_no_more(tmp_path: Path
     assert again.plate == spec.plate
     assert spec.plate is not None and isinstance(spec.plate.outline, DrawnOutline)
     assert (spec.plate.outline.origin, len(spec.plate.outline.sha256)) == ("plate.step", 64)
-    assert [name for name, _ in spec.plate.marks] == ["hole 1 of plate.outline"]
+    ((name, hole),) = spec.plate.marks
+    assert name == "hole 1 of plate.outline" and spec.plate.all_holes == (hole,)
+    assert (*hole.place_mm, hole.diameter_mm) == pytest.approx((34.0, 4.0, 4.0), abs=1e-9)
     assert spec.plate.size_mm(spec.all_lamps, 7.0) == (52.0, 46.0)
 
 
