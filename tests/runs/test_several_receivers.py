@@ -33,6 +33,8 @@ def test_light_and_proof_of_a_lens_have_both_receivers() -> None:
         assert (own.width, own.height) == (design.width, design.height)
     missed = {criterion.name for criterion in proof.criteria if not criterion.passed}
     assert missed <= {"deviation_rms"}, "the mesh is coarse, and the wall is near"
+    turned = [own.against_design.rms / own.deviation_limit_mm for own in proof.receivers]  # in units of 0.1 mrad
+    assert turned[1] == pytest.approx(turned[0], rel=0.5), "the same facets turn the same rays"
     names = {criterion.name for criterion in proof.criteria}
     assert "far_field: deviation_rms" in names and "deviation_rms" in names
 
