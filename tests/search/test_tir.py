@@ -120,7 +120,7 @@ def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None
         loss(moving, own).backward()
         slopes.append(float((moving.grad * along).sum()))
     assert slopes[0] == pytest.approx(found, rel=0.06)
-    assert abs(slopes[1] - found) > 0.9 * abs(found), "the crease is most of this derivative"
+    assert abs(slopes[1] - found) > 0.2 * abs(found), "which no light without the crease explains"
 
 
 @pytest.mark.parametrize("along", first_by_day(1, [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]))
