@@ -9,12 +9,13 @@ from lens_meshes import DISTANCE, INDEX, INNER, OUTER, lambertian, oracle, right
 
 from lensforge.optics.media import Media, Medium
 from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS, brep_criteria, mitsuba_criteria
-from lensforge.proof.part_comparison import Expected, _nmse_less_noise, compare, flux_budget, gap_quantiles
+from lensforge.proof.part_comparison import Expected, compare, flux_budget, gap_quantiles, judge_independent_rays
 from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.remedies import Evidence, form_of_mesh
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage
 from lensforge.proof.verification import verify_part
+from lensforge.results import Metric
 
 SCREEN = Screen.square(DISTANCE, 300.0, 32)
 RAYS = lambertian(4000, 2.0, seed=1)
@@ -223,15 +224,21 @@ def test_the_flux_budget_of_a_few_rays_by_hand():
 def test_the_error_of_a_picture_without_the_noise_of_its_rays_by_pairs_of_blocks():
     """The mean product of the errors of each two blocks, less the noise of the design; not known without that."""
     random, count = np.random.default_rng(3), LEAST_RAYS
-    rays, screen = lambertian(count, 0.0), Screen.square(DISTANCE, 10.0, 3, 0.0)
+    rays, screen = replace(lambertian(count, 0.0), flux=np.full(count, 2.0)), Screen.square(DISTANCE, 10.0, 3, 0.0)
     places, flux = random.uniform(-5.0, 5.0, (count, 2)), random.uniform(0.5, 1.5, count)
-    landed = landed_rays(rays, places, flux=flux)
+    up = {"points": np.column_stack([places, np.zeros(count)]), "directions": np.tile([0.0, 0.0, 1.0], (count, 1))}
+    fates = np.full(count, CastFate.LANDED, dtype=np.int64)
+    passage = replace(Passage.of(rays, 2), **up, flux=flux, fates=fates)
     wanted = screen.irradiance(places, flux) * random.uniform(0.8, 1.2, (3, 3))
     expected = Expected(screen, wanted, places, flux)
     errors = []
     for rows in np.array_split(np.arange(count), BLOCKS):
         errors.append(screen.irradiance(places[rows], flux[rows]) * count / len(rows) - wanted)
     pairs = [(one * other).sum() for a, one in enumerate(errors) for b, other in enumerate(errors) if a != b]
-    found = _nmse_less_noise(landed, expected, 0.002)
-    assert found.value == pytest.approx(np.mean(pairs) / (wanted**2).sum() - 0.002, rel=1e-9)
-    assert _nmse_less_noise(landed, expected, None) is None
+    design = Metric(value=0.9, standard_error=1e-3)
+    found, unknown = (judge_independent_rays(rays, passage, expected, (design, noise)) for noise in (0.002, None))
+    assert found.nmse_less_noise.value == pytest.approx(np.mean(pairs) / (wanted**2).sum() - 0.002, rel=1e-9)
+    assert unknown.nmse_less_noise is None and found.efficiency_design == design
+    inside = flux * (np.abs(places) <= 5.0).all(axis=1) / rays.flux.sum()
+    assert found.efficiency.value == pytest.approx(inside.sum())
+    assert found.efficiency.standard_error == pytest.approx(np.std(count * inside, ddof=1) / np.sqrt(count))
