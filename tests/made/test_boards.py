@@ -56,6 +56,16 @@ def test_lamps_of_other_flux_make_the_sum_of_lamps_that_are_lit_one_by_one(lamps
     assert found.emitted_w == pytest.approx(fluxes.mean() * study.light.held.emitted_w, rel=1e-12)
 
 
+def test_light_of_parts_is_in_proportion_to_the_flux_of_their_leds() -> None:
+    """Of lenses that are off, too: what each part changes has the flux of its LED."""
+    study = study_of({"outer_shift_mm": 0.2, "source_flux": 0.05}, GRID, rays=2**10)
+    parts = study.part(2)
+    bright = tuple(replace(part, flux=1.3 * part.flux) for part in parts)
+    images, brighter, designed = (study.light.received(each)[0].images for each in (parts, bright, None))
+    np.testing.assert_allclose(brighter, 1.3 * images, rtol=1e-9, atol=1e-12 * images.max())
+    assert np.abs(images - designed).max() > 0.05 * designed.max()
+
+
 @pytest.mark.parametrize("lattice", ["rectangle", "hexagon"])
 def test_a_patch_of_equal_lamps_is_the_lattice_again_and_again(lattice: str) -> None:
     """Its metrics and limits are those of one period, as are the shares of the light."""
