@@ -9,6 +9,7 @@ from presets import FEW, WITH_TABLE_ERROR
 from scenes import random_surface, small_spec, sphere
 
 import lensforge as lf
+from lensforge.light.lens_light import _conditions
 from lensforge.optics.material import MATERIALS
 from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import at_temperature
@@ -140,6 +141,9 @@ def test_conditions_name_the_temperature_and_warn_of_extrapolation() -> None:
     assert light.conditions.warnings == ()
     light = lf.evaluate(glass, temperature_c=200.0)
     assert light.conditions is not None and "extrapolated" in light.conditions.warnings[0]
+    asked = dict.fromkeys(("accuracy", "rays", "pixels", "seed")) | {"temperature_c": 200.0}
+    both = _conditions(glass, lf.SquareSource(side_mm=2.0), ("on the LED",), None, asked)
+    assert both is not None and both.warnings == ("on the LED", *light.conditions.warnings)
 
 
 def test_the_seat_is_the_bottom_of_the_base() -> None:

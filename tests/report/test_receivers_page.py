@@ -5,9 +5,11 @@ from drawn_page import TURNED as WALL
 from page_text import Page, text_of
 from part_files import whole_results
 from result_folders import make_light, make_results, page_of, small_lens
-from shown_folders import BEAM, SKY
+from shown_folders import BEAM, SKY, lens_of
+from shown_folders import WALL as PLAIN_WALL
 from undrawn import undrawn
 
+from lensforge.light.light_facts import mask_words
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report.compare import ComparedPictures, render_comparison
 from lensforge.report.headline import asked_facts
@@ -167,3 +169,11 @@ def test_verification_and_stray_light_are_shown_on_every_receiver():
         assert words in page.text, words
     names = [group.title.rpartition(", ")[2] for group in tracer_groups(results.proof)]
     assert names == ["wall", "Plain ray cast by trimesh", "wall", "wall", "wall", "sky", "sky"]
+
+
+def test_the_size_of_a_mask_has_the_unit_of_its_receiver():
+    spec = lens_of(wanted={"receivers": (PLAIN_WALL, SKY)}).spec
+    oblong = {**PLAIN_WALL, "targets": ({**PLAIN_WALL["targets"][0], "uniform_mm": (40.0, 25.0)},)}
+    wide = lens_of(wanted={"receivers": (oblong, SKY)}).spec
+    assert [mask_words(each, 0) for each in (spec, wide)] == ["of 40 mm", "of 40 × 25 mm"]
+    assert mask_words(spec, 1) == "of 10°"

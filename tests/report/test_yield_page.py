@@ -10,6 +10,7 @@ from made_yield import PARTS, make_yield
 from page_text import Page, folded, text_of, undrawn_page_of
 from result_folders import make_results, small_lens
 from scenes import part_tolerances
+from shown_folders import _sensitivity
 
 from lensforge.made.tolerance_result import Variance
 from lensforge.made.yield_facts import (
@@ -18,6 +19,7 @@ from lensforge.made.yield_facts import (
     cause_rows,
     metric_words,
     road_rows,
+    sensitivity_facts,
     spread_rows,
     yield_facts,
 )
@@ -189,3 +191,15 @@ def test_the_worst_parts_of_a_lattice_are_drawn_over_all_its_periods(monkeypatch
     for axes in drawn:
         assert [*np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1)] == pytest.approx([180.0, 120.0])
     assert drawn
+
+
+def test_the_tolerance_with_the_largest_effect_comes_first_either_way():
+    (row,) = _sensitivity().rows
+    rows = []
+    for name, change in (("small", 1e-4), ("large", -3e-3), ("middle", 1e-3)):
+        moved = row.change.model_copy(update={"nmse": Metric(value=change, standard_error=1e-6)})
+        rows.append(row.model_copy(update={"name": name, "change": moved}))
+    titles = [group.title for group in sensitivity_facts(_sensitivity(rows=tuple(rows)))]
+    assert [next(name for name in ("small", "large", "middle") if name in title) for title in titles[1:]] == [
+        "large", "middle", "small",
+    ]  # fmt: skip

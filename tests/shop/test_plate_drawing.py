@@ -7,6 +7,7 @@ from typing import Any
 import ezdxf
 import numpy as np
 import pytest
+from scenes import small_spec, sphere
 from shop_lenses import small_lens
 
 from lensforge.cad.part import Part
@@ -14,7 +15,7 @@ from lensforge.cad.part_export import build_part
 from lensforge.cad.plate_layout import layout_of
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_part
-from lensforge.shop.plate_drawing import pattern_of, place_rows, plate_sheet
+from lensforge.shop.plate_drawing import _below_mm, pattern_of, place_rows, plate_sheet
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.sheet import Sheet, box_of
 from lensforge.shop.sheet_marks import words_of_dimension
@@ -193,3 +194,10 @@ def test_the_front_of_a_turned_lens_is_its_silhouette(turn_deg: float) -> None:
         sector = np.clip((np.degrees(np.arctan2(across, up)) + 90.0) // 2.0, 0, 89).astype(int)
         np.maximum.at(found, sector, np.hypot(across, up))
     np.testing.assert_allclose(farthest[1], farthest[0], rtol=0.0, atol=2e-3)
+
+
+def test_the_height_over_all_begins_at_the_longest_pin() -> None:
+    pins = [{"place_mm": [x, 0.0], "diameter_mm": 1.0, "height_mm": height} for x, height in ((9.0, 1.25), (-9.0, 2.0))]
+    plate = {"thickness_mm": 1.5, "width_mm": 30.0, "height_mm": 30.0, "pins": pins}
+    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(base={"kind": "none"}, plate=plate), 0, "draft")
+    assert _below_mm(layout_of(lens)) == 3.5
