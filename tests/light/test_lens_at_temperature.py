@@ -142,7 +142,7 @@ def test_conditions_name_the_temperature_and_warn_of_extrapolation() -> None:
     light = lf.evaluate(glass, temperature_c=200.0)
     assert light.conditions is not None and "extrapolated" in light.conditions.warnings[0]
     asked = dict.fromkeys(("accuracy", "rays", "pixels", "seed")) | {"temperature_c": 200.0}
-    both = _conditions(glass, lf.SquareSource(side_mm=2.0), ("on the LED",), None, asked)
+    both = _conditions(glass, lf.SquareSource(side_mm=2.0), ("on the LED",), None, asked, FEW)
     assert both is not None and both.warnings == ("on the LED", *light.conditions.warnings)
 
 
