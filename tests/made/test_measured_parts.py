@@ -150,10 +150,8 @@ def test_progress_counts_the_parts_that_are_asked_for() -> None:
     assert seen == [(8, 20), (16, 20), (20, 20), (3, 3)]
 
 
-def test_a_worker_keeps_no_study_of_another_recipe(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_keeps_no_study_of_another_recipe() -> None:
     """Each field of a recipe alone makes it another one; of the same recipe the study stays."""
-    monkeypatch.setattr(measured_parts, "prepare", lambda _: None)
-    monkeypatch.setattr(measured_parts, "_studies", [])
     first = Recipe(lens_with({"index": 1e-3}), 4, 256, 0, 512)
     other = {"lens": lens_with({"index": 2e-3}), "parts": 5, "rays": 512, "seed": 1, "designed_rays": 1024}
     assert set(other) == {each.name for each in fields(Recipe)}

@@ -60,7 +60,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
     "evaluate": {
         **COUNT, "--pixels": ("48", "pixels", 48), "--source": ("led.ray", "source", Path("led.ray")),
         "--temperature": ("85.5", "temperature_c", 85.5), "--name": ("warm", "name", "warm"),
-        "--compare": ("--source led.ray", "", "renewed_for"),
+        "--compare": ("--source led.ray", "", "lensforge.cli.stages.renewed_for"),
     },
     "export": {
         "--schema": ("AP242", "schema", "AP242"), "--runout": ("2.5", "extension_deg", 2.5),
@@ -83,7 +83,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
         "--scale": ("lens.inner.offset_mm", "scaled", ("lens.inner.offset_mm",)),
     },
     "tradeoff": {
-        "--most-rays": ("8192", "most_rays", 8192), "--threads": ("3", "", "threads 3"), "--out": SEARCH["--out"],
+        "--most-rays": ("8192", "most_rays", 8192), "--threads": ("3", "", "3"), "--out": SEARCH["--out"],
     },
     "verify": COUNT | {"--stray": ("", "", "stray"), "--base": ("black --stray", "base", "black")},
     "yield": {
@@ -103,16 +103,13 @@ def calls(monkeypatch: pytest.MonkeyPatch, small_run: lf.Run) -> Calls:
 
     def hear(where: str, returned: object = None) -> None:
         def called(*given: object, **named: object) -> object:
-            heard.append((where.rpartition(".")[2] if where != "click.launch" else where, given, named))
+            stage = given[0].name if given and isinstance(given[0], FolderStage) else ""
+            heard.append((stage or where, () if stage else given, named))
             return returned
 
         monkeypatch.setattr(where, called)
 
-    def run_in(stage: FolderStage[Any], here: object, **options: object) -> object:
-        heard.append((stage.name, (), options))
-        return SimpleNamespace()
-
-    monkeypatch.setattr(FolderStage, "run_in", run_in)
+    hear("lensforge.verbs.FolderStage.run_in", SimpleNamespace())
     none = SimpleNamespace(vary="", designs=(), failed={}, criteria=(), save=lambda _: None)
     cli_modules = {"stages": ("finish", "finish_handover", "finish_page", "renewed_for", "write_comparison")}
     for module, names in (cli_modules | {"design": ("finish_run",), "studies": ("finish_study",)}).items():
@@ -127,12 +124,7 @@ def calls(monkeypatch: pytest.MonkeyPatch, small_run: lf.Run) -> Calls:
     hear("lensforge.light.evaluation_result.Light.save")
     hear("lensforge.cli.design.Output.show")
     hear("click.launch")
-
-    def threads(count: int | None) -> Any:
-        heard.append((f"threads {count}", (), {}))
-        return nullcontext()
-
-    monkeypatch.setattr("lensforge.cli.studies.threads_of_torch", threads)
+    hear("lensforge.cli.studies.threads_of_torch", nullcontext())
     return heard
 
 
