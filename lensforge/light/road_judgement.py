@@ -220,7 +220,7 @@ def judged_roads(spec: Spec, lens: LampLight, source_lm: float) -> tuple[RoadJud
 
 def lenses_in(road: RoadSection, spec: Spec, source_lm: float) -> float:
     """Lenses in a lamp of ``road``, each over a source of ``source_lm``; as many as its lumens take, where it has."""
-    return spec.photometry.lenses if road.lamp_lm is None else road.lamp_lm / source_lm
+    return float(spec.photometry.lenses) if road.lamp_lm is None else road.lamp_lm / source_lm
 
 
 def of_lens(lamp: LampLight, factor: float) -> Candela:

@@ -1,0 +1,199 @@
+"""One crooked design of each kind, and what every stage says of it: no symmetry, no unit value, no two entries alike.
+
+``designs/NAME`` holds a spec and the lens of a search of a few steps. The stages begin with two steps more from there,
+so that their lens is of today's code, and go on at small numbers of rays. ``python tests/stated/crooked.py NAME …``
+searches for the stored lenses anew.
+"""
+
+import json
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lensforge as lf
+from lensforge.results.arguments import threads_of_torch
+from lensforge.results.fact import Fact, Group
+from lensforge.sources.rayfiles.ray_file import RayFile
+from lensforge.sources.rayfiles.ray_file_io import write_rayfile
+from lensforge.spec.accuracy import PRESETS
+
+DESIGNS = Path(__file__).parent / "designs"
+# Double on poles with two roads that differ; TIR and reflector with levels; turned lenses of a plate, moulded; kinds by
+# place; several LEDs of unlike files behind which bodies stand; coloured chips.
+NAMES = ("roads", "tir", "cup", "plate", "kinds", "leds", "chips")
+FILES = {"near": 1800, "far": 700}  # rays in each file
+_SEARCHED_STEPS = 12  # for each level of a stored lens
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a fact stands: result and key, the numbers of its group and of itself among those of the same key."""
+
+    stage: str
+    key: str
+    group: int = 0
+    number: int = 0
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A crooked design as a stranger sees it.
+
+    ``lens``: lens.json. ``results``: by the name of their stage. ``facts``: groups of each result. ``rays``: those that
+    a stage took, by its name: a list for each call, of replicate, factor of the flux, positions, directions, flux (W)
+    and wavelengths (nm) or None.
+    """
+
+    name: str
+    folder: Path
+    lens: dict[str, Any]
+    results: dict[str, Any]
+    facts: dict[str, list[Group]]
+    rays: dict[str, list[Any]] = field(default_factory=dict)
+
+    def json(self, stage: str) -> dict[str, Any]:
+        """The record of a stage as its file has it."""
+        return json.loads((self.folder / f"{stage}.json").read_text(encoding="utf-8"))
+
+    def stated(self) -> Iterator[tuple[Place, Fact]]:
+        """Every fact of every result, with its place."""
+        for stage, groups in self.facts.items():
+            seen: dict[str, int] = {}
+            for group in groups:
+                before: dict[str, int] = {}
+                for fact in group.facts:
+                    place = Place(stage, fact.key, seen.get(group.key, 0), before.get(fact.key, 0), group.title)
+                    yield place, fact
+                    before[fact.key] = before.get(fact.key, 0) + 1
+                seen[group.key] = seen.get(group.key, 0) + 1
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What an oracle says of a fact. ``within``: the largest distance of the value, ``error_within``: of its error.
+
+    None in ``standard_error``: none is stated. A ``limit`` is its sign and value, "" where none is asked.
+    """
+
+    value: float | str | None
+    within: float = 0.0
+    unit: str = ""
+    standard_error: float | None = None
+    error_within: float = 0.0
+    limit: tuple[str, float] | None = None
+    state: str = ""
+    possible: tuple[str, float] | None = None
+    possible_within: float = 0.0
+
+
+def led_rays(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions (mm), directions and flux (W) of the rays of a file, uneven over 2 x 0.4 mm and in direction."""
+    count = FILES[name]
+    a, b, c, e = np.random.default_rng(len(name)).random((4, count))
+    shift, along = ((3.0, 0.5, -0.4), 2.0) if name == "near" else ((0.1, -0.2, 0.05), 1.4)
+    x, y = along * (a**1.2 - 0.5), 0.4 * (b - 0.5)
+    sine, turn = np.sqrt(c), 2 * np.pi * e
+    own = np.stack([sine * np.cos(turn), sine * np.sin(turn) * (0.6 + 0.4 * a), np.sqrt(1 - c) + 0.05], axis=1)
+    own /= np.linalg.norm(own, axis=1)[:, None]
+    p = np.stack([x, y, 0.1 * a], axis=1)
+    if name == "near":  # its light goes along +x of the file
+        p, own = p[:, [2, 0, 1]], own[:, [2, 0, 1]]
+    flux = (0.5 + a * c) / count * (0.37 if name == "near" else 0.81)
+    return (p + shift).astype("f4"), own.astype("f4"), flux.astype("f4")
+
+
+def write_leds(folder: Path) -> None:
+    """The ray files that the specs name."""
+    for name in FILES:
+        p, d, flux = led_rays(name)
+        total = float(flux.sum(dtype=float))
+        lumens = total * (300 if name == "near" else 240)
+        file = RayFile(p, d, flux, flux_unit="W", header_flux_w=total, header_flux_lm=lumens)
+        write_rayfile(folder / f"{name}.tm25ray", file, "tm25")
+
+
+def spec_of(name: str, folder: Path, changes: dict[str, Any] | None = None) -> lf.Spec:
+    """The spec of a design, with its files, in ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(DESIGNS / name / "spec.toml", folder / "spec.toml")
+    if name == "leds":
+        write_leds(folder)
+    spec = lf.load_spec(folder / "spec.toml")
+    return spec.replace(changes) if changes else spec
+
+
+@contextmanager
+def few_rays() -> Iterator[None]:
+    """Stages that choose the number of their rays by the preset take few."""
+    with pytest.MonkeyPatch.context() as patch:
+        small = replace(PRESETS["draft"], photometry_rays=2**13, verify_rays=2**10)
+        patch.setitem(PRESETS, "draft", small)
+        yield
+
+
+@contextmanager
+def recorded(rays: dict[str, list[Any]]) -> Iterator[None]:
+    """What a simulation traces is kept in ``rays["evaluate"]``, a list for each call."""
+    from lensforge.light import simulation
+
+    drawn = simulation.bundles
+
+    def bundles(*arguments: Any) -> Iterator[Any]:
+        call = rays.setdefault("evaluate", [])
+        call.append([])
+        kept = call[-1]
+        for replicate, share, bundle in drawn(*arguments):
+            kept.append((replicate, share, bundle.origins, bundle.directions, bundle.flux, bundle.wavelengths_nm))
+            yield replicate, share, bundle
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulation, "bundles", bundles)
+        yield
+
+
+def made(name: str, folder: Path) -> Case:
+    """The design of this name, run through every stage in ``folder``."""
+    from coarse_part import coarse_part
+    from undrawn import undrawn
+
+    rays: dict[str, list[Any]] = {}
+    spec, start = spec_of(name, folder / "spec"), lf.load_lens(stored(name, folder / "spec"))
+    with few_rays(), recorded(rays), undrawn(), coarse_part(), threads_of_torch(1):
+        run = lf.run(spec, folder / "run", accuracy="draft", seed=3, start=start, warn=lambda _: None)
+    lens = json.loads((run.folder / "lens.json").read_text(encoding="utf-8"))
+    facts = {stage: run.facts(result) for stage, result in run.found.items()}
+    return Case(name, run.folder, lens, dict(run.found), facts, rays)
+
+
+def stored(name: str, folder: Path) -> Path:
+    """The stored lens, whose files are those in ``folder``."""
+    text = (DESIGNS / name / "lens.json").read_text(encoding="utf-8").replace("FOLDER", folder.as_posix())
+    (folder / "lens.json").write_text(text, encoding="utf-8")
+    return folder / "lens.json"
+
+
+def search(name: str, folder: Path) -> None:
+    """Search for the lens of a design and store it, without a checksum: its files lie elsewhere."""
+    steps = [_SEARCHED_STEPS] * len(spec_of(name, folder).optimise.steps_per_level or ())
+    spec = spec_of(name, folder, {"optimise.steps_per_level": steps, "optimise.rays": 4096})
+    design = lf.design(spec, accuracy="draft", seed=1, warn=print, force=True)
+    design.lens.save(folder / "lens.json")
+    content = json.loads((folder / "lens.json").read_text(encoding="utf-8"))
+    content.pop("content_sha256", None)
+    content["spec"] = json.loads(spec_of(name, folder).model_dump_json())
+    text = json.dumps(content, separators=(",", ":")).replace(folder.as_posix(), "FOLDER")
+    (DESIGNS / name / "lens.json").write_text(text + "\n", encoding="utf-8")
+    print(name, design, len(text))
+
+
+if __name__ == "__main__":
+    for chosen in sys.argv[1:] or NAMES:
+        search(chosen, Path("/tmp/crooked") / chosen)

@@ -1,0 +1,148 @@
+"""Every fact and every number that is stated of the crooked designs, against oracles that share no code with lensforge.
+
+An oracle is a function of the case and the place of what it tells, written from docs/definitions.md: ``ORACLES`` of a
+module have those of facts, by "stage.key" without the number at the end of a key, ``RECORDS`` the expected record of a
+stage, as its JSON has it. A fact and a number without an oracle fail, and an oracle of nothing, too.
+"""
+
+import ast
+from collections.abc import Callable, Iterator
+from math import isclose
+from pathlib import Path
+from typing import Any
+
+import oracle_light
+import pytest
+from crooked import NAMES, Case, Expected, Place
+
+from lensforge.results.fact import Bound, Fact
+
+MODULES = (oracle_light,)
+ORACLES: dict[str, Callable[[Case, Place], Expected]] = {
+    name: oracle for module in MODULES for name, oracle in module.ORACLES.items()
+}
+RECORDS: dict[str, Callable[[Case], Any]] = {
+    stage: record for module in MODULES for stage, record in getattr(module, "RECORDS", {}).items()
+}
+# What has no oracle yet: beginnings of the names of facts.
+NOT_YET = (
+    "design.",
+    "evaluate.",
+    "export.",
+    "check.",
+    "verify.",
+    "photometry.",
+)
+# Entries of a record that are no figures of the design: how long it took, and what it was made from.
+NO_FIGURE = ("seconds", "version", "inputs", "content_sha256", "arrays_sha256", "schema")
+
+
+def name_of(place: Place, fact: Fact) -> str:
+    """The name by which the oracle of a fact is found."""
+    return f"{place.stage}.{fact.key.rstrip('0123456789').rstrip('_ ')}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_fact(case: Callable[[str], Case], name: str) -> None:
+    """Value, unit, standard error, limit, bound and state of each."""
+    own, wrong = case(name), []
+    for place, fact in own.stated():
+        key = name_of(place, fact)
+        if key not in ORACLES:
+            if key.startswith(NOT_YET):
+                continue
+            wrong.append(f"{key} ({place}): no oracle; it says {fact.sentence}")
+            continue
+        wrong += [
+            f"{key} ({place.title}, {fact.label}): {words}" for words in differences(fact, ORACLES[key](own, place))
+        ]
+    assert not wrong, "\n".join(wrong)
+
+
+def differences(fact: Fact, expected: Expected) -> Iterator[str]:
+    if isinstance(fact.value, float | int) and isinstance(expected.value, float | int):
+        if not abs(fact.value - expected.value) <= expected.within:
+            yield f"{fact.value!r}, must be {expected.value!r} within {expected.within:.2g}"
+    elif fact.value != expected.value:
+        yield f"{fact.value!r}, must be {expected.value!r}"
+    if fact.unit != expected.unit:
+        yield f"in {fact.unit!r}, must be in {expected.unit!r}"
+    errors = fact.standard_error, expected.standard_error
+    known = [each for each in errors if each is not None]
+    if len(known) == 1 or (known and abs(known[0] - known[1]) > expected.error_within):
+        yield f"standard error {errors[0]!r}, must be {errors[1]!r}"
+    if fact.state != expected.state:
+        yield f"state {fact.state!r}, must be {expected.state!r}"
+    yield from bounds_differ("limit", fact.limit, expected.limit, expected.within)
+    yield from bounds_differ("possible", fact.possible, expected.possible, expected.possible_within)
+
+
+def bounds_differ(what: str, bound: Bound | None, expected: tuple[str, float] | None, within: float) -> Iterator[str]:
+    if (bound is None) != (expected is None):
+        yield f"{what} {bound}, must be {expected}"
+    elif bound is not None and expected is not None:
+        near = isclose(bound.value, expected[1], rel_tol=1e-9, abs_tol=within if what == "possible" else 0.0)
+        if bound.sense != expected[0] or not near:
+            yield f"{what} {bound.sense} {bound.value!r}, must be {expected}"
+
+
+def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Every number, text and flag of a record, by its path."""
+    if isinstance(content, dict):
+        for key, entry in content.items():
+            yield from leaves(entry, f"{path}.{key}" if path else key)
+    elif isinstance(content, list | tuple):
+        for number, entry in enumerate(content):
+            yield from leaves(entry, f"{path}.{number}")
+    else:
+        yield path, content
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("stage", RECORDS)
+def test_every_number_of_a_record(case: Callable[[str], Case], stage: str, name: str) -> None:
+    """A record that is expected has tuples (value, within) in the place of numbers that are not exact."""
+    own = case(name)
+    expected = dict(pairs(RECORDS[stage](own)))
+    found = {path: each for path, each in leaves(own.json(stage)) if path.split(".")[0] not in NO_FIGURE}
+    wrong = [f"{path}: {found[path]!r}, nothing is expected" for path in found if path not in expected]
+    wrong += [f"{path}: missing" for path in expected if path not in found and expected[path] is not ...]
+    for path, each in expected.items():
+        if path in found and each is not ... and not same(found[path], each):
+            wrong.append(f"{path}: {found[path]!r}, must be {each!r}")
+    assert not wrong, "\n".join(wrong)
+
+
+def pairs(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """The leaves of an expected record; a tuple of a value and its tolerance is one, and so is an Ellipsis."""
+    if isinstance(content, dict):
+        for key, entry in content.items():
+            yield from pairs(entry, f"{path}.{key}" if path else key)
+    elif isinstance(content, list):
+        for number, entry in enumerate(content):
+            yield from pairs(entry, f"{path}.{number}")
+    else:
+        yield path, content
+
+
+def same(found: Any, expected: Any) -> bool:
+    """True within the tolerance, or to rounding."""
+    value, within = expected if isinstance(expected, tuple) else (expected, None)
+    if isinstance(found, bool) or not isinstance(found, float | int) or not isinstance(value, float | int):
+        return bool(found == value)
+    return abs(found - value) <= (1e-9 * abs(value) if within is None else within)
+
+
+def test_every_oracle_has_a_fact(case: Callable[[str], Case]) -> None:
+    named = {name_of(place, fact) for name in NAMES for place, fact in case(name).stated()}
+    assert set(ORACLES) <= named
+    unused = [start for start in NOT_YET if all(each in ORACLES for each in named if each.startswith(start))]
+    assert not unused, "all of it has an oracle"
+
+
+def test_oracles_share_no_code() -> None:
+    for module in MODULES:
+        tree = ast.parse(Path(module.__file__ or "").read_text(encoding="utf-8"))
+        imported = {a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
+        imported |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        assert not [name for name in imported if name.split(".")[0] == "lensforge"]
