@@ -200,6 +200,13 @@ def meet(light, face, medium, rows, t, media, section, nm, last):
 
 def trace_chain(lens, faces, p, d, nm=None):
     """As :func:`page_tracer.trace`, of a lens of more than two faces."""
+    left, p, d, fate, flux, absorbed, nm, stokes = leave_chain(lens, faces, p, d, nm)[:8]
+    flux, place, in_glass = to_receiver(lens, left, p, d, fate, flux, nm, stokes)
+    return fate, place, flux, absorbed, in_glass
+
+
+def leave_chain(lens, faces, p, d, nm=None):
+    """As :func:`page_tracer.leave`, of a lens of more than two faces; and the faces that each ray met, in order."""
     section, d, count = lens["spec"]["lens"], unit(d), len(p)
     media = {"body": refractive_index(lens, nm, count)}
     media |= {medium: np.full(count, section[f"{medium}_index"]) for medium in ("cavity", "outside")}
@@ -208,6 +215,7 @@ def trace_chain(lens, faces, p, d, nm=None):
     one = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
     fields = np.stack([one, np.cross(d, one)], axis=1).astype(complex)
     light = Light(p, d.copy(), fields, np.ones(count), np.zeros(count), fate)
+    ways = [()] * count
     going, out = {"cavity": np.flatnonzero(fate == LANDED)}, []
     for event in range(section["events"]):
         onward = {"cavity": [], "body": [], "outside": out}
@@ -219,12 +227,13 @@ def trace_chain(lens, faces, p, d, nm=None):
             for number in np.unique(met[~lost]):
                 some = np.flatnonzero(~lost & (met == number))
                 last = event + 1 == section["events"]
+                for row in rows[some]:
+                    ways[row] = (*ways[row], faces[number].name)
                 for behind, others in meet(light, faces[number], medium, rows[some], t[some], media, section, nm, last):
                     onward[behind].append(others)
         going = {medium: np.concatenate([[], *onward[medium]]).astype(int) for medium in ("cavity", "body")}
     left, flux = np.concatenate([[], *out]).astype(int), light.flux(slice(None))
-    flux, place, in_glass = to_receiver(lens, left, light.p, light.d, light.fate, flux, nm, as_stokes(light, left))
-    return light.fate, place, flux, light.absorbed, in_glass
+    return left, light.p, light.d, light.fate, flux, light.absorbed, nm, as_stokes(light, left), ways
 
 
 def as_stokes(light, rows):

@@ -459,6 +459,14 @@ def to_receiver(lens, left, p, d, fate, flux, nm, stokes):
 
 def trace(lens, pair, p, d, nm=None):
     """Fate (index in FATES), place on the receiver's plane (mm); flux at the end, absorbed, and in the glass, of 1."""
+    left, p, d, fate, flux, absorbed, nm, stokes = leave(lens, pair, p, d, nm)
+    flux, place, in_glass = to_receiver(lens, left, p, d, fate, flux, nm, stokes)
+    return fate, place, flux, absorbed, in_glass
+
+
+def leave(lens, pair, p, d, nm=None, polarised=None):
+    """Numbers of the rays that leave the lens; all rays behind it, their fate, flux, what was absorbed, wavelengths;
+    and Q, U and their direction of those that leave."""
     inner, outer = pair
     n, d, section = refractive_index(lens, nm, len(p)), unit(d), lens["spec"]["lens"]
     nm = np.full(len(p), section["design_wavelength_nm"]) if nm is None else nm
@@ -472,7 +480,7 @@ def trace(lens, pair, p, d, nm=None):
     live, t = live[~np.isnan(t)], t[~np.isnan(t)]
     p[live] += t[:, None] * d[live]
     sideways = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
-    stokes = [np.zeros(len(p)), np.zeros(len(p)), sideways]
+    stokes = [np.array(part) for part in polarised or (np.zeros(len(p)), np.zeros(len(p)), sideways)]
     rest = section.get("inner", {}).get("coating"), nm[live], False, [part[live] for part in stokes]
     d[live], flux[live], behind = refracted(inner, p[live], d[live], cavity[live], n[live], *rest)
     for whole, part in zip(stokes, behind, strict=True):
@@ -495,5 +503,4 @@ def trace(lens, pair, p, d, nm=None):
     fate[live[np.isnan(passed)]] = TOTAL
     live, passed = live[~np.isnan(passed)], passed[~np.isnan(passed)]
     flux[live] *= passed
-    flux, place, in_glass = to_receiver(lens, live, p, d, fate, flux, nm, [part[live] for part in stokes])
-    return fate, place, flux, absorbed, in_glass
+    return live, p, d, fate, flux, absorbed, nm, [part[live] for part in stokes]

@@ -29,6 +29,7 @@ DESIGNS = Path(__file__).parent / "designs"
 # place; several LEDs of unlike files behind which bodies stand; coloured chips.
 NAMES = ("roads", "tir", "cup", "plate", "kinds", "leds", "chips")
 FILES = {"near": 1800, "far": 700}  # rays in each file
+FILE_EFFICACIES = {"near": 300.0, "far": 240.0}  # lm/W
 _SEARCHED_STEPS = 12  # for each level of a stored lens
 
 
@@ -58,6 +59,13 @@ class Case:
     results: dict[str, Any]
     facts: dict[str, list[Group]]
     rays: dict[str, list[Any]] = field(default_factory=dict)
+
+    @property
+    def files(self) -> dict[str, tuple[float, float]]:
+        """Flux (W) and lm/W of each ray file of the specs, by its stem."""
+        return {
+            name: (float(led_rays(name)[2].sum(dtype=float)), lm_per_w) for name, lm_per_w in FILE_EFFICACIES.items()
+        }
 
     def json(self, stage: str) -> dict[str, Any]:
         """The record of a stage as its file has it."""
@@ -90,7 +98,7 @@ class Expected:
     error_within: float = 0.0
     limit: tuple[str, float] | None = None
     state: str = ""
-    possible: tuple[str, float] | None = None
+    possible: Any = None  # an Ellipsis: not compared
     possible_within: float = 0.0
 
 
@@ -115,7 +123,7 @@ def write_leds(folder: Path) -> None:
     for name in FILES:
         p, d, flux = led_rays(name)
         total = float(flux.sum(dtype=float))
-        lumens = total * (300 if name == "near" else 240)
+        lumens = total * FILE_EFFICACIES[name]
         file = RayFile(p, d, flux, flux_unit="W", header_flux_w=total, header_flux_lm=lumens)
         write_rayfile(folder / f"{name}.tm25ray", file, "tm25")
 

@@ -1,6 +1,519 @@
-"""Oracles of the search, the light, the far field and the roads, by docs/definitions.md alone."""
+"""Oracles of the light on every receiver, by docs/definitions.md alone, for the very rays that the evaluation drew."""
 
-from collections.abc import Callable
-from typing import Any
+import numpy as np
+from crooked import Expected
+from page_colour import beam_colour, flux_and_efficacy, tristimulus_at
+from page_figures import (
+    filtered,
+    jackknife,
+    largest,
+    least,
+    least_over_mean,
+    nmse,
+    ratio,
+    raw_nmse,
+    rsd,
+    scaled,
+    width_above,
+)
+from page_road import road_limits
+from page_scene import (
+    by_fate,
+    exits,
+    faces_of,
+    in_shape,
+    lamps_of,
+    mask_of,
+    rebinned,
+    receive,
+    receivers_of,
+    target_light,
+)
 
-ORACLES: dict[str, Callable[[Any, Any], Any]] = {}
+NOT_LEFT = (
+    "backward", "outside_cavity", "base", "surfaces_intersect", "more_events", "flange", "total_reflection",
+)  # fmt: skip
+MISSED = ("backward", "outside_cavity", "base", "missed_receiver", "surfaces_intersect", "more_events", "flange")
+# A ray or two may land beside an edge by the tables of the faces; a hit is off by less than 0.1 µm in a lens.
+NEAR, RAY = 0.02, 0.1  # of a standard error; of that of an extreme, which one ray may move
+CLOSE = 1e-4  # of a figure, by wavelength and polarisation
+
+
+def traced(case, calls):
+    """Receivers, what each gets in each replicate, of each kind of lens, and flux (W) by the faces that it met."""
+    lens, spec = case.lens, case.lens["spec"]
+    places, turns, kinds = lamps_of(spec)
+    others = lens.get("others") or {}
+    own_kinds = [*(kind for kind in dict.fromkeys(kinds) if kind not in others), *others]
+    receivers = receivers_of(spec)
+    targets = [target_light(each)[1] for each in receivers]
+    halved = [tuple(max(1, count // 2) for count in each.shape) for each in receivers]
+    coarse = [target_light(each, shape)[1] for each, shape in zip(receivers, halved, strict=True)]
+    found = {}
+    for kind, call in zip(own_kinds, calls, strict=True):
+        faces, share = faces_of(lens, others.get(kind, lens["faces"])), kinds.count(kind) / len(kinds)
+        lamps = [(p, r) for p, r, k in zip(places, turns, kinds, strict=True) if k == kind]
+        for replicate, factor, p, d, flux, nm in call:
+            behind = exits(lens, faces, p, d, nm)
+            colours = tristimulus_at(nm) if spec["colour"] else None
+            fates = by_fate(behind, factor * flux, NOT_LEFT)
+            for number, receiver in enumerate(receivers):
+                both = targets[number], coarse[number]
+                got = receive(receiver, both, lamps, behind, factor * flux, colours)
+                found.setdefault((number, replicate), []).append((share, got, fates))
+                if number == 0 and behind.ways is not None:
+                    ways = found.setdefault(("ways", replicate), {})
+                    for row in behind.left:
+                        ways[behind.ways[row]] = ways.get(behind.ways[row], 0) + behind.flux[row] * factor * flux[row]
+    return receivers, found
+
+
+def mean_of(parts):
+    """Of lamps of several kinds: means by their shares."""
+    names = parts[0][1].__dict__
+    got = {name: sum(share * getattr(each, name) for share, each, _ in parts) for name in names}
+    return got, {name: sum(share * fates[name] for share, _, fates in parts) for name in parts[0][2]}
+
+
+def metric(pair, unit="", near=NEAR):
+    """A figure as a record has it, within a small part of its error."""
+    value, error = pair
+    within = near * error + CLOSE * abs(value) + 1e-7
+    return {"value": (value, within), "unit": unit, "standard_error": (error, max(within, RAY * error))}
+
+
+def plain(value, near=CLOSE):
+    return value, near * abs(value) + near
+
+
+def light_of(case, calls, source):
+    """The record of the light with one LED: receivers, ways, limits; and pictures of each receiver."""
+    spec = case.lens["spec"]
+    watts, efficacy = flux_and_efficacy(source, case.files)
+    receivers, found = traced(case, calls)
+    count = len(calls[0])
+    lit, images = [], []
+    for number, receiver in enumerate(receivers):
+        means = [mean_of(found[number, k]) for k in range(count)]
+        record, pictures = receiver_record(spec, receiver, means, watts, number)
+        lit.append(record)
+        images.append(pictures)
+    record = {"receivers": lit, "limits": limits_of(spec, receivers, images, efficacy, watts, lit)}
+    ways = [found[each] for each in sorted(each for each in found if each[0] == "ways")]
+    if ways:
+        record["ways"] = ways_of(case.lens, ways, watts)
+    record |= {
+        "rays": sum(len(each[2]) for call in calls for each in call),
+        "lumens_per_watt": (efficacy, 1e-4 * efficacy) if efficacy else None,
+    }
+    return record, images
+
+
+def receiver_record(spec, receiver, means, watts, number):
+    variance = spec["evaluate"]["filter_variance"]
+    images = [filtered(got["image"], variance) for got, _ in means]
+    target, inside = target_light(receiver)
+    mean, mask, lamps = np.mean(images, axis=0), mask_of(receiver), len(lamps_of(spec)[0]) > 1 or spec["lamps"]
+    efficiency = [got["window"] / watts for got, _ in means]
+    half = tuple(max(1, n // 2) for n in receiver.shape)
+    coarse_target, coarse_inside = target_light(receiver, half)
+    in_target = jackknife([got["in_target"] / watts for got, _ in means])
+    coarser = np.mean([got["in_coarse"] / watts for got, _ in means])
+    raw = [got["image"] for got, _ in means]
+    if lamps:  # by the share of each pixel that is in the target
+        in_target = jackknife([(i * covered(inside, receiver.shape)).sum() / watts for i in raw])
+        coarser = np.mean([(rebinned(i, half) * covered(coarse_inside, half)).sum() / watts for i in raw])
+    in_target = in_target[0], np.hypot(in_target[1], coarser - in_target[0])
+    unit = "W/sr" if receiver.kind == "far_field" else "W/m²"
+    halved = [filtered(rebinned(got["image"], half), variance) for got, _ in means]
+    noise = np.var(images, axis=0, ddof=1).sum() / len(images) / (mean**2).sum()
+    pattern = nmse(images, target)
+    radius = receiver.window[0] if len(receiver.window) == 1 else None
+    fates = {name: np.mean([each[name] for _, each in means]) / watts for name in means[0][1]}
+    landed = np.mean([got["window"] + got["outside"] for got, _ in means]) / watts
+    missed = {name: plain(fates[name]) for name in MISSED if name in fates}
+    missed["missed_receiver"] = plain(np.mean([got["missed"] for got, _ in means]) / watts)
+    bodies = {name.removeprefix("body "): share for name, share in fates.items() if name.startswith("body ")}
+    flux = {
+        "detected": np.mean(efficiency), "outside": landed - np.mean(efficiency),
+        "missed": sum(value for value, _ in missed.values()), "total_reflection": fates["total_reflection"],
+        "not_converged": 0.0, "absorbed": fates["absorbed"], "cover_glass": fates["cover_glass"],
+        "bodies": sum(bodies.values()),
+    }  # fmt: skip
+    flux["reflected"] = 1 - sum(flux.values())
+    record = {
+        "name": receiver.name, "kind": receiver.kind, "place": ..., "width": receiver.size[0],
+        "height": receiver.size[1],
+        "window": {"width": None if radius else receiver.window[0], "height": None if radius else receiver.window[1],
+                   "radius": radius},
+        "nmse": metric(pattern), "efficiency": metric(jackknife(efficiency)), "share_in_target": metric(in_target),
+        "uniformity": None, "rsd": None,
+        "in_region": region_of(images, target, mask, receiver.measure / len(lamps_of(spec)[0]), unit),
+        "raw": {"nmse": plain(raw_nmse(mean, target)), "uniformity": None, "rsd": None},
+        "nmse_of_noise": plain(noise, 1e-3),
+        "nmse_of_raster": (pattern[0] - nmse(halved, coarse_target)[0], 1e-4 + 2 * NEAR * pattern[1]),
+        "possible": {name: ... for name in ("efficiency", "share_in_target", "nmse", "law", "luminance_estimated")},
+        "flux": {name: plain(share) for name, share in flux.items()}, "missed_by_cause": missed,
+        "lost_in_bodies": {name: plain(share) for name, share in bodies.items()}, "colour": None,
+    }  # fmt: skip
+    if mask is not None:
+        values = [image[mask] for image in images]
+        record["uniformity"], record["rsd"] = metric(least_over_mean(values), near=RAY), metric(rsd(values), near=RAY)
+        own = mean[mask]
+        record["raw"] |= {"uniformity": plain(own.min() / own.mean(), 1e-3), "rsd": plain(own.std() / own.mean(), 1e-3)}
+    if spec["colour"]:
+        pictures = [np.array([filtered(each, variance) for each in got["colours"]]) for got, _ in means]
+        record["colour"] = beam_record(beam_colour(pictures, {"fwhm": 0.5, "tenth": 0.1}[spec["colour"]["within"]]))
+    return record, np.array(images)
+
+
+def covered(inside, shape):
+    """Share of each pixel that is in the target."""
+    k = inside.shape[0] // shape[0]
+    return inside.reshape(shape[0], k, shape[1], k).mean(axis=(1, 3))
+
+
+def beam_record(found):
+    units = {"u": "", "v": "", "cct": "K", "duv": "", "rms": "", "worst": ""}
+    record = {"level": found["level"], "pixels": found["pixels"]}
+    return record | {name: found[name] and metric(found[name], unit) for name, unit in units.items()}
+
+
+def region_of(images, target, mask, measure, unit):
+    inside = target > 0.5 * (1 + 1e-9) * target.max() if mask is None else mask
+    values = np.array([image[inside] for image in images])
+    whole = np.array([image.ravel() / image.sum() * target.sum() / target.max() for image in images])
+    return {
+        "region": "bright" if mask is None else "uniform",
+        "mean": metric(scaled(jackknife(values.mean(axis=1)), 1 / measure), unit),
+        "u0": metric(least_over_mean(values), near=RAY),
+        "u1": metric(ratio(least(values), largest(values)), near=RAY),
+        "peak": metric(largest(whole), near=RAY),
+    }
+
+
+def ways_of(lens, replicates, watts):
+    """The brightest six ways of at most four faces to the exit; other faces to the outside; the rest."""
+    names = list(lens["faces"])
+    order = {"reflector": ["cup", "back", "mouth"]}.get(lens["spec"]["lens"]["kind"], names)
+    shares = {}
+    for k, ways in enumerate(replicates):
+        for way, flux in ways.items():
+            last = way[-1]
+            key = way if last == order[-1] and len(way) <= 4 else () if last == order[-1] else (last,)
+            shares.setdefault(key, np.zeros(len(replicates)))[k] += flux / watts
+    to_exit = sorted((way for way in shares if way and way[-1] == order[-1]), key=lambda way: -shares[way].sum())
+    for way in to_exit[6:]:
+        shares[()] = shares.get((), np.zeros(len(replicates))) + shares[way]
+    shown = to_exit[:6]
+    if lens["spec"]["lens"]["kind"] == "tir":
+        shown += [("wall",)]
+    shown += [()] if () in shares else []
+    none = np.zeros(len(replicates))
+    return [{"faces": list(way), "share": metric(jackknife(shares.get(way, none)))} for way in shown]
+
+
+# -- Section 10: limits ------------------------------------------------------------------------------------------------
+
+
+def read_at(receiver, image, x, y):
+    """Bilinear between the centres of pixels; beyond the last as there."""
+    rows, columns = receiver.shape
+    column = np.clip((x / receiver.size[0] + 0.5) * columns - 0.5, 0, columns - 1)
+    row = np.clip((y / receiver.size[1] + 0.5) * rows - 0.5, 0, rows - 1)
+    j, i = np.minimum(column.astype(int), columns - 2), np.minimum(row.astype(int), rows - 2)
+    a, b = column - j, row - i
+    low, high = image[i, j] * (1 - a) + image[i, j + 1] * a, image[i + 1, j] * (1 - a) + image[i + 1, j + 1] * a
+    return low * (1 - b) + high * b
+
+
+def limits_of(spec, receivers, images, efficacy, watts, lit):
+    found, named = [], [receiver.name for receiver in receivers]
+    for limit in spec["limits"] or []:
+        number = named.index(limit["receiver"]) if limit["receiver"] else 0
+        found += own_limits(limit, receivers[number], images[number], efficacy, watts, len(lamps_of(spec)[0]))
+    if spec["roads"]:
+        found += road_limits(spec, receivers, images, efficacy, watts)
+    if spec["colour"]:
+        for receiver, record in zip(receivers, lit, strict=True):
+            for words, field in (("rms", "max_rms_delta_uv"), ("worst", "max_delta_uv")):
+                value = record["colour"][words]
+                beam = {"fwhm": "half", "tenth": "a tenth"}[spec["colour"]["within"]]
+                found.append({
+                    "name": f"Δu′v′ {words} within {beam} of the peak", "receiver": receiver.name,
+                    "quantity": "distance from the mean colour", "value": value, "sense": "<=",
+                    "bound": spec["colour"][field], "unit": "", "state": state_of(value, "<=", spec["colour"][field]),
+                })  # fmt: skip
+    return found
+
+
+def state_of(value, sense, bound):
+    """Undecided within two standard errors."""
+    by = value["value"][0] - bound
+    if abs(by) <= 2 * value["standard_error"][0]:
+        return "undecided"
+    return "held" if (by > 0) == (sense == ">=") else "missed"
+
+
+def own_limits(limit, receiver, images, efficacy, watts, lamps):
+    """One entry for each bound of a limit."""
+    photometric = efficacy if limit.get("unit") in ("lx", "cd") else 1.0
+    per_flux, unit = photometric * lamps / receiver.measure, {"lx": "lx", "cd": "cd"}.get(limit.get("unit"), "")
+    x, y = receiver.to_target(*receiver.centres())
+    if limit["kind"] == "points":
+        places = np.array(limit["at_mm"] or limit["at_deg"]).T
+    elif limit["kind"] == "line":
+        ends = np.array([limit["from_mm"] or limit["from_deg"], limit["to_mm"] or limit["to_deg"]])
+        (x0, y0), (x1, y1) = (receiver.to_chart(*end) for end in ends)
+        pixel = receiver.size[0] / receiver.shape[1], receiver.size[1] / receiver.shape[0]
+        steps = max(2, int(np.ceil(2 * np.hypot((x1 - x0) / pixel[0], (y1 - y0) / pixel[1]))) + 1)
+        places = (ends[0] + np.linspace(0, 1, steps)[:, None] * (ends[1] - ends[0])).T
+    elif limit["kind"] == "beam_angle":
+        half = np.degrees(2 * np.arcsin(receiver.window[0] / 2))
+        angles, turn = np.linspace(-half, half, 2 * max(receiver.shape) + 1), np.radians(limit["azimuth_deg"])
+        places = np.array([angles * np.cos(turn), angles * np.sin(turn)])
+    else:
+        inside = receiver.in_window(*receiver.centres())
+        if limit["kind"] == "glare":
+            inside &= np.hypot(x, y) >= limit["from_deg"]
+        elif limit["zone"]:
+            inside &= in_shape(limit["zone"], x, y)
+        places = None
+    read = [
+        per_flux * (image[inside] if places is None else read_at(receiver, image, *receiver.to_chart(*places)))
+        for image in images
+    ]
+    if limit["kind"] == "beam_angle":
+        value = jackknife(read, lambda mean: width_above(angles, mean, limit["level"] * mean.max()))
+        bounds = [
+            ("beam angle", value, "°", ">=", limit["at_least_deg"]),
+            ("beam angle", value, "°", "<=", limit["at_most_deg"]),
+        ]
+    else:
+        bounds = [("light", None, unit, ">=", limit["at_least"]), ("light", None, unit, "<=", limit["at_most"])]
+    if limit["kind"] == "zone":
+        share = jackknife([image[inside].sum() / watts for image in images])
+        bounds += [
+            ("least over mean light", None, "", ">=", limit["at_least_min_over_mean"]),
+            ("least over largest light", None, "", ">=", limit["at_least_min_over_max"]),
+            ("share of the flux", share, "", ">=", limit["at_least_share"]),
+            ("share of the flux", share, "", "<=", limit["at_most_share"]),
+        ]
+    for quantity, value, own_unit, sense, bound in bounds:
+        if bound is None:
+            continue
+        if value is None and quantity == "light":
+            value = least(read) if sense == ">=" else largest(read)
+        elif quantity.startswith("least over mean"):
+            value = least_over_mean(read)
+        elif quantity.startswith("least over largest"):
+            value = ratio(least(read), largest(read))
+        stated = metric(value, own_unit, RAY)
+        yield {
+            "name": limit["name"], "receiver": receiver.name, "quantity": quantity, "value": stated, "sense": sense,
+            "bound": bound, "unit": own_unit, "state": state_of(stated, sense, bound),
+        }  # fmt: skip
+
+
+# -- The record of an evaluation ---------------------------------------------------------------------------------------
+
+
+def kinds_in(case):
+    return len(dict.fromkeys(lamps_of(case.lens["spec"])[2]))
+
+
+def evaluation(case, stage="evaluate"):
+    """The record of an evaluation, and the pictures of the first LED; made once for a case."""
+    if (case.name, stage) not in KEPT:
+        KEPT[case.name, stage] = evaluated(case, stage)
+    return KEPT[case.name, stage]
+
+
+KEPT = {}
+
+
+def evaluated(case, stage):
+    spec, calls, kinds = case.lens["spec"], list(case.rays[stage]), kinds_in(case)
+    leds = [(led["name"], led["source"]) for led in spec["sources"] or []] or [("", spec["source"])]
+    records, pictures = [], None
+    for name, source in leds:
+        own, images = light_of(case, calls[:kinds], source)
+        calls = calls[kinds:]
+        pictures = images if pictures is None else pictures
+        if source["kind"] in ("rayfile", "rayfiles"):
+            fitted, _ = light_of(case, [calls.pop(0)], source)
+            own["fitted"] = {
+                "rays": fitted["rays"], **{key: fitted["receivers"][0][key] for key in ("nmse", "efficiency")}
+            }  # fmt: skip
+        records.append((name, own))
+    (led, first), others = records[0], records[1:]
+    chart, held = first["receivers"][0], {"criteria": [...]}
+    record = first | {
+        "table_nodes": ..., "table_error_nm": ..., "preset_error": ..., "conditions": ..., "led": led if others else "", "replicates": 16, "pixels": spec["evaluate"]["pixels"],
+        "filter": f"3x3 Gaussian, variance {spec['evaluate']['filter_variance']:g} pixel^2, hard bins", "seed": 3,
+        "fitted": first.get("fitted"),
+        "others": [
+            {"name": name, "source": ..., **{key: own[key] for key in own if key != "fitted"}, **held}
+            for name, own in others
+        ],
+        **{key: chart[key] for key in ("nmse", "efficiency", "share_in_target", "uniformity", "rsd", "possible", "flux")},
+        **held,
+    }  # fmt: skip
+    return record, pictures, [own for _, own in records]
+
+
+def place_of(case, place):
+    """The record of an LED, and that of its receiver, for a group of the light."""
+    leds = evaluation(case, place.stage)[2]
+    count = len(leds[0]["receivers"])
+    own = leds[place.group // count]
+    return own, own["receivers"][place.group % count]
+
+
+def stated(entry, factor=1.0, unit=None, **more):
+    """A figure of a record as a fact."""
+    (value, within), (error, error_within) = entry["value"], entry["standard_error"]
+    unit = entry["unit"] if unit is None else unit
+    return Expected(value * factor, within * factor, unit, error * factor, error_within * factor, **more)
+
+
+def judged(entry, sense, bound):
+    words = {"held": "pass", "missed": "fail", "undecided": "undecided"}
+    return {"limit": (sense, bound), "state": words[state_of(entry, sense, bound)]}
+
+
+def least_share(case, place):
+    """Of the light where the spec sets no limits: section 19."""
+    spec, record = case.lens["spec"], case.json("evaluate")
+    if spec["limits"] or spec["roads"] or (spec["colour"] or {}).get("max_delta_uv"):
+        return None
+    led, number = divmod(place.group, len(receivers_of(spec)))
+    target = target_light(receivers_of(spec)[number])[0]
+    own = record["others"][led - 1] if led else record
+    possible = own["receivers"][number]["possible"]["share_in_target"]
+    return 0.7 * min(transmitted(spec) * target[target > 0.1 * target.max()].sum(), possible)
+
+
+def transmitted(spec):
+    """What all faces transmit at normal incidence, those of further bodies, too; light of a reflector may meet none."""
+    found = 1.0
+    for body in (spec["lens"], *(spec["bodies"] or [])):
+        if body.get("kind") == "reflector":
+            continue
+        for faces, beside in ((("inner", "cap"), "cavity_index"), (("outer", "exit"), "outside_index")):
+            coating = next((body[name].get("coating") for name in faces if body.get(name)), None)
+            n, around = body["refractive_index"], body.get(beside, spec["lens"]["outside_index"])
+            found *= 1 - (np.min(coating["reflectance"]) if coating else ((n - around) / (n + around)) ** 2)
+    return found
+
+
+def nmse_fact(case, place):
+    entry = place_of(case, place)[1]["nmse"]
+    bound = least_share(case, place)
+    return stated(entry, possible=..., **({} if bound is None else judged(entry, "<=", 0.1)))
+
+
+def share_fact(case, place):
+    entry = place_of(case, place)[1]["share_in_target"]
+    bound = least_share(case, place)
+    more = {} if bound is None else judged(entry, ">=", bound) | {"limit": (">=", 100 * bound)}
+    return stated(entry, 100, "%", possible=..., **more)
+
+
+def from_receiver(*path, factor=1.0, unit=None, **more):
+    def oracle(case, place):
+        entry = place_of(case, place)[1]
+        for key in path:
+            entry = entry[key]
+        return stated(entry, factor, unit, **more)
+
+    return oracle
+
+
+def level_fact(case, place):
+    own, receiver = place_of(case, place)
+    entry = receiver["in_region"]["mean"]
+    efficacy = own["lumens_per_watt"]
+    if efficacy is None:
+        return stated(entry)
+    unit = {"W/m²": "lx", "W/sr": "cd"}[entry["unit"]]
+    found = stated(entry, efficacy[0], unit)
+    return Expected(
+        found.value,
+        found.within + 1e-4 * found.value,
+        unit,
+        found.standard_error,
+        0.1 * found.error_within + 0.1 * found.standard_error,
+    )
+
+
+def evenness_fact(case, place):
+    return from_receiver("in_region", place.key)(case, place)
+
+
+def colour_fact(key):
+    def oracle(case, place):
+        entry = place_of(case, place)[1]["colour"][key]
+        return Expected("none") if entry is None else stated(entry)
+
+    return oracle
+
+
+def limit_fact(case, place):
+    entry = evaluation(case, place.stage)[2][place.group]["limits"][place.number]
+    return stated(entry["value"], **judged(entry["value"], entry["sense"], entry["bound"]))
+
+
+def way_fact(case, place):
+    return stated(
+        evaluation(case, place.stage)[2][place.group]["ways"][int(place.key.split("_")[1])]["share"], 100, "%"
+    )
+
+
+SAID = ("base", "flange", "backward", "more_events", "total_reflection")
+
+
+def leak_fact(case, place):
+    """Light above 1 % that leaves by a face that should reflect; then by cause."""
+    own, receiver = place_of(case, place)
+    leaks = [
+        stated(way["share"], 100, "%")
+        for way in own["ways"]
+        if way["faces"] == ["wall"] and way["share"]["value"][0] > 0.01
+    ]
+    lost = receiver["missed_by_cause"] | receiver["flux"]
+    leaks += [Expected(100 * lost[name][0], 100 * lost[name][1], "%") for name in SAID if lost[name][0] > 0.01]
+    return leaks[place.number]
+
+
+def from_first(*path, factor=1.0, unit=""):
+    def oracle(case, place):
+        entry = evaluation(case, place.stage)[0]
+        for key in path:
+            entry = entry[key]
+        if isinstance(entry, dict):
+            return stated(entry, factor, unit)
+        value, within = entry if isinstance(entry, tuple) else (entry, 0.0)
+        return Expected(value * factor, within * factor, unit)
+
+    return oracle
+
+
+def pixels_fact(case, place):
+    rows, columns = receivers_of(case.lens["spec"])[0].shape
+    return Expected(f"{columns} × {rows}")
+
+
+ORACLES = {
+    "nmse": nmse_fact, "share_in_target": share_fact, "level": level_fact, "u": evenness_fact,
+    "efficiency": from_receiver("efficiency", factor=100, unit="%", possible=...),
+    "uniformity": from_receiver("uniformity"), "rsd": from_receiver("rsd"), "peak": from_receiver("in_region", "peak"),
+    "colour_u": colour_fact("u"), "colour_v": colour_fact("v"), "cct": colour_fact("cct"), "duv": colour_fact("duv"),
+    "rms_delta_uv": colour_fact("rms"), "worst_delta_uv": colour_fact("worst"), "limit": limit_fact, "way": way_fact,
+    "leak": leak_fact, "rays": from_first("rays"), "pixels": pixels_fact,
+    "raw_nmse": from_first("receivers", 0, "raw", "nmse"), "noise_nmse": from_first("receivers", 0, "nmse_of_noise"),
+    "fitted_nmse": from_first("fitted", "nmse"),
+    "fitted_efficiency": from_first("fitted", "efficiency", factor=100, unit="%"),
+}  # fmt: skip
+ORACLES = {f"{stage}.{key}": oracle for stage in ("evaluate", "warm") for key, oracle in ORACLES.items()}
+RECORDS = {"evaluate": lambda case: evaluation(case)[0]}

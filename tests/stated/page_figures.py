@@ -1,0 +1,134 @@
+"""Figures of replicates with their standard errors by section 10 of docs/definitions.md alone, in plain loops."""
+
+import sys
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1] / "definitions"))
+import page_light
+
+FOURS = [b for b in combinations(range(16), 4) if b[0] ^ b[1] ^ b[2] ^ b[3] == 0]
+EIGHTS = [[k for k in range(16) if (k & q).bit_count() % 2 == odd] for q in range(1, 16) for odd in (0, 1)]
+
+
+def filtered(image, variance):
+    if variance == 0:
+        return image
+    e = np.exp(-1 / (2 * variance))
+    taps = np.array([e, 1, e]) / (1 + 2 * e)
+    rows, columns = image.shape
+    wide = np.pad(image, 1, mode="edge")
+    wide = sum(tap * wide[i : i + rows] for i, tap in enumerate(taps))
+    return sum(tap * wide[:, i : i + columns] for i, tap in enumerate(taps))
+
+
+def jackknife(values, figure=None):
+    """A figure of the mean over the replicates, and its standard error."""
+    values, figure = np.array(values), figure or float
+    count = len(values)
+    left_out = np.array([figure(np.delete(values, k, axis=0).mean(axis=0)) for k in range(count)])
+    return figure(values.mean(axis=0)), np.sqrt((count - 1) / count * ((left_out - left_out.mean()) ** 2).sum())
+
+
+def over_pairs(errors, scales):
+    """Mean over pairs k != l of E_k E_l over that of s_k s_l, and its standard error."""
+    r, products, norms = len(errors), np.zeros((len(errors),) * 2), np.zeros((len(errors),) * 2)
+    for k in range(r):
+        for l in range(r):
+            products[k, l], norms[k, l] = (errors[k] * errors[l]).sum(), scales[k] * scales[l]
+    norm = (norms.sum() - np.trace(norms)) / (r * (r - 1))
+    value = (products.sum() - np.trace(products)) / (r * (r - 1)) / norm
+    apart = (products - value * norms) / norm
+    mean = [np.delete(np.delete(apart, k, 0), k, 1) for k in range(r)]
+    left_out = np.array([(m.sum() - np.trace(m)) / ((r - 1) * (r - 2)) for m in mean])
+    squared = (r - 1) / r * ((left_out - left_out.mean()) ** 2).sum()
+    whole = (apart.sum() - np.trace(apart)) / (r * (r - 1))
+    effect = [(np.delete(apart[k], k).sum() - (r - 1) * whole) / (r - 2) for k in range(r)]
+    z = sum((apart[k, l] - whole - effect[k] - effect[l]) ** 2 for k in range(r) for l in range(r) if k != l)
+    z /= r * (r - 3)
+    return value, np.sqrt(max(squared - 4 * z / (r * (r - 2)), 0) + 2 * z / (r * (r - 1)))
+
+
+def root(square, error):
+    """The root of a square without noise, at least 0, and its error."""
+    value = np.sqrt(max(square, 0))
+    return value, error / (2 * max(value, 0.5 * np.sqrt(error) or 1.0))
+
+
+def nmse(images, target):
+    scales = [image.sum() for image in images]
+    errors = [image - scale * target / target.sum() for image, scale in zip(images, scales, strict=True)]
+    return over_pairs(errors, np.array(scales) * np.sqrt((target**2).sum()) / target.sum())
+
+
+def rsd(values):
+    means = [value.mean() for value in values]
+    return root(*over_pairs([(v - m) / np.sqrt(v.size) for v, m in zip(values, means, strict=True)], means))
+
+
+def least(values, most=None):
+    """Least of the values at places, by 16 replicates, without noise; and its standard error."""
+    values = np.array(values)
+    assert len(values) == 16
+
+    def choices(blocks):
+        found = []
+        for block in blocks:
+            mean = values[list(block)].mean(axis=0)
+            darkest = values[:, mean == mean.min()].mean(axis=1)
+            found.append((set(block), mean.min(), darkest))
+        return found
+
+    def read(found, without=None):
+        """u and v; without a replicate those of the blocks that do not have it."""
+        some = [each for each in found if without not in each[0]]
+        others = [[e[2][k] for k in range(16) if k not in e[0] and k != without] for e in some]
+        return np.mean([e[1] for e in some]), np.mean(others)
+
+    halves, quarters = choices(EIGHTS), choices(FOURS)
+    (u_8, v_8), (u_4, v_4) = read(halves), read(quarters)
+    below = (v_4 - u_4) - (v_8 - u_8)
+    h = float(np.clip((u_8 - u_4) / below, 0, 1)) if below > 0 else 1.0
+    mean = values.mean(axis=0)
+    value = min(max(u_8 + h * (v_8 - u_8), mean.min()), mean.mean() if most is None else most)
+    left = [u + h * (v - u) for u, v in (read(halves, k) for k in range(16))]
+    error = np.sqrt(15 / 16 * ((np.array(left) - np.mean(left)) ** 2).sum())
+    taken_off = v_8 - value if v_8 - value > 1e-12 * abs(value) else 0.0
+    return value, np.hypot(error, taken_off)
+
+
+def largest(values, at_least=None):
+    value, error = least(-np.array(values), None if at_least is None else -at_least)
+    return -value, error
+
+
+def least_over_mean(values):
+    values = np.array(values)
+    return least(values / values.mean(axis=1)[:, None], 1.0)
+
+
+def ratio(above, below):
+    """Of two figures whose errors are independent."""
+    value = above[0] / below[0]
+    return value, np.hypot(above[1], value * below[1]) / below[0]
+
+
+def scaled(figure, factor):
+    return figure[0] * factor, figure[1] * factor
+
+
+def width_above(at, light, level):
+    """Between the outermost places at ``level``, linear in between."""
+    above = np.flatnonzero(light >= level)
+    first, last = above[0], above[-1]
+    low, high = at[first], at[last]
+    if first > 0:
+        low = np.interp(level, [light[first - 1], light[first]], [at[first - 1], at[first]])
+    if last + 1 < len(light):
+        high = np.interp(-level, [-light[last], -light[last + 1]], [at[last], at[last + 1]])
+    return high - low
+
+
+raw_nmse = page_light.raw_nmse

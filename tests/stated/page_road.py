@@ -1,0 +1,5 @@
+"""Roads."""
+
+
+def road_limits(*_):
+    return []
