@@ -1,5 +1,242 @@
-"""Roads."""
+"""Roads by section 11 of docs/definitions.md alone: sums over lamps in plain loops, by any intensities of a lamp."""
+
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+from page_figures import jackknife, largest, least, least_over_mean, ratio, scaled
+
+SURFACES = Path(__file__).parents[2] / "lensforge" / "scene" / "road_surfaces"  # tables of the CIE, as published
+Q0 = {"R3": 0.07, "W4": None}
+M_CLASSES = {
+    "M1": (2.0, 0.40, 0.70, 10.0, 0.35), "M2": (1.5, 0.40, 0.70, 10.0, 0.35), "M3": (1.0, 0.40, 0.60, 15.0, 0.30),
+    "M4": (0.75, 0.40, 0.60, 15.0, 0.30), "M5": (0.50, 0.35, 0.40, 15.0, 0.30), "M6": (0.30, 0.35, 0.40, 20.0, 0.30),
+}  # fmt: skip
+P_CLASSES = {"P1": (15, 3), "P2": (10, 2), "P3": (7.5, 1.5), "P4": (5, 1), "P5": (3, 0.6), "P6": (2, 0.4)}
+VEIL = 9.86 * (1 + (23 / 66.4) ** 4), 5 * (1 + (23 / 62.5) ** 4)
 
 
-def road_limits(*_):
-    return []
+def surface(name):
+    """beta (degrees), tan gamma, and r."""
+    rows = [line.split(",") for line in (SURFACES / f"{name}.csv").read_text(encoding="utf-8").splitlines()]
+    rows = [row for row in rows if not row[0].startswith("#")]
+    beta = np.array([float(cell) for cell in rows[0][1:]])
+    table = np.array([[float(cell or 0) for cell in row] + [0.0] * (len(beta) + 1 - len(row)) for row in rows[1:]])
+    return beta, table[:, 0], 1e-4 * table[:, 1:]
+
+
+def reduced(table, beta, tan_gamma):
+    at, tans, r = table
+    if tan_gamma > tans[-1]:
+        return 0.0
+    return float(np.interp(beta, at, [np.interp(tan_gamma, tans, column) for column in r.T]))
+
+
+def lamps_along(road):
+    """x, y and +1 where the street is towards +y, -1 elsewhere."""
+    w, over, s = road["width_m"], road["overhang_m"], road["pole_spacing_m"]
+    reach, near_right = 500 + 13 * road["pole_height_m"], road["driving_side"] == "right"
+    rows = {
+        "right": [(0, over, 1)], "left": [(0, w - over, -1)], "opposite": [(0, over, 1), (0, w - over, -1)],
+        "staggered": [(0 if near_right else s / 2, over, 1), (s / 2 if near_right else 0, w - over, -1)],
+    }[road["arrangement"]]  # fmt: skip
+    count = int(reach / s) + 2
+    return [(start + k * s, y, facing) for start, y, facing in rows for k in range(-count, count + 1)]
+
+
+class Road:
+    """Each sum has a row for each place, of pairs of a weight and a direction in the lamp (lateral, gamma)."""
+
+    def __init__(self, road):
+        self.road, self.lamps, self.high = road, lamps_along(road), road["pole_height_m"]
+        self.s, self.lanes, self.lane_m = road["pole_spacing_m"], road["lanes"], road["width_m"] / road["lanes"]
+        self.n = max(10, ceil(self.s / 3 - 1e-9))
+        self.x = (np.arange(self.n) + 0.5) * self.s / self.n
+        self.y = (np.arange(3 * self.lanes) + 0.5) * road["width_m"] / (3 * self.lanes)
+
+    def toward(self, lamp, x, y, z):
+        """Lateral angle and gamma (degrees) of a point in a lamp."""
+        t, facing = np.radians(self.road["tilt_deg"]), lamp[2]
+        to = np.array([x - lamp[0], y - lamp[1], z - self.high])
+        street, axis = np.array([0, facing * np.cos(t), np.sin(t)]), np.array([0, facing * np.sin(t), -np.cos(t)])
+        a, b, c = to @ street, to @ np.cross(axis, street), to @ axis
+        return np.degrees(np.arctan2(b, a)), np.degrees(np.arctan2(np.hypot(a, b), c))
+
+    def from_right(self, lane):
+        return lane if self.road["driving_side"] == "right" else self.lanes - 1 - lane
+
+    def comes(self, lane):
+        return -1 if lane >= self.lanes - self.road["oncoming_lanes"] else 1
+
+    def luminance(self, lane, table):
+        """Rows from the right edge, and along each."""
+        heading, eye_y = self.comes(lane), (self.from_right(lane) + 0.5) * self.lane_m
+        eye_x, found = (-60.0 if heading > 0 else self.s + 60.0), []
+        for y in self.y:
+            for x in self.x:
+                row = []
+                for lamp in self.lamps:
+                    ahead, aside = heading * (lamp[0] - x), heading * (lamp[1] - y)
+                    if not (-5 * self.high <= ahead <= 12 * self.high and abs(aside) <= 5 * self.high):
+                        continue
+                    sight = np.arctan2(heading * (y - eye_y), heading * (x - eye_x))
+                    beta = abs(np.degrees((np.arctan2(aside, ahead) - sight + np.pi) % (2 * np.pi) - np.pi))
+                    r = reduced(table, beta, np.hypot(ahead, aside) / self.high)
+                    if r:
+                        row.append((r / self.high**2, *self.toward(lamp, x, y, 0.0)))
+                found.append(row)
+        return found
+
+    def veiling(self, lane):
+        heading, y, found = self.comes(lane), (self.from_right(lane) + 0.5) * self.lane_m, []
+        for k in range(self.n):
+            ahead_of_start = k * self.s / self.n - 2.75 * (self.high - 1.5)
+            x, row = (ahead_of_start if heading > 0 else self.s - ahead_of_start), []
+            for lamp in self.lamps:
+                to = np.array([heading * (lamp[0] - x), lamp[1] - y, self.high - 1.5])
+                if not 0 < to[0] <= 500 or to[2] > np.tan(np.radians(20)) * to[0]:
+                    continue
+                cosine = to @ [np.cos(np.radians(1)), 0, -np.sin(np.radians(1))] / np.linalg.norm(to)
+                theta = np.degrees(np.arccos(cosine))
+                if 0.1 <= theta <= 60:
+                    veil = VEIL[0] / theta**2 if theta >= 1.5 else 10 / theta**3 + VEIL[1] / theta**2
+                    row.append((veil * cosine / (to @ to), *self.toward(lamp, x, y, 1.5)))
+            found.append(row)
+        return found
+
+    def lux(self, low, high):
+        across, found = max(3, ceil((high - low) / 1.5 - 1e-9)), []
+        for y in low + (np.arange(across) + 0.5) * (high - low) / across:
+            for x in self.x:
+                row = []
+                for lamp in self.lamps:
+                    away = np.hypot(lamp[0] - x, lamp[1] - y)
+                    if away <= 5 * self.high:
+                        row.append((self.high / np.hypot(away, self.high) ** 3, *self.toward(lamp, x, y, 0.0)))
+                found.append(row)
+        return found
+
+    def edges(self):
+        """Outside and inside of the right and of the left edge."""
+        w, lane = self.road["width_m"], self.lane_m
+        return [(self.lux(-lane, 0), self.lux(0, lane)), (self.lux(w, w + lane), self.lux(w - lane, w))]
+
+
+def light(rows, candela):
+    """Values at places by each sample: ``candela(lateral, gamma)`` [sample, direction], none above 90 degrees."""
+    lengths = [len(row) for row in rows]
+    weights, lateral, gamma = np.array([each for row in rows for each in row]).T
+    each = np.where(gamma <= 90, candela(lateral, gamma), 0) * weights
+    places = np.repeat(np.arange(len(rows)), lengths)
+    return np.array([np.bincount(places, weights=one, minlength=len(rows)) for one in each])
+
+
+def ratio_of_means(pairs):
+    return jackknife(pairs, lambda mean: mean[0] / mean[1])
+
+
+def figures(road, candela):
+    """All figures of a road, each a value and its error; of each lane, and of the whole."""
+    own, m = Road(road), road["maintenance_factor"]
+    lux = m * light(own.lux(0, road["width_m"]), candela)
+    table, lanes = surface("R3"), []
+    for lane in range(own.lanes):
+        seen = light(own.luminance(lane, table), candela)
+        veil, middle = light(own.veiling(lane), candela), 3 * own.from_right(lane) + 1
+        mean = jackknife(seen.mean(axis=1))
+        k, p = (65, 0.8) if mean[0] <= 5 else (95, 1.05)
+        glare = scaled(largest(veil), k / mean[0] ** p)
+        found = {
+            "mean": jackknife(m * seen.mean(axis=1)), "uniformity": least_over_mean(seen),
+            "along": along(m * seen[:, middle * own.n : (middle + 1) * own.n]),
+            "glare": (glare[0], np.hypot(glare[1], p * glare[0] * mean[1] / mean[0])),
+            "q": ratio_of_means(np.stack([seen.mean(axis=1), lux.mean(axis=1) / m], axis=1)),
+        }  # fmt: skip
+        if road["wet_surface"]:
+            found["wet"] = least_over_mean(light(own.luminance(lane, surface(road["wet_surface"])), candela))
+        lanes.append(found)
+    edges = []
+    for outside, inside in own.edges():
+        both = [light(rows, candela).mean(axis=1) for rows in (outside, inside)]
+        edges.append(ratio_of_means(np.stack(both, axis=1)))
+    mean_lx = jackknife(lux.mean(axis=1))
+    shared = road["width_m"] * own.s / (2 if road["arrangement"] in ("opposite", "staggered") else 1)
+    found = {"lanes": lanes, "edges": edges, "mean_lx": mean_lx, "least_lx": least(lux), "u_lx": least_over_mean(lux)}
+    if road["lamp_w"]:
+        found["power"] = scaled(mean_lx, road["lamp_w"] / mean_lx[0] ** 2 / shared)
+        found["energy"] = (road["lamp_w"] * road["hours"] / 1000 / shared, 0.0)
+    return found
+
+
+def along(values):
+    return ratio(least(values), largest(values))
+
+
+def reached(road, found):
+    """The best class of the kind that is asked for."""
+    if road["lighting_class"] in P_CLASSES:
+        mean, lowest = found["mean_lx"][0], found["least_lx"][0]
+        met = (name for name, (a, b) in P_CLASSES.items() if a <= mean <= 1.5 * a and lowest >= b)
+        return next(met, "none")
+    for name, (mean, uniformity, along_lane, glare, edge) in M_CLASSES.items():
+        lanes = all(
+            lane["mean"][0] >= mean and lane["uniformity"][0] >= uniformity and lane["along"][0] >= along_lane
+            and lane["glare"][0] <= glare for lane in found["lanes"]
+        )  # fmt: skip
+        if lanes and all(each[0] >= edge for each in found["edges"]):
+            return name
+    return "none"
+
+
+def asked(road, found):
+    """Name, quantity, value, unit, sense and bound of all that the class asks for."""
+    name = road["lighting_class"]
+    if name in P_CLASSES:
+        mean, lowest = P_CLASSES[name]
+        yield "mean illuminance", "light", found["mean_lx"], "lx", ">=", mean
+        yield "largest mean illuminance", "light", found["mean_lx"], "lx", "<=", 1.5 * mean
+        yield "least illuminance", "light", found["least_lx"], "lx", ">=", lowest
+        return
+    mean, uniformity, along_lane, glare, edge = M_CLASSES[name]
+    for number, lane in enumerate(found["lanes"]):
+        of = f"lane {number + 1}: "
+        yield f"{of}mean luminance", "light", lane["mean"], "cd/m²", ">=", mean
+        yield f"{of}uniformity U0", "least over mean light", lane["uniformity"], "", ">=", uniformity
+        if road["wet_surface"]:
+            yield f"{of}uniformity U0, wet", "least over mean light", lane["wet"], "", ">=", 0.15
+        yield f"{of}uniformity Ul", "least over largest light", lane["along"], "", ">=", along_lane
+        yield f"{of}glare TI", "threshold increment", lane["glare"], "%", "<=", glare
+    for side, value in zip(("right", "left"), found["edges"], strict=True):
+        yield f"{side} edge ratio", "ratio of means", value, "", ">=", edge
+
+
+def in_picture(spec, receiver, images, lamp_lm, watts):
+    """Intensities of a lamp of so many lumens by the pictures of a far field, bilinear between its pixels."""
+    from oracle_light import read_at
+
+    axes, side = receiver.axes, spec["photometry"]["street_side_deg"]
+
+    def candela(lateral, gamma):
+        turn, down = np.radians(lateral + side), np.radians(gamma)
+        u = np.column_stack([np.sin(down) * np.cos(turn), np.sin(down) * np.sin(turn), np.cos(down)]) @ axes.T
+        place = u[:, :2] * np.sqrt(2 / (1 + u[:, 2]))[:, None]
+        return np.array([read_at(receiver, image, *place.T) for image in images]) * lamp_lm / watts / receiver.measure
+
+    return candela
+
+
+def road_limits(spec, receivers, images, efficacy, watts):
+    """What the classes ask for, by the first far field."""
+    from oracle_light import RAY, metric, state_of
+
+    number = next(k for k, each in enumerate(receivers) if each.kind == "far_field")
+    for road in spec["roads"]:
+        lamps = len(spec["lamps"]["places_mm"]) if spec["lamps"] else 1
+        lumens = road["lamp_lm"] or lamps * watts * efficacy * spec["photometry"]["lenses"]
+        candela = in_picture(spec, receivers[number], images[number], lumens, watts)
+        for name, quantity, value, unit, sense, bound in asked(road, figures(road, candela)):
+            stated = metric(value, unit, RAY)
+            yield {
+                "name": f"{road['name']}: {name}", "receiver": receivers[number].name, "quantity": quantity,
+                "value": stated, "sense": sense, "bound": bound, "unit": unit, "state": state_of(stated, sense, bound),
+            }  # fmt: skip
