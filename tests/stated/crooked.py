@@ -30,6 +30,7 @@ DESIGNS = Path(__file__).parent / "designs"
 NAMES = ("roads", "tir", "cup", "plate", "kinds", "leds", "chips")
 FILES = {"near": 1800, "far": 700}  # rays in each file
 FILE_EFFICACIES = {"near": 300.0, "far": 240.0}  # lm/W
+HOT_C = 95.0  # of the lens in the results "warm"
 _SEARCHED_STEPS = 12  # for each level of a stored lens
 
 
@@ -147,24 +148,48 @@ def few_rays() -> Iterator[None]:
         yield
 
 
-@contextmanager
-def recorded(rays: dict[str, list[Any]]) -> Iterator[None]:
-    """What a simulation traces is kept in ``rays["evaluate"]``, a list for each call."""
-    from lensforge.light import simulation
+class Record:
+    """Rays that the stages draw, and the tables of the far field that they make of them, by the name of the stage."""
 
-    drawn = simulation.bundles
+    def __init__(self) -> None:
+        self.stage, self.rays = "design", dict[str, list[Any]]()
 
-    def bundles(*arguments: Any) -> Iterator[Any]:
-        call = rays.setdefault("evaluate", [])
-        call.append([])
-        kept = call[-1]
-        for replicate, share, bundle in drawn(*arguments):
-            kept.append((replicate, share, bundle.origins, bundle.directions, bundle.flux, bundle.wavelengths_nm))
-            yield replicate, share, bundle
+    def begins(self, stage: str) -> None:
+        """From now on they are of this stage."""
+        self.stage = stage
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulation, "bundles", bundles)
-        yield
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """What is traced is kept: bundles of a simulation, and what goes to the far field."""
+        from lensforge.light import exit_light, simulation
+
+        drawn, sent, fitted = simulation.bundles, exit_light.exit_rays, exit_light.fit
+
+        def bundles(*arguments: Any) -> Iterator[Any]:
+            kept = list[Any]()
+            self.rays.setdefault(self.stage, []).append(kept)
+            for replicate, share, bundle in drawn(*arguments):
+                kept.append((replicate, share, *arrays(bundle)))
+                yield replicate, share, bundle
+
+        def exit_rays(lens: Any, rays: Any, *more: Any) -> Any:
+            self.rays.setdefault("photometry", []).append(arrays(rays))
+            return sent(lens, rays, *more)
+
+        def fit(finest: Any, deposits: Any) -> Any:
+            found = fitted(finest, deposits)
+            table = found.grid.c_deg, found.grid.gamma_deg, found.samples, found.finer
+            self.rays["tables"] = [*table[:3], table[3].c_deg, table[3].gamma_deg, table[3].values]
+            return found
+
+        def arrays(bundle: Any) -> tuple[Any, ...]:
+            return bundle.origins, bundle.directions, bundle.flux, bundle.wavelengths_nm
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(simulation, "bundles", bundles)
+            patch.setattr(exit_light, "exit_rays", exit_rays)
+            patch.setattr(exit_light, "fit", fit)
+            yield
 
 
 def made(name: str, folder: Path) -> Case:
@@ -172,13 +197,20 @@ def made(name: str, folder: Path) -> Case:
     from coarse_part import coarse_part
     from undrawn import undrawn
 
-    rays: dict[str, list[Any]] = {}
+    record = Record()
     spec, start = spec_of(name, folder / "spec"), lf.load_lens(stored(name, folder / "spec"))
-    with few_rays(), recorded(rays), undrawn(), coarse_part(), threads_of_torch(1):
-        run = lf.run(spec, folder / "run", accuracy="draft", seed=3, start=start, warn=lambda _: None)
+    with few_rays(), record.kept(), undrawn(), coarse_part(), threads_of_torch(1):
+        run = lf.run(
+            spec, folder / "run", accuracy="draft", seed=3, start=start, warn=lambda _: None, announce=record.begins
+        )
+        results = dict(run.found)
+        if name == "leds":  # of which the second LED is hot, too
+            record.begins("warm")
+            results["warm"] = lf.evaluate(run.lens, temperature_c=HOT_C)
+            results["warm"].write(run.folder, "warm")
     lens = json.loads((run.folder / "lens.json").read_text(encoding="utf-8"))
-    facts = {stage: run.facts(result) for stage, result in run.found.items()}
-    return Case(name, run.folder, lens, dict(run.found), facts, rays)
+    facts = {stage: run.facts(result) for stage, result in results.items()}
+    return Case(name, run.folder, lens, results, facts, record.rays)
 
 
 def stored(name: str, folder: Path) -> Path:

@@ -4,16 +4,21 @@ import numpy as np
 from crooked import Expected
 from page_colour import beam_colour, flux_and_efficacy, tristimulus_at
 from page_figures import (
+    NEAR,
+    RAY,
     filtered,
     jackknife,
     largest,
     least,
     least_over_mean,
+    metric,
     nmse,
+    plain,
     ratio,
     raw_nmse,
     rsd,
     scaled,
+    state_of,
     width_above,
 )
 from page_road import road_limits
@@ -24,6 +29,7 @@ from page_scene import (
     in_shape,
     lamps_of,
     mask_of,
+    read_at,
     rebinned,
     receive,
     receivers_of,
@@ -34,9 +40,6 @@ NOT_LEFT = (
     "backward", "outside_cavity", "base", "surfaces_intersect", "more_events", "flange", "total_reflection",
 )  # fmt: skip
 MISSED = ("backward", "outside_cavity", "base", "missed_receiver", "surfaces_intersect", "more_events", "flange")
-# A ray or two may land beside an edge by the tables of the faces; a hit is off by less than 0.1 µm in a lens.
-NEAR, RAY = 0.02, 0.1  # of a standard error; of that of an extreme, which one ray may move
-CLOSE = 1e-4  # of a figure, by wavelength and polarisation
 
 
 def traced(case, calls):
@@ -73,17 +76,6 @@ def mean_of(parts):
     names = parts[0][1].__dict__
     got = {name: sum(share * getattr(each, name) for share, each, _ in parts) for name in names}
     return got, {name: sum(share * fates[name] for share, _, fates in parts) for name in parts[0][2]}
-
-
-def metric(pair, unit="", near=NEAR):
-    """A figure as a record has it, within a small part of its error."""
-    value, error = pair
-    within = near * error + CLOSE * abs(value) + 1e-7
-    return {"value": (value, within), "unit": unit, "standard_error": (error, max(within, RAY * error))}
-
-
-def plain(value, near=CLOSE):
-    return value, near * abs(value) + near
 
 
 def light_of(case, calls, source):
@@ -216,17 +208,6 @@ def ways_of(lens, replicates, watts):
 # -- Section 10: limits ------------------------------------------------------------------------------------------------
 
 
-def read_at(receiver, image, x, y):
-    """Bilinear between the centres of pixels; beyond the last as there."""
-    rows, columns = receiver.shape
-    column = np.clip((x / receiver.size[0] + 0.5) * columns - 0.5, 0, columns - 1)
-    row = np.clip((y / receiver.size[1] + 0.5) * rows - 0.5, 0, rows - 1)
-    j, i = np.minimum(column.astype(int), columns - 2), np.minimum(row.astype(int), rows - 2)
-    a, b = column - j, row - i
-    low, high = image[i, j] * (1 - a) + image[i, j + 1] * a, image[i + 1, j] * (1 - a) + image[i + 1, j + 1] * a
-    return low * (1 - b) + high * b
-
-
 def limits_of(spec, receivers, images, efficacy, watts, lit):
     found, named = [], [receiver.name for receiver in receivers]
     for limit in spec["limits"] or []:
@@ -245,14 +226,6 @@ def limits_of(spec, receivers, images, efficacy, watts, lit):
                     "bound": spec["colour"][field], "unit": "", "state": state_of(value, "<=", spec["colour"][field]),
                 })  # fmt: skip
     return found
-
-
-def state_of(value, sense, bound):
-    """Undecided within two standard errors."""
-    by = value["value"][0] - bound
-    if abs(by) <= 2 * value["standard_error"][0]:
-        return "undecided"
-    return "held" if (by > 0) == (sense == ">=") else "missed"
 
 
 def own_limits(limit, receiver, images, efficacy, watts, lamps):

@@ -132,3 +132,30 @@ def width_above(at, light, level):
 
 
 raw_nmse = page_light.raw_nmse
+
+
+# -- Figures as a record has them, and how near the program must come ---------------------------------------------
+
+# A ray or two may land beside an edge by the tables of the faces; a hit is off by less than 0.1 µm in a lens.
+NEAR, RAY = 0.02, 0.1  # of a standard error; of that of an extreme, which one ray may move
+CLOSE = 1e-4  # of a figure, by wavelength and polarisation
+
+
+def metric(pair, unit="", near=NEAR):
+    """A figure as a record has it, within a small part of its error."""
+    value, error = pair
+    within = near * error + CLOSE * abs(value) + 1e-7
+    return {"value": (value, within), "unit": unit, "standard_error": (error, max(within, RAY * error))}
+
+
+def plain(value, near=CLOSE, floor=0.0):
+    """A figure without an error."""
+    return value, near * abs(value) + near + floor
+
+
+def state_of(value, sense, bound):
+    """Undecided within two standard errors."""
+    by = value["value"][0] - bound
+    if abs(by) <= 2 * value["standard_error"][0]:
+        return "undecided"
+    return "held" if (by > 0) == (sense == ">=") else "missed"

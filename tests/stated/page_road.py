@@ -4,7 +4,8 @@ from math import ceil
 from pathlib import Path
 
 import numpy as np
-from page_figures import jackknife, largest, least, least_over_mean, ratio, scaled
+from page_figures import RAY, jackknife, largest, least, least_over_mean, metric, ratio, scaled, state_of
+from page_scene import read_at
 
 SURFACES = Path(__file__).parents[2] / "lensforge" / "scene" / "road_surfaces"  # tables of the CIE, as published
 Q0 = {"R3": 0.07, "W4": None}
@@ -212,8 +213,6 @@ def asked(road, found):
 
 def in_picture(spec, receiver, images, lamp_lm, watts):
     """Intensities of a lamp of so many lumens by the pictures of a far field, bilinear between its pixels."""
-    from oracle_light import read_at
-
     axes, side = receiver.axes, spec["photometry"]["street_side_deg"]
 
     def candela(lateral, gamma):
@@ -227,8 +226,6 @@ def in_picture(spec, receiver, images, lamp_lm, watts):
 
 def road_limits(spec, receivers, images, efficacy, watts):
     """What the classes ask for, by the first far field."""
-    from oracle_light import RAY, metric, state_of
-
     number = next(k for k, each in enumerate(receivers) if each.kind == "far_field")
     for road in spec["roads"]:
         lamps = len(spec["lamps"]["places_mm"]) if spec["lamps"] else 1

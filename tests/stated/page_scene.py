@@ -230,6 +230,17 @@ def side_counts(size, pixels):
     return rows, columns
 
 
+def read_at(receiver, image, x, y):
+    """Bilinear between the centres of pixels; beyond the last as there."""
+    rows, columns = receiver.shape
+    column = np.clip((x / receiver.size[0] + 0.5) * columns - 0.5, 0, columns - 1)
+    row = np.clip((y / receiver.size[1] + 0.5) * rows - 0.5, 0, rows - 1)
+    j, i = np.minimum(column.astype(int), columns - 2), np.minimum(row.astype(int), rows - 2)
+    a, b = column - j, row - i
+    low, high = image[i, j] * (1 - a) + image[i, j + 1] * a, image[i + 1, j] * (1 - a) + image[i + 1, j + 1] * a
+    return low * (1 - b) + high * b
+
+
 def receivers_of(spec):
     pixels, found = spec["evaluate"]["pixels"], []
     sections = spec["receivers"] or [spec["target"]]

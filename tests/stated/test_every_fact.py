@@ -11,13 +11,14 @@ from math import isclose
 from pathlib import Path
 from typing import Any
 
+import oracle_far
 import oracle_light
 import pytest
 from crooked import NAMES, Case, Expected, Place
 
 from lensforge.results.fact import Bound, Fact
 
-MODULES = (oracle_light,)
+MODULES = (oracle_light, oracle_far)
 ORACLES: dict[str, Callable[[Case, Place], Expected]] = {
     name: oracle for module in MODULES for name, oracle in module.ORACLES.items()
 }
