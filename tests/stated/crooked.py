@@ -143,7 +143,7 @@ def spec_of(name: str, folder: Path, changes: dict[str, Any] | None = None) -> l
 def few_rays() -> Iterator[None]:
     """Stages that choose the number of their rays by the preset take few."""
     with pytest.MonkeyPatch.context() as patch:
-        small = replace(PRESETS["draft"], photometry_rays=2**13, verify_rays=2**10)
+        small = replace(PRESETS["draft"], photometry_rays=2**12, verify_rays=2**10)
         patch.setitem(PRESETS, "draft", small)
         yield
 

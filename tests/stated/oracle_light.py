@@ -1,7 +1,7 @@
 """Oracles of the light on every receiver, by docs/definitions.md alone, for the very rays that the evaluation drew."""
 
 import numpy as np
-from crooked import Expected
+from crooked import HOT_C, Expected
 from page_colour import beam_colour, flux_and_efficacy, tristimulus_at
 from page_figures import (
     NEAR,
@@ -23,6 +23,7 @@ from page_figures import (
 )
 from page_road import road_limits
 from page_scene import (
+    at_temperature,
     by_fate,
     exits,
     faces_of,
@@ -42,9 +43,9 @@ NOT_LEFT = (
 MISSED = ("backward", "outside_cavity", "base", "missed_receiver", "surfaces_intersect", "more_events", "flange")
 
 
-def traced(case, calls):
+def traced(case, calls, warm):
     """Receivers, what each gets in each replicate, of each kind of lens, and flux (W) by the faces that it met."""
-    lens, spec = case.lens, case.lens["spec"]
+    (lens, raised), spec = at_temperature(case.lens, HOT_C) if warm else (case.lens, 0.0), case.lens["spec"]
     places, turns, kinds = lamps_of(spec)
     others = lens.get("others") or {}
     own_kinds = [*(kind for kind in dict.fromkeys(kinds) if kind not in others), *others]
@@ -57,7 +58,7 @@ def traced(case, calls):
         faces, share = faces_of(lens, others.get(kind, lens["faces"])), kinds.count(kind) / len(kinds)
         lamps = [(p, r) for p, r, k in zip(places, turns, kinds, strict=True) if k == kind]
         for replicate, factor, p, d, flux, nm in call:
-            behind = exits(lens, faces, p, d, nm)
+            behind = exits(lens, faces, p, d, nm, raised)
             colours = tristimulus_at(nm) if spec["colour"] else None
             fates = by_fate(behind, factor * flux, NOT_LEFT)
             for number, receiver in enumerate(receivers):
@@ -78,11 +79,11 @@ def mean_of(parts):
     return got, {name: sum(share * fates[name] for share, _, fates in parts) for name in parts[0][2]}
 
 
-def light_of(case, calls, source):
+def light_of(case, calls, source, warm):
     """The record of the light with one LED: receivers, ways, limits; and pictures of each receiver."""
     spec = case.lens["spec"]
     watts, efficacy = flux_and_efficacy(source, case.files)
-    receivers, found = traced(case, calls)
+    receivers, found = traced(case, calls, warm)
     count = len(calls[0])
     lit, images = [], []
     for number, receiver in enumerate(receivers):
@@ -310,11 +311,11 @@ def evaluated(case, stage):
     leds = [(led["name"], led["source"]) for led in spec["sources"] or []] or [("", spec["source"])]
     records, pictures = [], None
     for name, source in leds:
-        own, images = light_of(case, calls[:kinds], source)
+        own, images = light_of(case, calls[:kinds], source, stage == "warm")
         calls = calls[kinds:]
         pictures = images if pictures is None else pictures
         if source["kind"] in ("rayfile", "rayfiles"):
-            fitted, _ = light_of(case, [calls.pop(0)], source)
+            fitted, _ = light_of(case, [calls.pop(0)], source, stage == "warm")
             own["fitted"] = {
                 "rays": fitted["rays"], **{key: fitted["receivers"][0][key] for key in ("nmse", "efficiency")}
             }  # fmt: skip
@@ -489,4 +490,7 @@ ORACLES = {
     "fitted_efficiency": from_first("fitted", "efficiency", factor=100, unit="%"),
 }  # fmt: skip
 ORACLES = {f"{stage}.{key}": oracle for stage in ("evaluate", "warm") for key, oracle in ORACLES.items()}
-RECORDS = {"evaluate": lambda case: evaluation(case)[0]}
+RECORDS = {
+    "evaluate": lambda case: evaluation(case)[0],
+    "warm": lambda case: evaluation(case, "warm")[0],
+}

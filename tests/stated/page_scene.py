@@ -36,15 +36,29 @@ def faces_of(lens, faces):
     return page_tracer.surfaces(own) if lens["spec"]["lens"]["kind"] == "double" else page_chain.chain_faces(own)
 
 
-def exits(lens, faces, p, d, nm=None):
-    """``faces`` of :func:`faces_of`."""
+def at_temperature(lens, celsius):
+    """lens.json of a double lens at a temperature, and the height by which it is raised: section 5."""
+    section, base = lens["spec"]["lens"], lens["spec"]["base"]
+    warmer = celsius - section["reference_temperature_c"]
+    larger = 1 + section["expansion_per_k"] * warmer
+    warm = section | {"refractive_index": section["refractive_index"] + section["index_per_k"] * warmer}
+    faces = {
+        name: face | {"offset_mm": larger * face["offset_mm"], "weights_mm": [larger * w for w in face["weights_mm"]]}
+        for name, face in lens["faces"].items()
+    }
+    return lens | {"faces": faces, "spec": lens["spec"] | {"lens": warm}}, base["height_mm"] * (larger - 1)
+
+
+def exits(lens, faces, p, d, nm=None, raised=0.0):
+    """``faces`` of :func:`faces_of`; ``raised``: height of the lens's origin above that of the source."""
     section = lens["spec"]["lens"]
     ways = None
+    p = p - [0, 0, raised]
     if section["kind"] == "double":
         left, p, d, fate, flux, absorbed, nm, stokes = page_tracer.leave(lens, faces, p, d, nm)
     else:
         left, p, d, fate, flux, absorbed, nm, stokes, ways = page_chain.leave_chain(lens, faces, p, d, nm)
-    lost = {}
+    lost, p = {}, p + [0, 0, raised]
     for body in lens["spec"]["bodies"] or []:
         left, stokes, lost[body["name"]] = through(body, section, left, p, d, flux, nm, stokes)
     behind = Exits(left, p, d, fate, flux, absorbed, np.zeros(len(p)), lost, ways)

@@ -13,12 +13,13 @@ from typing import Any
 
 import oracle_far
 import oracle_light
+import oracle_search
 import pytest
 from crooked import NAMES, Case, Expected, Place
 
 from lensforge.results.fact import Bound, Fact
 
-MODULES = (oracle_light, oracle_far)
+MODULES = (oracle_search, oracle_light, oracle_far)
 ORACLES: dict[str, Callable[[Case, Place], Expected]] = {
     name: oracle for module in MODULES for name, oracle in module.ORACLES.items()
 }
@@ -27,12 +28,11 @@ RECORDS: dict[str, Callable[[Case], Any]] = {
 }
 # What has no oracle yet: beginnings of the names of facts.
 NOT_YET = (
-    "design.",
-    "evaluate.",
+    "evaluate.table_",
+    "warm.table_",
     "export.",
     "check.",
     "verify.",
-    "photometry.",
 )
 # Entries of a record that are no figures of the design: how long it took, and what it was made from.
 NO_FIGURE = ("seconds", "version", "inputs", "content_sha256", "arrays_sha256", "schema")
@@ -106,6 +106,8 @@ def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 def test_every_number_of_a_record(case: Callable[[str], Case], stage: str, name: str) -> None:
     """A record that is expected has tuples (value, within) in the place of numbers that are not exact."""
     own = case(name)
+    if stage not in own.results:
+        return
     expected = dict(pairs(RECORDS[stage](own)))
     skipped = tuple(path for path, each in expected.items() if each is ...)
     expected = {path: each for path, each in expected.items() if each is not ...}
