@@ -153,4 +153,6 @@ ORACLES = {
     "design.steps": lambda case, place: Expected(sum(len(each["loss"]) for each in case.json("design")["history"])),
     "design.functions": lambda case, place: Expected(case.json("design")["history"][-1]["functions"]),
 }
-RECORDS = {"design": lambda case: {key: entry for key, entry in design(case).items() if key not in ("functions", "last")}}
+RECORDS = {
+    "design": lambda case: {key: entry for key, entry in design(case).items() if key not in ("functions", "last")}
+}
