@@ -346,7 +346,7 @@ def road_record(case, road):
 def ies(text):
     """C, gamma and candela of an IES file by its numbers alone."""
     numbers = [float(each) for each in text.split("TILT=NONE")[1].split()]
-    gammas, planes, factor = int(numbers[3]), int(numbers[4]), numbers[2] * numbers[10] * numbers[11]
+    gammas, planes, factor = int(numbers[3]), int(numbers[4]), numbers[2] * numbers[10]
     at = 13
     gamma, c = numbers[at : at + gammas], numbers[at + gammas : at + gammas + planes]
     values = np.array(numbers[at + gammas + planes :][: gammas * planes]).reshape(planes, gammas)
