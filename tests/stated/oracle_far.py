@@ -12,7 +12,7 @@ import page_road
 from crooked import Expected
 from oracle_light import kinds_in
 from page_colour import flux_and_efficacy
-from page_figures import RAY, CLOSE, jackknife, largest, metric, plain, scaled, state_of, width_above
+from page_figures import RAY, jackknife, largest, metric, plain, scaled, state_of, width_above
 from page_scene import by_fate, exits, faces_of, lamps_of
 
 LOST = (
@@ -151,6 +151,13 @@ def plane(tables, c_deg):
     return found
 
 
+def plane_record(tables, c_deg):
+    """The beam in one plane as the record has it."""
+    peak, beam, field = plane(tables, c_deg)
+    angles = {"beam_angle_deg": metric(beam, "°", RAY), "field_angle_deg": metric(field, "°", RAY)}
+    return {"c_deg": float(c_deg), "peak_cd": metric(peak, "cd", RAY), **angles}
+
+
 def photometry(case):
     """The record of the far field."""
     watts, source_lm, known = lumens(case)
@@ -162,14 +169,7 @@ def photometry(case):
     lost = {name: plain(fates[name], floor=near * up[1]) for name in (*LOST, "missed_receiver")}
     lost |= {"not_converged": 0.0, "bodies": plain(sum(v for k, v in fates.items() if k.startswith("body")))}
     c, gamma = np.unravel_index(np.argmax(tables.whole), tables.whole.shape)
-    planes = {
-        f"beam_c{c_deg}": dict(
-            zip(("c_deg", "peak_cd", "beam_angle_deg", "field_angle_deg"),
-                (float(c_deg), *(metric(each, unit, RAY) for each, unit in zip(plane(tables, c_deg), ("cd", "°", "°"), strict=True))),
-                strict=True)
-        )
-        for c_deg in (0, 90)
-    }  # fmt: skip
+    planes = {f"beam_c{c_deg}": plane_record(tables, c_deg) for c_deg in (0, 90)}
     exit_lm = scaled(up, per_watt)
     errors = tables.samples.std(axis=0, ddof=1) / 4
     bright = tables.samples.mean(axis=0) > 0.1 * tables.samples.mean(axis=0).max()
@@ -185,12 +185,15 @@ def photometry(case):
         "exit_lm": metric(exit_lm, "lm", near),
         "axis_cd": metric(tables.figure(lambda _c, _g, values: values[0, 0]), "cd", RAY),
         "peak_cd": metric(largest(tables.samples.reshape(16, -1)), "cd"),
-        "peak_direction": {"c_deg": float(-tables.azimuth[c] % 360) if gamma else 0.0, "gamma_deg": tables.gamma[gamma]},
-        **planes, "road": area(case, exit_lm), "roads": [road_record(case, road) for road in case.lens["spec"]["roads"] or []],
+        "peak_direction": {
+            "c_deg": float(-tables.azimuth[c] % 360) if gamma else 0.0, "gamma_deg": tables.gamma[gamma]
+        },
+        **planes, "road": area(case, exit_lm),
+        "roads": [road_record(case, road) for road in case.lens["spec"]["roads"] or []],
         "node_error": {"max": plain(relative.max()), "rms": plain(np.sqrt((relative**2 @ weights) / weights.sum()))},
         "interpolation_error": ..., "warnings": ..., "criteria": ...,
         "files": {
-            **{name: written for name in ("ies", "ldt", "tm33")},
+            **dict.fromkeys(("ies", "ldt", "tm33"), written),
             "tm25ray": written | {
                 "rays": (sum(len(each[2]) for each in samples) / kinds_in(case), near * 9), "lumens": known_lm,
                 "watts": metric(up, "W", near)["value"],
@@ -282,7 +285,8 @@ def distribution(tables, street_deg):
     street, house = reach(1), reach(-1)
     lateral_type = "V" if everywhere else next(name for name, end in ACROSS.items() if street[0] <= end)
     return {
-        "lateral": lateral_type, "longitudinal": longitudinal, "along_mh": plain(at), "street_mh": metric(street, near=RAY),
+        "lateral": lateral_type, "longitudinal": longitudinal, "along_mh": plain(at),
+        "street_mh": metric(street, near=RAY),
         "house_mh": metric(house, near=RAY), "roundness": metric(roundness, near=RAY),
     }  # fmt: skip
 
@@ -315,8 +319,9 @@ def road_record(case, road):
     found = page_road.figures(road, candela)
     drivers = [
         {
-            "lane": number + 1, "mean_cd_per_m2": metric(lane["mean"], "cd/m²"), "uniformity": metric(lane["uniformity"]),
-            "uniformity_along": metric(lane["along"]), "glare_percent": metric(lane["glare"], "%"),
+            "lane": number + 1, "mean_cd_per_m2": metric(lane["mean"], "cd/m²"),
+            "uniformity": metric(lane["uniformity"]), "uniformity_along": metric(lane["along"]),
+            "glare_percent": metric(lane["glare"], "%"),
             "luminance_per_lux": metric(lane["q"], "cd/m²/lx"), "veiling_ratio": None,
         }
         for number, lane in enumerate(found["lanes"])
@@ -328,7 +333,7 @@ def road_record(case, road):
             "name": name, "receiver": road["name"], "quantity": quantity, "value": stated, "sense": sense,
             "bound": bound, "unit": unit, "state": state_of(stated, sense, bound),
         })  # fmt: skip
-    beta, tans, r = page_road.surface(road["surface"])
+    _, tans, r = page_road.surface(road["surface"])
     s1 = np.interp(2, tans, r[:, 0]) / r[0, 0]
     return {
         "name": road["name"], "lighting_class": road["lighting_class"], "reached": page_road.reached(road, found),
@@ -458,8 +463,7 @@ ORACLES = {
     "lamp_lm": fact("road", "lumens"), "distribution": kind_of_light, "bug": bug,
     "street_mh": fact("road", "distribution", "street_mh"), "glare_class": fact("road", "glare", "glare_class"),
     "above": above,
-    **{f"{side}_{zone}": fact("road", "bug", "zones", f"{side}_{zone}") for side in ("forward", "back") for zone in ZONES},
+    **{name: fact("road", "bug", "zones", name) for name in (f"{a}_{b}" for a in ("forward", "back") for b in ZONES)},
 }  # fmt: skip
 ORACLES = {f"photometry.{key}": oracle for key, oracle in ORACLES.items()}
 RECORDS = {"photometry": recorded}
-__all__ = ["CLOSE"]

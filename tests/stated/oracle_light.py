@@ -145,7 +145,7 @@ def receiver_record(spec, receiver, means, watts, number):
         "raw": {"nmse": plain(raw_nmse(mean, target)), "uniformity": None, "rsd": None},
         "nmse_of_noise": plain(noise, 1e-3),
         "nmse_of_raster": (pattern[0] - nmse(halved, coarse_target)[0], 1e-4 + 2 * NEAR * pattern[1]),
-        "possible": {name: ... for name in ("efficiency", "share_in_target", "nmse", "law", "luminance_estimated")},
+        "possible": dict.fromkeys(("efficiency", "share_in_target", "nmse", "law", "luminance_estimated"), ...),
         "flux": {name: plain(share) for name, share in flux.items()}, "missed_by_cause": missed,
         "lost_in_bodies": {name: plain(share) for name, share in bodies.items()}, "colour": None,
     }  # fmt: skip
@@ -306,6 +306,9 @@ def evaluation(case, stage="evaluate"):
 KEPT = {}
 
 
+OF_THE_FIRST = ("nmse", "efficiency", "share_in_target", "uniformity", "rsd", "possible", "flux")
+
+
 def evaluated(case, stage):
     spec, calls, kinds = case.lens["spec"], list(case.rays[stage]), kinds_in(case)
     leds = [(led["name"], led["source"]) for led in spec["sources"] or []] or [("", spec["source"])]
@@ -323,14 +326,15 @@ def evaluated(case, stage):
     (led, first), others = records[0], records[1:]
     chart, held = first["receivers"][0], {"criteria": [...]}
     record = first | {
-        "table_nodes": ..., "table_error_nm": ..., "preset_error": ..., "conditions": ..., "led": led if others else "", "replicates": 16, "pixels": spec["evaluate"]["pixels"],
+        "table_nodes": ..., "table_error_nm": ..., "preset_error": ..., "conditions": ..., "led": led if others else "",
+        "replicates": 16, "pixels": spec["evaluate"]["pixels"],
         "filter": f"3x3 Gaussian, variance {spec['evaluate']['filter_variance']:g} pixel^2, hard bins", "seed": 3,
         "fitted": first.get("fitted"),
         "others": [
             {"name": name, "source": ..., **{key: own[key] for key in own if key != "fitted"}, **held}
             for name, own in others
         ],
-        **{key: chart[key] for key in ("nmse", "efficiency", "share_in_target", "uniformity", "rsd", "possible", "flux")},
+        **{key: chart[key] for key in OF_THE_FIRST},
         **held,
     }  # fmt: skip
     return record, pictures, [own for _, own in records]

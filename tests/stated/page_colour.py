@@ -122,7 +122,8 @@ def beam_colour(pictures, level):
     known = colour_temperature((u0, v0))
     found = {
         "level": level, "pixels": int(count), "rms": rms, "worst": largest(along, rms[0]),
-        "u": jackknife(totals, lambda m: uv(m)[0]), "v": jackknife(totals, lambda m: uv(m)[1]), "cct": None, "duv": None,
+        "u": jackknife(totals, lambda m: uv(m)[0]), "v": jackknife(totals, lambda m: uv(m)[1]), "cct": None,
+        "duv": None,
     }  # fmt: skip
     if known is not None:
         found["cct"], found["duv"] = (

@@ -36,8 +36,8 @@ def over_pairs(errors, scales):
     """Mean over pairs k != l of E_k E_l over that of s_k s_l, and its standard error."""
     r, products, norms = len(errors), np.zeros((len(errors),) * 2), np.zeros((len(errors),) * 2)
     for k in range(r):
-        for l in range(r):
-            products[k, l], norms[k, l] = (errors[k] * errors[l]).sum(), scales[k] * scales[l]
+        for m in range(r):
+            products[k, m], norms[k, m] = (errors[k] * errors[m]).sum(), scales[k] * scales[m]
     norm = (norms.sum() - np.trace(norms)) / (r * (r - 1))
     value = (products.sum() - np.trace(products)) / (r * (r - 1)) / norm
     apart = (products - value * norms) / norm
@@ -46,7 +46,7 @@ def over_pairs(errors, scales):
     squared = (r - 1) / r * ((left_out - left_out.mean()) ** 2).sum()
     whole = (apart.sum() - np.trace(apart)) / (r * (r - 1))
     effect = [(np.delete(apart[k], k).sum() - (r - 1) * whole) / (r - 2) for k in range(r)]
-    z = sum((apart[k, l] - whole - effect[k] - effect[l]) ** 2 for k in range(r) for l in range(r) if k != l)
+    z = sum((apart[k, m] - whole - effect[k] - effect[m]) ** 2 for k in range(r) for m in range(r) if k != m)
     z /= r * (r - 3)
     return value, np.sqrt(max(squared - 4 * z / (r * (r - 2)), 0) + 2 * z / (r * (r - 1)))
 

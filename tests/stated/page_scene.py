@@ -1,4 +1,4 @@
-"""Rays from the source to each receiver by sections 6 to 9 of docs/definitions.md alone: bodies, lamps, poses, targets."""
+"""Rays from the source to each receiver by sections 6 to 9 of docs/definitions.md alone: bodies, lamps, targets."""
 
 import sys
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from scipy import ndimage
 sys.path.append(str(Path(__file__).parents[1] / "definitions"))
 import page_chain
 import page_tracer
-from page_tracer import FATES, LANDED, unit
+from page_tracer import FATES
 
 # -- Section 7: rays behind the lens and the further bodies ------------------------------------------------------------
 
 
 @dataclass
 class Exits:
-    """All rays behind lens and bodies; ``left``: numbers of those that leave. Flux and losses of a flux of 1 at first."""
+    """All rays behind lens and bodies; ``left``: numbers of those that leave. Flux and losses of a flux of 1."""
 
     left: np.ndarray
     p: np.ndarray
@@ -58,7 +58,8 @@ def exits(lens, faces, p, d, nm=None, raised=0.0):
         left, p, d, fate, flux, absorbed, nm, stokes = page_tracer.leave(lens, faces, p, d, nm)
     else:
         left, p, d, fate, flux, absorbed, nm, stokes, ways = page_chain.leave_chain(lens, faces, p, d, nm)
-    lost, p = {}, p + [0, 0, raised]
+    p[:, 2] += raised
+    lost = {}
     for body in lens["spec"]["bodies"] or []:
         left, stokes, lost[body["name"]] = through(body, section, left, p, d, flux, nm, stokes)
     behind = Exits(left, p, d, fate, flux, absorbed, np.zeros(len(p)), lost, ways)
@@ -397,7 +398,7 @@ def rebinned(image, shape):
     return image
 
 
-# -- Section 8: what lands -----------------------------------------------------------------------------------------------
+# -- Section 8: what lands --------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -462,6 +463,3 @@ def by_fate(behind, flux_w, names):
     found["absorbed"] = (behind.absorbed * flux_w).sum()
     found["cover_glass"] = (behind.in_glass * flux_w).sum()
     return found | {f"body {name}": (lost * flux_w).sum() for name, lost in behind.in_bodies.items()}
-
-
-__all__ = ["LANDED", "unit"]

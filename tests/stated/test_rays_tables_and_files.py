@@ -1,4 +1,4 @@
-"""What the oracles start from: rays as their source emits them, tables with the light of the rays, files with the tables."""
+"""What the oracles start from: rays as their source emits them, tables with their light, files with the tables."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ def own_rays(source, call):
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "leds"])
 def test_rays_of_a_planar_source(case: Callable[[str], Case], name: str) -> None:
-    """Places and directions by their moments, each within five standard errors of independent rays; flux and colours."""
+    """Places and directions by their moments, within five standard errors of independent rays; flux and colours."""
     own = case(name)
     source = own.lens["spec"]["source"]
     watts = flux_and_efficacy(source, own.files)[0]

@@ -1,4 +1,4 @@
-"""Numbers of lists with two unlike entries of which the second decides, and of branches that the designs do not take."""
+"""Numbers of lists of which the second of two unlike entries decides; branches that the designs do not take."""
 
 import json
 from collections.abc import Callable
