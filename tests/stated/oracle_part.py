@@ -1,0 +1,279 @@
+"""Every figure of ``export`` by docs/definitions.md, section 14, and the written files alone."""
+
+import re
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+import trimesh
+from crooked import Expected
+from page_body import PageBody, directions
+from page_step import spline_faces
+from page_tracer import unit
+
+FORM_NM, NORMAL_MRAD = 1.0, 0.02
+SCHEMES = {"AUTOMOTIVE_DESIGN": "AP214", "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING": "AP242"}
+_kept = {}
+
+
+def kept_of(case, name, make):
+    """What ``make`` returns, made once for each design."""
+    key = (case.folder, name)
+    if key not in _kept:
+        _kept[key] = make()
+    return _kept[key]
+
+
+def body_of(case):
+    return kept_of(case, "body", lambda: PageBody(case.lens))
+
+
+def splines_of(case, file):
+    return kept_of(case, file, lambda: spline_faces((case.folder / file).read_text()))
+
+
+@cache
+def mesh_of(path):
+    return trimesh.load_mesh(path)
+
+
+def errors_of(part, spline):
+    """Distances (nm) from the exact face along its normal, and angles between the normals (mrad), all over it."""
+    knots = np.unique(spline.knots[0])
+    places = np.linspace(knots[0], knots[-1], 3 * len(knots))
+    p, n = (each.reshape(-1, 3) for each in spline.at(places, places))
+    u = unit(p)
+    low, high = part.ends(np.arctan2(u[:, 1], u[:, 0]))
+    theta = np.arctan2(np.hypot(u[:, 0], u[:, 1]), u[:, 2])
+    inside = (theta >= low) & (theta <= high)
+    turn = 2 * np.pi * np.arange(1440) / 1440
+    edges = [np.tan(end / 2) for end in part.ends(turn) if end.min() > 0]
+    on = [spline.at(edge * np.cos(turn), edge * np.sin(turn), pairs=True) for edge in edges]
+    p, n = (np.concatenate([all_over[inside], *rims]) for all_over, *rims in zip((p, n), *on, strict=True))
+    u = unit(p)
+    rho, exact = part.exact(u)
+    off = (np.linalg.norm(p, axis=1) - rho) * (exact * u).sum(axis=1)
+    angle = np.linalg.norm(np.cross(n, exact), axis=1)
+    return 1e6 * abs(off), 1e3 * angle
+
+
+def worst_errors(case):
+    """The largest distance (nm) and angle (mrad) of all optical faces in the STEP file."""
+    return kept_of(case, "errors", lambda: np.max([
+        [each.max() for each in errors_of(body_of(case).parts[name.removeprefix("OPTICAL_").lower()], spline)]
+        for name, spline in splines_of(case, "lens.step").items() if name.startswith("OPTICAL_")
+    ], axis=0).tolist())  # fmt: skip
+
+
+def kept(value, limit):
+    return "pass" if value <= limit else "fail"
+
+
+def form_error(case, place):
+    value = worst_errors(case)[0]
+    return Expected(value, 0.1 * value, "nm", limit=("<=", FORM_NM), state=kept(value, FORM_NM))
+
+
+def normal_error(case, place):
+    value = worst_errors(case)[1]
+    return Expected(value, 0.1 * value, "mrad", limit=("<=", NORMAL_MRAD), state=kept(value, NORMAL_MRAD))
+
+
+def base_mm3(case):
+    """Volume below z = 0, of a base without relief: a prism, less the bore that follows the cavity's rim."""
+    base, body = case.lens["spec"]["base"], body_of(case)
+    if base["kind"] == "none":
+        return 0.0
+    height, opening = base["height_mm"], body.opening_mm2
+    radius = base["diameter_mm"] / 2
+    area = base["side_mm"] ** 2 if base["kind"] == "square" else np.pi * radius**2
+    if base["flat_mm"] is not None:
+        half = np.arccos(base["flat_mm"] / radius)
+        area -= radius**2 * (half - np.sin(half) * np.cos(half))
+    if base["bore_setback_mm"]:
+        opening = np.pi * (body.rim.max() + base["bore_setback_mm"]) ** 2
+    volume = (area - opening) * height
+    if base["pocket_diameter_mm"] is not None:
+        volume -= (np.pi * base["pocket_diameter_mm"] ** 2 / 4 - opening) * base["pocket_depth_mm"]
+    if base["flange_diameter_mm"] is not None:
+        volume += (np.pi * base["flange_diameter_mm"] ** 2 / 4 - area) * base["flange_height_mm"]
+    if base["feet"] is not None:
+        volume += base["feet"]["number"] * np.pi * base["feet"]["diameter_mm"] ** 2 / 4 * base["feet"]["height_mm"]
+    return volume
+
+
+def flange_mm3(case):
+    """Volume of the ring around a lens for total internal reflection."""
+    flange = case.lens["spec"]["lens"].get("flange")
+    if not flange:
+        return 0.0
+    inner = 0.9994 * case.lens["spec"]["constraints"]["max_radius_mm"]
+    return np.pi * (flange["diameter_mm"] ** 2 / 4 - inner**2) * flange["thickness_mm"]
+
+
+def lens_mm3(case):
+    return body_of(case).lens_mm3 + flange_mm3(case)
+
+
+def volume(case, place):
+    value = lens_mm3(case) + base_mm3(case)
+    return Expected(value, 3e-6 * value, "mm³")
+
+
+def mass(case, place):
+    value = volume(case, place).value * case.lens["spec"]["lens"]["density_g_per_cm3"] / 1000
+    return Expected(value, 3e-6 * value, "g")
+
+
+def mesh(case, place):
+    return Expected(closed(case.folder / "lens.stl"))
+
+
+def closed(path):
+    return "closed" if mesh_of(path).is_watertight else "not closed"
+
+
+def schema(case, place):
+    text = (case.folder / "lens.step").read_bytes()[:4000].decode("latin1")
+    return Expected(SCHEMES[re.search(r"FILE_SCHEMA\s*\(\(\s*'([A-Z0-9_]+)", text)[1]])
+
+
+def scale(case, place):
+    return Expected(1 + case.lens["spec"]["manufacture"]["shrinkage"], 1e-12)
+
+
+def keep_out(case, place):
+    """Least distance of the meshes of part and solids that do not overlap."""
+    import cadquery
+
+    margin = case.lens["spec"]["constraints"]["keep_out_margin_mm"]
+    solids = cadquery.importers.importStep(case.lens["spec"]["constraints"]["keep_out"]).val()
+    vertices, facets = solids.tessellate(1e-3, 0.02)
+    other = trimesh.Trimesh([vertex.toTuple() for vertex in vertices], facets)
+    part = mesh_of(case.folder / "lens.stl")
+    value = min(
+        trimesh.proximity.closest_point(one, two.vertices)[1].min() for one, two in ((part, other), (other, part))
+    )
+    return Expected(value, 5e-3, "mm", limit=(">=", margin), state="pass" if value >= margin else "fail")
+
+
+# -- The plate ---------------------------------------------------------------------------------------------------------
+
+
+def lamps_of(case):
+    lamps = case.lens["spec"]["lamps"]
+    return np.array(lamps["places_mm"])[:, :2], np.array(lamps["turns_deg"] or [0.0] * len(lamps["places_mm"]))
+
+
+def placed(points, place, turn_deg):
+    a = np.radians(turn_deg)
+    return points @ np.array([[np.cos(a), np.sin(a), 0], [-np.sin(a), np.cos(a), 0], [0, 0, 1]]) + [*place, 0]
+
+
+def gap_mm(case):
+    """The least distance of any two envelopes at their places, each above z = 0."""
+    body, (places, turns) = body_of(case), lamps_of(case)
+
+    def points(x, k):
+        u = directions(np.clip(x[:, 0], 0, np.pi / 2), x[:, 1])
+        return placed(body.radius(body.envelope, u)[:, None] * u, places[k], turns[k])
+
+    one = np.linspace(-1, 1, 9)
+    around, found = np.stack(np.meshgrid(one, one), axis=-1).reshape(-1, 2), []
+    theta, phi = np.meshgrid(np.linspace(0, np.pi / 2, 16), 2 * np.pi * np.arange(60) / 60)
+    every = np.stack([theta, phi], axis=-1).reshape(-1, 2)
+    for i, j in combinations(range(len(places)), 2):
+        clouds = [points(every, k) for k in (i, j)]
+        apart = np.array([np.linalg.norm(clouds[1] - p, axis=1) for p in clouds[0]])
+        a, b = np.unravel_index(apart.argmin(), apart.shape)
+        ends, step = [every[a], every[b]], 0.1
+        for _ in range(32):
+            near = [end + step * around for end in ends]
+            apart = np.linalg.norm(points(near[0], i)[:, None] - points(near[1], j)[None], axis=2)
+            a, b = np.unravel_index(apart.argmin(), apart.shape)
+            ends, step = [near[0][a], near[1][b]], step / 1.7
+        found.append(apart.min())
+    return min(found)
+
+
+def plate_lenses(case, place):
+    return Expected(len(lamps_of(case)[0]))
+
+
+def plate_gap(case, place):
+    return Expected(gap_mm(case), 0.004, "mm")
+
+
+def plate_sides(case):
+    plate, (places, _) = case.lens["spec"]["plate"], lamps_of(case)
+    beyond = case.lens["spec"]["constraints"]["max_radius_mm"] + (
+        2.0 if plate["margin_mm"] is None else plate["margin_mm"]
+    )
+    if plate["kind"] == "round":
+        return [plate["diameter_mm"] or 2 * (np.hypot(*places.T).max() + beyond)] * 2
+    return (
+        [plate["width_mm"], plate["height_mm"]] if plate["width_mm"] else list(2 * (abs(places).max(axis=0) + beyond))
+    )
+
+
+def plate_size(case, place):
+    """Sides of the box; its height from the ends of the longest pins, or its bottom, to the top of the lenses."""
+    plate, body = case.lens["spec"]["plate"], body_of(case)
+    top = max(part.extreme(lambda s, f, part=part: part.at(s, f)[0][..., 2]) for part in body.envelope)
+    down = plate["thickness_mm"] + max((pin["height_mm"] for pin in (*plate["pins"], *plate["bosses"])), default=0.0)
+    box = mesh_of(case.folder / "plate.stl").extents
+    assert np.allclose(box, [*plate_sides(case), top + down], rtol=0, atol=0.004), "within the chord of its facets"
+    return Expected(" × ".join(f"{side:.5g}" for side in box) + " mm")
+
+
+def plate_form_error(case, place):
+    """The lens's own, and how far any pole of its copies is from where the lens at its place has it."""
+    own, copies, (places, turns) = splines_of(case, "lens.step"), splines_of(case, "plate.step"), lamps_of(case)
+    off = 0.0
+    for name, spline in own.items():
+        for k, (at, turn) in enumerate(zip(places, turns, strict=True)):
+            copy = copies[f"{name}_{k + 1}"].poles.reshape(-1, 3)
+            off = max(off, np.linalg.norm(copy - placed(spline.poles.reshape(-1, 3), at, turn), axis=1).max())
+    value = worst_errors(case)[0] + 1e6 * off
+    return Expected(value, 0.1 * value, "nm", limit=("<=", FORM_NM), state=kept(value, FORM_NM))
+
+
+def plate_mm3(case):
+    plate, count = case.lens["spec"]["plate"], len(lamps_of(case)[0])
+    wide, high = plate_sides(case)
+    area = (
+        np.pi * wide**2 / 4 if plate["kind"] == "round" else wide * high - (4 - np.pi) * plate["corner_radius_mm"] ** 2
+    )
+    area -= count * body_of(case).opening_mm2 + sum(np.pi * hole["diameter_mm"] ** 2 / 4 for hole in plate["holes"])
+    pins = sum(np.pi * pin["diameter_mm"] ** 2 / 4 * pin["height_mm"] for pin in (*plate["pins"], *plate["bosses"]))
+    bores = sum(np.pi * each["bore_diameter_mm"] ** 2 / 4 * each["bore_depth_mm"] for each in plate["bosses"])
+    return count * body_of(case).lens_mm3 + plate["thickness_mm"] * area + pins - bores
+
+
+def plate_volume(case, place):
+    value = plate_mm3(case)
+    return Expected(value, 3e-6 * value, "mm³")
+
+
+def plate_mass(case, place):
+    value = plate_mm3(case) * case.lens["spec"]["lens"]["density_g_per_cm3"] / 1000
+    return Expected(value, 3e-6 * value, "g")
+
+
+def plate_mesh(case, place):
+    return Expected(closed(case.folder / "plate.stl"))
+
+
+def plate_files(case, place):
+    sizes = {name: (case.folder / name).stat().st_size for name in ("plate.step", "plate.stl", "plate.3mf")}
+    return Expected(", ".join(
+        f"{name} {count / scale:.3g}\u2009{unit}" for name, count in sizes.items()
+        for scale, unit in [(1e6, "MB") if count >= 1e6 else (1e3, "kB")]
+    ))  # fmt: skip
+
+
+ORACLES = {
+    f"export.{each.__name__}": each
+    for each in (form_error, normal_error, keep_out, volume, mass, mesh, schema, scale, plate_lenses, plate_gap,
+                 plate_size, plate_form_error, plate_volume, plate_mass, plate_mesh, plate_files)
+}  # fmt: skip

@@ -1,0 +1,200 @@
+"""Every figure of ``verify`` by docs/definitions.md, section 14, from the exact faces and the written files alone."""
+
+import re
+import zipfile
+
+import numpy as np
+from crooked import Expected
+from oracle_part import body_of, kept_of, lamps_of, mesh_of, placed, splines_of, worst_errors
+from page_tracer import unit
+
+DEVIATION, NOISE_FLOORS, NOISE_ALLOWANCE = 1e-4, 2.5, 1e-3
+TABLE_NM, FORM_NM = 2.5, 20.0  # of the table that stands for the design there, and the limit on the form of a file
+
+
+def record(case):
+    return kept_of(case, "verify", lambda: case.json("verify"))
+
+
+def arrays(case, stage):
+    return kept_of(case, f"{stage}.npz", lambda: dict(np.load(case.folder / f"{stage}.npz")))
+
+
+def kept(value, limit):
+    return "pass" if value <= limit else "fail"
+
+
+def screens(case):
+    """Name, kind, centre, normal and size of each receiver's plane; of directions the kind alone."""
+    spec = case.lens["spec"]
+    if not spec["receivers"]:
+        one = spec["target"]
+        if one.get("half_angle_deg"):
+            return [("far_field", None, None, None)]
+        return [("plane", np.array([0, 0, one["distance_mm"]]), np.array([0.0, 0, 1]), [one["receiver_mm"]] * 2)]
+    found = []
+    for one in spec["receivers"]:
+        normal = None
+        if one["kind"] == "plane":
+            a, b = np.radians(one["tilt_deg"] or (0, 0))
+            normal = np.array(one["normal"] or [np.cos(a) * np.sin(b), -np.sin(a), np.cos(a) * np.cos(b)], dtype=float)
+        sides = [one.get("width_mm"), one.get("height_mm")]
+        found.append((one["kind"], np.array(one.get("centre_mm", (0.0, 0, 0))), normal, sides))
+    return found
+
+
+def reach_mm(case, index):
+    """Root mean square of L/cos over the design's light: of pixels of a plane, 1 m of directions."""
+    kind, centre, normal, sides = screens(case)[index]
+    if kind == "far_field":
+        return 1000.0
+    if kind != "plane":
+        return None
+    light = arrays(case, "verify")[f"receivers.{index}.design_irradiance"]
+    x, y = (side * ((np.arange(n) + 0.5) / n - 0.5) for side, n in zip(sides, light.shape[::-1], strict=True))
+    z = unit(normal[None])[0]
+    about = np.cross([0, 0, 1.0], z)  # its axes: the lens's after the shortest turn
+    cross = np.array([[0, -about[2], about[1]], [about[2], 0, -about[0]], [-about[1], about[0], 0]])
+    turn = np.eye(3) + cross + cross @ cross / (1 + z[2])
+    places = x[None, :, None] * turn[:, 0] + y[:, None, None] * turn[:, 1] + centre
+    away = np.linalg.norm(places, axis=-1)
+    return np.sqrt((light * (away**2 / abs(places @ z)) ** 2).sum() / light.sum())
+
+
+def landing(case, place):
+    """The part is the design within nm: what is stated is the error of the cast, below the limit for each receiver.
+
+    Its number is that of the record; that this is a length on the receiver, see test_landing_gaps.py.
+    """
+    gap = record(case)["receivers"][place.group]["against_design"]
+    values = arrays(case, "verify")[f"receivers.{place.group}.gaps_mesh_mm"]
+    rms = float(np.sqrt((values**2).mean()))
+    reach = reach_mm(case, place.group)
+    limit = record(case)["receivers"][place.group]["deviation_limit_mm"]
+    if reach is not None:
+        assert abs(limit / (DEVIATION * reach) - 1) < 1e-6, (limit, reach)
+    small = gap["rms"] < 0.1
+    scale = 1e3 if small else 1.0
+    return Expected(scale * rms, 0.05 * scale * rms, "µm" if small else "mm", state=kept(rms, limit))
+
+
+def nmse_vs_design(case, place):
+    part, design = (
+        arrays(case, "verify")[f"receivers.{place.group}.{name}"] for name in ("irradiance", "design_irradiance")
+    )
+    value = ((part - design) ** 2).sum() / (design**2).sum()
+    limit = NOISE_FLOORS * record(case)["receivers"][place.group]["noise_floor_nmse"] + NOISE_ALLOWANCE
+    return Expected(value, 1e-9, state=kept(value, limit))
+
+
+def nmse_same_rays(case, place):
+    """The faces of part and design are the same within nm, so are the pictures by the same rays."""
+    return Expected(0.0, 1e-4)
+
+
+def part_efficiency(case, place):
+    designed, rays = case.json("evaluate")["receivers"][place.group]["efficiency"]["value"], record(case)["rays"]
+    return Expected(100 * designed, 400 * np.sqrt(designed * (1 - designed) / rays) + 0.05, "%")
+
+
+def part_rays(case, place):
+    return Expected(case.json("verify")["rays"])
+
+
+# -- Form of the files -------------------------------------------------------------------------------------------------
+
+
+def off_nm(case, points):
+    """The largest distance of points from the optical face to which each belongs, of those that lie on one."""
+    u = unit(points)
+    each = []
+    for part in body_of(case).parts.values():
+        if part.name in ("mouth", "flange"):
+            continue
+        rho, n = part.exact(u)
+        each.append(abs(np.linalg.norm(points, axis=1) - rho) * (n * u).sum(axis=1))
+    nearest = np.min(each, axis=0)
+    return 1e6 * nearest[(points[:, 2] > -1e-6) & (nearest < 1e-4)].max()
+
+
+def own_places(case, points):
+    """Points of a plate in the coordinates of the lens that is nearest."""
+    places, turns = lamps_of(case)
+    number = np.linalg.norm(points[:, None, :2] - places, axis=2).argmin(axis=1)
+    found = np.empty_like(points)
+    for k, (place, turn) in enumerate(zip(places, turns, strict=True)):
+        rows = number == k
+        found[rows] = placed(points[rows] - [*place, 0], (0.0, 0.0), -turn)
+    return found
+
+
+def vertices_of(path):
+    """Vertices (mm) of an STL or a 3MF file."""
+    if path.suffix == ".stl":
+        return np.asarray(mesh_of(path).vertices)
+    with zipfile.ZipFile(path) as archive:
+        text = archive.read(next(name for name in archive.namelist() if name.endswith(".model"))).decode()
+    return np.array([re.findall(r'"([^"]+)"', each) for each in re.findall(r"<vertex ([^>]*)>", text)], dtype=float)
+
+
+def of_mesh(file):
+    def form(case, place):
+        points = vertices_of(case.folder / file)
+        value = off_nm(case, own_places(case, points) if file.startswith("plate") else points)
+        step = np.sqrt(3) * np.spacing(np.float32(abs(points).max())) * 1e6
+        return Expected(value, 0.1 * value + TABLE_NM, "nm", state=kept(value, FORM_NM + step))
+
+    return form
+
+
+def of_step(file):
+    def form(case, place):
+        own, off = splines_of(case, "lens.step"), 0.0
+        if file == "plate.step":
+            copies, lamps = splines_of(case, file), list(enumerate(zip(*lamps_of(case), strict=True), 1))
+            apart = [copies[f"{name}_{k}"].poles - placed(own[name].poles, *lamp) for name in own for k, lamp in lamps]
+            off = max(np.linalg.norm(each, axis=2).max() for each in apart)
+        value = worst_errors(case)[0] + 1e6 * off
+        return Expected(value, 0.2 * value + TABLE_NM, "nm", state=kept(value, FORM_NM))
+
+    return form
+
+
+# -- All lamps of a plate ----------------------------------------------------------------------------------------------
+
+
+def lit(case, place):
+    return record(case)["together"][place.group]
+
+
+def floor_of(case, index):
+    """Noise of independent rays: of a pixel's flux F in rays of f each, f F - F^2/n, through the squared taps."""
+    light, spec = arrays(case, "evaluate")[f"receivers.{index}.map"], case.lens["spec"]
+    one, (_, _, _, sides) = record(case)["receivers"][index], screens(case)[index]
+    e = np.exp(-1 / (2 * spec["evaluate"]["filter_variance"]))
+    taps = np.array([e, 1, e]) / (1 + 2 * e)
+    landed = np.prod(sides) * 1e-6 / light.size * light
+    rays, window = record(case)["rays"], spec["evaluate"]["window_mm"] or max(sides)
+    x, y = (
+        abs((np.arange(n) + 0.5) / n - 0.5) * side < window / 2
+        for side, n in zip(sides, light.shape[::-1], strict=True)
+    )
+    emitted = landed[np.ix_(y, x)].sum() / case.json("evaluate")["receivers"][index]["efficiency"]["value"]
+    each = emitted * (1 - one["flux"]["cover_glass"] - one["flux"]["reflected"] - one["flux"]["absorbed"]) / rays
+    return (taps**2).sum() ** 2 * (each * landed - landed**2 / rays).sum() / (landed**2).sum()
+
+
+def nmse_vs_sum(case, place):
+    floor = lit(case, place)["noise_floor_nmse"]
+    assert abs(floor / floor_of(case, place.group) - 1) < 0.2, (floor, floor_of(case, place.group))
+    limit = NOISE_FLOORS * floor + NOISE_ALLOWANCE
+    value = lit(case, place)["nmse_vs_sum"]
+    return Expected(floor, 0.4 * floor, limit=("<=", limit), state=kept(value, limit))
+
+
+FILES = [f"{name}.{kind}" for name in ("lens", "plate") for kind in ("stl", "3mf", "step")]
+ORACLES = {
+    f"verify.{each.__name__}": each
+    for each in (landing, nmse_vs_design, nmse_same_rays, part_efficiency, part_rays, nmse_vs_sum)
+} | {f"verify.form {name}": of_step(name) if name.endswith("step") else of_mesh(name) for name in FILES}
+ORACLES["verify.plate_efficiency"] = part_efficiency

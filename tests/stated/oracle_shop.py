@@ -1,0 +1,284 @@
+"""Every figure of ``check`` by docs/definitions.md, section 13, from the exact faces alone."""
+
+from functools import cached_property
+
+import numpy as np
+from crooked import Expected
+from oracle_part import body_of, gap_mm, kept_of, lamps_of, plate_sides
+from page_body import directions
+from scipy.optimize import minimize_scalar
+
+ANGLE_DEG, FIT, PLANE_MM, GOOD_DRAFT_DEG = 0.02, 1e-6, 1e6, 2.0
+FACES = ("inner", "outer", "cap", "side", "wall", "exit", "cup", "back")
+FROM_BELOW = ("wall", "cup", "back")
+
+
+class CutFace:
+    """A face as it is cut: ``scale`` times as large and seen from the air; a mould insert has air where the lens is."""
+
+    def __init__(self, case, name):
+        spec, body = case.lens["spec"], body_of(case)
+        self.part, shop = body.parts[name], spec["manufacture"]
+        self.scale = 1 + shop["shrinkage"] if shop["make"] == "insert" else 1.0
+        self.cutter = shop["cutter_radius_mm"]
+        self.air = (-1 if self.part.before == "cavity" else 1) * (1 if shop["make"] == "part" else -1)
+        self.sense = -1 if name in FROM_BELOW else 1
+        own = body.cavity if self.part.before == "cavity" else body.envelope
+        self.beside = [part for part in own if part.name not in (name, "mouth", "flange")]
+
+    def least_curvature(self, share, phi):
+        low, high = self.part.curvatures(share, phi)
+        return (low if self.air > 0 else -high) / self.scale
+
+    @cached_property
+    def kappa(self):
+        return self.part.extreme(self.least_curvature, -1.0)
+
+    @cached_property
+    def draft_deg(self):
+        least = self.part.extreme(lambda s, f: self.sense * self.part.at(s, f)[1][..., 2], -1.0)
+        return np.degrees(np.arcsin(np.clip(least, -1, 1)))
+
+    @cached_property
+    def sphere(self):
+        """Radius, departure from peak to valley and rms (mm) of the best-fit sphere, its centre on the axis."""
+        p, _, areas = self.part.area
+        p, share = self.scale * p, areas / areas.sum()
+
+        def spread(c):
+            distance = np.linalg.norm(p - [0, 0, c], axis=1)
+            return share @ (distance - share @ distance) ** 2
+
+        reach = np.linalg.norm(p, axis=1).max()
+        c = minimize_scalar(spread, bounds=(-3 * reach, 3 * reach), method="bounded", options={"xatol": 1e-11}).x
+        radius = share @ np.linalg.norm(p - [0, 0, c], axis=1)
+
+        def sag(s, f):
+            return np.linalg.norm(self.scale * self.part.at(s, f)[0] - [0, 0, c], axis=-1) - radius
+
+        return radius, self.part.extreme(sag) - self.part.extreme(sag, -1.0), np.sqrt(spread(c))
+
+    @cached_property
+    def balls(self):
+        """Largest ball (mm) that touches the face at each piece of an even grid alone, and the areas of the pieces."""
+        share, phi = np.meshgrid(np.arange(1, 31) / 30, 2 * np.pi * np.arange(90) / 90, indexing="ij")
+        p, n, u = self.part.at(share, phi)
+        low, high = self.part.ends(phi)
+        areas = (high - low) * np.hypot(u[..., 0], u[..., 1]) * (p**2).sum(axis=-1) / (n * u).sum(axis=-1)
+        areas[-1] /= 2
+        kappa = self.least_curvature(share, phi).ravel()
+        p, a = self.scale * p.reshape(-1, 3), self.air * n.reshape(-1, 3)
+        others = np.concatenate([p, *(self.scale * each.at(share, phi)[0].reshape(-1, 3) for each in self.beside)])
+        found = np.where(kappa < -1 / PLANE_MM, -1 / np.minimum(kappa, -1e-12), np.inf)
+        for k, (place, normal) in enumerate(zip(p, a, strict=True)):
+            away = others - place
+            ahead = away @ normal
+            near = ahead > 1e-9
+            if near.any():
+                found[k] = min(found[k], ((away[near] ** 2).sum(axis=1) / (2 * ahead[near])).min())
+        reach = 20 * np.linalg.norm(p, axis=1).max()
+        return np.where(found < reach, found, np.inf), areas.ravel()
+
+    @cached_property
+    def largest_ball(self):
+        kappa = self.kappa
+        return min(-1 / kappa if kappa < -1 / PLANE_MM else np.inf, self.balls[0].min())
+
+
+def face_of(case, name):
+    return kept_of(case, name, lambda: CutFace(case, name))
+
+
+def asked_draft(case, name):
+    return case.lens["spec"]["lens"][name].get("draft_deg")
+
+
+def draft_state(case, name):
+    wanted = asked_draft(case, name)
+    if wanted is None and case.lens["spec"]["manufacture"]["make"] == "part":
+        return ""
+    held = face_of(case, name).draft_deg >= (GOOD_DRAFT_DEG if wanted is None else wanted) - ANGLE_DEG
+    return "pass" if held and not over_base(case, name) else "fail"
+
+
+def over_base(case, name):
+    """True where a wall that is made from below lies over the base."""
+    base = case.lens["spec"]["base"]
+    if name not in FROM_BELOW or base["kind"] not in ("cylinder", "square"):
+        return False
+    p = face_of(case, name).part.area[0]
+    wide = (base["flange_diameter_mm"] or base["diameter_mm"]) / 2
+    return bool((np.hypot(p[:, 0], p[:, 1]) < wide).any())
+
+
+def tilt_state(case, name):
+    held = 90 - face_of(case, name).draft_deg <= case.lens["spec"]["manufacture"]["max_tilt_deg"] + ANGLE_DEG
+    return "pass" if held else "fail"
+
+
+def cutter_state(case, name):
+    face = face_of(case, name)
+    return "pass" if face.cutter <= face.largest_ball * (1 + FIT) else "fail"
+
+
+def ball(case, name):
+    face, value = face_of(case, name), face_of(case, name).largest_ball
+    limit, state = (">=", face.cutter), cutter_state(case, name)
+    if np.isinf(value):
+        return Expected("any", unit="mm", limit=limit, state=state)
+    return Expected(value, 0.02 * value, "mm", limit=limit, state=state)
+
+
+def reached(case, name):
+    face = face_of(case, name)
+    balls, areas = face.balls
+    return Expected(100 * areas[balls >= face.cutter * (1 - FIT)].sum() / areas.sum(), 1.5, "%")
+
+
+def concave(case, name):
+    kappa = face_of(case, name).kappa
+    return Expected("none", unit="mm") if kappa >= -1 / PLANE_MM else Expected(-1 / kappa, -1e-3 / kappa, "mm")
+
+
+def tilt(case, name):
+    limit = ("<=", case.lens["spec"]["manufacture"]["max_tilt_deg"])
+    return Expected(90 - face_of(case, name).draft_deg, 0.003, "°", limit=limit, state=tilt_state(case, name))
+
+
+def draft(case, name):
+    wanted = asked_draft(case, name)
+    limit, state = (None, "") if wanted is None else ((">=", wanted), draft_state(case, name))
+    return Expected(face_of(case, name).draft_deg, 0.003, "°", limit=limit, state=state)
+
+
+def sphere(case, name):
+    radius = face_of(case, name).sphere[0]
+    return Expected("plane", unit="mm") if radius >= PLANE_MM else Expected(radius, 1e-6 * radius, "mm")
+
+
+def departure(case, name):
+    value = 1e3 * face_of(case, name).sphere[1]
+    return Expected(value, 1e-4 * value + 1e-3, "µm")
+
+
+def departure_rms(case, name):
+    value = 1e3 * face_of(case, name).sphere[2]
+    return Expected(value, 1e-4 * value + 1e-3, "µm")
+
+
+def area(case, name):
+    face = face_of(case, name)
+    value = face.scale**2 * face.part.area[2].sum()
+    return Expected(value, 2e-6 * value, "mm²")
+
+
+def of_face(figure, name):
+    return lambda case, place: figure(case, name)
+
+
+# -- Walls and edges, of the lens itself -------------------------------------------------------------------------------
+
+
+def slack_mm(case):
+    return 7e-5 * case.lens["spec"]["constraints"]["max_radius_mm"]
+
+
+def wall_state(case):
+    limits = case.lens["spec"]["constraints"]
+    return "pass" if body_of(case).thinnest >= limits["min_thickness_mm"] - slack_mm(case) else "fail"
+
+
+def thinnest(case, place):
+    limit = (">=", case.lens["spec"]["constraints"]["min_thickness_mm"])
+    return Expected(body_of(case).thinnest, 1e-4, "mm", limit=limit, state=wall_state(case))
+
+
+def thickest(case, place):
+    most, value = case.lens["spec"]["constraints"]["max_wall_mm"], body_of(case).thickest
+    if most is None:
+        return Expected(value, slack_mm(case), "mm")
+    return Expected(
+        value, slack_mm(case), "mm", limit=("<=", most), state="pass" if value <= most + slack_mm(case) else "fail"
+    )
+
+
+def edge_deg(case, one, other):
+    """The least angle of the wedge in which two faces meet, over 1440 azimuths."""
+    body, phi = body_of(case), 2 * np.pi * np.arange(1440) / 1440
+    parts = next(p for p in (body.envelope, body.cavity) if {one, other} <= {part.name for part in p})
+    first, last = (next(part for part in parts if part.name == name) for name in (one, other))
+    u = directions(first.ends(phi)[1], phi)
+    cosine = (first.exact(u)[1] * last.exact(u)[1]).sum(axis=1)
+    around = one == "mouth" and parts is body.cavity  # the body is on the other side of its opening
+    return np.degrees(np.arccos(cosine if around else -cosine)).min()
+
+
+def edge(one, other):
+    def figure(case, place):
+        least, value = case.lens["spec"]["constraints"]["min_edge_angle_deg"], edge_deg(case, one, other)
+        if least is None:
+            return Expected(value, 0.01, "°")
+        state = "pass" if value >= least - ANGLE_DEG else "fail"
+        return Expected(value, 0.01, "°", limit=(">=", least), state=state)
+
+    return figure
+
+
+# -- Findings ----------------------------------------------------------------------------------------------------------
+
+
+def answer(state):
+    return Expected("yes" if state == "pass" else "no", state=state)
+
+
+def on_face(place):
+    return place.title.removeprefix("Cutting, ").removesuffix(" face")
+
+
+def plate_wall_mm(case):
+    """The least distance between a hole or a pin and a cavity's rim, the edge, or another of them."""
+    plate, (places, turns), rim = case.lens["spec"]["plate"], lamps_of(case), body_of(case).rim
+    marks = [(np.array(mark["place_mm"]), mark["diameter_mm"] / 2)
+             for mark in (*plate["holes"], *plate["pins"], *plate["bosses"])]  # fmt: skip
+    phi, walls = 2 * np.pi * np.arange(len(rim)) / len(rim), []
+    for at, turn in zip(places, turns, strict=True):
+        a = phi + np.radians(turn)
+        cavity = at + rim[:, None] * np.column_stack([np.cos(a), np.sin(a)])
+        walls += [np.linalg.norm(cavity - mark, axis=1).min() - radius for mark, radius in marks]
+    half, corner = np.array(plate_sides(case)) / 2, plate["corner_radius_mm"]
+    for k, (mark, radius) in enumerate(marks):
+        beyond = abs(mark) - (half - corner)
+        walls.append(corner - np.linalg.norm(np.maximum(beyond, 0)) - min(beyond.max(), 0) - radius)
+        walls += [np.linalg.norm(mark - other) - radius - wide for other, wide in marks[:k]]
+    return min(walls)
+
+
+def gap(case, place):
+    fits = 2 * case.lens["spec"]["manufacture"]["cutter_radius_mm"] <= gap_mm(case) + slack_mm(case)
+    return answer("pass" if fits else "fail")
+
+
+def plate(case, place):
+    least = case.lens["spec"]["constraints"]["min_thickness_mm"]
+    return answer("pass" if plate_wall_mm(case) >= least - slack_mm(case) else "fail")
+
+
+ORACLES = {
+    f"check.{name}_{figure.__name__}": of_face(figure, name)
+    for name in FACES
+    for figure in (ball, reached, concave, tilt, draft, sphere, departure, departure_rms, area)
+} | {
+    "check.thinnest": thinnest,
+    "check.thickest": thickest,
+    "check.edge_cap": edge("cap", "side"),
+    "check.edge_exit": edge("exit", "flange"),
+    "check.edge_flange": edge("flange", "wall"),
+    "check.edge_cup": edge("mouth", "cup"),
+    "check.edge_back": edge("mouth", "back"),
+    "check.cutter": lambda case, place: answer(cutter_state(case, on_face(place))),
+    "check.tilt": lambda case, place: answer(tilt_state(case, on_face(place))),
+    "check.draft": lambda case, place: answer(draft_state(case, on_face(place))),
+    "check.wall": lambda case, place: answer(wall_state(case)),
+    "check.gap": gap,
+    "check.plate": plate,
+}
