@@ -8,8 +8,9 @@ from nightly import first_by_day
 
 from lensforge.errors import InputError
 from lensforge.optics.media import Media, Medium
+from lensforge.proof.acceptance import brep_criteria
 from lensforge.proof.part_comparison import Expected
-from lensforge.proof.proof_result import Proof
+from lensforge.proof.proof_result import BrepCast, Proof
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.verification import verify_part
 
@@ -114,6 +115,32 @@ def test_the_deviation_of_landings_is_their_root_mean_square(verify):
     deviation = verify(right(), plain_rays=1, landings=HITS + off).deviation_mm
     assert deviation.rms == pytest.approx(np.sqrt(0.1), rel=0.05)
     assert deviation.p99 == pytest.approx(1.0, abs=0.1)
+
+
+def directions_of(ways):
+    """Places of directions on the chart of the far field: a radius of 2 sin(gamma / 2)."""
+    return ways[:, :2] * np.sqrt(2.0 / (1.0 + ways[:, 2:]))
+
+
+def test_gaps_of_directions_are_mm_at_one_metre(verify):
+    """The outer face is off by so much that its light is by more than a STEP file's may be, and less than a mesh's."""
+    chart = 4.0 * np.sin(np.radians(30.0))
+    far = Screen("far_field", (0.0,) * 3, (0.0, 0.0, 1.0), 0.0, 0.0, chart, chart, 16, 16, (None, None, 1.0))
+    wrong = moved(OUTER, 1, -0.002)
+    _, flux, ways = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
+    _, _, others = oracle(INNER, wrong, RAYS, INDEX, DISTANCE)
+    here, there = directions_of(ways), directions_of(others)
+    both = (abs(here).max(axis=1) < chart / 2) & (abs(there).max(axis=1) < chart / 2)
+    gaps = 1000.0 * np.linalg.norm(here - there, axis=1)[both]
+    light = far.irradiance(here, flux)
+    found = verify(right(48, outer=wrong), plain_rays=1, screen=far, landings=here, irradiance=light).first
+    assert found.against_design.rms == pytest.approx(np.sqrt(np.mean(gaps**2)), rel=0.02)
+    assert found.against_design.p99 == pytest.approx(np.quantile(gaps, 0.99), rel=0.05)
+    assert found.against_design.max == pytest.approx(gaps.max(), rel=0.1)
+    assert found.deviation_limit_mm == pytest.approx(0.1) and 0.05 < found.against_design.rms < 0.1
+    cast = BrepCast(rays=1024, seconds=1.0, against_design=found.against_design, against_mesh=found.against_design)
+    limits = {each.name: (each.limit, each.passed) for each in brep_criteria(cast, 1000.0)}
+    assert limits["brep_deviation_rms"] == (pytest.approx(0.05), False), "half of the mesh's"
 
 
 def test_limits_follow_from_the_way_of_the_light_and_from_the_noise_of_the_rays(verify):
