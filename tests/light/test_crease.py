@@ -185,20 +185,6 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
     assert abs(np.mean(apart)) < 3.5 * error and abs(np.mean(alone)) > 10.0 * error
 
 
-def test_creases_of_a_displaced_part_are_those_of_a_source_displaced_the_other_way() -> None:
-    """The same rays meet the same faces; the place of the light does not count in this worth."""
-    away = Displacement((0.5, -0.3, 0.4), (0.09, -0.06), (0.2, 0.1, -2.0))
-    here, made = scene(pocket()), AsMade(tuple(face.name for face in pocket().faces), lens=away)
-    back = away.rotation.T
-    other = SourcePose(back @ ASKEW.rotation, back @ (np.array(ASKEW.position_mm) - away.shift))
-    tables, moved = tables_of(pocket(), GRID), PlacedSource(LED.source, other)
-    found, expected = (
-        crease_gradients(tables, each, source, lambda traced: traced.exits.flux * (traced.met[:, 0] < 4), 2**10, 1)
-        for each, source in ((replace(here, made=made), LED), (here, moved))
-    )
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * abs(expected).max())
-
-
 NESTED = Body((*Body.of({"inner": sphere(3.0), "outer": sphere(5.0)}).faces, Face("hidden", sphere(4.0), CAVITY, BODY)))
 
 

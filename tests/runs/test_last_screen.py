@@ -1,6 +1,7 @@
 """The screen at the end of a run: its size, its columns, and the same as JSON."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -9,9 +10,10 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.cli.cli import cli
-from lensforge.cli.conclusion import document, summary
+from lensforge.cli.conclusion import document, rows_of, summary
 from lensforge.cli.output import Block, print_screen
 from lensforge.cli.progress import duration
+from lensforge.results import Bound, Fact, Group
 from lensforge.search import searches
 
 
@@ -54,6 +56,17 @@ def test_the_same_numbers_as_json_with_all_digits(small_run: lf.Run) -> None:
     light = next(group for group in content["facts"]["evaluate"] if group["key"] == "light")
     nmse = next(fact for fact in light["facts"] if fact["key"] == "nmse")
     assert (nmse["value"], nmse["standard_error"]) == (stored["nmse"]["value"], stored["nmse"]["standard_error"])
+
+
+def test_limits_that_are_not_held_are_told_with_their_state_and_all_are_counted() -> None:
+    limit = partial(Fact, unit="lx", limit=Bound(">=", 40.0))
+    facts = [limit("a", "One", 43.7, state="pass"), limit("b", "Two", 39.1, standard_error=0.9, state="undecided")]
+    facts += [limit(f"c{k}", f"Dark {k}", 12.5 + k, state="fail") for k in range(2)]
+    first, *others = rows_of([Group("limits", "Limits", tuple(facts))])
+    assert first == ("Limits", "1 of 4 held")
+    assert [(name.strip(), text.split(" (")[0].replace("\u2009", " ")) for name, text in others] == [
+        ("undecided", "Two: 39.10 ± 0.90 lx"), ("missed", "Dark 0: 12.5 lx"), ("missed", "Dark 1: 13.5 lx"),
+    ]  # fmt: skip
 
 
 def test_quiet_says_nothing_on_success(examples: Path) -> None:
