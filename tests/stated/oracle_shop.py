@@ -1,6 +1,7 @@
 """Every figure of ``check`` by docs/definitions.md, section 13, from the exact faces alone."""
 
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from crooked import Expected
@@ -11,6 +12,7 @@ from scipy.optimize import minimize_scalar
 ANGLE_DEG, FIT, PLANE_MM, GOOD_DRAFT_DEG = 0.02, 1e-6, 1e6, 2.0
 FACES = ("inner", "outer", "cap", "side", "wall", "exit", "cup", "back")
 FROM_BELOW = ("wall", "cup", "back")
+CAVITY = ("inner", "cap", "side", "cup")
 
 
 class CutFace:
@@ -30,9 +32,17 @@ class CutFace:
         low, high = self.part.curvatures(share, phi)
         return (low if self.air > 0 else -high) / self.scale
 
+    def most_curvature(self, share, phi):
+        low, high = self.part.curvatures(share, phi)
+        return (high if self.air > 0 else -low) / self.scale
+
     @cached_property
     def kappa(self):
         return self.part.extreme(self.least_curvature, -1.0)
+
+    @cached_property
+    def highest(self):
+        return self.part.extreme(self.most_curvature)
 
     @cached_property
     def draft_deg(self):
@@ -41,7 +51,7 @@ class CutFace:
 
     @cached_property
     def sphere(self):
-        """Radius, departure from peak to valley and rms (mm) of the best-fit sphere, its centre on the axis."""
+        """Radius, departure from peak to valley and rms (mm) of the best-fit sphere, and the height of its centre."""
         p, _, areas = self.part.area
         p, share = self.scale * p, areas / areas.sum()
 
@@ -56,7 +66,7 @@ class CutFace:
         def sag(s, f):
             return np.linalg.norm(self.scale * self.part.at(s, f)[0] - [0, 0, c], axis=-1) - radius
 
-        return radius, self.part.extreme(sag) - self.part.extreme(sag, -1.0), np.sqrt(spread(c))
+        return radius, self.part.extreme(sag) - self.part.extreme(sag, -1.0), np.sqrt(spread(c)), c
 
     @cached_property
     def balls(self):
@@ -227,6 +237,68 @@ def edge(one, other):
 # -- Findings ----------------------------------------------------------------------------------------------------------
 
 
+CLEAR_MM = 1e-6
+
+
+def circle_wall(case, name):
+    """Distance from the axis and radii of the rim, over the azimuths of the opening or of the envelope's rim."""
+    body = body_of(case)
+    parts = body.cavity if name in CAVITY else body.envelope
+    phi = 2 * np.pi * np.arange(2880) / 2880
+    rim = body.radius(parts, directions(np.full(2880, np.pi / 2), phi))
+    return rim, rim[:, None] * np.column_stack([np.cos(phi), np.sin(phi)])
+
+
+def relief(case, name):
+    """Clearances (mm) that the ball lacks of the base, the largest over what it reaches; the share that needs none."""
+    base, face = case.lens["spec"]["base"], face_of(case, name)
+    share, phi = np.meshgrid(1 - (1 - np.arange(1, 81) / 80) ** 2, 2 * np.pi * np.arange(180) / 180, indexing="ij")
+    p, n, u = face.part.at(share, phi)
+    low, high = face.part.ends(phi)
+    wide = np.gradient(share[:, 0])[:, None] * (high - low)
+    areas = (wide * np.hypot(u[..., 0], u[..., 1]) * (p**2).sum(axis=-1) / (n * u).sum(axis=-1)).ravel()
+    b = (p + face.cutter * face.air * n).reshape(-1, 3)
+    r, across = face.cutter, np.hypot(b[:, 0], b[:, 1])
+    rim, around = circle_wall(case, name)
+
+    def needed(depth):
+        return np.sqrt(np.maximum(r**2 - np.maximum(depth, 0) ** 2, 0))
+
+    def along_rim(depth):
+        below = -b[:, 2] - depth
+        near = np.array([np.linalg.norm(around - place, axis=1).min() if low else 0.0
+                         for place, low in zip(b[:, :2], b[:, 2] < 0, strict=True)])  # fmt: skip
+        return np.where((b[:, 2] < 0) & (below < r), needed(below) - near, 0)
+
+    def beyond(values):
+        return np.where(values > CLEAR_MM, values, 0.0)
+
+    if name in CAVITY:
+        depth = base["height_mm"] - (base["pocket_depth_mm"] if base["pocket_diameter_mm"] else 0.0)
+        bore = beyond(along_rim(depth))
+        if base["bore_setback_mm"]:
+            radius = across + needed(np.maximum(b[:, 2], -b[:, 2] - depth))
+            bore = np.where(radius > rim.max() + base["bore_setback_mm"] + CLEAR_MM, radius - rim.max(), 0.0)
+        found = {"bore_clearance_mm": bore, "pocket_diameter_mm": 0 * bore}
+    else:
+        disc = base["diameter_mm"] / 2
+        step = beyond(np.where(across - disc < r, needed(across - disc) - b[:, 2], 0.0))
+        wall = beyond(along_rim(base["height_mm"] if disc > rim.max() else base["relief_step_mm"] or 0.0))
+        found = {"smallest_step_mm": step, "step_clearance_mm": wall, "flange_clearance_mm": 0 * step}
+    clear = np.max(list(found.values()), axis=0) == 0.0
+    return {key: values.max() for key, values in found.items()} | {"flush_fraction": areas[clear].sum() / areas.sum()}
+
+
+def relief_of(case, name):
+    return kept_of(case, f"relief {name}", lambda: relief(case, name))
+
+
+def relief_state(case, name):
+    """Of a face that the ball reaches: pass where nothing is lacking."""
+    found = relief_of(case, name)
+    return "pass" if max(value for key, value in found.items() if key.endswith("mm")) == 0.0 else "fail"
+
+
 def answer(state):
     return Expected("yes" if state == "pass" else "no", state=state)
 
@@ -263,6 +335,130 @@ def plate(case, place):
     return answer("pass" if plate_wall_mm(case) >= least - slack_mm(case) else "fail")
 
 
+# -- The record --------------------------------------------------------------------------------------------------------
+
+
+def wall_record(case, found, thickness):
+    """Of a wall: its two ends are on the exact faces, as far apart as it is thick."""
+    body = body_of(case)
+    ends = np.array([found["cavity_point_mm"], found["envelope_point_mm"]])
+    for end, parts in zip(ends, (body.cavity, body.envelope), strict=True):
+        away = np.linalg.norm(end)
+        assert min(abs(part.exact(end[None] / away)[0][0] - away) for part in parts) < 1e-5
+    assert abs(np.linalg.norm(ends[0] - ends[1]) - found["thickness_mm"]) < 1e-5
+    return {"thickness_mm": (thickness, slack_mm(case)), "cavity_point_mm": [...] * 3, "envelope_point_mm": [...] * 3}
+
+
+def face_record(case, name):
+    face = face_of(case, name)
+    radius, pv, rms, centre = face.sphere
+    least, most = face.kappa, face.highest
+    balls, areas = face.balls
+    reached = areas[balls >= face.cutter * (1 - FIT)].sum() / areas.sum()
+    ball = None if np.isinf(face.largest_ball) else (face.largest_ball, 0.02 * face.largest_ball)
+    hollow = None if least >= -1 / PLANE_MM else (-1 / least, -1e-3 / least)
+    return {
+        "best_fit_sphere": {
+            "radius_mm": (radius, 1e-6 * radius), "centre_mm": [0.0, 0.0, (centre, 2e-6 * radius)],
+            "pv_mm": (pv, 1e-4 * pv + 1e-6), "rms_mm": (rms, 1e-4 * rms + 1e-6),
+        },
+        "curvature": {"kappa_min_per_mm": (least, 1e-4), "kappa_max_per_mm": (most, 1e-4),
+                      "smallest_concave_radius_mm": hollow},
+        "cutter": {"radius_mm": face.cutter, "reachable_fraction": (reached, 0.015), "largest_radius_mm": ball,
+                   "residual_mm": 0.0 if reached == 1 else ...},
+        "draft_deg": {"min": (face.draft_deg, 0.003)},
+        "undercut_fraction": (undercut(case, name), 3e-3),
+        "largest_tilt_deg": (90 - face.draft_deg, 0.003),
+        "area_mm2": (face.scale**2 * face.part.area[2].sum(), 2e-6 * face.scale**2 * face.part.area[2].sum()),
+    }  # fmt: skip
+
+
+def undercut(case, name):
+    """Share of the area that is undercut, or of a wall that lies over the base."""
+    face, base = face_of(case, name), case.lens["spec"]["base"]
+    p, n, areas = face.part.area
+    under = np.where(face.draft_deg < -ANGLE_DEG, face.sense * n[:, 2] < -2e-5, False)
+    over = np.zeros(len(p), dtype=bool)
+    if over_base(case, name):
+        over = np.hypot(p[:, 0], p[:, 1]) < (base["flange_diameter_mm"] or base["diameter_mm"]) / 2
+    return max(areas[under].sum(), areas[over].sum()) / areas.sum()
+
+
+def judged(name, value, sense, limit, unit, tolerance, **more):
+    """A criterion or a finding; a limit or a value may have a tolerance of its own."""
+    return {"value": value, "sense": sense, "limit": limit, "unit": unit, "tolerance": (tolerance, 1e-6), "name": name,
+            "remedy": ..., **more}  # fmt: skip
+
+
+def check_record(case):
+    spec, body, found = case.lens["spec"], body_of(case), case.json("check")
+    limits, shop, slack = spec["constraints"], spec["manufacture"], slack_mm(case)
+    names = [part.name for part in body.parts.values() if part.name not in ("mouth", "flange")]
+    names.sort(key=list(case.lens["faces"]).index)
+    thin, thick = (body.thinnest, 1e-4), body.thickest
+    criteria = [judged("thinnest wall", thin, ">=", limits["min_thickness_mm"], "mm", slack, passed=...)]
+    if limits["max_wall_mm"] is not None:
+        criteria.append(judged("largest radial wall", (thick, slack), "<=", limits["max_wall_mm"], "mm", slack, passed=...))
+    pairs = [(one.name, other.name) for parts in (body.cavity, body.envelope) for one, other in pairwise(parts)]
+    edges = [{"faces": list(pair), "angle_deg": (edge_deg(case, *pair), 0.01), "point_mm": [...] * 3} for pair in pairs]
+    if limits["min_edge_angle_deg"] is not None:
+        criteria += [
+            judged(f"edge of {' and '.join(edge['faces'])}", edge["angle_deg"], ">=", limits["min_edge_angle_deg"], "deg",
+                   ANGLE_DEG, passed=...) for edge in edges
+        ]  # fmt: skip
+    based = spec["base"]["kind"] != "none" and shop["make"] == "part"
+    note = "there is no base" if shop["make"] == "part" else "a mould insert has no base"
+    each = {name: {key: (value, 2e-2 * value + 2e-5) for key, value in relief_of(case, name).items()}
+            for name in names if based}  # fmt: skip
+    return {
+        "make": shop["make"], "scale": (1 + shop["shrinkage"] if shop["make"] == "insert" else 1.0, 1e-12),
+        "min_wall_mm": thin,
+        "walls": {"thinnest": wall_record(case, found["walls"]["thinnest"], thin[0]),
+                  "thickest": wall_record(case, found["walls"]["thickest"], thick)},
+        "relief": {"faces": each, "note": None if based else note},
+        "edges": edges, "criteria": criteria, "verdicts": list(verdicts(case, names, each, thin)),
+        **{name: face_record(case, name) for name in names},
+    }  # fmt: skip
+
+
+def verdicts(case, names, each, thin):
+    """The findings in their order: value, limit and tolerance of each."""
+    spec = case.lens["spec"]
+    limits, shop, slack, cut = spec["constraints"], spec["manufacture"], slack_mm(case), spec["manufacture"]["make"] == "part"
+
+    def said(name, surface, value, sense, limit, unit, tolerance, state):
+        return judged(name, value, sense, limit, unit, tolerance, surface=surface, reason=..., holds=state == "pass")
+
+    for name in names:
+        ball = face_of(case, name).largest_ball
+        largest, fit = (None, 0.0) if np.isinf(ball) else ((ball, 0.02 * ball), FIT * ball)
+        yield said("cutter", name, shop["cutter_radius_mm"], "<=", largest, "mm", fit, cutter_state(case, name))
+    for name, found in each.items():
+        most = max((value for key, value in found.items() if key.endswith("mm")), key=lambda pair: pair[0])
+        yield said("relief", name, most, "<=", 0.0, "mm", 0.0, relief_state(case, name))
+    for name in names:
+        tilted = (90 - face_of(case, name).draft_deg, 0.003)
+        yield said("tilt", name, tilted, "<=", shop["max_tilt_deg"], "deg", ANGLE_DEG, tilt_state(case, name))
+    yield said("wall", "body", thin, ">=", limits["min_thickness_mm"], "mm", slack, wall_state(case))
+    for name in names:
+        wanted = asked_draft(case, name)
+        if cut and wanted is None:
+            continue
+        least, covered = face_of(case, name).draft_deg, over_base(case, name) and face_of(case, name).draft_deg >= 0
+        value = None if covered else (least if undercut(case, name) > 0 else max(least, 0.0), 0.003)
+        wanted = GOOD_DRAFT_DEG if wanted is None else wanted
+        tolerance = 0.0 if covered else ANGLE_DEG
+        yield said("draft", name, value, ">=", wanted, "deg", tolerance, draft_state(case, name))
+    if spec["plate"] is not None:
+        if cut:
+            wide, gap = 2 * shop["cutter_radius_mm"], (gap_mm(case), 0.004)
+            yield said("gap", "body", wide, "<=", gap, "mm", slack, "pass" if wide <= gap[0] + slack else "fail")
+        least = (plate_wall_mm(case), 1e-4)
+        state = "pass" if least[0] >= limits["min_thickness_mm"] - slack else "fail"
+        yield said("plate", "body", least, ">=", limits["min_thickness_mm"], "mm", slack, state)
+
+
+RECORDS = {"check": check_record}
 ORACLES = {
     f"check.{name}_{figure.__name__}": of_face(figure, name)
     for name in FACES
@@ -276,6 +472,7 @@ ORACLES = {
     "check.edge_cup": edge("mouth", "cup"),
     "check.edge_back": edge("mouth", "back"),
     "check.cutter": lambda case, place: answer(cutter_state(case, on_face(place))),
+    "check.relief": lambda case, place: answer(relief_state(case, on_face(place))),
     "check.tilt": lambda case, place: answer(tilt_state(case, on_face(place))),
     "check.draft": lambda case, place: answer(draft_state(case, on_face(place))),
     "check.wall": lambda case, place: answer(wall_state(case)),
