@@ -5,7 +5,7 @@ import zipfile
 
 import numpy as np
 from crooked import Expected
-from oracle_part import body_of, kept_of, lamps_of, mesh_of, placed, splines_of, worst_errors
+from oracle_part import body_of, kept_of, lamps_of, mesh_of, own_places, placed, splines_of, worst_errors
 from page_tracer import unit
 
 DEVIATION, NOISE_FLOORS, NOISE_ALLOWANCE = 1e-4, 2.5, 1e-3
@@ -115,17 +115,6 @@ def off_nm(case, points):
         each.append(abs(np.linalg.norm(points, axis=1) - rho) * (n * u).sum(axis=1))
     nearest = np.min(each, axis=0)
     return 1e6 * nearest[(points[:, 2] > -1e-6) & (nearest < 1e-4)].max()
-
-
-def own_places(case, points):
-    """Points of a plate in the coordinates of the lens that is nearest."""
-    places, turns = lamps_of(case)
-    number = np.linalg.norm(points[:, None, :2] - places, axis=2).argmin(axis=1)
-    found = np.empty_like(points)
-    for k, (place, turn) in enumerate(zip(places, turns, strict=True)):
-        rows = number == k
-        found[rows] = placed(points[rows] - [*place, 0], (0.0, 0.0), -turn)
-    return found
 
 
 def vertices_of(path):

@@ -398,7 +398,9 @@ def check_record(case):
     thin, thick = (body.thinnest, 1e-4), body.thickest
     criteria = [judged("thinnest wall", thin, ">=", limits["min_thickness_mm"], "mm", slack, passed=...)]
     if limits["max_wall_mm"] is not None:
-        criteria.append(judged("largest radial wall", (thick, slack), "<=", limits["max_wall_mm"], "mm", slack, passed=...))
+        criteria.append(
+            judged("largest radial wall", (thick, slack), "<=", limits["max_wall_mm"], "mm", slack, passed=...)
+        )
     pairs = [(one.name, other.name) for parts in (body.cavity, body.envelope) for one, other in pairwise(parts)]
     edges = [{"faces": list(pair), "angle_deg": (edge_deg(case, *pair), 0.01), "point_mm": [...] * 3} for pair in pairs]
     if limits["min_edge_angle_deg"] is not None:
@@ -424,7 +426,12 @@ def check_record(case):
 def verdicts(case, names, each, thin):
     """The findings in their order: value, limit and tolerance of each."""
     spec = case.lens["spec"]
-    limits, shop, slack, cut = spec["constraints"], spec["manufacture"], slack_mm(case), spec["manufacture"]["make"] == "part"
+    limits, shop, slack, cut = (
+        spec["constraints"],
+        spec["manufacture"],
+        slack_mm(case),
+        spec["manufacture"]["make"] == "part",
+    )
 
     def said(name, surface, value, sense, limit, unit, tolerance, state):
         return judged(name, value, sense, limit, unit, tolerance, surface=surface, reason=..., holds=state == "pass")

@@ -16,6 +16,9 @@ def directions(theta, phi):
     return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi], axis=-1)
 
 
+HORIZON = directions(np.full(720, np.pi / 2), 2 * np.pi * np.arange(720) / 720)
+
+
 @dataclass
 class Part:
     """A face where it bounds the body or its cavity: ``ends(phi)``, the angles from the axis between which it lies."""
@@ -141,8 +144,12 @@ class PageBody:
     @cached_property
     def rim(self):
         """Radius of the cavity's opening in z = 0 over 720 azimuths."""
-        phi = 2 * np.pi * np.arange(720) / 720
-        return self.radius(self.cavity, directions(np.full(720, np.pi / 2), phi))
+        return self.radius(self.cavity, HORIZON)
+
+    @cached_property
+    def outer_rim(self):
+        """Radius of the envelope in z = 0 over 720 azimuths."""
+        return self.radius(self.envelope, HORIZON)
 
     @property
     def opening_mm2(self):
