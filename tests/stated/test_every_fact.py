@@ -13,13 +13,27 @@ from typing import Any
 
 import oracle_far
 import oracle_light
+import oracle_part
+import oracle_proof
 import oracle_search
+import oracle_shop
 import pytest
+import record_check
+import record_export
 from crooked import NAMES, Case, Expected, Place
 
 from lensforge.results.fact import Bound, Fact
 
-MODULES = (oracle_search, oracle_light, oracle_far)
+MODULES = (
+    oracle_search,
+    oracle_light,
+    oracle_far,
+    oracle_part,
+    oracle_shop,
+    oracle_proof,
+    record_export,
+    record_check,
+)
 ORACLES: dict[str, Callable[[Case, Place], Expected]] = {
     name: oracle for module in MODULES for name, oracle in module.ORACLES.items()
 }
@@ -30,9 +44,6 @@ RECORDS: dict[str, Callable[[Case], Any]] = {
 NOT_YET = (
     "evaluate.table_",
     "warm.table_",
-    "export.",
-    "check.",
-    "verify.",
 )
 # Entries of a record that are no figures of the design: how long it took, and what it was made from.
 NO_FIGURE = ("seconds", "version", "inputs", "content_sha256", "arrays_sha256", "schema")

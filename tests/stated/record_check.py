@@ -1,0 +1,156 @@
+"""Every number of ``check.json`` by docs/definitions.md, section 13, from the exact faces alone."""
+
+from itertools import pairwise
+
+import numpy as np
+from oracle_part import body_of, gap_mm
+from oracle_shop import (
+    ANGLE_DEG,
+    FIT,
+    GOOD_DRAFT_DEG,
+    PLANE_MM,
+    asked_draft,
+    cutter_state,
+    draft_state,
+    edge_deg,
+    face_of,
+    over_base,
+    plate_wall_mm,
+    relief_of,
+    relief_state,
+    slack_mm,
+    tilt_state,
+    wall_state,
+)
+
+
+def wall_record(case, found, thickness):
+    """Of a wall: its two ends are on the exact faces, as far apart as it is thick."""
+    body = body_of(case)
+    ends = np.array([found["cavity_point_mm"], found["envelope_point_mm"]])
+    for end, parts in zip(ends, (body.cavity, body.envelope), strict=True):
+        away = np.linalg.norm(end)
+        assert min(abs(part.exact(end[None] / away)[0][0] - away) for part in parts) < 1e-5
+    assert abs(np.linalg.norm(ends[0] - ends[1]) - found["thickness_mm"]) < 1e-5
+    return {"thickness_mm": (thickness, slack_mm(case)), "cavity_point_mm": [...] * 3, "envelope_point_mm": [...] * 3}
+
+
+def face_record(case, name):
+    face = face_of(case, name)
+    radius, pv, rms, centre = face.sphere
+    least, most = face.kappa, face.highest
+    balls, areas = face.balls
+    reached = areas[balls >= face.cutter * (1 - FIT)].sum() / areas.sum()
+    ball = None if np.isinf(face.largest_ball) else (face.largest_ball, 0.02 * face.largest_ball)
+    hollow = None if least >= -1 / PLANE_MM else (-1 / least, -1e-3 / least)
+    return {
+        "best_fit_sphere": {
+            "radius_mm": (radius, 1e-6 * radius), "centre_mm": [0.0, 0.0, (centre, 2e-6 * radius)],
+            "pv_mm": (pv, 1e-4 * pv + 1e-6), "rms_mm": (rms, 1e-4 * rms + 1e-6),
+        },
+        "curvature": {"kappa_min_per_mm": (least, 1e-4), "kappa_max_per_mm": (most, 1e-4),
+                      "smallest_concave_radius_mm": hollow},
+        "cutter": {"radius_mm": face.cutter, "reachable_fraction": (reached, 0.015), "largest_radius_mm": ball,
+                   "residual_mm": 0.0 if reached == 1 else ...},
+        "draft_deg": {"min": (face.draft_deg, 0.003)},
+        "undercut_fraction": (undercut(case, name), 3e-3),
+        "largest_tilt_deg": (90 - face.draft_deg, 0.003),
+        "area_mm2": (face.scale**2 * face.part.area[2].sum(), 2e-6 * face.scale**2 * face.part.area[2].sum()),
+    }  # fmt: skip
+
+
+def undercut(case, name):
+    """Share of the area that is undercut, or of a wall that lies over the base."""
+    face, base = face_of(case, name), case.lens["spec"]["base"]
+    p, n, areas = face.part.area
+    under = np.where(face.draft_deg < -ANGLE_DEG, face.sense * n[:, 2] < -2e-5, False)
+    over = np.zeros(len(p), dtype=bool)
+    if over_base(case, name):
+        over = np.hypot(p[:, 0], p[:, 1]) < (base["flange_diameter_mm"] or base["diameter_mm"]) / 2
+    return max(areas[under].sum(), areas[over].sum()) / areas.sum()
+
+
+def judged(name, value, sense, limit, unit, tolerance, **more):
+    """A criterion or a finding; a limit or a value may have a tolerance of its own."""
+    return {"value": value, "sense": sense, "limit": limit, "unit": unit, "tolerance": (tolerance, 1e-6), "name": name,
+            "remedy": ..., **more}  # fmt: skip
+
+
+def check_record(case):
+    spec, body, found = case.lens["spec"], body_of(case), case.json("check")
+    limits, shop, slack = spec["constraints"], spec["manufacture"], slack_mm(case)
+    names = [part.name for part in body.parts.values() if part.name not in ("mouth", "flange")]
+    names.sort(key=list(case.lens["faces"]).index)
+    thin, thick = (body.thinnest, 1e-4), body.thickest
+    criteria = [judged("thinnest wall", thin, ">=", limits["min_thickness_mm"], "mm", slack, passed=...)]
+    if limits["max_wall_mm"] is not None:
+        criteria.append(
+            judged("largest radial wall", (thick, slack), "<=", limits["max_wall_mm"], "mm", slack, passed=...)
+        )
+    pairs = [(one.name, other.name) for parts in (body.cavity, body.envelope) for one, other in pairwise(parts)]
+    edges = [{"faces": list(pair), "angle_deg": (edge_deg(case, *pair), 0.01), "point_mm": [...] * 3} for pair in pairs]
+    least_deg = limits["min_edge_angle_deg"]
+    if least_deg is not None:
+        criteria += [
+            judged(f"edge of {one} and {other}", edge["angle_deg"], ">=", least_deg, "deg", ANGLE_DEG, passed=...)
+            for (one, other), edge in zip(pairs, edges, strict=True)
+        ]  # fmt: skip
+    based = spec["base"]["kind"] != "none" and shop["make"] == "part"
+    note = "there is no base" if shop["make"] == "part" else "a mould insert has no base"
+    each = {name: {key: (value, 2e-2 * value + 2e-5) for key, value in relief_of(case, name).items()}
+            for name in names if based}  # fmt: skip
+    return {
+        "make": shop["make"], "scale": (1 + shop["shrinkage"] if shop["make"] == "insert" else 1.0, 1e-12),
+        "min_wall_mm": thin,
+        "walls": {"thinnest": wall_record(case, found["walls"]["thinnest"], thin[0]),
+                  "thickest": wall_record(case, found["walls"]["thickest"], thick)},
+        "relief": {"faces": each, "note": None if based else note},
+        "edges": edges, "criteria": criteria, "verdicts": list(verdicts(case, names, each, thin)),
+        **{name: face_record(case, name) for name in names},
+    }  # fmt: skip
+
+
+def verdicts(case, names, each, thin):
+    """The findings in their order: value, limit and tolerance of each."""
+    spec = case.lens["spec"]
+    limits, shop, slack, cut = (
+        spec["constraints"],
+        spec["manufacture"],
+        slack_mm(case),
+        spec["manufacture"]["make"] == "part",
+    )
+
+    def said(name, surface, value, sense, limit, unit, tolerance, state):
+        return judged(name, value, sense, limit, unit, tolerance, surface=surface, reason=..., holds=state == "pass")
+
+    for name in names:
+        ball = face_of(case, name).largest_ball
+        largest, fit = (None, 0.0) if np.isinf(ball) else ((ball, 0.02 * ball), FIT * ball)
+        yield said("cutter", name, shop["cutter_radius_mm"], "<=", largest, "mm", fit, cutter_state(case, name))
+    for name, found in each.items():
+        most = max((value for key, value in found.items() if key.endswith("mm")), key=lambda pair: pair[0])
+        yield said("relief", name, most, "<=", 0.0, "mm", 0.0, relief_state(case, name))
+    for name in names:
+        tilted = (90 - face_of(case, name).draft_deg, 0.003)
+        yield said("tilt", name, tilted, "<=", shop["max_tilt_deg"], "deg", ANGLE_DEG, tilt_state(case, name))
+    yield said("wall", "body", thin, ">=", limits["min_thickness_mm"], "mm", slack, wall_state(case))
+    for name in names:
+        wanted = asked_draft(case, name)
+        if cut and wanted is None:
+            continue
+        least, covered = face_of(case, name).draft_deg, over_base(case, name) and face_of(case, name).draft_deg >= 0
+        value = None if covered else (least if undercut(case, name) > 0 else max(least, 0.0), 0.003)
+        wanted = GOOD_DRAFT_DEG if wanted is None else wanted
+        tolerance = 0.0 if covered else ANGLE_DEG
+        yield said("draft", name, value, ">=", wanted, "deg", tolerance, draft_state(case, name))
+    if spec["plate"] is not None:
+        if cut:
+            wide, gap = 2 * shop["cutter_radius_mm"], (gap_mm(case), 0.004)
+            yield said("gap", "body", wide, "<=", gap, "mm", slack, "pass" if wide <= gap[0] + slack else "fail")
+        least = (plate_wall_mm(case), 1e-4)
+        state = "pass" if least[0] >= limits["min_thickness_mm"] - slack else "fail"
+        yield said("plate", "body", least, ">=", limits["min_thickness_mm"], "mm", slack, state)
+
+
+RECORDS = {"check": check_record}
+ORACLES = {}

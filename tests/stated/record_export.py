@@ -1,0 +1,160 @@
+"""Every number of ``export.json`` by docs/definitions.md, section 14, from the exact faces and the files themselves."""
+
+import re
+from functools import partial
+from hashlib import sha256
+
+import numpy as np
+from oracle_part import (
+    FORM_NM,
+    NORMAL_MRAD,
+    body_of,
+    gap_mm,
+    lamps_of,
+    mesh_of,
+    own_places,
+    plate_form_error,
+    plate_mm3,
+    schema,
+    volume,
+    worst_errors,
+)
+from page_tracer import unit
+
+
+def area_mm2(case):
+    """Of all faces of the solid, on a base without relief that is wider than the lens, or none."""
+    body, base = body_of(case), case.lens["spec"]["base"]
+    sums = {sign: [(part.name, part.area[2].sum()) for part in parts]
+            for sign, parts in ((1, body.envelope), (-1, body.cavity))}  # fmt: skip
+    total = sum(value for name, value in sums[1]) + sum(
+        value * (-1 if name == "mouth" else 1) for name, value in sums[-1]
+    )
+    rim, opening = np.pi * (body.outer_rim**2).mean(), body.opening_mm2
+    if base["kind"] == "none":
+        total += rim - opening
+    else:
+        slope = np.fft.irfft(np.fft.rfft(body.rim) * 1j * np.arange(len(body.rim) // 2 + 1))
+        around = 2 * np.pi * np.hypot(body.rim, slope).mean()
+        disc = np.pi * base["diameter_mm"] ** 2 / 4
+        total += 2 * disc - rim - opening + (np.pi * base["diameter_mm"] + around) * base["height_mm"]
+    flange = case.lens["spec"]["lens"].get("flange")
+    if flange:
+        inner, outer = 0.9994 * case.lens["spec"]["constraints"]["max_radius_mm"], flange["diameter_mm"] / 2
+        total += 2 * np.pi * (outer**2 - inner**2) + 2 * np.pi * (outer - inner) * flange["thickness_mm"]
+    return total
+
+
+def box_mm(case):
+    """Least and largest corner of the box around the solid."""
+    spec, body = case.lens["spec"], body_of(case)
+    base, flange = spec["base"], spec["lens"].get("flange")
+
+    def reach(axis, sign):
+        def place(part, s, f):
+            return sign * part.at(s, f)[0][..., axis]
+
+        return max(part.extreme(partial(place, part)) for part in body.envelope)
+
+    low, high = -np.array([reach(axis, -1) for axis in range(3)]), np.array([reach(axis, 1) for axis in range(3)])
+    wide = max(0.0 if base["kind"] == "none" else base["diameter_mm"] / 2, flange["diameter_mm"] / 2 if flange else 0.0)
+    low[:2], high[:2] = np.minimum(low[:2], -wide), np.maximum(high[:2], wide)
+    low[2] = 0.0 if base["kind"] == "none" else -base["height_mm"]
+    return np.array([low, high])
+
+
+def chord_um(case, path, own=lambda p: p):
+    """The largest distance of the middles of facets and of their sides from the face on which all corners lie."""
+    mesh, most = mesh_of(path), 0.0
+    corners = own(np.asarray(mesh.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
+    corners = corners[(corners[..., 2] > -1e-5).all(axis=1) & (corners[..., 2] > 1e-5).any(axis=1)]
+    for part in body_of(case).parts.values():
+        if part.name in ("mouth", "flange"):
+            continue
+
+        def off(p, part=part):
+            u = unit(p)
+            rho, n = part.exact(u)
+            return abs(np.linalg.norm(p, axis=1) - rho) * (n * u).sum(axis=1)
+
+        on = (off(corners.reshape(-1, 3)).reshape(-1, 3) < 1e-5).all(axis=1)
+        facets = corners[on]
+        middles = [facets.mean(axis=1), *((facets[:, k] + facets[:, k - 1]) / 2 for k in range(3))]
+        most = max(most, *(off(middle).max() for middle in middles))
+    return 1e3 * most
+
+
+def mesh_figures(path):
+    """Volume, area, closed, genus, facets and vertices of a mesh file."""
+    found = mesh_of(path)
+    genus = 1 - (len(found.vertices) - len(found.faces) // 2) // 2
+    return found.volume, found.area, bool(found.is_watertight), genus, len(found.faces), len(found.vertices)
+
+
+def judged(name, value, sense, limit, unit=""):
+    return {"value": value, "sense": sense, "limit": limit, "unit": unit, "tolerance": 0.0, "name": name, "remedy": ...,
+            "passed": True}  # fmt: skip
+
+
+def near(value, share):
+    return value, share * abs(value)
+
+
+def criteria_of(start, form, more, mesh_mm3, solid_mm3):
+    changed = abs(mesh_mm3 / solid_mm3 - 1)
+    return [
+        judged(f"{start}form_error", form, "<=", FORM_NM, "nm"), *more[:1],
+        judged(f"{start}step_valid", 1.0, ">=", 1.0), judged(f"{start}step_volume_change", (0.0, 1e-9), "<=", 1e-9),
+        *more[1:], judged(f"{start}watertight", 1.0, ">=", 1.0), judged(f"{start}watertight_3mf", 1.0, ">=", 1.0),
+        judged(f"{start}genus_difference", 0.0, "<=", 0.0),
+        judged(f"{start}mesh_volume_change", (changed, 3e-6), "<=", ...),
+    ]  # fmt: skip
+
+
+def export_record(case):
+    spec, found, stl = case.lens["spec"], case.json("export"), case.folder / "lens.stl"
+    (form, normal), density = worst_errors(case), spec["lens"]["density_g_per_cm3"]
+    solid, (volume_mm3, area, closed_, genus, facets, corners) = volume(case, None).value, mesh_figures(stl)
+    names = sorted(re.findall(r"ADVANCED_FACE\s*\(\s*'([^']*)'", (case.folder / "lens.step").read_text()))
+    chord, angle = chord_um(case, stl), judged("normal_error", near(normal, 0.1), "<=", NORMAL_MRAD, "mrad")
+    files = {name: (case.folder / name).read_bytes() for name in found["files"]}
+    record = {
+        "form_error_nm": {"max": near(form, 0.1), "rms": ...}, "keep_out": None,
+        "normal_error_mrad": {"max": near(normal, 0.1), "rms": ...},
+        "volume_mm3": near(solid, 3e-6), "volume_mesh_mm3": near(volume_mm3, 1e-6),
+        "mass_g": near(solid * density / 1000, 3e-6) if density else None,
+        "area_mm2": near(area_mm2(case), 3e-6), "area_mesh_mm2": near(area, 1e-6),
+        "bounds_mm": [[(each, 2e-3 * chord + 1e-5) for each in corner] for corner in box_mm(case)],
+        "watertight": closed_, "genus": genus, "faces": {"count": len(names), "names": names},
+        "nodes": dict.fromkeys(found["nodes"], ...), "step_schema": schema(case, None).value,
+        "signature": {name: spec["manufacture"][name] for name in ("author", "organisation", "date")},
+        "untrimmed_surfaces": None,
+        "triangulation": {"triangles": facets, "vertices": corners, "rings": ..., "chord_error_um": near(chord, 0.1)},
+        "files": {name: {"bytes": len(each), "sha256": sha256(each).hexdigest()} for name, each in files.items()},
+        "criteria": criteria_of("", near(form, 0.1), [angle], volume_mm3, solid),
+    }  # fmt: skip
+    if spec["plate"] is None:
+        return record | {"plate": None}
+    own, criteria = plate_record(case)
+    return record | {"plate": own, "criteria": record["criteria"] + criteria}
+
+
+def plate_record(case):
+    volume_mm3, _, closed_, genus, facets, _ = mesh_figures(case.folder / "plate.stl")
+    solid, form, box = plate_mm3(case), plate_form_error(case, None), mesh_of(case.folder / "plate.stl").bounds
+    density = case.lens["spec"]["lens"]["density_g_per_cm3"]
+    criteria = criteria_of("plate_", (form.value, form.within), [], volume_mm3, solid)
+    criteria.insert(3, judged("plate_volume_error", (0.0, 1e-6), "<=", 1e-6))
+    chord = chord_um(case, case.folder / "plate.stl", lambda p: own_places(case, p))
+    return {
+        "lenses": len(lamps_of(case)[0]), "gap_mm": (gap_mm(case), 0.004), "form_error_nm": (form.value, form.within),
+        "volume_mm3": near(solid, 3e-6), "volume_mesh_mm3": near(volume_mm3, 1e-6),
+        "mass_g": near(solid * density / 1000, 3e-6) if density else None,
+        "bounds_mm": [[near(each, 1e-6) for each in corner] for corner in box], "watertight": closed_, "genus": genus,
+        "faces": len(re.findall("ADVANCED_FACE", (case.folder / "plate.step").read_text())), "triangles": facets,
+        "chord_error_um": near(chord, 0.1), "seconds": ...,
+    }, criteria  # fmt: skip
+
+
+RECORDS = {"export": export_record}
+ORACLES = {}
