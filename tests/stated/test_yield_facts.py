@@ -1,0 +1,169 @@
+"""Every fact of a yield against sums over its own table of parts: two roads of unlike classes, and a limit."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import oracle_made as made
+import pytest
+from crooked import Expected
+from scenes import NO_TOLERANCES, random_surface, small_spec, tolerance_changes
+from test_every_fact import differences
+
+import lensforge as lf
+from lensforge.made.yield_facts import yield_facts
+from lensforge.made.yield_study import measure_yield
+from lensforge.results.fact import Fact, Group
+
+AMOUNTS = {"source_flux": 0.05, "gap_mm": 0.1, "source_shift_mm": 0.15, "index": 0.003}
+COLUMNS = {name: [name] for name in AMOUNTS} | {"source_shift_mm": ["source_shift_mm 1", "source_shift_mm 2"]}
+EASY = dict.fromkeys(("uniformity", "uniformity_along", "edge_ratio"), 1e-3)
+ROAD = {"width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "lamp_lm": 3e3, "lighting_class": "M6"} | EASY
+ROADS = [ROAD | {"mean_cd_per_m2": 0.2, "glare_percent": 1e3}]
+ROADS += [ROAD | {"pole_spacing_m": 37.0, "lighting_class": "M5", "mean_cd_per_m2": 0.165, "glare_percent": 20.0}]
+GLARE = {"kind": "glare", "from_deg": 60.0, "at_most": 0.55, "unit": "relative"}
+PARTS, RAYS = 60, 2048
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    spec = small_spec(**tolerance_changes({**NO_TOLERANCES, **AMOUNTS}), target={"kind": "beam", "fwhm_deg": 60.0,
+                      "half_angle_deg": 90.0}).replace(roads=ROADS, limits=[GLARE])  # fmt: skip
+    lens = lf.Lens.double(*(random_surface(seed, 3.0 * seed, 0.01, (9, 25)) for seed in (1, 2)), spec, 0, "draft")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lensforge.made.yield_study.DESIGNED_RAYS", 2**12)
+        patch.setattr("lensforge.made.yield_study._WORST_RAYS", 2**11)
+        found = measure_yield(lens, parts=PARTS, rays=RAYS, with_budget=False)
+    folder = tmp_path_factory.mktemp("yield")
+    found.write(folder)
+    record = json.loads((folder / "yield.json").read_text(encoding="utf-8"))
+    return SimpleNamespace(facts=yield_facts(found), record=record, parts=parts_of(folder, record))
+
+
+def parts_of(folder: Path, record: dict[str, Any]) -> made.Parts:
+    with np.load(folder / "yield.npz") as arrays:
+        table = dict(zip(record["columns"], arrays["table"].T, strict=True))
+    noise = {name: each["standard_error"] for name, each in record["metrics"].items()}
+    designed = {name: each["designed"]["value"] for name, each in record["metrics"].items()}
+    return made.Parts(table, record["bounds"], COLUMNS, noise, designed)
+
+
+def test_bounds_are_those_of_the_spec(study: Any) -> None:
+    bounds = {each["metric"]: (each["sense"], each["bound"]) for each in study.record["bounds"]}
+    for number, road in enumerate(ROADS, 1):
+        for lane in (1, 2):
+            mean, glare = (f"road {number}: lane {lane}: {words}" for words in ("mean luminance: light", GLARE_WORDS))
+            assert (bounds[mean], bounds[glare]) == ((">=", road["mean_cd_per_m2"]), ("<=", road["glare_percent"]))
+    assert bounds["limits.0: light over its maximum"] == ("<=", 0.55) and len(bounds) == 21
+
+
+GLARE_WORDS = "glare TI: threshold increment"
+
+
+def expected_of(study: Any, group: Group, number: int, fact: Fact) -> Expected:
+    """By the group of the fact, and its number among those of one kind."""
+    parts, metrics = study.parts, study.record["metrics"]
+    if group.key == "yield":
+        return expected_first(study, fact, group)
+    if group.key == "road_yield":
+        return expected_road(study, number, fact)
+    name = parts.bounds[number]["metric"] if group.key == "bound" else list(metrics)[number]
+    unit, designed = metrics[name]["unit"], parts.designed[name]
+    if fact.key == "designed":
+        return made.value_of(name, designed, 1e-12, unit)
+    if group.key == "bound":
+        bound = parts.bounds[number]
+        sign = {"<=": "≤", ">=": "≥"}[bound["sense"]]
+        words = f"{sign} {bound['bound']:.4g}" + {"": "", "%": "\u2009%"}.get(bound["unit"], f" {bound['unit']}")
+        return Expected(words) if fact.key == "bound" else Expected(100.0 * parts.kept(bound).mean(), 1e-9, "%")
+    found = made.spread(parts, name)
+    if found["spread"] < parts.noise[name]:
+        return Expected("undecided")
+    return made.value_of(name, found[fact.key], 0.15 * found["spread"], unit)  # errors of parts are not all alike
+
+
+def expected_first(study: Any, fact: Fact, group: Group) -> Expected:
+    if fact.key == "main_cause":
+        return expected_cause(study, fact, group)
+    values = {"parts": PARTS, "rays": RAYS}
+    return (
+        Expected(values[fact.key]) if fact.key in values else Expected(100.0 * study.parts.passing().mean(), 1e-9, "%")
+    )
+
+
+def expected_cause(study: Any, fact: Fact, group: Group) -> Expected:
+    """Of the two metrics with the most failing parts, of those that have causes."""
+    parts = study.parts
+    name = next(
+        each for each in parts.failing_first() if made.in_words(each) == fact.label.removeprefix("Main cause, ")
+    )
+    assert parts.failing_first().index(name) < 4
+    found, certain, _ = parts.shares(parts.table[name], parts.noise[name])
+    if not certain:
+        return Expected("none stands out of so few parts")
+    share, error = found[certain[0]]
+    return Expected(100.0 * share, 8.0, "%", 100.0 * error, 3.0)
+
+
+def expected_road(study: Any, number: int, fact: Fact) -> Expected:
+    road, parts = ROADS[number], study.parts
+    bounds = [bound for bound in parts.bounds if bound["metric"].startswith(f"road {number + 1}: ")]
+    margins = [(1.0 if bound["sense"] == ">=" else -1.0) * (parts.table[bound["metric"]] / bound["bound"] - 1.0)
+               for bound in bounds]  # fmt: skip
+    rate, low, high = made.wilson(parts.passing(bounds).sum(), PARTS)
+    nearest = np.argmin(margins, axis=0)
+    most = np.bincount(nearest).argmax()
+    words = bounds[most]["metric"].removeprefix(f"road {number + 1}: ")
+    if fact.key == "main":
+        margin = np.min(margins, axis=0)
+        errors = [parts.noise[bounds[k]["metric"]] / bounds[k]["bound"] for k in nearest]
+        found, certain, _ = parts.shares(margin, np.sqrt(np.mean(np.square(errors))))
+        assert fact.value.startswith(MAIN[certain[0]])
+        share = float(fact.value.split(", ")[-1].split(" ")[0].rstrip("%\u2009"))
+        assert share == pytest.approx(100.0 * found[certain[0]][0], abs=8.0)
+    return {
+        "road_class": Expected(road["lighting_class"]),
+        "holds": Expected(100.0 * rate, 1e-9, "%"),
+        "confidence": Expected(f"{made.percent(low)} to {made.percent(high)}"),
+        "nearest": Expected(f"{words}, of {made.percent(np.mean(nearest == most))} of the parts"),
+        "main": Expected(fact.value),
+    }[fact.key]
+
+
+MAIN = {"source_flux": "source, flux, ", "source_shift_mm": "source, shift, ", "gap_mm": "gap, ", "index": "index, "}
+
+
+def test_every_fact_of_a_yield(study: Any) -> None:
+    seen, wrong, told = {}, [], 0
+    for group in study.facts:
+        number = seen[group.key] = seen.get(group.key, -1) + 1
+        if group.key == "causes":
+            wrong += list(wrong_causes(study, group))
+            continue
+        for fact in group.facts:
+            expected, told = expected_of(study, group, number, fact), told + 1
+            wrong += [f"{group.key}, {group.title}, {fact.key}: {words}" for words in differences(fact, expected)]
+    assert not wrong, "\n".join(wrong)
+    assert told > 200 and {"yield", "road_yield", "bound", "spread", "causes"} <= set(seen)
+
+
+def wrong_causes(study: Any, group: Group) -> Iterator[str]:
+    """The three leading causes that are certain, and several together where they stand out."""
+    parts = study.parts
+    name = next(each for each in parts.table if made.in_words(each) == group.title)
+    found, certain, together = parts.shares(parts.table[name], parts.noise[name])
+    for fact in group.facts:
+        if fact.key != "together":
+            share, error = found[fact.key]
+            yield from (
+                f"{group.title}: {words}"
+                for words in differences(fact, Expected(100 * share, 8.0, "%", 100 * error, 3.0))
+            )
+        elif isinstance(fact.value, float):
+            yield from differences(fact, Expected(100 * together[0], 8.0, "%", 100 * together[1], 3.0))
+    named = [fact.key for fact in group.facts if fact.key != "together"]
+    if not set(named) <= set(certain[:4]):
+        yield f"{group.title}: {named}, must be of {certain}"
