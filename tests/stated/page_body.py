@@ -78,13 +78,15 @@ class Part:
         """The largest (``sign`` = -1: least) figure(share, phi) over the face, its edges included."""
         share, phi = np.meshgrid(np.linspace(0, 1, across) ** 0.7, 2 * np.pi * np.arange(3 * across) / 3 / across)
         values = sign * figure(share, phi)
-        best = np.argsort(values.ravel())[-5:]
-        starts = np.column_stack([share.ravel()[best], phi.ravel()[best]])
+        best = np.unravel_index(np.argsort(values.ravel())[-5:], values.shape)
+        hole = 0.0 if self.low is None else 0.5  # in the plane in which places are sought, around the axis
 
         def signed(x):
-            return sign * figure(np.clip(x[..., 0], 0, 1), x[..., 1])
+            share = np.clip(np.hypot(x[..., 0], x[..., 1]) - hole, 0, 1)
+            return sign * figure(share, np.arctan2(x[..., 1], x[..., 0]))
 
-        return sign * max(values.max(), refined(signed, starts, np.array([0.03, 0.04])))
+        starts = (share[best] + hole)[:, None] * np.column_stack([np.cos(phi[best]), np.sin(phi[best])])
+        return sign * max(values.max(), refined(signed, starts, 0.05))
 
 
 def at_angles(p):
@@ -197,7 +199,7 @@ class PageBody:
         theta, phi = np.meshgrid(np.linspace(0, np.pi / 2, 91), 2 * np.pi * np.arange(120) / 120)
         places = np.stack([theta, phi], axis=-1).reshape(-1, 2)
         best = np.argsort(wall(places))[-5:]
-        return refined(wall, places[best], np.array([0.03, 0.05]))
+        return refined(wall, places[best], 0.04)
 
 
 def crease(one, other):
