@@ -79,20 +79,68 @@ def normal_error(case, place):
     return Expected(value, 0.1 * value, "mrad", limit=("<=", NORMAL_MRAD), state=kept(value, NORMAL_MRAD))
 
 
+def is_cut(case, name):
+    """True of a face that is designed for the ball: of a part, not of a mould."""
+    spec = case.lens["spec"]
+    shop, hollow = spec["manufacture"], spec["lens"][name].get("concave_radius_mm")
+    return shop["make"] == "part" and (shop["required"] or (hollow or 0.0) >= shop["cutter_radius_mm"])
+
+
+def rounded_mm(needed):
+    """With 5 um to spare, up to whole hundredths; 0 where that much is not missing."""
+    return 0.0 if needed <= -5e-3 else float(np.ceil((needed + 5e-3) / 1e-2) * 1e-2)
+
+
+def base_of(case):
+    """The base; what the spec leaves out of bore and step is what the ball needs at a face that is designed for it."""
+    return kept_of(case, "base", lambda: with_room(case))
+
+
+def with_room(case):
+    spec, body = case.lens["spec"], body_of(case)
+    base, r = dict(spec["base"]), spec["manufacture"]["cutter_radius_mm"]
+    if base["kind"] == "none":
+        return base
+    share, phi = np.meshgrid(np.linspace(0, 1, 241), 2 * np.pi * np.arange(720) / 720)
+
+    def contacts(parts, side):
+        found = [part.at(share, phi)[:2] for part in parts if is_cut(case, part.name)]
+        b = np.concatenate([(p + side * r * n).reshape(-1, 3) for p, n in found]) if found else np.zeros((0, 3))
+        return np.hypot(b[:, 0], b[:, 1]), b[:, 2]
+
+    across, z = contacts(body.cavity, -1)
+    if base["bore_setback_mm"] is None:
+        depth = base["height_mm"] - (base["pocket_depth_mm"] if base["pocket_diameter_mm"] else 0.0)
+        away = np.maximum(np.maximum(z, -z - depth), 0)
+        radius = across + np.sqrt(np.maximum(r**2 - away**2, 0))
+        base["bore_setback_mm"] = rounded_mm(radius.max() - body.rim.max()) if len(z) else 0.0
+    across, z = contacts(body.envelope, 1)
+    if base["relief_step_mm"] is None:
+        aside = np.maximum(across - (base["flange_diameter_mm"] or base["diameter_mm"]) / 2, 0)
+        step = np.where(aside < r, np.sqrt(np.maximum(r**2 - aside**2, 0)) - z, -np.inf)
+        base["relief_step_mm"] = rounded_mm(step.max()) if len(z) else 0.0
+    if base["relief_setback_mm"] is None:
+        wall = np.where(z < r, across - np.sqrt(np.maximum(r**2 - np.maximum(z, 0) ** 2, 0)), np.inf)
+        needed = rounded_mm(body.outer_rim.min() - wall.min()) if len(z) and base["relief_step_mm"] else 0.0
+        base["relief_setback_mm"] = needed
+    return base
+
+
 def base_mm3(case):
-    """Volume below z = 0, of a base without relief: a prism, less the bore that follows the cavity's rim."""
-    base, body = case.lens["spec"]["base"], body_of(case)
+    """Volume below z = 0: a prism, less its bore, narrower down to the step."""
+    base, body = base_of(case), body_of(case)
     if base["kind"] == "none":
         return 0.0
-    height, opening = base["height_mm"], body.opening_mm2
-    radius = base["diameter_mm"] / 2
+    height, opening, radius = base["height_mm"], bore_mm2(case), base["diameter_mm"] / 2
     area = base["side_mm"] ** 2 if base["kind"] == "square" else np.pi * radius**2
     if base["flat_mm"] is not None:
         half = np.arccos(base["flat_mm"] / radius)
         area -= radius**2 * (half - np.sin(half) * np.cos(half))
-    if base["bore_setback_mm"]:
-        opening = np.pi * (body.rim.max() + base["bore_setback_mm"]) ** 2
     volume = (area - opening) * height
+    if base["relief_step_mm"]:
+        circle = np.pi * (body.outer_rim.min() - base["relief_setback_mm"]) ** 2
+        narrow = circle if base["relief_setback_mm"] else np.pi * (body.outer_rim**2).mean()
+        volume -= (area - narrow) * base["relief_step_mm"]
     if base["pocket_diameter_mm"] is not None:
         volume -= (np.pi * base["pocket_diameter_mm"] ** 2 / 4 - opening) * base["pocket_depth_mm"]
     if base["flange_diameter_mm"] is not None:
@@ -100,6 +148,12 @@ def base_mm3(case):
     if base["feet"] is not None:
         volume += base["feet"]["number"] * np.pi * base["feet"]["diameter_mm"] ** 2 / 4 * base["feet"]["height_mm"]
     return volume
+
+
+def bore_mm2(case):
+    """Area of the bore: the cavity's rim, or a circle about it."""
+    body, setback = body_of(case), base_of(case)["bore_setback_mm"]
+    return np.pi * (body.rim.max() + setback) ** 2 if setback else body.opening_mm2
 
 
 def flange_mm3(case):

@@ -56,9 +56,15 @@ def reach_mm(case, index):
     about = np.cross([0, 0, 1.0], z)  # its axes: the lens's after the shortest turn
     cross = np.array([[0, -about[2], about[1]], [about[2], 0, -about[0]], [-about[1], about[0], 0]])
     turn = np.eye(3) + cross + cross @ cross / (1 + z[2])
-    places = x[None, :, None] * turn[:, 0] + y[:, None, None] * turn[:, 1] + centre
+    places = x[None, :, None] * turn[:, 0] + y[:, None, None] * turn[:, 1] + centre - first_pole(case)
     away = np.linalg.norm(places, axis=-1)
     return np.sqrt((light * (away**2 / abs(places @ z)) ** 2).sum() / light.sum())
+
+
+def first_pole(case):
+    """Place of the lens whose light is cast: the first of lamps that have heights or aims, else the origin."""
+    lamps = case.lens["spec"]["lamps"] or {}
+    return np.array(lamps["places_mm"][0]) if lamps.get("aims_mm") else np.zeros(3)
 
 
 def landing(case, place):

@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 from crooked import Expected
-from oracle_part import body_of, gap_mm, kept_of, lamps_of, plate_sides
+from oracle_part import base_of, body_of, gap_mm, kept_of, lamps_of, plate_sides
 from page_body import directions
 from scipy.optimize import minimize_scalar
 
@@ -250,7 +250,7 @@ def circle_wall(case, name):
 
 def relief(case, name):
     """Clearances (mm) that the ball lacks of the base, the largest over what it reaches; the share that needs none."""
-    base, face = case.lens["spec"]["base"], face_of(case, name)
+    base, face = base_of(case), face_of(case, name)
     share, phi = np.meshgrid(1 - (1 - np.arange(1, 81) / 80) ** 2, 2 * np.pi * np.arange(180) / 180, indexing="ij")
     p, n, u = face.part.at(share, phi)
     low, high = face.part.ends(phi)
@@ -281,8 +281,15 @@ def relief(case, name):
         found = {"bore_clearance_mm": bore, "pocket_diameter_mm": 0 * bore}
     else:
         disc = base["diameter_mm"] / 2
-        step = beyond(np.where(across - disc < r, needed(across - disc) - b[:, 2], 0.0))
-        wall = beyond(along_rim(base["height_mm"] if disc > rim.max() else base["relief_step_mm"] or 0.0))
+        present, aside = base["relief_step_mm"] or 0.0, np.maximum(across - disc, 0)
+        step = beyond(np.where(aside < r, needed(aside) - b[:, 2] - present, 0.0))
+        step = np.where(step > 0, step + present, 0.0)
+        if base["relief_setback_mm"]:
+            largest = np.where(b[:, 2] < r, across - needed(b[:, 2]), np.inf)
+            tight = largest < rim.min() - base["relief_setback_mm"] - CLEAR_MM
+            wall = np.where(tight, rim.min() - largest, 0.0)
+        else:
+            wall = beyond(along_rim(present or base["height_mm"])) if present or disc > rim.max() else 0 * step
         found = {"smallest_step_mm": step, "step_clearance_mm": wall, "flange_clearance_mm": 0 * step}
     clear = np.max(list(found.values()), axis=0) == 0.0
     return {key: values.max() for key, values in found.items()} | {"flush_fraction": areas[clear].sum() / areas.sum()}

@@ -8,7 +8,9 @@ import numpy as np
 from oracle_part import (
     FORM_NM,
     NORMAL_MRAD,
+    base_of,
     body_of,
+    bore_mm2,
     gap_mm,
     lamps_of,
     mesh_of,
@@ -24,7 +26,7 @@ from page_tracer import unit
 
 def area_mm2(case):
     """Of all faces of the solid, on a base without relief that is wider than the lens, or none."""
-    body, base = body_of(case), case.lens["spec"]["base"]
+    body, base = body_of(case), base_of(case)
     sums = {sign: [(part.name, part.area[2].sum()) for part in parts]
             for sign, parts in ((1, body.envelope), (-1, body.cavity))}  # fmt: skip
     total = sum(value for name, value in sums[1]) + sum(
@@ -34,15 +36,26 @@ def area_mm2(case):
     if base["kind"] == "none":
         total += rim - opening
     else:
-        slope = np.fft.irfft(np.fft.rfft(body.rim) * 1j * np.arange(len(body.rim) // 2 + 1))
-        around = 2 * np.pi * np.hypot(body.rim, slope).mean()
         disc = np.pi * base["diameter_mm"] ** 2 / 4
+        around = 2 * np.sqrt(np.pi * bore_mm2(case)) if base["bore_setback_mm"] else length_mm(body.rim)
         total += 2 * disc - rim - opening + (np.pi * base["diameter_mm"] + around) * base["height_mm"]
+        if base["relief_step_mm"]:
+            wall = body.outer_rim.min() - base["relief_setback_mm"]
+            narrow, along = (
+                (np.pi * wall**2, 2 * np.pi * wall) if base["relief_setback_mm"] else (rim, length_mm(body.outer_rim))
+            )
+            total += 2 * (rim - narrow) + (along - np.pi * base["diameter_mm"]) * base["relief_step_mm"]
     flange = case.lens["spec"]["lens"].get("flange")
     if flange:
         inner, outer = 0.9994 * case.lens["spec"]["constraints"]["max_radius_mm"], flange["diameter_mm"] / 2
         total += 2 * np.pi * (outer**2 - inner**2) + 2 * np.pi * (outer - inner) * flange["thickness_mm"]
     return total
+
+
+def length_mm(rim):
+    """Length of a rim whose radius is known at even azimuths."""
+    slope = np.fft.irfft(np.fft.rfft(rim) * 1j * np.arange(len(rim) // 2 + 1))
+    return 2 * np.pi * np.hypot(rim, slope).mean()
 
 
 def box_mm(case):
