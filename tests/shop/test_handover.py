@@ -47,30 +47,6 @@ def numbers_of(rows, name):
     return np.array([list(row.values())[1:] for row in rows if row["surface"] == name], dtype=float)
 
 
-def test_points_lie_on_the_exact_faces_with_their_normals_and_their_departure_from_the_sphere(results, handed):
-    lens, rows = results.lens, table(handed.points_csv)
-    assert len(rows) == handed.points == 2 * 2593
-    for name, sign in (("inner", -1.0), ("outer", 1.0)):
-        values = numbers_of(rows, name)
-        points, normals, (polar, azimuth, departure) = values[:, :3], values[:, 3:6], values[:, 6:].T
-        radius = np.linalg.norm(points, axis=1)
-        assert np.abs(radius - getattr(lens, name).radius(points / radius[:, None])).max() < 5e-9
-        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=2e-9)
-        assert (sign * np.sum(points * normals, axis=1) > 0.0).all()
-        # The normal is what the points say: perpendicular to the chords around the ring at 45 degrees.
-        ring = slice(1 + 17 * 72, 1 + 18 * 72)
-        chord = np.roll(points[ring], -1, axis=0) - np.roll(points[ring], 1, axis=0)
-        chord /= np.linalg.norm(chord, axis=1, keepdims=True)
-        assert np.abs(np.sum(chord * normals[ring], axis=1)).max() < 0.02
-        across = radius * np.sin(np.radians(polar))
-        assert points[:, 0] == pytest.approx(across * np.cos(np.radians(azimuth)), abs=1e-8)
-        assert points[:, 1] == pytest.approx(across * np.sin(np.radians(azimuth)), abs=1e-8)
-        sphere = getattr(results.check, name).best_fit_sphere
-        beyond = np.linalg.norm(points - np.array(sphere.centre_mm), axis=1) - sphere.radius_mm
-        assert departure == pytest.approx(beyond, abs=3e-9), "nine decimals"
-        assert np.ptp(departure) == pytest.approx(sphere.pv_mm, rel=0.03)
-
-
 def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
     page = handed.html.decode("utf-8")
     assert "http" not in re.sub(r"http://www\.w3\.org/[^\"]*", "", page), "one page, nothing fetched"

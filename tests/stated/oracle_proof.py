@@ -30,8 +30,8 @@ def screens(case):
     if not spec["receivers"]:
         one = spec["target"]
         if one.get("half_angle_deg"):
-            return [("far_field", None, None, None)]
-        return [("plane", np.array([0, 0, one["distance_mm"]]), np.array([0.0, 0, 1]), [one["receiver_mm"]] * 2)]
+            return [("far_field", None, None, None, 0.0)]
+        return [("plane", np.array([0, 0, one["distance_mm"]]), np.array([0.0, 0, 1]), [one["receiver_mm"]] * 2, 0.0)]
     found = []
     for one in spec["receivers"]:
         normal = None
@@ -39,13 +39,13 @@ def screens(case):
             a, b = np.radians(one["tilt_deg"] or (0, 0))
             normal = np.array(one["normal"] or [np.cos(a) * np.sin(b), -np.sin(a), np.cos(a) * np.cos(b)], dtype=float)
         sides = [one.get("width_mm"), one.get("height_mm")]
-        found.append((one["kind"], np.array(one.get("centre_mm", (0.0, 0, 0))), normal, sides))
+        found.append((one["kind"], np.array(one.get("centre_mm", (0.0, 0, 0))), normal, sides, one["rotation_deg"]))
     return found
 
 
 def reach_mm(case, index):
     """Root mean square of L/cos over the design's light: of pixels of a plane, 1 m of directions."""
-    kind, centre, normal, sides = screens(case)[index]
+    kind, centre, normal, sides, turn_deg = screens(case)[index]
     if kind == "far_field":
         return 1000.0
     if kind != "plane":
@@ -56,7 +56,9 @@ def reach_mm(case, index):
     about = np.cross([0, 0, 1.0], z)  # its axes: the lens's after the shortest turn
     cross = np.array([[0, -about[2], about[1]], [about[2], 0, -about[0]], [-about[1], about[0], 0]])
     turn = np.eye(3) + cross + cross @ cross / (1 + z[2])
-    places = x[None, :, None] * turn[:, 0] + y[:, None, None] * turn[:, 1] + centre - first_pole(case)
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    across, up = c * turn[:, 0] + s * turn[:, 1], c * turn[:, 1] - s * turn[:, 0]
+    places = x[None, :, None] * across + y[:, None, None] * up + centre - first_pole(case)
     away = np.linalg.norm(places, axis=-1)
     return np.sqrt((light * (away**2 / abs(places @ z)) ** 2).sum() / light.sum())
 
@@ -165,7 +167,7 @@ def lit(case, place):
 def floor_of(case, index):
     """Noise of independent rays: of a pixel's flux F in rays of f each, f F - F^2/n, through the squared taps."""
     light, spec = arrays(case, "evaluate")[f"receivers.{index}.map"], case.lens["spec"]
-    one, (_, _, _, sides) = record(case)["receivers"][index], screens(case)[index]
+    one, (_, _, _, sides, _) = record(case)["receivers"][index], screens(case)[index]
     e = np.exp(-1 / (2 * spec["evaluate"]["filter_variance"]))
     taps = np.array([e, 1, e]) / (1 + 2 * e)
     landed = np.prod(sides) * 1e-6 / light.size * light
