@@ -127,10 +127,10 @@ def test_dense_tables_say_their_error(case: Callable[[str], Case]) -> None:
     for grid in dense_tables(lens, [], GridRequest(spacing_mm=0.3, interpolation="linear")):
         lines = [line for line in grid.content.decode().splitlines() if line and not line.startswith("#")]
         table = np.array([line.split(",")[-8:] for line in lines[1:]], dtype=float)
-        points, polar, azimuth = table[:, :3], table[:, 6], table[:, 7]
-        rings, turns = np.unique(polar), np.unique(azimuth)
+        rings, turns = np.unique(table[:, 6]), np.unique(table[:, 7])
+        every = np.concatenate([np.repeat(table[:1], len(turns), axis=0), table[1:]])  # the apex stands there once
         height, across = (
-            each.reshape(len(rings), len(turns)) for each in (points[:, 2], np.hypot(points[:, 0], points[:, 1]))
+            each.reshape(len(rings), len(turns)) for each in (every[:, 2], np.hypot(every[:, 0], every[:, 1]))
         )
         assert grid.points == len(table) and (np.diff(rings) < rings[1] * 1.01).all()
         off = []
