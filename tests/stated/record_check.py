@@ -153,4 +153,3 @@ def verdicts(case, names, each, thin):
 
 
 RECORDS = {"check": check_record}
-ORACLES = {}

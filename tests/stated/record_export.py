@@ -170,4 +170,3 @@ def plate_record(case):
 
 
 RECORDS = {"export": export_record}
-ORACLES = {}

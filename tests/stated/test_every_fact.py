@@ -20,6 +20,7 @@ import oracle_shop
 import pytest
 import record_check
 import record_export
+import record_verify
 from crooked import NAMES, Case, Expected, Place
 
 from lensforge.results.fact import Bound, Fact
@@ -33,9 +34,10 @@ MODULES = (
     oracle_proof,
     record_export,
     record_check,
+    record_verify,
 )
 ORACLES: dict[str, Callable[[Case, Place], Expected]] = {
-    name: oracle for module in MODULES for name, oracle in module.ORACLES.items()
+    name: oracle for module in MODULES for name, oracle in getattr(module, "ORACLES", {}).items()
 }
 RECORDS: dict[str, Callable[[Case], Any]] = {
     stage: record for module in MODULES for stage, record in getattr(module, "RECORDS", {}).items()
