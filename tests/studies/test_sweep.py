@@ -1,5 +1,7 @@
 """A sweep varies what it says, keeps what is finished, and shows each design's own figures."""
 
+import csv
+import json
 import shutil
 
 import numpy as np
@@ -68,9 +70,31 @@ def test_every_design_is_the_spec_with_its_own_value(swept):
         assert lens.spec.lens.outer.offset_mm == pytest.approx(6.0 * row.value / 7.0)
         same = {"name", "lens", "constraints"}
         assert lens.spec.model_dump(exclude=same) == SPEC.model_dump(exclude=same)
-        results = load_results(folder / row.folder)
-        assert row.nmse == results.light.nmse and row.efficiency == results.light.efficiency
-        assert row.constraints == results.design.constraints
+
+
+def test_every_number_of_a_row_is_of_the_files_of_its_design(swept):
+    """Facts and cells of the table by each folder's own records, which are unlike."""
+    folder, content = swept
+    table = list(csv.DictReader((folder / "sweep.csv").read_text(encoding="utf-8").splitlines()))
+    for group, row, cells in zip(content.facts, content.designs, table, strict=True):
+        light, found = (
+            json.loads((folder / row.folder / f"{stage}.json").read_text()) for stage in ("evaluate", "design")
+        )
+        facts, shares = {fact.key: fact for fact in group.facts}, ("efficiency", "share_in_target")
+        for name in ("nmse", "rsd", "uniformity", *shares):
+            factor, fact = (100.0 if name in shares else 1.0), facts[name]
+            assert fact.value == pytest.approx(factor * light[name]["value"], rel=1e-12)
+            assert fact.standard_error == pytest.approx(factor * light[name]["standard_error"], rel=1e-12)
+            for key in ("value", "standard_error"):
+                assert float(cells[f"{name}.{key}"]) == pytest.approx(light[name][key], rel=1e-9)
+        sizes = {"radius": found["max_radius_mm"], "height": found["height_mm"], "steps": found["steps"]}
+        assert {name: facts[name].value for name in sizes} == sizes
+        assert [float(cells[name]) for name in ("max_radius_mm", "height_mm")] == pytest.approx(
+            list(sizes.values())[:2]
+        )
+        assert facts["constraints.max_radius_mm"].value == row.value
+        assert row.constraints.model_dump() == found["constraints"]
+    assert len({cells["nmse.value"] for cells in table}) == len({cells["max_radius_mm"] for cells in table}) == 2
 
 
 def test_the_plot_shows_the_figures_of_the_designs(swept):
