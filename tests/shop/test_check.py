@@ -1,5 +1,4 @@
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -164,26 +163,3 @@ def test_what_the_verdict_asks_for_is_enough(rough):
         base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.reason)}
     assert found.holds
     assert set(base) == {"height_mm", "relief_step_mm", "relief_setback_mm"}
-
-
-@pytest.mark.nightly("half a minute")
-def test_an_insert_is_checked_larger_by_the_shrinkage_its_walls_are_those_of_the_lens():
-    surfaces = random_surface(INNER_MM, 0.02, 3), random_surface(OUTER_MM, 0.02, 4)
-    insert = replace(lens(*surfaces), spec=lens(*surfaces).spec.replace({"manufacture.make": "insert"}))
-    shrunk = replace(insert, spec=insert.spec.replace({"manufacture.shrinkage": 0.05}))
-    plain, found = (check_lens(each, {"inner": 72, "outer": 72}) for each in (insert, shrunk))
-    assert (plain.scale, found.scale) == (1.0, 1.05)
-    for name in ("inner", "outer"):
-        before, after = getattr(plain, name), getattr(found, name)
-        assert after.area_mm2 == pytest.approx(1.05**2 * before.area_mm2, rel=1e-12)
-        assert after.curvature.kappa_min_per_mm == pytest.approx(before.curvature.kappa_min_per_mm / 1.05, rel=1e-12)
-        sphere = after.best_fit_sphere.radius_mm  # by a minimiser, whose steps end a little earlier or later
-        assert sphere == pytest.approx(1.05 * before.best_fit_sphere.radius_mm, rel=1e-7)
-        assert after.largest_tilt_deg == pytest.approx(before.largest_tilt_deg, abs=1e-9)
-        np.testing.assert_allclose(after.xyz, 1.05 * before.xyz, rtol=1e-12, atol=1e-14)
-    largest = found.outer.cutter.largest_radius_mm  # the insert of the outer face is hollow
-    assert largest == pytest.approx(1.05 * plain.outer.cutter.largest_radius_mm, rel=1e-5)
-    assert found.min_wall_mm == pytest.approx(plain.min_wall_mm, rel=1e-9)
-    for one, other in ((found.walls.thinnest, plain.walls.thinnest), (found.walls.thickest, plain.walls.thickest)):
-        np.testing.assert_allclose(one.envelope_point_mm, other.envelope_point_mm, atol=1e-9)
-    assert found.criteria[0].value == pytest.approx(plain.criteria[0].value, rel=1e-12)
