@@ -196,21 +196,6 @@ def scale(case, place):
     return Expected(1 + case.lens["spec"]["manufacture"]["shrinkage"], 1e-12)
 
 
-def keep_out(case, place):
-    """Least distance of the meshes of part and solids that do not overlap."""
-    import cadquery
-
-    margin = case.lens["spec"]["constraints"]["keep_out_margin_mm"]
-    solids = cadquery.importers.importStep(case.lens["spec"]["constraints"]["keep_out"]).val()
-    vertices, facets = solids.tessellate(1e-3, 0.02)
-    other = trimesh.Trimesh([vertex.toTuple() for vertex in vertices], facets)
-    part = mesh_of(case.folder / "lens.stl")
-    value = min(
-        trimesh.proximity.closest_point(one, two.vertices)[1].min() for one, two in ((part, other), (other, part))
-    )
-    return Expected(value, 5e-3, "mm", limit=(">=", margin), state="pass" if value >= margin else "fail")
-
-
 # -- The plate ---------------------------------------------------------------------------------------------------------
 
 
@@ -320,11 +305,6 @@ def plate_volume(case, place):
     return Expected(value, 3e-6 * value, "mm³")
 
 
-def plate_mass(case, place):
-    value = plate_mm3(case) * case.lens["spec"]["lens"]["density_g_per_cm3"] / 1000
-    return Expected(value, 3e-6 * value, "g")
-
-
 def plate_mesh(case, place):
     return Expected(closed(case.folder / "plate.stl"))
 
@@ -339,6 +319,6 @@ def plate_files(case, place):
 
 ORACLES = {
     f"export.{each.__name__}": each
-    for each in (form_error, normal_error, keep_out, volume, mass, mesh, schema, scale, plate_lenses, plate_gap,
-                 plate_size, plate_form_error, plate_volume, plate_mass, plate_mesh, plate_files)
+    for each in (form_error, normal_error, volume, mass, mesh, schema, scale, plate_lenses, plate_gap,
+                 plate_size, plate_form_error, plate_volume, plate_mesh, plate_files)
 }  # fmt: skip
