@@ -152,7 +152,8 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
         signed: Float[np.ndarray, " m"] = np.where(cavity.closed(to_sphere(places)), sign * np.subtract(*radii), -_FAR)
         return signed
 
-    places = _samples()
+    turn = np.linspace(0.0, 2.0 * np.pi, _RIM, endpoint=False)
+    places = np.concatenate([_samples(), *(each.chart(turn) for both in (cavity, envelope) for each in both.creases)])
     place, most = refined_maximum(figure, places, figure(places), _STEP)
     return Span(sign * most, *(points(each, place[None])[0] for each in (cavity, envelope)))
 

@@ -139,5 +139,7 @@ def _least_squares_centre(area: FaceArea) -> Float[np.ndarray, "3"]:
 
     scale = float(np.linalg.norm(area.points, axis=1).mean())
     tight = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
-    solution = least_squares(residual, np.zeros(1), slope, method="lm", x_scale=scale, **tight)
-    return np.asarray(solution.x @ axis)
+    # Between a centre below the face and one beyond it the departure is largest: the least is sought from either side.
+    starts = (np.zeros(1), np.full(1, 3.0 * scale))
+    found = [least_squares(residual, start, slope, method="lm", x_scale=scale, **tight) for start in starts]
+    return np.asarray(min(found, key=lambda each: float(each.cost)).x @ axis)

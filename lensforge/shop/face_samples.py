@@ -32,6 +32,7 @@ from lensforge.spec.part_section import ManufactureSection
 from lensforge.surfaces.surface import HALF_WIDTH
 
 RADII, AZIMUTHS = 96, 192
+_ALONG_EDGE = 360  # places at which an extreme on a crease is looked for
 
 
 @dataclass(frozen=True)
@@ -176,8 +177,12 @@ class FaceSamples:
     def largest(
         self, figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]], values: Float[np.ndarray, " k"]
     ) -> float:
-        """The largest ``figure``, between the samples too; ``values``: it at the samples."""
-        return refined_maximum(figure, self.chart, values, self.grid.step, within=self.face.domain.within)[1]
+        """The largest ``figure``, between the samples and at the creases too; ``values``: it at the samples."""
+        domain = self.face.domain
+        edges = [each.chart(np.linspace(0.0, 2.0 * np.pi, _ALONG_EDGE, endpoint=False)) for each in domain.edges]
+        places = np.concatenate([self.chart, *edges])
+        known = np.concatenate([values, *map(figure, edges)])
+        return refined_maximum(figure, places, known, self.grid.step, within=domain.within)[1]
 
     def lowest_curvature(self) -> float:
         """The lowest curvature (1/mm) of the face, searched for between the samples too."""

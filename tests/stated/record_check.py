@@ -8,14 +8,16 @@ from oracle_shop import (
     ANGLE_DEG,
     FIT,
     GOOD_DRAFT_DEG,
-    PLANE_MM,
     asked_draft,
+    ball_mm,
     cutter_state,
     draft_state,
     edge_deg,
     face_of,
+    hollow_mm,
     over_base,
     plate_wall_mm,
+    reached_share,
     relief_of,
     relief_state,
     slack_mm,
@@ -39,10 +41,8 @@ def face_record(case, name):
     face = face_of(case, name)
     radius, pv, rms, centre = face.sphere
     least, most = face.kappa, face.highest
-    balls, areas = face.balls
-    reached = areas[balls >= face.cutter * (1 - FIT)].sum() / areas.sum()
-    ball = None if np.isinf(face.largest_ball) else (face.largest_ball, 0.02 * face.largest_ball)
-    hollow = None if least >= -1 / PLANE_MM else (-1 / least, -1e-3 / least)
+    (reached, within), ball, hollow = reached_share(case, name), ball_mm(case, name), hollow_mm(case, name)
+    ball, hollow = (None if each[0] is None else each for each in (ball, hollow))
     return {
         "best_fit_sphere": {
             "radius_mm": (radius, 1e-6 * radius), "centre_mm": [0.0, 0.0, (centre, 2e-6 * radius)],
@@ -50,10 +50,10 @@ def face_record(case, name):
         },
         "curvature": {"kappa_min_per_mm": (least, 1e-4), "kappa_max_per_mm": (most, 1e-4),
                       "smallest_concave_radius_mm": hollow},
-        "cutter": {"radius_mm": face.cutter, "reachable_fraction": (reached, 0.015), "largest_radius_mm": ball,
+        "cutter": {"radius_mm": face.cutter, "reachable_fraction": (reached, within), "largest_radius_mm": ball,
                    "residual_mm": 0.0 if reached == 1 else ...},
         "draft_deg": {"min": (face.draft_deg, 0.003)},
-        "undercut_fraction": (undercut(case, name), 3e-3),
+        "undercut_fraction": (undercut(case, name), 5e-3),
         "largest_tilt_deg": (90 - face.draft_deg, 0.003),
         "area_mm2": (face.scale**2 * face.part.area[2].sum(), 2e-6 * face.scale**2 * face.part.area[2].sum()),
     }  # fmt: skip
@@ -72,7 +72,8 @@ def undercut(case, name):
 
 def judged(name, value, sense, limit, unit, tolerance, **more):
     """A criterion or a finding; a limit or a value may have a tolerance of its own."""
-    return {"value": value, "sense": sense, "limit": limit, "unit": unit, "tolerance": (tolerance, 1e-6), "name": name,
+    tolerance = tolerance if isinstance(tolerance, tuple) else (tolerance, 1e-9)
+    return {"value": value, "sense": sense, "limit": limit, "unit": unit, "tolerance": tolerance, "name": name,
             "remedy": ..., **more}  # fmt: skip
 
 
@@ -124,8 +125,8 @@ def verdicts(case, names, each, thin):
         return judged(name, value, sense, limit, unit, tolerance, surface=surface, reason=..., holds=state == "pass")
 
     for name in names:
-        ball = face_of(case, name).largest_ball
-        largest, fit = (None, 0.0) if np.isinf(ball) else ((ball, 0.02 * ball), FIT * ball)
+        ball, within = ball_mm(case, name)
+        largest, fit = (None, 0.0) if ball is None else ((ball, within), (FIT * ball, FIT * within + 1e-9))
         yield said("cutter", name, shop["cutter_radius_mm"], "<=", largest, "mm", fit, cutter_state(case, name))
     for name, found in each.items():
         most = max((value for key, value in found.items() if key.endswith("mm")), key=lambda pair: pair[0])
