@@ -11,6 +11,7 @@ from oracle_proof import (
     floor_of,
     reach_mm,
     record,
+    same_rays_limit,
     screens,
 )
 from record_export import area_mm2, box_mm, mesh_figures, near, volume
@@ -59,7 +60,7 @@ def receiver_record(case, index):
     return {
         "name": designed["name"], "width": designed["width"], "height": designed["height"],
         "far_field": kind == "far_field", "nmse_vs_design": (((part - design) ** 2).sum() / (design**2).sum(), 1e-9),
-        "noise_floor_nmse": ..., "nmse_same_rays": (0.0, 1e-4), "efficiency": (share, noise),
+        "noise_floor_nmse": ..., "nmse_same_rays": (0.0, same_rays_limit(found)), "efficiency": (share, noise),
         "efficiency_design_same_rays": (found["efficiency"], 1e-3),
         "against_design": gaps_record(maps[f"receivers.{index}.gaps_mesh_mm"], rays, found["against_design"]),
         "deviation_limit_mm": ... if reach is None else near(DEVIATION * reach, 1e-6),
@@ -148,7 +149,7 @@ def limits(case):
             f"{start}deviation_rms": each["deviation_limit_mm"],
             f"{start}brep_deviation_rms": each["deviation_limit_mm"] / 2,
             f"{start}flux_deviation": 1e-3, f"{start}fate_disagreement_flux": 1e-3, f"{start}brep_flux_deviation": 1e-4,
-            f"{start}brep_fate_disagreements": 2.0, f"{start}nmse_same_rays": 0.1 * floor + 1e-4,
+            f"{start}brep_fate_disagreements": 2.0, f"{start}nmse_same_rays": same_rays_limit(each),
             f"{start}nmse_vs_design": NOISE_FLOORS * floor + NOISE_ALLOWANCE,
             f"{start}own_rays_efficiency": 1e-3 + 4 * error,
             f"{start}own_rays_nmse": 1e-3 + 4 * less["standard_error"] if less else None,
