@@ -96,7 +96,7 @@ def nmse_vs_design(case, place):
 
 
 def nmse_same_rays(case, place):
-    """The faces of part and design are the same within nm: pictures by the same rays differ by rays on a pixel's edge."""
+    """Part and design are the same within nm: pictures by the same rays differ by rays on the edge of a pixel."""
     return Expected(0.0, same_rays_limit(record(case)["receivers"][place.group]))
 
 
