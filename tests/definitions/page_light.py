@@ -1,6 +1,5 @@
 """Receiver, target and figures of the light by sections 8 to 10 of docs/definitions.md alone."""
 
-from itertools import combinations
 from pathlib import Path
 
 import matplotlib
@@ -83,67 +82,9 @@ def target_image(lens, folder):
 # -- Section 10: figures of the light ----------------------------------------------------------------------------------
 
 
-def uniform_mask(lens):
-    n, target = lens["spec"]["evaluate"]["pixels"], lens["spec"]["target"]
-    near = abs(((np.arange(n) + 0.5) / n - 0.5) * target["receiver_mm"]) <= target["uniform_mm"] / 2
-    return near[:, None] & near[None, :]
-
-
 def raw_nmse(image, t):
     s = image.sum() / t.sum()
     return ((image - s * t) ** 2).sum() / ((s * t) ** 2).sum() if s else 1.0
-
-
-def raw_rsd(image, mask):
-    return np.sqrt(((image[mask] - image[mask].mean()) ** 2).mean()) / image[mask].mean()
-
-
-def raw_uniformity(image, mask):
-    return image[mask].min() / image[mask].mean()
-
-
-def over_pairs(images):
-    """Mean over pairs k != l of sum(A_k A_l)."""
-    r = len(images)
-    return ((sum(images) ** 2).sum() - sum((a**2).sum() for a in images)) / (r * (r - 1))
-
-
-def nmse(images, t):
-    scales = np.array([image.sum() / t.sum() for image in images])
-    return over_pairs([i - s * t for i, s in zip(images, scales, strict=True)]) / (over_pairs(scales) * (t**2).sum())
-
-
-def rsd(images, mask):
-    values = [image[mask] for image in images]
-    spread = over_pairs([v - v.mean() for v in values]) / mask.sum()
-    return np.sqrt(max(spread / over_pairs(np.array([v.mean() for v in values])), 0))
-
-
-def uniformity(images, mask):
-    values = np.array([image[mask] / image[mask].mean() for image in images])
-    return min(max(extrapolated(values), values.mean(axis=0).min()), 1.0)
-
-
-def peak(images, target):
-    values = -np.array([image.ravel() / image.sum() for image in images]) * target.sum() / target.max()
-    return -min(max(extrapolated(values), values.mean(axis=0).min()), values.mean())
-
-
-def extrapolated(values):
-    assert len(values) == 16
-
-    def darkest(blocks):
-        pairs = []
-        for block in blocks:
-            mean, others = values[list(block)].mean(axis=0), np.delete(values, list(block), axis=0).mean(axis=0)
-            pairs.append((mean.min(), others[mean.argmin()]))
-        return np.mean(pairs, axis=0)
-
-    fours = [b for b in combinations(range(16), 4) if b[0] ^ b[1] ^ b[2] ^ b[3] == 0]
-    eights = [[k for k in range(16) if (k & q).bit_count() % 2 == odd] for q in range(1, 16) for odd in (0, 1)]
-    (u_4, v_4), (u_8, v_8) = darkest(fours), darkest(eights)
-    below = (v_4 - u_4) - (v_8 - u_8)
-    return u_8 + (float(np.clip((u_8 - u_4) / below, 0, 1)) if below > 0 else 1.0) * (v_8 - u_8)
 
 
 def share_in_target(lens, place, flux, inside):

@@ -18,12 +18,9 @@ import page_light
 import page_tracer
 import pytest
 from nightly import first_by_day
-from scipy.stats import t as student
 
 import lensforge as lf
 from lensforge.kernels.fate import Fate
-from lensforge.light.metrics import least_over_mean, nmse_estimate, rsd_estimate
-from lensforge.light.receiver_light import RegionLight
 from lensforge.light.simulation import TracedLens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec.accuracy import PRESETS
@@ -38,9 +35,6 @@ ALONE = {name: preset.replace(f"{name}_alone", table_error=False) for name, pres
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "examples"
 LENSES = ["fixed_outer", "flat_top", "fixed_inner", "image", "pi"]
-REPLICATES, RAYS, LIBRARY_RAYS = 16, 2048, 2**18
-# Three standard errors, where these come from 16 replicates.
-BOUND = student.ppf(0.99865, REPLICATES - 1)
 WIDE = {"kind": "table", "gamma_deg": [0, 40, 120, 150], "intensity": [1.0, 0.8, 0.6, 0.2]}
 
 # A source inside the cavity, turned and tilted: a third of its light goes downwards, and some of that meets the lens.
@@ -51,12 +45,6 @@ IN_CUP = {
     "rotate_z_deg": 30.0, "flux_w": 2.5, "intensity": {"kind": "cosine", "power": 1.5},
     "spectrum": {"kind": "table", "wavelength_nm": [430.0, 460.0, 560.0, 680.0], "weight": [0.0, 1.0, 0.7, 0.1]},
 }  # fmt: skip
-# A chip array beside the axis.
-CHIPS = {
-    "kind": "chip_array", "columns": 2, "rows": 3, "width_mm": 0.5, "height_mm": 0.3, "pitch_mm": [1.0, 0.6],
-    "position_mm": [0.1, 0.0, 0.0], "flux_w": 1.0, "intensity": {"kind": "cosine", "power": 1.2},
-}  # fmt: skip
-PMMA = {"material": "PMMA", "refractive_index": None}  # None: left out
 ABBE = {"material": "", "abbe_number": 30.0, "refractive_index": 1.55, "absorption_per_mm": 0.02}
 GLASS = {"refractive_index": 1.5, "thickness_mm": 6.0, "distance_mm": 20.0, "absorption_per_mm": 0.01}
 ABBE |= {"cavity_index": 1.1, "outside_index": 1.05, "cover_glass": GLASS}
@@ -163,20 +151,6 @@ def test_numbers_of_a_formed_face_on_the_page() -> None:
     np.testing.assert_allclose(n[0], [0.376978117758, 0.558402592657, 0.738968228847], atol=1e-12)
     np.testing.assert_allclose(n[1], [0.748841427009, 0.058128529846, 0.660195116018], atol=1e-12)
     np.testing.assert_allclose(n[2], [0.561189988832, -0.742873940959, -0.364971374601], atol=1e-12)
-
-
-def test_figures_without_noise_of_the_same_replicates() -> None:
-    rng = np.random.default_rng(3)
-    target = 1 + 0.3 * rng.random((24, 24))
-    images = rng.poisson(60 * target * (1 + 0.1 * rng.random((24, 24))), (16, 24, 24)).astype(float)
-    mask = np.zeros((24, 24), dtype=bool)
-    mask[4:20, 4:20] = True
-    page = list(images)
-    assert nmse_estimate(images, target).value == pytest.approx(page_light.nmse(page, target), rel=1e-10)
-    assert rsd_estimate(images, mask).value == pytest.approx(page_light.rsd(page, mask), rel=1e-10)
-    assert least_over_mean(images[:, mask]).value == pytest.approx(page_light.uniformity(page, mask), rel=1e-10)
-    region = RegionLight.of(images, target, mask, "W/m²")
-    assert region is not None and region.peak.value == pytest.approx(page_light.peak(page, target), rel=1e-10)
 
 
 @pytest.mark.parametrize("name", first_by_day(2, LENSES))
@@ -331,117 +305,3 @@ def test_every_ray_through_more_than_two_faces(folder: Path, case: str) -> None:
     steps = (at.record["spec"]["target"]["distance_mm"] - points[:, 2]) / ways[:, 2]
     away = np.linalg.norm((points + steps[:, None] * ways)[:, :2] - place[landed], axis=1)
     assert np.median(away) < 1e-3 and np.quantile(away, 0.9) < 1e-2  # three reflections enlarge the error of a table
-
-
-OWN_RAYS = {
-    "flat_top": {"conditions": {"pixels": 32}},  # few, for a uniformity that is not all noise
-    "image": {"source": CHIPS},
-    "fixed_inner": {
-        "source": IN_CUP,
-        "material": PMMA,
-        "conditions": {"pixels": 96, "filter_variance": 0.5, "window_mm": 180.0},
-    },
-}
-
-
-@dataclass(frozen=True)
-class Both:
-    scene: Scene
-    page: dict[str, Any]
-    light: lf.Light
-
-
-@cache
-def both(folder: Path, name: str) -> Both:
-    at = scene(
-        folder, name, *(json.dumps(OWN_RAYS[name].get(field, {})) for field in ("source", "material", "conditions"))
-    )
-    rays = [page_rays(at.record, RAYS, 100 + k) for k in range(REPLICATES)]
-    page = page_light.light(at.record, at.pair, rays, EXAMPLES)
-    return Both(at, page, lf.evaluate(at.lens, accuracy=ALONE["draft"], rays=LIBRARY_RAYS))
-
-
-@pytest.mark.parametrize("name", first_by_day(1, OWN_RAYS, "ten seconds for each scene"))
-def test_images_of_one_evaluation(folder: Path, name: str) -> None:
-    """Target, filter and raw figures of lensforge's own irradiance map: no noise between them."""
-    two = both(folder, name)
-    record, light, target = two.scene.record, two.light, two.page["target"]
-    np.testing.assert_allclose(light.target_map / light.target_map.sum(), target, rtol=0, atol=1e-12 * target.max())
-    assert light.target_map.sum() == pytest.approx(light.map.sum(), rel=1e-12)
-    np.testing.assert_allclose(light.map, page_light.filtered(record, light.raw_map), atol=1e-12 * light.map.max())
-    assert light.raw.nmse == pytest.approx(page_light.raw_nmse(light.map, target), rel=1e-10)
-    if record["spec"]["target"]["uniform_mm"]:
-        mask = page_light.uniform_mask(record)
-        assert light.raw.rsd == pytest.approx(page_light.raw_rsd(light.map, mask), rel=1e-10)
-        assert light.raw.uniformity == pytest.approx(page_light.raw_uniformity(light.map, mask), rel=1e-10)
-    else:
-        assert light.uniformity is None and light.rsd is None
-
-
-def agree(what: str, page: float, error: float, library: float, library_error: float) -> None:
-    combined = np.hypot(error, library_error)
-    assert abs(page - library) <= BOUND * combined, f"{what}: page {page} ± {error}, library {library}"
-
-
-@pytest.mark.parametrize("name", first_by_day(1, OWN_RAYS, "ten seconds for each scene"))
-def test_flux_budget(folder: Path, name: str) -> None:
-    two = both(folder, name)
-    for cause, library in (library_shares(two.light) | {"share_in_target": two.light.share_in_target.value}).items():
-        values = two.page["figures"][cause]
-        # Of a rare fate the replicates see too few rays to tell their own spread: that of independent rays.
-        rare = np.sqrt(max(library, 1 / values.size / RAYS) / values.size / RAYS) if library < 1e-3 else 0.0
-        error = max(values.std(ddof=1) / 4, rare)
-        agree(cause, values.mean(), error, library, error * np.sqrt(REPLICATES * RAYS / LIBRARY_RAYS))
-    assert two.light.efficiency.value == pytest.approx(two.light.flux.detected, rel=1e-12)
-
-
-def jackknife(images: list[Any], figure: Any) -> float:
-    left_out = np.array([figure(images[:k] + images[k + 1 :]) for k in range(len(images))])
-    return float(np.sqrt((len(images) - 1) * left_out.var()))
-
-
-@pytest.mark.parametrize("name", first_by_day(1, OWN_RAYS, "ten seconds for each scene"))
-def test_nmse_without_noise(folder: Path, name: str) -> None:
-    two = both(folder, name)
-    images, target = two.page["images"], two.page["target"]
-    error = jackknife(images, lambda some: page_light.nmse(some, target))
-    metric = two.light.nmse
-    agree("nmse", page_light.nmse(images, target), error, metric.value, metric.standard_error or 0.0)
-    assert metric.standard_error and metric.value < two.light.raw.nmse
-
-
-def test_uniformity_without_noise(folder: Path) -> None:
-    two = both(folder, "flat_top")
-    images, mask, light = two.page["images"], page_light.uniform_mask(two.scene.record), two.light
-    error = jackknife(images, lambda some: page_light.rsd(some, mask))
-    assert light.rsd and light.rsd.standard_error and light.uniformity and light.uniformity.standard_error
-    agree("rsd", page_light.rsd(images, mask), error, light.rsd.value, light.rsd.standard_error)
-    # The error of a minimum at fewer rays: noise falls with their square root.
-    error = light.uniformity.standard_error * np.sqrt(LIBRARY_RAYS / REPLICATES / RAYS)
-    agree("uniformity", page_light.uniformity(images, mask), error, light.uniformity.value, error / 2)
-
-
-@pytest.mark.parametrize("name", first_by_day(1, OWN_RAYS, "ten seconds for each scene"))
-def test_irradiance(folder: Path, name: str) -> None:
-    """Blocks of pixels by the F ratio of difference and noise; centre and widths of the light."""
-    two = both(folder, name)
-    library = pixel_flux(two.light, two.scene.record["spec"]["source"]["flux_w"])
-    bins = np.array(two.page["bins"])
-
-    def blocks(images: Any) -> Any:
-        side = images.shape[-1] // 32
-        return images.reshape(*images.shape[:-2], 32, side, 32, side).sum(axis=(-1, -3))
-
-    sample, truth = blocks(bins), blocks(library)
-    variance = sample.var(axis=0, ddof=1) / REPLICATES * (1 + REPLICATES * RAYS / LIBRARY_RAYS)
-    lit = truth * REPLICATES * RAYS > 20  # rays in the block
-    ratios = ((sample.mean(axis=0) - truth)[lit]) ** 2 / variance[lit]
-    mean, spread = 15 / 13, np.sqrt(2 * 15**2 * 14 / (13**2 * 11))  # of F with 1 and 15 degrees of freedom
-    assert abs(ratios.mean() - mean) < 4 * spread / np.sqrt(lit.sum())
-    x = two.light.first.chart.x(two.light.pixels)[None, :] + 0 * library
-    y = x.T
-    for moment in (x, y, x * x, x * y, y * y):
-        values = (bins * moment).sum(axis=(1, 2))
-        error = values.std(ddof=1) / 4
-        there = (library * moment).sum()
-        agree("moment", values.mean(), error, there, error * np.sqrt(REPLICATES * RAYS / LIBRARY_RAYS))

@@ -344,8 +344,18 @@ def blurred(image, q):
     return image
 
 
+DRAWN = {}
+
+
 def target_light(receiver, shape=None):
     """T, whose pixels add up to 1, and the sub-pixels in which it is above a tenth of its largest pixel."""
+    key = repr((receiver.targets, receiver.size, receiver.window, receiver.shape, shape))
+    if key not in DRAWN:
+        DRAWN[key] = drawn(receiver, shape)
+    return DRAWN[key]
+
+
+def drawn(receiver, shape):
     n = max(receiver.shape)
     k = max(1, min(max(8, 512 // n), 4096 // n))
     rows, columns = shape or receiver.shape

@@ -83,7 +83,8 @@ def test_rays_of_files_are_those_of_the_files(case: Callable[[str], Case]) -> No
             at, on, flux, _ = own_rays(source, call)
             found = [known[tuple(np.round(each, 4) + 0.0)] for each in np.column_stack([at, on])]
             used.append(found)
-            assert flux / flux.sum() == pytest.approx((w := np.concatenate(parts)[found]) / w.sum(), rel=1e-5)
+            stated = np.concatenate(parts)[found]
+            assert flux / flux.sum() == pytest.approx(stated / stated.sum(), rel=1e-5)
             for _, factor, _, _, own_flux, _ in call:
                 assert (factor * own_flux).sum() == pytest.approx(sum(each.sum() for each in parts), rel=1e-5)
         judged, searched = map(set, used)
