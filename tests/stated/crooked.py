@@ -10,19 +10,19 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from presets import WITH_TABLE_ERROR
 
 import lensforge as lf
 from lensforge.results.arguments import threads_of_torch
 from lensforge.results.fact import Fact, Group
 from lensforge.sources.rayfiles.ray_file import RayFile
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
-from lensforge.spec.accuracy import PRESETS
 
 DESIGNS = Path(__file__).parent / "designs"
 # Double on poles with two roads that differ; TIR and reflector with levels; turned lenses of a plate, moulded; kinds by
@@ -30,6 +30,7 @@ DESIGNS = Path(__file__).parent / "designs"
 NAMES = ("roads", "tir", "cup", "plate", "kinds", "leds", "chips")
 FILES = {"near": 1800, "far": 700}  # rays in each file
 FILE_EFFICACIES = {"near": 300.0, "far": 240.0}  # lm/W
+FEW_RAYS = WITH_TABLE_ERROR.replace("crooked", photometry_rays=(2**12, 2**12), verify_rays=2**10)
 HOT_C = 95.0  # of the lens in the results "warm"
 _SEARCHED_STEPS = 12  # for each level of a stored lens
 
@@ -139,15 +140,6 @@ def spec_of(name: str, folder: Path, changes: dict[str, Any] | None = None) -> l
     return spec.replace(changes) if changes else spec
 
 
-@contextmanager
-def few_rays() -> Iterator[None]:
-    """Stages that choose the number of their rays by the preset take few."""
-    with pytest.MonkeyPatch.context() as patch:
-        small = replace(PRESETS["draft"], photometry_rays=2**12, verify_rays=2**10)
-        patch.setitem(PRESETS, "draft", small)
-        yield
-
-
 class Record:
     """Rays that the stages draw, and the tables of the far field that they make of them, by the name of the stage."""
 
@@ -194,14 +186,13 @@ class Record:
 
 def made(name: str, folder: Path) -> Case:
     """The design of this name, run through every stage in ``folder``."""
-    from coarse_part import coarse_part
     from undrawn import undrawn
 
     record = Record()
     spec, start = spec_of(name, folder / "spec"), lf.load_lens(stored(name, folder / "spec"))
-    with few_rays(), record.kept(), undrawn(), coarse_part(), threads_of_torch(1):
+    with record.kept(), undrawn(), threads_of_torch(1):
         run = lf.run(
-            spec, folder / "run", accuracy="draft", seed=3, start=start, warn=lambda _: None, announce=record.begins
+            spec, folder / "run", accuracy=FEW_RAYS, seed=3, start=start, warn=lambda _: None, announce=record.begins
         )
         results = dict(run.found)
         if name == "leds":  # of which the second LED is hot, too
