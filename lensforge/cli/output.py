@@ -68,13 +68,14 @@ class Block:
     rows: Sequence[Row] = ()
 
 
-def print_screen(blocks: Sequence[Block]) -> None:
-    """Print ``blocks``, their texts in one column, long lines wrapped on a terminal."""
-    shown = click.HelpFormatter(width=_width())
+def print_screen(blocks: Sequence[Block], width: int | None = None) -> None:
+    """Print ``blocks``, their texts in one column, lines wrapped at ``width``; None: as wide as the terminal is."""
+    width = _width() if width is None else width
+    shown = click.HelpFormatter(width=width)
     labels = [printable(label) for block in blocks for label, _ in block.rows]
     widest = min(max(map(len, labels), default=0), _WIDEST_LABEL)
     for block in blocks:
-        title = textwrap.fill(_line(block.title), _width(), break_long_words=False, break_on_hyphens=False)
+        title = textwrap.fill(_line(block.title), width, break_long_words=False, break_on_hyphens=False)
         shown.write(f"{title}\n")  # a path in it is never broken, so that it can be copied
         if block.rows:
             with shown.indentation():

@@ -13,6 +13,7 @@ import re
 import runpy
 import signal
 import sys
+from collections.abc import MutableMapping
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -54,17 +55,17 @@ def limit_itself(memory_mib: int, seconds: float) -> None:
             resource.setrlimit(kind, (allowed, kept))
 
 
-def ignore_settings_of_libraries() -> None:
-    """Leave out of this process's environment what would change or end the work of libraries that are yet to load.
+def ignore_settings_of_libraries(environ: MutableMapping[str, str] = os.environ) -> None:
+    """Leave out of the environment what would change or end the work of libraries that are yet to load.
 
     Compilers that are switched off or print (numba, torch), resources of another CAD program, numbers of threads that
     are no numbers, and a style or window of matplotlib: a command draws files in a style of its own.
     """
-    for name, value in list(os.environ.items()):
+    for name, value in list(environ.items()):
         no_number = name in _THREAD_NUMBERS and not re.fullmatch(r"[1-9]\d{0,3}(,[1-9]\d{0,3})*", value.strip())
         if no_number or name.startswith(_NOT_OURS):
-            del os.environ[name]
-    os.environ |= {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
+            del environ[name]
+    environ.update({"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull})
 
 
 def collect_garbage_seldom() -> None:

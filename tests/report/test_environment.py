@@ -18,15 +18,15 @@ from lensforge.results.worker import ignore_settings_of_libraries
 FOREIGN = {"text.usetex": True, "lines.linewidth": 20.0, "axes.facecolor": "red", "axes.grid": True, "pdf.fonttype": 42}
 
 
-def test_a_command_ignores_what_would_change_or_end_its_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_ignores_what_would_change_or_end_its_libraries() -> None:
     foreign = {
         "NUMBA_DISABLE_JIT": "1", "NUMBA_OPT": "zz", "TORCH_LOGS": "garbage", "CSF_STEPDefaults": "/nowhere",
         "OMP_NUM_THREADS": "0", "MKL_NUM_THREADS": "x", "MPLBACKEND": "Qt4Agg", "MATPLOTLIBRC": "/home/x",
     }  # fmt: skip
     kept = {"HOME": "/home/x", "OPENBLAS_NUM_THREADS": "4", "LC_ALL": "C"}
-    monkeypatch.setattr(os, "environ", {**foreign, **kept})
-    ignore_settings_of_libraries()
-    assert os.environ == {**kept, "MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
+    environ = {**foreign, **kept}
+    ignore_settings_of_libraries(environ)
+    assert environ == {**kept, "MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
 
 
 @pytest.mark.parametrize(

@@ -76,9 +76,10 @@ def test_quiet_says_nothing_on_success(examples: Path) -> None:
     assert json.loads(done.stdout)["rays"] == 20_000
 
 
-def test_labels_and_texts_stand_in_columns(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    print_screen([Block("Light: pass", [("NMSE", "0.1\u2009%"), ("A name\x1b[2J", "word " * 30)]), Block("Lens")])
+def test_labels_and_texts_stand_in_columns(capsys: pytest.CaptureFixture[str]) -> None:
+    print_screen(
+        [Block("Light: pass", [("NMSE", "0.1\u2009%"), ("A name\x1b[2J", "word " * 30)]), Block("Lens")], width=80
+    )
     first, nmse, name, *rest = capsys.readouterr().out.splitlines()
     assert (first, rest[-1]) == ("Light: pass", "Lens")
     assert nmse.index("0.1 %") == name.index("word") == rest[0].index("word")
