@@ -59,7 +59,7 @@ def test_amounts_are_those_of_the_known_parts(bound: float) -> None:
             assert true == 0.0 or row.unlimited
             continue
         assert row.at_most == pytest.approx(true, rel=0.08)
-        error = np.sqrt(PASS_RATE * (1.0 - PASS_RATE) / MOST_PARTS)  # of a share of so many parts
+        error = np.sqrt(PASS_RATE * (1.0 - PASS_RATE) / PARTS)  # of a share of so many parts
         assert row.low <= row.at_most <= row.high
         for found, rate in ((row.low, PASS_RATE + error), (row.high, PASS_RATE - error)):
             end = amount * _true_scale(known, names, bound, rate)
