@@ -449,22 +449,6 @@ def way_fact(case, place):
     )
 
 
-SAID = ("base", "flange", "backward", "more_events", "total_reflection")
-
-
-def leak_fact(case, place):
-    """Light above 1 % that leaves by a face that should reflect; then by cause."""
-    own, receiver = place_of(case, place)
-    leaks = [
-        stated(way["share"], 100, "%")
-        for way in own["ways"]
-        if way["faces"] == ["wall"] and way["share"]["value"][0] > 0.01
-    ]
-    lost = receiver["missed_by_cause"] | receiver["flux"]
-    leaks += [Expected(100 * lost[name][0], 100 * lost[name][1], "%") for name in SAID if lost[name][0] > 0.01]
-    return leaks[place.number]
-
-
 def from_first(*path, factor=1.0, unit=""):
     def oracle(case, place):
         entry = evaluation(case, place.stage)[0]
@@ -489,12 +473,12 @@ ORACLES = {
     "uniformity": from_receiver("uniformity"), "rsd": from_receiver("rsd"), "peak": from_receiver("in_region", "peak"),
     "colour_u": colour_fact("u"), "colour_v": colour_fact("v"), "cct": colour_fact("cct"), "duv": colour_fact("duv"),
     "rms_delta_uv": colour_fact("rms"), "worst_delta_uv": colour_fact("worst"), "limit": limit_fact, "way": way_fact,
-    "leak": leak_fact, "rays": from_first("rays"), "pixels": pixels_fact,
+    "rays": from_first("rays"), "pixels": pixels_fact,
     "raw_nmse": from_first("receivers", 0, "raw", "nmse"), "noise_nmse": from_first("receivers", 0, "nmse_of_noise"),
     "fitted_nmse": from_first("fitted", "nmse"),
     "fitted_efficiency": from_first("fitted", "efficiency", factor=100, unit="%"),
 }  # fmt: skip
-ORACLES = {f"{stage}.{key}": oracle for stage in ("evaluate", "warm") for key, oracle in ORACLES.items()}
+ORACLES = {f"evaluate.{key}": oracle for key, oracle in ORACLES.items()}
 RECORDS = {
     "evaluate": lambda case: evaluation(case)[0],
     "warm": lambda case: evaluation(case, "warm")[0],

@@ -84,7 +84,7 @@ def found_of(case):
     h, r = limits["cavity_height_mm"], limits["cavity_radius_mm"]
     clear = (h / r**2 * solid.cavity**2 * (1 - z**2) + solid.cavity * z - h).min()
     from_axis = solid.body * (1 if kind == "double" else np.sqrt(1 - z**2))
-    near = 2e-3  # between the directions at which the program looks
+    near = 4e-3  # between the directions at which the program looks
     largest, height = (from_axis.max(), near), ((solid.body * z).max(), near)
     margins = {
         "cavity_clearance_mm": (clear, near), "radius_margin_mm": (limits["max_radius_mm"] - largest[0], near),
