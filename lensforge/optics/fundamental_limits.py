@@ -16,11 +16,12 @@ from math import pi, prod
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.optics.coatings import least_reflectances
-from lensforge.optics.media import DOUBLE, Media
+from lensforge.optics.coatings import Span, least_reflectances
+from lensforge.optics.media import DOUBLE, TIR, Media, Mirror
 
 Turns = Float[np.ndarray, "*n"]
-Least = tuple[float | None, float | None]  # reflectances of the inner and the outer face; None: it is bare
+Ways = tuple[float | None, ...]  # reflectances of the faces by which light may pass; None: one that is bare
+Least = tuple[Ways, Ways]  # of those by which it may enter the body, and leave it
 _PEAKED = 2.5  # ratio of indices up to which a face transmits the most where it turns no light
 _TURNS, _BETWEEN = 128, 1.0001  # of a face at which others are looked at, and a bound of what lies between those
 _SPLITS = 512  # of a turn among two faces that differ: the bound is less than 3 % above what some split transmits
@@ -31,18 +32,18 @@ def best_transmittance(
     refractive_index: float | Turns,
     cavity_index: float = 1.0,
     outside_index: float = 1.0,
-    least: Least = (None, None),
+    least: Least = ((None,), (None,)),
 ) -> Turns:
     """Largest transmittance of two faces that turn a ray by ``deviation_rad`` at least; 0 beyond the largest deviation.
 
     The logarithm of one face's root mean square is concave in its deviation, so that two alike do best to turn the ray
     by half of it each, in one plane. Of two that differ an upper bound: each transmits less the more it turns, and
-    within a step of the split at most what it does at the step's better end. ``least``: reflectances of coated faces.
+    within a step of the split at most what it does at the step's better end. ``least``: of :func:`least_by_way`.
     """
     turn = np.maximum(deviation_rad, 0.0)
     index = np.broadcast_to(refractive_index, turn.shape)
-    if cavity_index == outside_index and least == (None, None):
-        once = _at_most(0.5 * turn, _ratio(index, cavity_index), None)
+    if cavity_index == outside_index and {*least[0], *least[1]} == {None}:
+        once = _of_bare(0.5 * turn, _ratio(index, cavity_index))
         both: Turns = once * once
         return both
     # once for all rays of one index that need not turn: in a scene they are most of all
@@ -57,10 +58,28 @@ def best_transmittance(
     return found
 
 
-def _at_most(deviation_rad: Turns, ratio: Turns, least: float | None) -> Turns:
-    """Largest transmittance of a face that turns light at least so far, or of a coated one an upper bound."""
-    if least is not None:
-        return np.where(_is_turned(deviation_rad, ratio), 1.0 - least, 0.0)
+def least_by_way(media: Media, span_nm: Span | None) -> Least:
+    """Least reflectances of the faces by which light may enter the body, and of those by which it may leave.
+
+    Of a lens for total internal reflection cap and side, and wall and exit, but for mirrors. ``span_nm`` None: at any
+    wavelength.
+    """
+    coated = least_reflectances(media, span_nm)
+    mirrors = {each.face for each in media.coatings if isinstance(each.coating, Mirror)}
+    names = (TIR[:2], TIR[2:]) if (coated.keys() | mirrors) & set(TIR) else (DOUBLE[:1], DOUBLE[1:])
+    entering, leaving = (tuple(coated.get(name) for name in side if name not in mirrors) for side in names)
+    return entering, leaving
+
+
+def _at_most(deviation_rad: Turns, ratio: Turns, ways: Ways) -> Turns:
+    """Largest transmittance of the best of some faces, turning light at least so far; of coated ones an upper bound."""
+    turned = _is_turned(deviation_rad, ratio)
+    found = [_of_bare(deviation_rad, ratio)] if None in ways else []
+    best: Turns = np.max([*found, *(np.where(turned, 1.0 - each, 0.0) for each in ways if each is not None)], axis=0)
+    return best
+
+
+def _of_bare(deviation_rad: Turns, ratio: Turns) -> Turns:
     bare, peaked = face_transmittance(deviation_rad, ratio), ratio > _PEAKED
     for share in np.linspace(0.0, 1.0, _TURNS if np.any(peaked) else 0):  # the most is near Brewster's angle
         turn = share * np.arccos(1.0 / ratio)
@@ -111,9 +130,8 @@ def transmittance_of(media: Media) -> float:
     if media.cup is not None:
         return behind
     index = np.full(1, media.body.refractive_index)
-    least = least_reflectances(media, None)
-    faces = zip(DOUBLE, (media.cavity_index, media.outside_index), strict=True)
-    one, other = (float(_at_most(np.zeros(1), _ratio(index, around), least.get(name))[0]) for name, around in faces)
+    sides = zip(least_by_way(media, None), (media.cavity_index, media.outside_index), strict=True)
+    one, other = (float(_at_most(np.zeros(1), _ratio(index, around), ways)[0]) for ways, around in sides)
     return one * other * behind
 
 

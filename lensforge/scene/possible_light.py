@@ -14,10 +14,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.optics.coatings import least_reflectances, whole_span
+from lensforge.optics.coatings import whole_span
 from lensforge.optics.exit_space import ExitBall, ExitSpace
-from lensforge.optics.fundamental_limits import best_transmittance, cone_around
-from lensforge.optics.media import DOUBLE, Media
+from lensforge.optics.fundamental_limits import best_transmittance, cone_around, least_by_way
+from lensforge.optics.media import Media
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source, is_round
@@ -198,10 +198,9 @@ class SourceLight:
             return np.where(turns_rad > 0.0, self.media.cup.reflectance, 1.0)
         turns_rad = np.zeros_like(turns_rad) if self.reflects else turns_rad
         media, waves = self.media, self.rays.wavelengths_nm
-        least = least_reflectances(media, whole_span(waves, media))
+        least = least_by_way(media, whole_span(waves, media))
         indices = media.body.indices(waves, len(self.rays))
-        of_faces = least.get(DOUBLE[0]), least.get(DOUBLE[1])
-        return best_transmittance(turns_rad, indices, media.cavity_index, media.outside_index, of_faces)
+        return best_transmittance(turns_rad, indices, media.cavity_index, media.outside_index, least)
 
     @cached_property
     def transmittance(self) -> float:

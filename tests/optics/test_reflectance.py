@@ -10,7 +10,16 @@ from lensforge.errors import InputError
 from lensforge.optics.coatings import coating_tables, least_reflectances, reflectance_of, stack_reflectances
 from lensforge.optics.dielectric import coated_transmittances, fresnel_transmittances
 from lensforge.optics.fundamental_limits import best_transmittance, transmittance_of
-from lensforge.optics.media import CoatingLayer, IndexCurve, LayerStack, Media, Medium, ReflectanceTable
+from lensforge.optics.media import (
+    CoatingLayer,
+    FaceCoating,
+    IndexCurve,
+    LayerStack,
+    Media,
+    Medium,
+    Mirror,
+    ReflectanceTable,
+)
 from lensforge.proof.refraction import RefractingFace
 
 RNG = np.random.default_rng(4)
@@ -139,11 +148,11 @@ def test_no_light_passes_two_coated_faces_beyond_the_bound(face):
     assert least[0] <= 1.0 - np.sqrt(np.mean((1.0 - fine) ** 2, axis=0).max()) < least[0] + 1e-3
     ratio = max(body, around) / min(body, around)
     turns = np.linspace(0.0, largest_deviation_rad(ratio) + 0.2, 50)
-    bound = best_transmittance(turns, body, around, around, least)
+    bound = best_transmittance(turns, body, around, around, ((least[0],), (least[1],)))
     assert (bound <= (1.0 - least[0]) ** 2).all() and not bound[turns > largest_deviation_rad(ratio)].any()
     possible = turns < 0.99 * largest_deviation_rad(ratio)
     np.testing.assert_allclose(bound[possible], (1.0 - least[0]) ** 2)
-    one_bare = best_transmittance(turns, body, around, around, (least[0], None))
+    one_bare = best_transmittance(turns, body, around, around, ((least[0],), (None,)))
     assert (one_bare >= best_transmittance(turns, body, around, around) * 0.97).all() and (
         one_bare <= bound / 0.97
     ).all()
@@ -153,3 +162,7 @@ def test_no_light_passes_two_coated_faces_beyond_the_bound(face):
     assert anywhere <= 1.0 - np.sqrt(np.mean((1.0 - whole) ** 2, axis=0).max()) < anywhere + 1e-3
     half = ReflectanceTable((0.0, 90.0), ((0.5, 0.5),))
     assert transmittance_of(Media(Medium(1.5), coatings=coatings(half, half))) == 0.25
+    # Of a lens for total internal reflection by the best of its ways: the side is bare, the wall a mirror.
+    faces = {"cap": half, "exit": ReflectanceTable((0.0, 90.0), ((0.01, 0.01),)), "wall": Mirror(0.9)}
+    tir = Media(Medium(1.5), coatings=tuple(FaceCoating(name, "outside", each) for name, each in faces.items()))
+    assert transmittance_of(tir) == pytest.approx(0.96 * 0.99, rel=1e-12)

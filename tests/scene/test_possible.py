@@ -13,9 +13,9 @@ from presets import FEW
 from scipy.optimize import minimize
 
 import lensforge as lf
-from lensforge.optics.coatings import least_reflectances, whole_span
+from lensforge.optics.coatings import whole_span
 from lensforge.optics.exit_space import ExitBall
-from lensforge.optics.fundamental_limits import best_transmittance
+from lensforge.optics.fundamental_limits import best_transmittance, least_by_way
 from lensforge.optics.media import CoverGlass, Media, Medium
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window
@@ -183,9 +183,8 @@ MEDIA = {"bare": Media(Medium(1.5)), "glass": Media(Medium(1.5), cover_glass=GLA
 
 
 def best(turn: float, index: float, media: Media) -> float:
-    least = least_reflectances(media, whole_span(rays().wavelengths_nm, media))
-    of_faces = least.get("inner"), least.get("outer")
-    return float(best_transmittance(np.array([turn]), np.array([index]), 1.0, 1.0, of_faces)[0])
+    least = least_by_way(media, whole_span(rays().wavelengths_nm, media))
+    return float(best_transmittance(np.array([turn]), np.array([index]), 1.0, 1.0, least)[0])
 
 
 def solid_angles(receiver: PosedReceiver) -> np.ndarray:

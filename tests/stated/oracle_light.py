@@ -378,11 +378,17 @@ def transmitted(spec):
     for body in (spec["lens"], *(spec["bodies"] or [])):
         if body.get("kind") == "reflector":
             continue
-        for faces, beside in ((("inner", "cap"), "cavity_index"), (("outer", "exit"), "outside_index")):
-            coating = next((body[name].get("coating") for name in faces if body.get(name)), None)
+        ways = (("cap", "side"), ("wall", "exit")) if body.get("kind") == "tir" else (("inner",), ("outer",))
+        for faces, beside in zip(ways, ("cavity_index", "outside_index"), strict=True):
+            coatings = [(body.get(name) or {}).get("coating") for name in faces if not mirrored(body.get(name))]
             n, around = body["refractive_index"], body.get(beside, spec["lens"]["outside_index"])
-            found *= 1 - (np.min(coating["reflectance"]) if coating else ((n - around) / (n + around)) ** 2)
+            bare = ((n - around) / (n + around)) ** 2
+            found *= 1 - min(np.min(coating["reflectance"]) if coating else bare for coating in coatings)
     return found
+
+
+def mirrored(face):
+    return bool(face) and face.get("mirror") is not None
 
 
 def nmse_fact(case, place):
@@ -394,8 +400,7 @@ def nmse_fact(case, place):
 def share_fact(case, place):
     entry = place_of(case, place)[1]["share_in_target"]
     bound = least_share(case, place)
-    coated = case.lens["spec"]["lens"]["kind"] == "tir"  # whose coatings the program's bounds leave out: a known fault
-    more = {} if bound is None else judged(entry, ">=", bound) | {"limit": ... if coated else (">=", 100 * bound)}
+    more = {} if bound is None else judged(entry, ">=", bound) | {"limit": (">=", 100 * bound)}
     return stated(entry, 100, "%", possible=..., **more)
 
 
