@@ -153,7 +153,8 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
         return signed
 
     turn = np.linspace(0.0, 2.0 * np.pi, _RIM, endpoint=False)
-    places = np.concatenate([_samples(), *(each.chart(turn) for both in (cavity, envelope) for each in both.creases)])
+    creases = [each for side in (cavity, envelope) for each in side.creases if each is not side.opening]
+    places = np.concatenate([_samples(), *(each.chart(turn) for each in creases)])
     place, most = refined_maximum(figure, places, figure(places), _STEP)
     return Span(sign * most, *(points(each, place[None])[0] for each in (cavity, envelope)))
 
