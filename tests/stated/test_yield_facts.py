@@ -10,6 +10,7 @@ import numpy as np
 import oracle_made as made
 import pytest
 from crooked import Expected
+from presets import FEW
 from scenes import NO_TOLERANCES, random_surface, small_spec, tolerance_changes
 from test_every_fact import differences
 
@@ -32,11 +33,9 @@ PARTS, RAYS = 60, 2048
 def study(tmp_path_factory: pytest.TempPathFactory) -> Any:
     spec = small_spec(**tolerance_changes({**NO_TOLERANCES, **AMOUNTS}), target={"kind": "beam", "fwhm_deg": 60.0,
                       "half_angle_deg": 90.0}).replace(roads=ROADS, limits=[GLARE])  # fmt: skip
-    lens = lf.Lens.double(*(random_surface(seed, 3.0 * seed, 0.01, (9, 25)) for seed in (1, 2)), spec, 0, "draft")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.made.yield_study.DESIGNED_RAYS", 2**12)
-        patch.setattr("lensforge.made.yield_study._WORST_RAYS", 2**11)
-        found = measure_yield(lens, parts=PARTS, rays=RAYS, with_budget=False)
+    few = FEW.replace("few_of_each", studies={"designed_rays": 2**12, "worst_rays": 2**11})
+    lens = lf.Lens.double(*(random_surface(seed, 3.0 * seed, 0.01, (9, 25)) for seed in (1, 2)), spec, 0, few)
+    found = measure_yield(lens, parts=PARTS, rays=RAYS, with_budget=False)
     folder = tmp_path_factory.mktemp("yield")
     found.write(folder)
     record = json.loads((folder / "yield.json").read_text(encoding="utf-8"))
