@@ -3,6 +3,7 @@
 Rays of lamps with heights and aims are moved by rotation matrices written out here.
 """
 
+from bisect import bisect_right
 from dataclasses import replace
 from math import atan2, cos, hypot, sin
 from typing import Any
@@ -136,7 +137,7 @@ def test_a_picture_of_all_lamps_has_so_many_pixels_at_most() -> None:
         across, along = np.array([150.0, 120.0]) / [found.grid.columns, found.grid.rows]
         return round((150.0 + 60.0) / across) * round((120.0 + 40.0) / along)
 
-    most = next(count for count in range(2048, 32, -1) if pixels(count) <= 2**22)
+    most = bisect_right(range(2048), 2**22, lo=32, key=pixels) - 1
     (raster,) = _pictures.__wrapped__(receivers_of(together(GRID, SHEET), most)[0]).rasters
     assert raster.receiver.grid.columns * raster.receiver.grid.rows == pixels(most)
     with pytest.raises(InputError, match=f"at most {2**22}; take fewer pixels"):
