@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -95,17 +94,6 @@ def test_a_plate_of_one_is_the_lens_and_the_plate(outline: dict[str, Any], area:
     assert {"OPTICAL_INNER", "OPTICAL_OUTER", "PLATE_TOP", "PLATE_BOTTOM"} < set(solid.faces)
 
 
-def nearest_points_mm(lens: Lens) -> float:
-    """Least distance of points all over the outer faces of lenses, each turned and moved to its place."""
-    polar, turn = (each.ravel() for each in np.meshgrid(np.linspace(0.8, np.pi / 2, 160), np.linspace(0.0, 6.28, 630)))
-    ways = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
-    x, y, z = (lens.outer.radius(ways)[:, None] * ways).T
-    clouds = []
-    for (x0, y0), a in zip(lens.spec.all_lamps.places_mm, np.radians(lens.spec.all_lamps.turns_deg), strict=True):
-        clouds.append(np.stack([x0 + x * np.cos(a) - y * np.sin(a), y0 + x * np.sin(a) + y * np.cos(a), z], axis=1))
-    return min(cKDTree(one).query(other)[0].min() for one, other in combinations(clouds, 2))
-
-
 def test_turned_lenses_of_a_plate_are_those_of_the_part(ring: Part) -> None:
     assert failed(ring) == [] and ring.plate is not None
     solid, layout = parse_step(ring.plate_step or b""), layout_of(ring.lens)
@@ -154,15 +142,6 @@ def test_a_plate_is_kept_with_its_files_and_goes_with_them(ring: Part, tmp_path:
     assert Part.read(tmp_path, lens=ring.lens).altered == ("plate.stl",)
     build_part(replace(ring.lens, spec=ring.lens.spec.replace({"plate": None})), rings=16).write(tmp_path)
     assert not list(tmp_path.glob("plate.*")), "a plate of an earlier spec"
-
-
-@pytest.mark.parametrize("relative", [0.0, 0.05])
-def test_the_least_gap_is_that_of_points_all_over_both(relative: float) -> None:
-    """Of spheres, and of lenses that are turned by unlike angles."""
-    lamps = {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.6], [4.5, 9.9]], "turns_deg": [20.0, 130.0, -50.0]}
-    lens = on_plate({"thickness_mm": 1.0}, lamps, relative)
-    gap_mm, _ = room_on_plate(lens, fitted(relative))
-    assert gap_mm == pytest.approx(nearest_points_mm(lens), abs=3e-3)
 
 
 def test_the_least_gap_of_turned_freeform_lenses_is_that_of_their_points() -> None:
