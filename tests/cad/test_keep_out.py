@@ -97,6 +97,16 @@ def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_o
 
 
 @HERE
+def test_of_several_solids_the_nearest_is_named(tmp_path: Path) -> None:
+    """Balls of 0.2 mm in a spherical cavity, the second 0.3 mm nearer to its wall."""
+    places = [(0.2, 0.0, 0.1), (0.0, 0.55, 0.1)]
+    found = part_with(step_file(tmp_path / "leds.step", *(ball(0.1, place) for place in places))).keep_out
+    assert found is not None
+    assert found.distance_mm == pytest.approx(INNER_MM - float(np.hypot(0.55, 0.1)) - 0.1, abs=found.error_mm)
+    assert np.linalg.norm(np.subtract(found.keep_out_point_mm, places[1])) == pytest.approx(0.1, abs=0.01)
+
+
+@HERE
 def test_a_keep_out_in_the_body_is_at_less_than_no_distance(tmp_path: Path) -> None:
     """A box of 0.2 mm sides in the wall: 2 V/S = a/3."""
     part = part_with(step_file(tmp_path / "led.step", box((0.2, 0.2, 0.2), (1.6, 0.0, 0.3))), margin_mm=0.0)

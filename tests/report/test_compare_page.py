@@ -8,8 +8,15 @@ from result_folders import evaluate_arrays, make_folder, make_results, small_len
 from undrawn import undrawn
 
 from lensforge.errors import InputError
-from lensforge.report.compare import ComparedPictures, difference_lines, folder_names, number_lines, render_comparison
-from lensforge.results import Metric
+from lensforge.report.compare import (
+    ComparedPictures,
+    _best,
+    difference_lines,
+    folder_names,
+    number_lines,
+    render_comparison,
+)
+from lensforge.results import Fact, Metric
 
 
 @pytest.fixture
@@ -18,6 +25,15 @@ def designs():
     half = 0.5 * evaluate_arrays()["map"]
     changes = {"map": half, "nmse": Metric(value=0.0023, standard_error=0.0004), "width": 600.0, "height": 600.0}
     return [make_results(), make_results(lens=small_lens(outer_mm=9.0), evaluate=changes)]
+
+
+@pytest.mark.parametrize(
+    ("key", "better"),
+    [("nmse", 0), ("rsd", 0), ("efficiency", 1), ("share_in_target", 1), ("uniformity", 1), ("rays", None)],
+)
+def test_the_better_of_two_figures_is_the_smaller_error_or_the_larger_share(key, better):
+    facts = [Fact(key, key, 0.25), Fact(key, key, 0.5)]
+    assert _best(facts) == (None if better is None else facts[better].text)
 
 
 def drawn(monkeypatch, make):

@@ -10,6 +10,7 @@ from part_files import whole_folder, whole_results
 from result_folders import criterion, make_results
 
 from lensforge.errors import InputError
+from lensforge.proof.acceptance import proof_criteria
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report.lens_figures import history
 from lensforge.report.stored import load_results
@@ -58,6 +59,16 @@ def test_each_tracer_has_its_row_and_its_verdict(results):
     assert found[2].fact("rms").text == "0.0015 mm"
     assert found[3].title.startswith("Mitsuba 3.9.1") and "within the 0.0085" in found[3].note
     assert [row.state for row in found] == ["pass"] * 5
+
+
+def test_a_tracer_is_judged_by_its_own_receiver(results):
+    first = results.proof.first
+    bent = first.against_design.model_copy(update={"rms": 0.5})
+    far = first.model_copy(update={"name": "far", "against_design": bent, "brep": None, "mitsuba": None})
+    proof = results.proof.model_copy(update={"receivers": (first, far)})
+    proof = proof.model_copy(update={"criteria": proof_criteria(proof)})
+    states = {group.title: group.state for group in tracer_groups(proof)}
+    assert [states[f"Mesh with smooth normals, {name}"] for name in (first.name, "far")] == ["pass", "fail"]
 
 
 def test_a_form_map_is_seen_along_the_axis_with_x_to_the_right(results):
