@@ -74,8 +74,9 @@ def least_by_way(media: Media, span_nm: Span | None) -> Least:
 def _at_most(deviation_rad: Turns, ratio: Turns, ways: Ways) -> Turns:
     """Largest transmittance of the best of some faces, turning light at least so far; of coated ones an upper bound."""
     turned = _is_turned(deviation_rad, ratio)
-    found = [_of_bare(deviation_rad, ratio)] if None in ways else []
-    best: Turns = np.max([*found, *(np.where(turned, 1.0 - each, 0.0) for each in ways if each is not None)], axis=0)
+    best = _of_bare(deviation_rad, ratio) if None in ways else np.zeros_like(ratio)
+    for least in ways:
+        best = best if least is None else np.maximum(best, np.where(turned, 1.0 - least, 0.0))
     return best
 
 

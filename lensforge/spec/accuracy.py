@@ -62,7 +62,7 @@ class PartEffort(Section):
     facets split to their tolerance. ``check_nodes``: across a face, where it is checked; odd, so that the apex is one.
     """
 
-    spline_nodes: Annotated[int, Field(strict=True, ge=18, le=240)] = 72
+    spline_nodes: Annotated[int, Field(strict=True, ge=18, le=320)] = 72
     mesh_rings: _Count | None = None
     check_nodes: Annotated[int, Field(strict=True, ge=11, le=1001)] = 161
 

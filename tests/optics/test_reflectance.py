@@ -166,3 +166,5 @@ def test_no_light_passes_two_coated_faces_beyond_the_bound(face):
     faces = {"cap": half, "exit": ReflectanceTable((0.0, 90.0), ((0.01, 0.01),)), "wall": Mirror(0.9)}
     tir = Media(Medium(1.5), coatings=tuple(FaceCoating(name, "outside", each) for name, each in faces.items()))
     assert transmittance_of(tir) == pytest.approx(0.96 * 0.99, rel=1e-12)
+    closed = tuple(FaceCoating(name, "outside", Mirror(0.9)) for name in ("wall", "exit"))
+    assert transmittance_of(Media(Medium(1.5), coatings=closed)) == 0.0

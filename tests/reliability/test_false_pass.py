@@ -6,6 +6,7 @@ the program.
 """
 
 import json
+import re
 import shutil
 from math import isclose
 from pathlib import Path
@@ -186,6 +187,13 @@ FORGED: list[tuple[str, str, Any]] = [
     ("verify", "deviation_mm.rms", 1e-9),
     ("stray", "efficiency", 0.9),
     ("photometry", "files.ies.relative_error", 0.5),
+    ("verify", "criteria.3.value", 1e-9),
+    ("verify", "criteria.3.limit", 0.75),
+    ("verify", "forms.1.off_um", 0.015),
+    ("verify", "receivers.0.nmse_same_rays", 1e-9),
+    ("stray", "criteria.0.limit", 0.75),
+    ("evaluate", "criteria.0.limit", 0.75),
+    ("photometry", "criteria.1.limit", 0.75),
     ("compare", "clipped", 0.5),
     ("compare_inner", "used_share", 0.25),
 ]
@@ -195,7 +203,7 @@ FORGED: list[tuple[str, str, Any]] = [
 def test_a_forged_figure_is_refused_whatever_hashes_are_right(
     whole_run: lf.Run, tmp_path: Path, stem: str, place: str, value: Any
 ) -> None:
-    """Also at the head with its own content, and in that with the head as it was; by its class alone."""
+    """Also at the head with its own content, and in that with the head as it was."""
     content = record_in(whole_run.folder, stem)
     *way, last = way_of(place)
     holder = at(content, tuple(way))
@@ -205,37 +213,7 @@ def test_a_forged_figure_is_refused_whatever_hashes_are_right(
             (tmp_path / path.name).symlink_to(path)
     (tmp_path / f"{stem}.json").unlink()
     write(tmp_path, stem, content)
-    kind = type(whole_run.found[stem])
-    given = {"lens": whole_run.lens} if stem in ("design", "export") else {}
-    with pytest.raises(lf.InputError, match=r"not as it follows from|the other entries make it") as caught:
-        kind.read(tmp_path, stem, **given)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("stem", "place", "value"),
-    [
-        ("verify", "criteria.3.value", 1e-9),
-        ("verify", "criteria.3.limit", 0.75),
-        ("verify", "forms.1.off_um", 0.015),
-        ("verify", "receivers.0.nmse_same_rays", 1e-9),
-        ("stray", "criteria.0.limit", 0.75),
-        ("evaluate", "criteria.0.limit", 0.75),
-        ("photometry", "criteria.1.limit", 0.75),
-    ],
-)
-def test_criteria_are_those_that_the_figures_beside_them_make(
-    whole_run: lf.Run, tmp_path: Path, stem: str, place: str, value: float
-) -> None:
-    content = record_in(whole_run.folder, stem)
-    *way, last = way_of(place)
-    at(content, tuple(way))[last] = value
-    for path in whole_run.folder.iterdir():
-        if path.is_file():
-            (tmp_path / path.name).symlink_to(path)
-    (tmp_path / f"{stem}.json").unlink()
-    write(tmp_path, stem, content)
-    assert "not as it follows from" in refusal(load_results, tmp_path)
+    assert re.search(r"not as it follows from|the other entries make it", refusal(load_results, tmp_path))
 
 
 @pytest.mark.parametrize(
