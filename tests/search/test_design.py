@@ -56,6 +56,16 @@ def test_the_plan_is_coarse_to_fine_and_the_spec_outranks_the_preset() -> None:
     assert stages[0].rays == 1024
 
 
+def test_a_share_of_the_light_bears_four_times_the_steps_of_a_pattern() -> None:
+    """Of a lens for total internal reflection; those of the usual lens are the same for both."""
+    preset = PRESETS["draft"]
+    for spec, pattern, share in ((spot(), 0.5, 2.0), (small_spec(), 1.0, 1.0)):
+        for aim, factor in (("pattern", pattern), ("share", share)):
+            aimed = spec.replace({"optimise.aim": aim})
+            first = fixed_schedule(aimed, preset, last_only=False).stages[0]
+            assert first.learning_rate == pytest.approx(factor * preset.effort.learning_rate, rel=1e-12)
+
+
 def test_a_search_is_as_precise_as_its_preset_says() -> None:
     assert [name for name, preset in PRESETS.items() if not preset.single] == ["reference"]
     spec, found = small_spec(optimise__steps_per_level=[1, 1]), []
