@@ -1,6 +1,8 @@
 """Lenses for total internal reflection and reflectors, by docs/definitions.md alone: faces, events and losses."""
 
+import json
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 from page_tracer import (
@@ -9,6 +11,7 @@ from page_tracer import (
     FLANGE,
     LANDED,
     MORE_EVENTS,
+    REACH,
     TOTAL,
     Functions,
     coated,
@@ -20,6 +23,7 @@ from page_tracer import (
     unit,
 )
 from scipy.interpolate import BSpline
+from scipy.ndimage import map_coordinates
 
 SIDES = {
     "cap": ("cavity", "body"), "side": ("cavity", "body"), "wall": ("body", "outside"), "flange": ("body", "outside"),
@@ -69,7 +73,13 @@ def formed(face, u):
 KINDS = {"plane": plane, "cone": cone, "conic": conic, "profile": profile, "formed": formed}
 
 
+NODES = 385  # of a table along each axis of the chart (X, Y), up to the horizon and a little beyond
+FEW = 400  # directions for which no table is made
+
+
 class Face:
+    """A face; far from it, its radius is that of a table, whose error is measured at random directions."""
+
     def __init__(self, name, record):
         self.name, (self.before, self.behind) = name, SIDES[name]
         if record["kind"] == "formed":
@@ -87,9 +97,33 @@ class Face:
         along = slope - (slope * u).sum(axis=1)[:, None] * u
         return 1 / bent, unit(u + (by_value / bent)[:, None] * along)  # grad rho / rho = - grad(1/rho) rho
 
+    @cached_property
+    def table(self):
+        """Radii on the chart, and four times the largest error between the nodes."""
+        axis = np.linspace(-REACH, REACH, NODES)
+        table = self.exact(from_chart(*(a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))))[0]
+        table, (x, y) = table.reshape(NODES, NODES), np.random.default_rng(0).uniform(-1, 1, (2, 20_000))
+        u = from_chart(x, y)
+        return table, 4 * abs(self.exact(u)[0] - map_coordinates(table, to_chart(u), order=1)).max()
+
     def room(self, p):
-        """rho - |p|: above 0 on the side of the origin."""
-        return self.exact(unit(p))[0] - np.linalg.norm(p, axis=1)
+        """rho - |p|: above 0 on the side of the origin; exact near the face."""
+        u, far = unit(p), np.linalg.norm(p, axis=1)
+        if len(p) < FEW:
+            return self.exact(u)[0] - far
+        table, error = self.table
+        room = map_coordinates(table, to_chart(u), order=1) - far
+        near = (abs(room) < error) | (u[:, 2] < 0)
+        room[near] = self.exact(u[near])[0] - far[near]
+        return room
+
+
+def from_chart(x, y):
+    return np.column_stack([2 * x, 2 * y, 1 - x**2 - y**2]) / (1 + x**2 + y**2)[:, None]
+
+
+def to_chart(u):
+    return (u[:, :2].T / np.maximum(1 + u[:, 2], 1e-3) + REACH) * (NODES - 1) / (2 * REACH)
 
 
 # -- Section 7: bodies of more than two faces --------------------------------------------------------------------------
@@ -247,4 +281,9 @@ def as_stokes(light, rows):
 
 
 def chain_faces(lens):
-    return [Face(name, record) for name, record in lens["faces"].items()]
+    return [face_of(name, json.dumps(record)) for name, record in lens["faces"].items()]
+
+
+@cache
+def face_of(name, record):
+    return Face(name, json.loads(record))

@@ -13,7 +13,7 @@ from crooked import Expected
 from oracle_light import kinds_in
 from page_colour import flux_and_efficacy
 from page_figures import RAY, jackknife, largest, metric, plain, scaled, state_of, width_above
-from page_scene import by_fate, exits, faces_of, lamps_of
+from page_scene import by_fate, exits_of_each, faces_of, lamps_of
 
 LOST = (
     "backward", "outside_cavity", "base", "total_reflection", "surfaces_intersect", "more_events", "flange",
@@ -44,12 +44,13 @@ def leaving(case):
     kinds = lamps_of(lens["spec"])[2]
     others = lens.get("others") or {}
     faces = {kind: faces_of(lens, others.get(kind, lens["faces"])) for kind in dict.fromkeys(kinds)}
-    for p, d, flux, nm in case.rays["photometry"]:
+    bundles = [(p, d, nm) for p, d, _, nm in case.rays["photometry"]]
+    traced = {kind: list(exits_of_each(lens, own, bundles)) for kind, own in faces.items()}
+    for number, (_, _, flux, _) in enumerate(case.rays["photometry"]):
         flux = flux * together(case)
         upward, on, of_ray, fates = 0.0, [], [], {}
-        for kind, own in faces.items():
-            share = kinds.count(kind) / len(kinds)
-            behind = exits(lens, own, p, d, nm)
+        for kind, samples in traced.items():
+            share, behind = kinds.count(kind) / len(kinds), samples[number]
             rows = behind.left[behind.d[behind.left, 2] > 0]
             rest = np.setdiff1d(behind.left, rows)
             on.append(behind.d[rows])

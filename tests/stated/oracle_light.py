@@ -25,7 +25,7 @@ from page_road import road_limits
 from page_scene import (
     at_temperature,
     by_fate,
-    exits,
+    exits_of_each,
     faces_of,
     in_shape,
     lamps_of,
@@ -57,8 +57,8 @@ def traced(case, calls, warm):
     for kind, call in zip(own_kinds, calls, strict=True):
         faces, share = faces_of(lens, others.get(kind, lens["faces"])), kinds.count(kind) / len(kinds)
         lamps = [(p, r) for p, r, k in zip(places, turns, kinds, strict=True) if k == kind]
-        for replicate, factor, p, d, flux, nm in call:
-            behind = exits(lens, faces, p, d, nm, raised)
+        traced_at_once = exits_of_each(lens, faces, [(p, d, nm) for _, _, p, d, _, nm in call], raised)
+        for (replicate, factor, _, _, flux, nm), behind in zip(call, traced_at_once, strict=True):
             colours = tristimulus_at(nm) if spec["colour"] else None
             fates = by_fate(behind, factor * flux, NOT_LEFT)
             for number, receiver in enumerate(receivers):

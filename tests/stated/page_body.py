@@ -7,6 +7,8 @@ from itertools import pairwise
 import numpy as np
 from page_chain import SIDES, Face
 from page_tracer import surface, unit
+from scipy.fft import irfft, rfft
+from scipy.interpolate import CubicSpline
 
 TURNS, ALONG = 192, 48  # azimuths, and Gauss-Legendre angles from the axis of each face
 ROUND = 2 * np.pi * np.arange(TURNS) / TURNS
@@ -220,11 +222,10 @@ def crease(one, other):
         return ((low + high) / 2).reshape(shape)
 
     known = angle(ROUND)
-    waves = np.fft.rfft(known) / TURNS
+    fine = irfft(rfft(known), 16 * TURNS) * 16
+    spline = CubicSpline(2 * np.pi * np.arange(16 * TURNS + 1) / 16 / TURNS, [*fine, fine[0]], bc_type="periodic")
 
     def quick(phi):
-        k = np.arange(len(waves))
-        waved = (waves * np.exp(1j * np.multiply.outer(phi, k))).real
-        return 2 * waved.sum(axis=-1) - waved[..., 0] - (len(waves) * 2 - 2 == TURNS) * waved[..., -1]
+        return spline(np.mod(phi, 2 * np.pi))
 
     return quick

@@ -73,6 +73,21 @@ def exits(lens, faces, p, d, nm=None, raised=0.0):
     return behind
 
 
+def exits_of_each(lens, faces, bundles, raised=0.0):
+    """:func:`exits` of several bundles (positions, directions, wavelengths), traced at once."""
+    sizes = [len(p) for p, _, _ in bundles]
+    p, d = (np.concatenate([bundle[k] for bundle in bundles]) for k in (0, 1))
+    nm = None if bundles[0][2] is None else np.concatenate([bundle[2] for bundle in bundles])
+    every, first = exits(lens, faces, p, d, nm, raised), 0
+    for size in sizes:
+        rows = slice(first, first + size)
+        left = every.left[(every.left >= first) & (every.left < first + size)] - first
+        parts = (getattr(every, name)[rows] for name in ("p", "d", "fate", "flux", "absorbed", "in_glass"))
+        lost = {name: share[rows] for name, share in every.in_bodies.items()}
+        yield Exits(left, *parts, lost, every.ways and every.ways[rows])
+        first += size
+
+
 def turn_of(tilt_deg, rotate_z_deg=0.0):
     a, b, c = np.radians([*tilt_deg, rotate_z_deg])
     about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
