@@ -4,7 +4,6 @@ Nothing here asks how the faces were found: a body of given faces needs no spec.
 """
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +21,7 @@ from lensforge.cad.plan import BORE, BOTTOM, FLANGE_SIDE, FOOT_END, FOOT_SIDE, P
 from lensforge.cad.plate_mesh import MeshParts, prism
 from lensforge.cad.solid import Solid, build_solid
 from lensforge.cad.step import parse_step, step_bytes
+from lensforge.kernels.parallel import in_parallel_map
 from lensforge.optics.media import FLANGE
 from lensforge.scene.body import Body
 from lensforge.spec import BaseSection
@@ -132,11 +132,10 @@ def solid_on_base(plan: Plan[Patch], base: CustomBase | None) -> Solid:
 def prove(body: BuiltBody, step: bytes, stl: bytes, threemf: bytes) -> BodyProof:
     """Read the files of ``body`` again, and compare their faces with the surfaces, each over its domain."""
     solid, faces = parse_step(step), [face for face in body.plan.faces if face.name != FLANGE]
-    with ThreadPoolExecutor() as pool:
-        errors = pool.map(
-            lambda face: face_error(body.surfaces[face.name], solid.faces[face.label], domain=face.domain), faces
-        )
-        form = dict(zip((face.name for face in faces), errors, strict=True))
+    errors = in_parallel_map(
+        lambda face: face_error(body.surfaces[face.name], solid.faces[face.label], domain=face.domain), faces
+    )
+    form = dict(zip((face.name for face in faces), errors, strict=True))
     return BodyProof(solid, check_closed(*parse_stl(stl)), check_closed(*parse_3mf(threemf)), form)
 
 

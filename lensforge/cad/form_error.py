@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass
 from functools import lru_cache
 from typing import Any
@@ -18,6 +17,7 @@ from lensforge.cad.part_limits import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
 from lensforge.cad.patch import LEAST_NODES, MAX_NODES, Patch, default_nodes, fit_patch
 from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
+from lensforge.kernels.parallel import in_parallel_map
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.seeds import sobol
@@ -89,9 +89,8 @@ def fit_boundaries(pair: Pair[Surface], nodes: Mapping[str, int], least: int = L
     ``nodes``: by name; where left out as many as they need, ``least`` or more.
     """
     faces = [face for boundary in pair for face in boundary.of_material]
-    with ThreadPoolExecutor() as pool:
-        fitted = pool.map(lambda face: fit_to_form(face.shape, nodes.get(face.name), face.domain, least), faces)
-        patches = dict(zip((face.name for face in faces), fitted, strict=True))
+    fitted = in_parallel_map(lambda face: fit_to_form(face.shape, nodes.get(face.name), face.domain, least), faces)
+    patches = dict(zip((face.name for face in faces), fitted, strict=True))
     return of_shapes(pair, patches)
 
 

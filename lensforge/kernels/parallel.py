@@ -6,14 +6,17 @@ of the chunks: the same bits on any number of threads.
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 CHUNKS = 8
 _asked: list[Callable[[], int]] = []  # by the blocks of ``kernel_threads`` that are open
@@ -90,6 +93,17 @@ def in_parallel(work: Callable[[int], Any], count: int, *, shared: bool = True) 
         for other in others:
             if not other.cancel():  # it has begun
                 other.result()
+
+
+def in_parallel_map(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+    """``work`` of every item, in their order, on as many threads as the kernels may use."""
+    results = dict[int, _Result]()
+
+    def do(number: int) -> None:
+        results[number] = work(items[number])
+
+    in_parallel(do, len(items))
+    return [results[number] for number in range(len(items))]
 
 
 @cache

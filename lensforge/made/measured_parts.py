@@ -7,16 +7,15 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from lensforge.errors import Cancelled, InputError
+from lensforge.kernels.parallel import in_parallel_map
 from lensforge.made.part_study import PartStudy, Recipe, Scales
 from lensforge.results.cluster import Cluster
 from lensforge.results.files import MIB, read_file, replacing
@@ -121,11 +120,10 @@ Workers = Callable[[PartStudy, Chunks], MeasuredChunks]
 
 
 def by_threads(study: PartStudy, chunks: Chunks) -> MeasuredChunks:
-    """Measure every chunk in its turn, as many parts at once as torch may use threads."""
+    """Measure every chunk in its turn, as many parts at once as the kernels may use threads."""
     prepare(study)
-    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        for number, chunk in enumerate(chunks):
-            yield number, np.stack(list(pool.map(lambda job: measured(study, job), chunk)))
+    for number, chunk in enumerate(chunks):
+        yield number, np.stack(in_parallel_map(lambda job: measured(study, job), chunk))
 
 
 def prepare(study: PartStudy) -> None:

@@ -8,6 +8,7 @@ first needs them: torch and numba to trace, the CAD kernel to build.
 
 import datetime
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -36,7 +37,7 @@ from lensforge.results.worker import return_freed_memory
 from lensforge.scene.lens import Lens
 from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
 from lensforge.search.design_result import Design, Observer
-from lensforge.search.searches import SearchOptions, best_design, design
+from lensforge.search.searches import SearchOptions, Warn, best_design, design
 from lensforge.shop.check_result import Check
 from lensforge.shop.point_tables import GridRequest
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
@@ -183,7 +184,7 @@ def run(
         raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
     with opened(folder, create=True) as here, threads_of_torch(options.get("threads")):
         require_own(folder / REPORT_FILE)
-        with _process_for_later_stages() as second:
+        with _process_for_later_stages(options.get("warn") or warnings.warn) as second:
             if starts != 1 or scheduler is not None:
                 made = best_design(spec, starts=starts, scheduler=scheduler, announce=announce, **options)
             else:
@@ -201,11 +202,11 @@ def run(
 
 
 @contextmanager
-def _process_for_later_stages() -> Iterator[SecondProcess]:
+def _process_for_later_stages(warn: Warn) -> Iterator[SecondProcess]:
     """A second process where there are two cores, which loads the CAD kernel while this one searches."""
     import torch
 
-    with second_process(torch.get_num_threads() > 1) as second:
+    with second_process(torch.get_num_threads() > 1, warn) as second:
         if second.runs:
             second.call(_load_cad_kernel)
         yield second

@@ -3,13 +3,15 @@
 It is a fresh Python that imports nothing of the script that called the library, so no script needs a guard around its
 main code. It writes no results and decides nothing: functions travel there, and what they return comes back, with the
 same bits. It is there to be faster, and for nothing else: where it cannot be had, or a function fails in it, this
-process calls the function itself, and raises what the function raises. So it does with a function whose result it needs
-and that has not begun there: waiting for its turn would leave this core idle.
+process calls the function itself, and raises what the function raises. Work that was done twice is told by a warning.
+So it does with a function whose result it needs and that has not begun there: waiting for its turn would leave this
+core idle.
 """
 
 import os
 import pickle
 import subprocess
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
@@ -22,20 +24,30 @@ from lensforge.results.sandbox import kill_group, worker_command
 _Given = TypeVarTuple("_Given")
 _Result = TypeVar("_Result")
 _Before = TypeVar("_Before")
+Answer = tuple[bool | None, Any]  # whether a function returned there, and what
+NOT_TRIED: Answer = (None, None)
 
 
 class Called(Generic[_Result]):
     """A call that goes on beside this process, or that has yet to begin in it."""
 
-    def __init__(self, here: Callable[[], _Result], there: "Future[tuple[bool, Any]] | None" = None) -> None:
-        self._here, self.there = here, there
+    def __init__(
+        self,
+        here: Callable[[], _Result],
+        there: "Future[Answer] | None" = None,
+        done_again: Callable[[], object] = lambda: None,
+    ) -> None:
+        self._here, self.there, self._done_again = here, there, done_again
         self._results: list[_Result] = []
 
     def result(self) -> _Result:
         """Wait for what the function returns; where the second process has failed or not begun, call it here."""
         if not self._results:
-            done, result = (False, None) if self.there is None or self.there.cancel() else self.there.result()
+            begun = self.there is not None and not self.there.cancel()
+            done, result = self.there.result() if self.there is not None and begun else NOT_TRIED
             self._results.append(cast(_Result, result) if done else self._here())
+            if done is False:
+                self._done_again()
         return self._results[0]
 
 
@@ -43,9 +55,13 @@ class SecondProcess:
     """Functions called beside this process, one after another; without a process each is called as it is needed."""
 
     def __init__(
-        self, process: "subprocess.Popen[bytes] | None" = None, thread: ThreadPoolExecutor | None = None
+        self,
+        process: "subprocess.Popen[bytes] | None" = None,
+        thread: ThreadPoolExecutor | None = None,
+        warn: Callable[[str], object] = warnings.warn,
     ) -> None:
-        self._process, self._thread, self._busy = process, thread, False
+        self._process, self._thread, self._warn = process, thread, warn
+        self._busy, self._ended = False, ""
 
     @property
     def runs(self) -> bool:
@@ -65,7 +81,7 @@ class SecondProcess:
 
         if self._thread is None:
             return Called(here)
-        return Called(here, self._thread.submit(self._exchange, (function, given)))
+        return Called(here, self._thread.submit(self._exchange, (function, given)), self._say_done_again)
 
     def call_after(
         self,
@@ -78,15 +94,23 @@ class SecondProcess:
         def here() -> _Result:
             return function(*given(before.result()))
 
-        def there() -> tuple[bool, Any]:
+        def there() -> Answer:
             if before.there is None or before.there.cancelled():
-                return False, None
+                return NOT_TRIED
             done, result = before.there.result()  # it had its turn before
-            return self._exchange((function, given(result))) if done else (False, None)
+            return self._exchange((function, given(result))) if done else NOT_TRIED
 
-        return Called(here, None if self._thread is None else self._thread.submit(there))
+        return Called(here, None if self._thread is None else self._thread.submit(there), self._say_done_again)
 
-    def _exchange(self, call: tuple[Any, ...]) -> tuple[bool, Any]:
+    def _say_done_again(self) -> None:
+        """Warn that work has failed there, and was done again here."""
+        cause = f"it has ended: {self._ended}" if self._ended else "a function failed in it alone"
+        self._warn(
+            f"the second process did not help ({cause}); its work was done again in this one, which takes longer: is "
+            "there memory for both?"
+        )
+
+    def _exchange(self, call: tuple[Any, ...]) -> Answer:
         """Send a call and wait for its answer; False first where there is none, for whatever reason."""
         process = self._process
         assert process is not None and process.stdin is not None and process.stdout is not None
@@ -95,7 +119,8 @@ class SecondProcess:
             process.stdin.write(pickle.dumps(call, protocol=pickle.HIGHEST_PROTOCOL))
             process.stdin.flush()
             done, result = pickle.load(process.stdout)
-        except Exception:  # it has ended, or what travels cannot: nothing is lost but the time
+        except Exception as error:  # it has ended, or what travels cannot: nothing is lost but the time
+            self._ended = self._ended or type(error).__name__
             kill_group(process)  # half a message may be left in a pipe
             return False, None
         finally:
@@ -107,8 +132,11 @@ IN_TURN = SecondProcess()  # none: all in this process
 
 
 @contextmanager
-def second_process(wanted: bool = True) -> Iterator[SecondProcess]:
-    """A second process until block or this process ends; none if not ``wanted``, or where the system has no room."""
+def second_process(wanted: bool = True, warn: Callable[[str], object] = warnings.warn) -> Iterator[SecondProcess]:
+    """A second process until block or this process ends; none if not ``wanted``, or where the system has no room.
+
+    ``warn`` is called where it has ended before its time, and its work was done again.
+    """
     with ExitStack() as stack:
         process = _started(stack) if wanted else None
         if process is None:
@@ -117,7 +145,7 @@ def second_process(wanted: bool = True) -> Iterator[SecondProcess]:
         thread = ThreadPoolExecutor(1)
         stack.callback(thread.shutdown, cancel_futures=True)
         stack.callback(kill_group, process)  # before that, as its thread waits for an answer
-        yield SecondProcess(process, thread)
+        yield SecondProcess(process, thread, warn)
 
 
 def _started(stack: ExitStack) -> "subprocess.Popen[bytes] | None":

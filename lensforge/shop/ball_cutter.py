@@ -12,14 +12,12 @@ Q ranges over the samples, so a ball is never too small, and too large by a term
 spacing: on random cavities, 161 nodes against 321, the reachable fraction changes by 0.1 %, the height by 0.05 um.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from lensforge.cad.part_limits import FIT_TOLERANCE
+from lensforge.kernels.parallel import in_parallel_map
 from lensforge.shop.face_samples import FaceSamples
 
 _GOUGE_MM = 1e-6  # a ball that is this deep in the part still counts as touching
@@ -64,7 +62,7 @@ def _shrink(radius: Float[np.ndarray, " k"], samples: FaceSamples, obstacles: Fl
 def nearest_points(
     tree: cKDTree, points: Float[np.ndarray, "k 3"]
 ) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
-    """Distance (mm) and index of the nearest point of ``tree`` for each of ``points``, on all cores.
+    """Distance (mm) and index of the nearest point of ``tree`` for each of ``points``.
 
     As ``tree.query(points, workers=-1)``, whose daemon threads run on after an interrupt while the interpreter takes
     their memory away (scipy 1.17: a segmentation fault). Here an interrupt waits for the parts that are being searched.
@@ -72,8 +70,7 @@ def nearest_points(
     parts = [points[start : start + _QUERIES] for start in range(0, len(points), _QUERIES)]
     if len(parts) < 2:
         return tree.query(points)  # type: ignore[no-any-return]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        answers = list(pool.map(tree.query, parts))
+    answers = in_parallel_map(tree.query, parts)
     return np.concatenate([distance for distance, _ in answers]), np.concatenate([index for _, index in answers])
 
 

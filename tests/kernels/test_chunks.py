@@ -1,11 +1,22 @@
 """Work in chunks: every number once, whatever the threads, and an error of one is raised when the others have ended."""
 
+import ast
 import threading
+from pathlib import Path
 
 import pytest
 import torch
 
-from lensforge.kernels.parallel import CHUNKS, in_chunks, in_parallel, in_pieces, kernel_threads, thread_count
+from lensforge.kernels import parallel
+from lensforge.kernels.parallel import (
+    CHUNKS,
+    in_chunks,
+    in_parallel,
+    in_parallel_map,
+    in_pieces,
+    kernel_threads,
+    thread_count,
+)
 from lensforge.results.arguments import threads_of_torch
 
 
@@ -68,6 +79,32 @@ def test_this_thread_works_too() -> None:
     with threads_of_torch(1):
         in_parallel(lambda _: names.append(threading.current_thread()), 3)
     assert names == [threading.current_thread()] * 3
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_items_are_mapped_in_their_order_on_no_more_threads_than_the_kernels_may_use(threads: int) -> None:
+    names = set()
+
+    def work(item: str) -> str:
+        names.add(threading.current_thread().name)
+        return 2 * item
+
+    with kernel_threads(threads):
+        assert in_parallel_map(work, "crooked") == ["cc", "rr", "oo", "oo", "kk", "ee", "dd"]
+        assert in_parallel_map(work, []) == []
+    assert len(names) <= threads
+
+
+def test_no_pool_of_threads_is_as_large_as_the_machine() -> None:
+    """Each has one thread, or as many as it is given: ``--threads`` holds for all of them."""
+    package = Path(parallel.__file__).parents[1]
+    pools = {
+        f"{path.relative_to(package)}: {ast.unparse(node)}"
+        for path in package.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "ThreadPoolExecutor"
+    }
+    assert pools and {each for each in pools if not each.endswith(("(1)", "(threads)"))} == set()
 
 
 @pytest.mark.parametrize("wrong", [0, 3, 9])

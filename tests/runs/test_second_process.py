@@ -97,20 +97,28 @@ def test_a_call_after_another_gets_its_result(second: SecondProcess) -> None:
     assert IN_TURN.call_after(IN_TURN.call(abs, -3), lambda found: (found, 4), pow).result() == 81
 
 
-def test_what_cannot_travel_is_computed_here() -> None:
-    with second_process() as second:
-        assert second.call(lambda: os.getpid()).result() == os.getpid()
-        assert second.call(abs, -3).result() == 3
+def test_what_fails_there_alone_is_computed_here_and_told(tmp_path: Path) -> None:
+    told: list[str] = []
+    with second_process(warn=told.append) as second:
+        call = second.call(Path.read_text, tmp_path / "later")
+        assert call.there is not None and call.there.result() == (False, None)
+        (tmp_path / "later").write_text("here")
+        assert call.result() == "here"
+        assert "a function failed in it alone" in told.pop() and not told
+        assert there(second.call(lambda: os.getpid())) == os.getpid()  # it cannot travel
+        assert "it has ended" in told.pop() and not told
 
 
 def test_a_process_that_was_killed_costs_time_alone() -> None:
-    with second_process() as second:
+    told: list[str] = []
+    with second_process(warn=told.append) as second:
         sleeps = second.call(time.sleep, 60.0)
         after = second.call(os.getpid)
         process = second._process
         assert process is not None
         process.kill()
         assert there(after) == os.getpid()
+        assert len(told) == 1 and "it has ended: EOFError" in told[0]
         del sleeps
 
 

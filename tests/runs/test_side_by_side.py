@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
@@ -51,7 +52,7 @@ def in_a_copy(run: lf.Run, folder: Path, threads: int) -> list[tuple[str, str]]:
     with threads_of_torch(threads):
         before = torch.get_num_threads()
         heard = Listener(lambda name: told.append(("begins", name)), lambda name, _: told.append(("ended", name)))
-        with _process_for_later_stages() as second:
+        with _process_for_later_stages(warnings.warn) as second:
             run_later_stages(RunFolder(folder), heard, second)
         assert torch.get_num_threads() == before
     return told
