@@ -35,6 +35,11 @@ def _forget_unknown_backend() -> None:
 _forget_unknown_backend()
 
 if TYPE_CHECKING:
+    from lensforge.spec.fixed_surface import *  # noqa: F403
+    from lensforge.spec.further_targets import *  # noqa: F403
+    from lensforge.spec.receiver_sections import *  # noqa: F403
+    from lensforge.spec.shape_targets import *  # noqa: F403
+    from lensforge.spec.source_sections import *  # noqa: F403
     from lensforge.verbs import *  # noqa: F403
     from lensforge.verbs import __all__ as __all__
 else:

@@ -54,13 +54,16 @@ from lensforge.spec import (
     ManufactureSection,
     OptimiseSection,
     Preset,
+    ReceiverSection,
     Spec,
+    TargetSection,
     Tool,
     load_spec,
 )
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.emitter_section import (
     CosineIntensity,
+    EmitterSection,
     FileSpectrum,
     GaussianSpectrum,
     LineSpectrum,
@@ -68,15 +71,7 @@ from lensforge.spec.emitter_section import (
     TableIntensity,
     TableSpectrum,
 )
-from lensforge.spec.fixed_surface import (
-    FixedAsphere,
-    FixedBiconic,
-    FixedCadFace,
-    FixedFocalConic,
-    FixedLensFace,
-    FixedPoints,
-    FixedSphere,
-)
+from lensforge.spec.fixed_surface import FixedFace
 from lensforge.spec.light_limits import (
     BeamAngleLimit,
     ColourSection,
@@ -86,66 +81,29 @@ from lensforge.spec.light_limits import (
     PointsLimit,
     ZoneLimit,
 )
-from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
-from lensforge.spec.shape_targets import (
-    CrossTarget,
-    DiscTarget,
-    EllipseTarget,
-    FlatTopTarget,
-    PolygonTarget,
-    RectangleTarget,
-    RingTarget,
-    SpotsTarget,
-)
-from lensforge.spec.source_sections import (
-    Chip,
-    ChipArraySource,
-    ChipsSource,
-    DiscSource,
-    LuminanceSource,
-    NamedSource,
-    RadianceSource,
-    RayfilePart,
-    RayfileSource,
-    RayfilesSource,
-    RaySource,
-    RectangleSource,
-    SquareSource,
-)
-from lensforge.spec.target_sections import (
-    ArrayTarget,
-    BatwingTarget,
-    BeamTarget,
-    ImageTarget,
-    PhotometricTarget,
-    TableTarget,
-    TextTarget,
-)
+from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
 from lensforge.version import __version__
 
 __all__ = [
-    "ArrayTarget", "BaseSection", "BatwingTarget", "BeamAngleLimit", "BeamTarget", "Cancelled", "Check", "Chip",
-    "ChipArraySource", "ChipsSource", "ColourSection", "Conditions", "ConstraintsSection", "Correction",
-    "CosineIntensity", "Criterion", "CriterionMissed", "CrossTarget", "CylinderReceiver", "Design", "DiscSource",
-    "DiscTarget", "DrawingSection", "EllipseTarget", "EvaluateSection", "FaceSection", "FaceTolerances",
-    "FarFieldReceiver", "FileSpectrum", "FileWarning", "FixedAsphere", "FixedBiconic", "FixedCadFace",
-    "FixedFocalConic", "FixedLensFace", "FixedPoints", "FixedSphere", "FlatTopTarget", "GaussianSpectrum",
-    "GlareLimit", "Handover", "ImageTarget", "InputError", "Lens", "LensSection", "LensforgeError", "Light",
-    "LimitResult", "LineLimit", "LineSpectrum", "LuminanceSource", "ManufactureSection", "Metric", "MissingResult",
-    "NamedSource", "OptimiseSection", "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity",
-    "PhotometricSummary", "PhotometricTarget", "Photometry", "PhotometrySection", "PlaneReceiver", "PointsLimit",
-    "PolygonTarget", "Possible", "Preset", "Progress", "Proof", "RadianceSource", "RayFileSummary", "RaySource",
-    "RayfilePart", "RayfileSource", "RayfilesSource", "RectangleSource", "RectangleTarget", "RenamedWarning",
-    "Results", "RingTarget", "Run", "Sensitivity", "SourceWarning", "Spec", "SphereReceiver", "SpotsTarget",
-    "SquareSource", "StrayLight", "SurfaceComparison", "Sweep", "TableIntensity", "TableSpectrum", "TableTarget",
-    "TextTarget", "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit",
-    "__version__", "best_design", "build", "check", "compare", "correct", "design", "evaluate", "handover", "load",
-    "load_lens", "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light",
-    "sweep", "tolerance", "tradeoff", "verify",
+    "BaseSection", "BeamAngleLimit", "Cancelled", "Check", "Chip", "ColourSection", "Conditions",
+    "ConstraintsSection", "Correction", "CosineIntensity", "Criterion", "CriterionMissed", "Design", "DrawingSection",
+    "EvaluateSection", "FaceSection", "FaceTolerances", "FileSpectrum", "FileWarning", "GaussianSpectrum",
+    "GlareLimit", "Handover", "InputError", "Lens", "LensSection", "LensforgeError", "Light", "LimitResult",
+    "LineLimit", "LineSpectrum", "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OptimiseSection",
+    "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "Photometry",
+    "PhotometrySection", "PointsLimit", "Possible", "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart",
+    "RenamedWarning", "Results", "Run", "Sensitivity", "SourceWarning", "Spec", "StrayLight", "SurfaceComparison",
+    "Sweep", "TableIntensity", "TableSpectrum", "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff", "Verdict",
+    "Yield", "ZoneLimit", "__version__", "best_design", "build", "check", "compare", "correct", "design", "evaluate",
+    "handover", "load", "load_lens", "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity",
+    "stray_light", "sweep", "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
 
-NAMES = {name: globals()[name] for name in __all__}
+_OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)
+NAMES = {name: globals()[name] for name in __all__} | {
+    kind.__name__: kind for base in _OF_KINDS for kind in base.kinds.values()
+}
 
 Decides = Literal["light", "files", "cutting", ""]
 _Result = TypeVar("_Result", bound=StageResult)

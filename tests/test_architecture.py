@@ -123,8 +123,13 @@ def test_own_imports_inside_functions_put_off_something_heavy() -> None:
     assert at_the_top == []
 
 
+LOADS_ITS_FOLDER = PACKAGE / "sources/rayfiles/formats/__init__.py"  # each module there is a format
+
+
 def test_no_module_is_named_in_a_string() -> None:
     for path in MODULES:
+        if path == LOADS_ITS_FOLDER:
+            continue
         for node, _ in _walked(path):
             if isinstance(node, ast.ImportFrom) and node.module == "importlib":
                 assert all(alias.name != "import_module" for alias in node.names), path

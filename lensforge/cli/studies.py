@@ -31,7 +31,7 @@ from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.search.searches import SearchOptions, redesign
 from lensforge.spec import Accuracy, Spec, load_spec
-from lensforge.spec.source_sections import SourceSpec
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.spec_files import joined_name
 from lensforge.surfaces.imported_face import LENS_FILE
 
@@ -82,7 +82,7 @@ def renewed_for(here: RunFolder, source: Path, clock: "StageClock", threads: int
         return there.run
 
 
-def _require_same_led(folder: Path, led: SourceSpec) -> None:
+def _require_same_led(folder: Path, led: EmitterSection) -> None:
     path = folder / LENS_FILE
     if path.exists() and not is_same_source(led, load_lens(path).spec.source):
         raise InputError(f"{folder}: holds a lens for another LED; rename it, or the ray file")

@@ -53,7 +53,7 @@ from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, coarser_target, drawn_target, uniform_region
 from lensforge.sources.measured_rays import held_back, searched
 from lensforge.sources.ray_bundle import RayBundle, Source
-from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.accuracy import Preset
 from lensforge.spec.light_limits import ColourSection
 
@@ -99,7 +99,7 @@ def _stage(
 ) -> TableError:
     landed = receiver.land(traced.trace(rays))
     squares, pictures, lost, largest = [], [], [], 0.0
-    unit = "" if receiver.kind == "far_field" else "mm"
+    unit = "" if receiver.is_far else "mm"
     for rows in np.split(np.arange(len(rays)), _SCRAMBLES):
         tabulated, reference = landed.take(rows), exact.take(rows)
         on = (np.abs(reference.hits) <= 0.5 * np.array(receiver.grid.size)).all(axis=1)
@@ -224,7 +224,7 @@ def evaluate_traced(
 
 
 def receiver_light(
-    section: AnyReceiver,
+    section: ReceiverSection,
     physics: PossibleLight,
     received: ReceivedFlux,
     variance: float,
@@ -244,7 +244,7 @@ def receiver_light(
     metrics = ReplicateMetrics.of(images, target, mask, received.window / emitted_w).metrics()
     flux, missed = _flux_budget(received, emitted_w)
     colours = None if colour is None or received.colours is None else gaussian3(received.colours, variance)
-    unit = light_unit(None, far_field=receiver.kind == "far_field")
+    unit = light_unit(None, far_field=receiver.is_far)
     width, height, radius = (side if np.isfinite(side) else None for side in astuple(receiver.window))
     return ReceiverLight(
         name=section.name or section.kind,

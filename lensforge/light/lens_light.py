@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from math import isclose
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
@@ -19,8 +19,8 @@ from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import Preset, preset_of
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.source_list import source_with_file
-from lensforge.spec.source_sections import SourceSpec
 from lensforge.spec.spec_files import input_hashes, section_sha256
 
 
@@ -28,7 +28,7 @@ def evaluate(
     lens: Lens,
     *,
     accuracy: AnyAccuracy | None = None,
-    source: SourceSpec | Path | str | None = None,
+    source: EmitterSection | Path | str | None = None,
     rays: int | None = None,
     pixels: int | None = None,
     seed: int | None = None,
@@ -85,7 +85,7 @@ def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator
 
 def _conditions(
     lens: Lens,
-    source: SourceSpec | None,
+    source: EmitterSection | None,
     warnings: tuple[str, ...],
     name: str | None,
     asked: Mapping[str, Any],
@@ -134,17 +134,16 @@ def judging_source(spec: Spec) -> Source:
     return held_back(source_of(spec))
 
 
-def other_source(spec: Spec, source: SourceSpec | Path | str) -> SourceSpec:
+def other_source(spec: Spec, source: EmitterSection | Path | str) -> EmitterSection:
     """The source that takes the place of the one of ``spec``. Raises :class:`InputError` for anything else."""
     if isinstance(source, Path | str):
         return source_with_file(spec.source, Path(source))
-    chosen: SourceSpec = source
-    if not isinstance(source, get_args(get_args(SourceSpec)[0])):
+    if not isinstance(source, EmitterSection):
         raise InputError(f"source: {type(source).__name__} given; give one of the sources, such as SquareSource(...)")
-    return chosen
+    return source
 
 
-def inputs_of(lens: Lens, source: SourceSpec) -> dict[str, str]:
+def inputs_of(lens: Lens, source: EmitterSection) -> dict[str, str]:
     """Hashes of the inputs of an evaluation: the lens, the source, and every file that the source names."""
     return {"lens": lens.sha256, "source": section_sha256(source), **input_hashes(source)}
 
@@ -172,7 +171,7 @@ def unless_own(value: _Value | None, own: _Value) -> _Value | None:
     return None if value == own else value
 
 
-def has_rays_of(source: SourceSpec, own: SourceSpec) -> bool:
+def has_rays_of(source: EmitterSection, own: EmitterSection) -> bool:
     """True where ``source`` takes rays of a file of ``own``, under any name and in any place; the same source has."""
     if source == own:
         return True
@@ -183,7 +182,7 @@ def has_rays_of(source: SourceSpec, own: SourceSpec) -> bool:
         return False
 
 
-def is_same_source(source: SourceSpec, own: SourceSpec) -> bool:
+def is_same_source(source: EmitterSection, own: EmitterSection) -> bool:
     """True where both have the same fields and files; False where the lens's own files are no longer there."""
     if source == own:
         return True
@@ -194,6 +193,6 @@ def is_same_source(source: SourceSpec, own: SourceSpec) -> bool:
         return False
 
 
-def name_of_source(source: SourceSpec) -> str:
+def name_of_source(source: EmitterSection) -> str:
     """Short name of a source: the names of its files without their ends, or its title."""
     return "_".join(Path(file.removeprefix("file:")).stem for file in input_hashes(source)) or source.title

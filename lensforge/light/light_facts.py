@@ -109,7 +109,7 @@ def change_facts(change: LightMetrics) -> tuple[Fact, ...]:
 
 def window_words(light: ReceiverLight) -> str:
     """The part of the receiver in which flux counts as detected, after "flux"."""
-    return f"within {light.where}" if light.kind == "far_field" else light.where
+    return f"within {light.where}" if light.is_far_field else light.where
 
 
 def mask_words(spec: Spec, index: int) -> str:

@@ -44,10 +44,10 @@ from lensforge.sources.photometric.opening import LuminousOpening
 from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_io import encoded, photometric_of
 from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.sources.rayfiles.formats.tm25 import BINARY as TM25
 from lensforge.sources.rayfiles.ray_file import HeaderValue, RayFile, shared_wavelength
 from lensforge.sources.rayfiles.ray_file_io import decode
 from lensforge.sources.rayfiles.ray_file_rows import FileImage
-from lensforge.sources.rayfiles.tm25 import BINARY as TM25
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.metrics import (
@@ -29,6 +29,7 @@ from lensforge.results import Bound, Flag, Image, Irradiance, Metric, NotNegativ
 from lensforge.results.chart import Chart
 from lensforge.results.numerals import percent
 from lensforge.results.record import Array
+from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.target_sections import IN_TARGET
 
 Region = Literal["uniform", "bright"]
@@ -149,6 +150,12 @@ class WindowSize(Record):
     radius: Positive | None
 
 
+def _known_kind(kind: str) -> str:
+    if kind not in ReceiverSection.kinds:
+        raise ValueError(f"{kind!r}: must be one of {', '.join(ReceiverSection.kinds)}")
+    return kind
+
+
 class ReceiverLight(Record):
     """The light on one receiver.
 
@@ -172,7 +179,7 @@ class ReceiverLight(Record):
     """
 
     name: Text
-    kind: Literal["plane", "far_field", "cylinder", "sphere"]
+    kind: Annotated[Text, AfterValidator(_known_kind)]
     place: Text
     width: Annotated[Positive, Field(le=1e12)]
     height: Annotated[Positive, Field(le=1e12)]
@@ -212,7 +219,17 @@ class ReceiverLight(Record):
     @property
     def chart(self) -> Chart:
         """Size of the maps, for figures."""
-        return Chart(self.width, self.height, self.kind == "far_field")
+        return Chart(self.width, self.height, self.is_far_field)
+
+    @property
+    def section(self) -> type[ReceiverSection]:
+        """The kind of receiver, as a spec has it."""
+        return ReceiverSection.kinds[self.kind]
+
+    @property
+    def is_far_field(self) -> bool:
+        """True for light by direction."""
+        return self.section.unit == "deg"
 
     @property
     def pixels(self) -> int:
@@ -222,12 +239,9 @@ class ReceiverLight(Record):
     @property
     def where(self) -> str:
         """The window in words."""
-        unit, window = "mm", self.window
-        if self.kind == "far_field":
+        if self.is_far_field:
             return f"{self.place.removeprefix('in the far field, to ')} from the axis"
-        if window.radius is not None:
-            return "on it" if self.kind == "sphere" else f"within a radius of {window.radius:g} {unit}"
-        return f"within {window.width:g} × {window.height:g} {unit}"
+        return "on it" if self.section.is_round else f"within {self.window.width:g} × {self.window.height:g} mm"
 
     def follows(self) -> Iterator[tuple[str, float, float]]:
         """Efficiency and missed flux by the budget, and the NMSE by the maps, with their noise and without."""

@@ -19,6 +19,7 @@ from lensforge.sources.ray_bundle import blocks_of
 from lensforge.sources.source_flux import chip_fluxes
 from lensforge.sources.source_spectrum import Spectrum, spectrum_of
 from lensforge.sources.source_summary import SourceSummary
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.light_limits import PhotometrySection
 from lensforge.spec.source_sections import (
     ChipsSource,
@@ -26,7 +27,6 @@ from lensforge.spec.source_sections import (
     RayfileSource,
     RayfilesSource,
     RaySource,
-    SourceSpec,
 )
 
 _RELATIVE_LM = 1000.0  # of the source where its flux is not known: cd/klm, as relative photometry has it
@@ -66,7 +66,7 @@ _Light: TypeAlias = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]  # w
 _STEP_NM = 5.0  # of a table made from the wavelengths of rays: the step of the CIE's own tables
 
 
-def spectrum_of_source(spec: SourceSpec, summary: SourceSummary) -> Spectrum | None:
+def spectrum_of_source(spec: EmitterSection, summary: SourceSummary) -> Spectrum | None:
     """Spectrum (relative power per nm) of all light of ``spec``; None where it, or that of a part, is not known.
 
     The spec's own, or that of its ray files; ``summary`` has the flux of each. Rays with a wavelength each give a table

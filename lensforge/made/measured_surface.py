@@ -145,7 +145,7 @@ def compare_surface(
         residual_rms_um=cut.left_um(form),
         rays=traced.rays,
         receiver=section.name or section.kind,
-        far_field=section.kind == "far_field",
+        far_field=section.is_far_field,
         width=receiver.grid.width,
         height=receiver.grid.height,
         design=before.metrics,

@@ -4,6 +4,7 @@ Files are read by the readers of the design; of the code that draws the design's
 """
 
 from dataclasses import astuple, replace
+from functools import singledispatch
 from math import isfinite
 
 import numpy as np
@@ -29,20 +30,22 @@ from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.source_flux import chip_fluxes
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.spec import Spec
-from lensforge.spec.emitter_section import CosineIntensity, IntensitySpec, SpectrumSpec, TableIntensity
+from lensforge.spec.emitter_section import CosineIntensity, EmitterSection, IntensitySpec, SpectrumSpec, TableIntensity
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.source_sections import (
     ChipArraySource,
     ChipsSource,
     DiscSource,
     LuminanceSource,
+    PlanarSource,
     RadianceSource,
     RectangleSource,
-    SourceSpec,
     SquareSource,
 )
 from lensforge.surfaces.surface import grid, to_sphere
 
+_Points = independent_draws.Points
+_Drawn = tuple[_Points, independent_draws.Directions]
 _NODES = 385  # of the chart's grid on which faces are sorted: they are 0.005 apart
 
 
@@ -93,18 +96,17 @@ def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
         width, height, radius = (side if isfinite(side) else None for side in astuple(receiver.window))
         grid = receiver.grid
         screens.append(
-            Screen(
-                kind=section.kind,
-                centre_mm=getattr(section, "centre_mm", (0.0, 0.0, 0.0)),
+            Screen.kinds[section.kind](
+                centre_mm=section.centre_mm,
                 facing=section.facing,
                 rotation_deg=section.rotation_deg,
-                radius_mm=getattr(section, "radius_mm", 0.0),
                 width=grid.width,
                 height=grid.height,
                 columns=grid.columns,
                 rows=grid.rows,
                 window=(width, height, radius),
                 filter_variance=spec.evaluate.filter_variance,
+                numbers={name: value for name, value in section if isinstance(value, float)},
             )
         )
     return screens
@@ -125,7 +127,7 @@ def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBu
     if isinstance(source, RaySetEmitter):
         chosen = source.rays.take(_by_flux(source.rays, count, random))
         return replace(chosen, flux=np.full(count, source.flux_w / count))
-    points, directions = _drawn(random, count, section)
+    points, directions = drawn_rays(section, random, count)
     points = np.column_stack([points, np.zeros(count)])
     place = (section.rotate_z_deg, section.tilt_deg, section.position_mm)
     rays = independent_draws.posed(points, directions, source.flux_w, *place)
@@ -165,37 +167,54 @@ def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]
     return np.searchsorted(shares, random.random(count), side="right")
 
 
-def _drawn(
-    random: Generator, count: int, section: SourceSpec
-) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 3"]]:
-    """Start points (mm) in the plane z = 0, and directions, of an emitter before it is put in its place."""
-    match section:
-        case SquareSource():
-            square = _grid(1, 1, (section.side_mm, section.side_mm), (1.0, 1.0))
-            return independent_draws.in_rectangles(random, count, *square), independent_draws.along_cosine(
-                random, count, 1.0
-            )
-        case RadianceSource():
-            table = read_radiance(section.file)
-            edges = (table.x_mm, table.y_mm)
-            rows = independent_draws.of_radiance(random, count, edges, table.c_deg, table.gamma_deg, table.radiance)
-            return rows[:, :2], rows[:, 2:]
-        case RectangleSource():
-            whole = _grid(1, 1, (section.width_mm, section.height_mm), (1.0, 1.0))
-            points = independent_draws.in_rectangles(random, count, *whole)
-        case ChipArraySource():
-            chips = _grid(section.columns, section.rows, (section.width_mm, section.height_mm), section.pitch_mm)
-            points = independent_draws.in_rectangles(random, count, *chips)
-        case ChipsSource():
-            points = independent_draws.in_rectangles(random, count, *_chips(section))
-        case DiscSource():
-            points = independent_draws.in_disc(random, count, 0.5 * section.diameter_mm)
-        case LuminanceSource():
-            picture = read_light(section.file, section.luminance, missing="give an image file")
-            points = independent_draws.in_picture(random, count, picture, section.width_mm)
-        case _:
-            raise InputError(f"source: {section.kind}: no rays of its own can be drawn of it; please report it")
-    return points, _aimed(random, count, section.intensity)
+@singledispatch
+def drawn_rays(section: EmitterSection, random: Generator, count: int) -> _Drawn:
+    """Start points (mm) in the plane z = 0, and directions, of an emitter before it is put in its place.
+
+    A kind of source registers its function here, or in :func:`drawn_points`.
+    """
+    raise InputError(f"source: {section.kind}: no rays of its own can be drawn of it; please report it")
+
+
+@drawn_rays.register
+def _(section: SquareSource, random: Generator, count: int) -> _Drawn:
+    square = _grid(1, 1, (section.side_mm, section.side_mm), (1.0, 1.0))
+    return independent_draws.in_rectangles(random, count, *square), independent_draws.along_cosine(random, count, 1.0)
+
+
+@drawn_rays.register
+def _(section: RadianceSource, random: Generator, count: int) -> _Drawn:
+    table = read_radiance(section.file)
+    edges = (table.x_mm, table.y_mm)
+    rows = independent_draws.of_radiance(random, count, edges, table.c_deg, table.gamma_deg, table.radiance)
+    return rows[:, :2], rows[:, 2:]
+
+
+@drawn_rays.register
+def _(section: PlanarSource, random: Generator, count: int) -> _Drawn:
+    return drawn_points(section, random, count), _aimed(random, count, section.intensity)
+
+
+@singledispatch
+def drawn_points(section: PlanarSource, random: Generator, count: int) -> _Points:
+    """Start points (mm) of a source in the plane z = 0, all of whose points have the same intensity profile."""
+    raise InputError(f"source: {section.kind}: no rays of its own can be drawn of it; please report it")
+
+
+@drawn_points.register(RectangleSource | ChipArraySource | ChipsSource)
+def _(section: RectangleSource | ChipArraySource | ChipsSource, random: Generator, count: int) -> _Points:
+    return independent_draws.in_rectangles(random, count, *_rectangles(section))
+
+
+drawn_points.register(
+    DiscSource, lambda section, random, count: independent_draws.in_disc(random, count, 0.5 * section.diameter_mm)
+)
+
+
+@drawn_points.register
+def _(section: LuminanceSource, random: Generator, count: int) -> _Points:
+    picture = read_light(section.file, section.luminance, missing="give an image file")
+    return independent_draws.in_picture(random, count, picture, section.width_mm)
 
 
 def _aimed(random: Generator, count: int, profile: IntensitySpec) -> Float[np.ndarray, "n 3"]:
@@ -221,8 +240,12 @@ def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple
     return centres, np.tile(side_mm, (len(cells), 1)), np.ones(len(cells))
 
 
-def _chips(section: ChipsSource) -> _Rectangles:
-    """Centres, sides (mm) and fluxes of the chips."""
+def _rectangles(section: RectangleSource | ChipArraySource | ChipsSource) -> _Rectangles:
+    """Centres, sides (mm) and shares or fluxes of the rectangles of a source."""
+    if isinstance(section, RectangleSource):
+        return _grid(1, 1, (section.width_mm, section.height_mm), (1.0, 1.0))
+    if isinstance(section, ChipArraySource):
+        return _grid(section.columns, section.rows, (section.width_mm, section.height_mm), section.pitch_mm)
     centres = np.array([[chip.x_mm, chip.y_mm] for chip in section.chips])
     sides = np.array([[chip.width_mm, chip.height_mm] for chip in section.chips])
     return centres, sides, np.array([flux.flux_w for flux in chip_fluxes(section)])

@@ -3,7 +3,10 @@
 Written independently of the design's receivers: frames by rotation vectors, charts by angles.
 """
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,37 +20,56 @@ _FLATTEST = 1e-3  # cosine of arrival: pixels seen edge on would allow any gap
 _BEHIND = 1e-12  # of a plane's normal: a ray that rises less never reaches it
 
 Triple = tuple[float, float, float]
+_Rows = Float[np.ndarray, "n 3"]
+_Places = Float[np.ndarray, "n 2"]
+_Coordinates = Float[np.ndarray, "h w"]
+_Vectors = Float[np.ndarray, "h w 3"]
 
 
 @dataclass(frozen=True)
-class Screen:
-    """A plane, the far field, a cylinder or a sphere with ``columns`` x ``rows`` pixels; images are indexed [y, x].
+class Screen(ABC):
+    """A receiver with ``columns`` x ``rows`` pixels; images are indexed [y, x]. ``kinds``: a class for each, by name.
 
     ``facing``: the direction of its normal or of its chart's centre, away from the lens; x and y follow from the lens's
     by the shortest turn, and another by ``rotation_deg`` about it. ``width``, ``height``: of its chart, mm, or 2
     sin(gamma / 2) for the far field. ``window``: width, height, and radius in which flux counts as detected; None: any.
     ``filter_variance`` (pixels^2) is that of the paper's 3 x 3 Gaussian filter; 0: none. At the edge of the receiver
-    the filter repeats the outermost pixels.
+    the filter repeats the outermost pixels. ``numbers``: what else the spec states of a receiver of this kind.
     """
 
-    kind: str
     centre_mm: Triple
     facing: Triple
     rotation_deg: float
-    radius_mm: float
     width: float
     height: float
     columns: int
     rows: int
     window: tuple[float | None, float | None, float | None]
     filter_variance: float = 1.0
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    kinds: ClassVar[dict[str, "type[Screen]"]] = {}
+    kind: ClassVar[str]  # that of the receiver's section
+    is_far: ClassVar[bool] = False  # its places are directions
+    mm_per_unit: ClassVar[float] = 1.0  # millimetres of a unit of the chart
+
+    def __init_subclass__(cls, kind: str) -> None:
+        cls.kind, Screen.kinds[kind] = kind, cls
 
     @staticmethod
     def square(distance_mm: float, side_mm: float, pixels: int, filter_variance: float = 1.0) -> "Screen":
         """A square of ``side_mm`` in the plane z = ``distance_mm``, centred on the axis."""
         whole = (side_mm, side_mm, None)
         axis = ((0.0, 0.0, distance_mm), (0.0, 0.0, 1.0))
-        return Screen("plane", *axis, 0.0, 0.0, side_mm, side_mm, pixels, pixels, whole, filter_variance)
+        return PlaneScreen(*axis, 0.0, side_mm, side_mm, pixels, pixels, whole, filter_variance)
+
+    @abstractmethod
+    def _landed(self, away: _Rows, along: _Rows) -> _Places:
+        """Places on the chart of rays from ``away`` (mm) in directions ``along``, in its own axes; NaN for none."""
+
+    def _surface(self, x: _Coordinates, y: _Coordinates) -> tuple[_Vectors, _Vectors]:
+        """Points (mm) at places of the chart, and the normals there, in its own axes."""
+        raise NotImplementedError(f"{type(self).__name__}: directions have no surface")
 
     @property
     def axes(self) -> Float[np.ndarray, "3 3"]:
@@ -66,65 +88,30 @@ class Screen:
 
         A ray from the lens origin that goes L mm and arrives at an angle a from the normal lands L / cos a off.
         """
-        if self.kind == "far_field":
-            return _AT_ONE_METRE
-        points, normals = self._centres(*light.shape)
+        if self.is_far:
+            return self.mm_per_unit
+        rows, columns = light.shape
+        x, y = np.meshgrid(
+            self.width * ((np.arange(columns) + 0.5) / columns - 0.5),
+            self.height * ((np.arange(rows) + 0.5) / rows - 0.5),
+        )
+        points, normals = self._surface(x, y)
+        points, normals = points @ self.axes + self.centre_mm, normals @ self.axes
         paths = np.linalg.norm(points, axis=-1)
         cosines = np.abs(np.sum(points * normals, axis=-1)) / paths
         reach = paths / np.maximum(cosines, _FLATTEST)
         return float(np.sqrt(np.sum(light * reach**2) / np.sum(light)))
 
-    def _centres(self, rows: int, columns: int) -> tuple[Float[np.ndarray, "h w 3"], Float[np.ndarray, "h w 3"]]:
-        """Middles of pixels (mm) of a plane, a cylinder or a sphere, and the normals there."""
-        x, y = np.meshgrid(
-            self.width * ((np.arange(columns) + 0.5) / columns - 0.5),
-            self.height * ((np.arange(rows) + 0.5) / rows - 0.5),
-        )
-        if self.kind == "plane":
-            normals = np.stack([np.zeros_like(x), np.zeros_like(x), np.ones_like(x)], axis=-1)
-            points = np.stack([x, y, np.zeros_like(x)], axis=-1)
-        elif self.kind == "sphere":
-            radius = np.maximum(np.hypot(x, y) / self.radius_mm, np.finfo(float).tiny)
-            angle = 2.0 * np.arcsin(np.minimum(0.5 * radius, 1.0))
-            across = np.sin(angle) / radius / self.radius_mm
-            normals = np.stack([across * x, across * y, np.cos(angle)], axis=-1)
-            points = self.radius_mm * normals
-        else:
-            azimuth = x / self.radius_mm
-            normals = np.stack([np.sin(azimuth), np.zeros_like(x), np.cos(azimuth)], axis=-1)
-            points = self.radius_mm * normals + y[..., None] * np.array([0.0, 1.0, 0.0])
-        return points @ self.axes + self.centre_mm, normals @ self.axes
-
-    @property
-    def mm_per_unit(self) -> float:
-        """Millimetres of a unit of the chart; of directions at 1 m."""
-        return _AT_ONE_METRE if self.kind == "far_field" else 1.0
-
     @property
     def diagonal_mm(self) -> float:
-        """Diagonal of the chart."""
+        """Diagonal of the chart; of directions at 1 m."""
         return float(np.hypot(self.width, self.height)) * self.mm_per_unit
 
     def land(self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
         """Places on the chart where rays from ``points`` (mm) land; NaN for those that never reach the surface."""
         axes = self.axes
-        away, along = (points - self.centre_mm) @ axes.T, directions @ axes.T
         with np.errstate(divide="ignore", invalid="ignore"):
-            match self.kind:
-                case "plane":
-                    reaches = (along[:, 2] > _BEHIND) & (away[:, 2] < 0.0)
-                    return np.where(reaches[:, None], away[:, :2] - away[:, 2:] / along[:, 2:] * along[:, :2], np.nan)
-                case "far_field":
-                    return _equal_area(along)
-                case "sphere":
-                    ends = away + _out_of(away, along, self.radius_mm)[:, None] * along
-                    return np.asarray(self.radius_mm * _equal_area(ends))
-                case _:
-                    flat = np.array([1.0, 0.0, 1.0])
-                    across = np.linalg.norm(along * flat, axis=1)
-                    steps = _out_of(away * flat, along * flat / across[:, None], self.radius_mm) / across
-                    ends = away + steps[:, None] * along
-                    return np.stack([self.radius_mm * np.arctan2(ends[:, 0], ends[:, 2]), ends[:, 1]], axis=1)
+            return self._landed((points - self.centre_mm) @ axes.T, directions @ axes.T)
 
     def on_pixels(self, landings: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for landings on any pixel; False for NaN."""
@@ -173,7 +160,7 @@ class Screen:
     def pixel_measure(self) -> float:
         """Area of a pixel in m^2, or its solid angle in sr."""
         area = self.width / self.columns * (self.height / self.rows)
-        return area if self.kind == "far_field" else area * 1e-6
+        return area if self.is_far else area * 1e-6
 
     def _sums(
         self, landings: Float[np.ndarray, "n 2"], values: Float[np.ndarray, " n"]
@@ -185,6 +172,62 @@ class Screen:
         sums = np.zeros((self.rows, self.columns))
         np.add.at(sums, (index[:, 1], index[:, 0]), values[inside])
         return sums
+
+
+class PlaneScreen(Screen, kind="plane"):
+    """A rectangle in a plane."""
+
+    def _landed(self, away: _Rows, along: _Rows) -> _Places:
+        reaches = (along[:, 2] > _BEHIND) & (away[:, 2] < 0.0)
+        return np.where(reaches[:, None], away[:, :2] - away[:, 2:] / along[:, 2:] * along[:, :2], np.nan)
+
+    def _surface(self, x: _Coordinates, y: _Coordinates) -> tuple[_Vectors, _Vectors]:
+        zero = np.zeros_like(x)
+        return np.stack([x, y, zero], axis=-1), np.stack([zero, zero, np.ones_like(x)], axis=-1)
+
+
+class FarFieldScreen(Screen, kind="far_field"):
+    """All directions, on the equal-area chart; a length on it is one at 1 m."""
+
+    is_far: ClassVar[bool] = True
+    mm_per_unit: ClassVar[float] = _AT_ONE_METRE
+
+    def _landed(self, away: _Rows, along: _Rows) -> _Places:
+        return _equal_area(along)
+
+
+class SphereScreen(Screen, kind="sphere"):
+    """A sphere about its centre, on the equal-area chart."""
+
+    def _landed(self, away: _Rows, along: _Rows) -> _Places:
+        radius_mm = self.numbers["radius_mm"]
+        ends = away + _out_of(away, along, radius_mm)[:, None] * along
+        return np.asarray(radius_mm * _equal_area(ends))
+
+    def _surface(self, x: _Coordinates, y: _Coordinates) -> tuple[_Vectors, _Vectors]:
+        radius_mm = self.numbers["radius_mm"]
+        radius = np.maximum(np.hypot(x, y) / radius_mm, np.finfo(float).tiny)
+        angle = 2.0 * np.arcsin(np.minimum(0.5 * radius, 1.0))
+        across = np.sin(angle) / radius / radius_mm
+        normals = np.stack([across * x, across * y, np.cos(angle)], axis=-1)
+        return radius_mm * normals, normals
+
+
+class CylinderScreen(Screen, kind="cylinder"):
+    """A cylinder about its own y axis, unrolled."""
+
+    def _landed(self, away: _Rows, along: _Rows) -> _Places:
+        radius_mm, flat = self.numbers["radius_mm"], np.array([1.0, 0.0, 1.0])
+        across = np.linalg.norm(along * flat, axis=1)
+        steps = _out_of(away * flat, along * flat / across[:, None], radius_mm) / across
+        ends = away + steps[:, None] * along
+        return np.stack([radius_mm * np.arctan2(ends[:, 0], ends[:, 2]), ends[:, 1]], axis=1)
+
+    def _surface(self, x: _Coordinates, y: _Coordinates) -> tuple[_Vectors, _Vectors]:
+        radius_mm = self.numbers["radius_mm"]
+        azimuth = x / radius_mm
+        normals = np.stack([np.sin(azimuth), np.zeros_like(x), np.cos(azimuth)], axis=-1)
+        return radius_mm * normals + y[..., None] * np.array([0.0, 1.0, 0.0]), normals
 
 
 def _equal_area(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:

@@ -86,7 +86,7 @@ def _on_receiver(
         name=name,
         width=screen.width,
         height=screen.height,
-        far_field=screen.kind == "far_field",
+        far_field=screen.is_far,
         flux=flux,
         balance_error=abs(sum(flux.model_dump().values()) - 1.0),
         detected_stray_by_cause=_by_cause(landed, emitted),

@@ -189,7 +189,7 @@ def _on_receiver(
         name=name,
         width=screen.width,
         height=screen.height,
-        far_field=screen.kind == "far_field",
+        far_field=screen.is_far,
         nmse_vs_design=off,
         noise_floor_nmse=noise_floor,
         nmse_same_rays=nmse(image, screen.irradiance(expected.landings, expected.flux)),

@@ -14,7 +14,7 @@ from lensforge.results import Fact, Group, State
 from lensforge.results.numerals import quantity
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
-from lensforge.spec import AnyReceiver, Spec, Target
+from lensforge.spec import ReceiverSection, Spec, TargetSection
 from lensforge.spec.lens_section import AnyLens
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
@@ -245,42 +245,16 @@ def _surroundings(lens: AnyLens) -> str:
     return f"{indices}, coated {_listed(coated)}" if coated else indices
 
 
-def _on_receiver(receiver: AnyReceiver) -> str:
+def _on_receiver(receiver: ReceiverSection) -> str:
     return f"{_targets(receiver.targets)} {receiver.place}"
 
 
-def _targets(targets: Sequence[Target]) -> str:
-    return f"{len(targets)} targets" if len(targets) > _MOST_NAMED else _listed(list(map(_target, targets)))
+def _targets(targets: Sequence[TargetSection]) -> str:
+    return (
+        f"{len(targets)} targets" if len(targets) > _MOST_NAMED else _listed([target.description for target in targets])
+    )
 
 
 def _listed(names: list[str]) -> str:
     """``names`` in a sentence: "a, b and c"."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
-# A target in a few words, by its kind; of its lengths each is with its unit, along x and y where they differ.
-_TARGETS = {
-    "array": "given pattern, {width} wide",
-    "batwing": "batwing to {to}",
-    "beam": "{target.profile} beam {fwhm}",
-    "cross": "cross, {length} long",
-    "disc": "disc, {diameter} wide",
-    "ellipse": "ellipse, {width} × {height}",
-    "flat_top": "flat top, {width} × {height}",
-    "image": "{target.file.name}, {width} wide",
-    "photometric": "intensity of {target.file.name}",
-    "polygon": "polygon with {corners} corners",
-    "rectangle": "rectangle, {width} × {height}",
-    "ring": "ring, {inner_diameter} to {outer_diameter} wide",
-    "spots": "{target.columns} × {target.rows} spots, {pitch} apart",
-    "table": "{target.file.name}, {width} wide",
-    "text": "“{target.text}”, {width} wide",
-}
-
-
-def _target(target: Target) -> str:
-    unit = "°" if target.unit == "deg" else " mm"
-    names = [name for name in (*target.needs, *target.takes) if name != "corners" and target.length(name) is not None]
-    lengths = {name: " × ".join(f"{side:g}{unit}" for side in dict.fromkeys(target.sides(name))) for name in names}
-    lengths.setdefault("height", lengths.get("width", ""))  # of a flat top
-    return _TARGETS[target.kind].format(target=target, corners=len(getattr(target, "corners", ())), **lengths)

@@ -25,7 +25,6 @@ from lensforge.search.design_result import Design
 from lensforge.search.scene_check import asked_light
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
-from lensforge.spec.derived_values import source_extent
 
 _FROM_ABOVE = "One field between two lamps; the arrow is the lane of the driver, who is 60 m before it."
 _FROM_ABOVE_BY_RP8 = "One field between two lamps for each direction of travel; each point is seen from 83 m before it."
@@ -108,7 +107,7 @@ def unit_of_light(results: Results, *, far_field: bool | None = None) -> LightUn
     """Lux or candela where lumens are known, else W/m^2 or W/sr; ``far_field``: by default as the first receiver is."""
     light, design = results.find(Light), results.find(Design)
     if far_field is None:
-        far_field = results.spec.all_receivers[0].kind == "far_field"
+        far_field = results.spec.all_receivers[0].is_far_field
     if light is not None:
         return light_unit(light.lumens_per_watt, far_field=far_field)
     return light_unit(None if design is None else design.source.lumens_per_watt, far_field=far_field)
@@ -129,7 +128,7 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Bound]:
 
     Empty for a source from a file: a folder need not hold it, so that nothing can be said afterwards.
     """
-    if not spec.has_limits or source_extent(spec.source) is None:
+    if not spec.has_limits or spec.source.extent_mm is None:
         return {}
     _, limits = asked_light(spec, build_source(spec.source))
     return {
@@ -239,7 +238,8 @@ def _flux(shown: ShownReceiver) -> list[PagePicture]:
     lines = light_figures.isolines(light.map, chart, top_of([light.target_map]), shown.unit)
     encircled = light_figures.encircled_energy(light.target_map, light.raw_map, chart)
     budget = light_figures.flux_budget(light.flux, light.missed_by_cause, light.lost_in_bodies)
-    window = "all of the receiver" if light.kind == "sphere" else window_words(light).removeprefix("within ")
+    whole = light.section.is_round and not light.is_far_field
+    window = "all of the receiver" if whole else window_words(light).removeprefix("within ")
     return [
         picture(name("isolines"), lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
         picture(name("encircled"), encircled, "Encircled energy", "Around the centre, out to the corners."),

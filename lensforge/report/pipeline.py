@@ -44,9 +44,10 @@ from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require
 from lensforge.spec import AnyAccuracy, DrawingSection, Spec
 from lensforge.spec.accuracy import accuracy_of, preset_of
 from lensforge.spec.design_spec import require_spec
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_base_around_cavity
 from lensforge.spec.part_section import read_drawing
-from lensforge.spec.source_sections import NamedSource, SourceSpec
+from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_section import date_of
 from lensforge.surfaces.imported_face import LENS_FILE
 
@@ -321,7 +322,7 @@ def sweep(
     field: str | None = None,
     values: Sequence[float] | None = None,
     *,
-    source: Sequence[NamedSource | SourceSpec | Path | str] | None = None,
+    source: Sequence[NamedSource | EmitterSection | Path | str] | None = None,
     scale: Sequence[str] = (),
     accuracy: AnyAccuracy = "standard",
     seed: int = 0,

@@ -8,8 +8,9 @@ from typing import ClassVar
 
 from lensforge.errors import InputError, remedy
 from lensforge.spec import Spec
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.source_list import read_sources, require_told_apart
-from lensforge.spec.source_sections import NamedSource, SourceSpec
+from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_files import joined_name
 from lensforge.spec.spec_section import Section
 
@@ -103,7 +104,7 @@ def _with_own_folders(field: str, designs: list[Variant]) -> list[Variant]:
 AnyVariation = Variation | SourceVariation
 
 
-def sources_of(given: Sequence[NamedSource | SourceSpec | Path | str], base: Spec) -> SourceVariation:
+def sources_of(given: Sequence[NamedSource | EmitterSection | Path | str], base: Spec) -> SourceVariation:
     """The LEDs ``given`` as sources, with or without names, or as files.
 
     Raises :class:`InputError` for anything else, for a single one, and for two of one name.

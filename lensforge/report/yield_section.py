@@ -89,7 +89,7 @@ def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePictu
     """Light of the lens as designed, where it was evaluated, and of the worst parts, with the same colours."""
     section, unit, (columns, rows) = results.spec.all_receivers[0], unit_of_light(results), periods_of(results.spec)
     width, height = section.size
-    chart = Chart(columns * width, rows * height, section.kind == "far_field")
+    chart = Chart(columns * width, rows * height, section.is_far_field)
     light = results.find(Light)
     maps = list(_worst_maps(found))
     designed = [] if light is None else [("As designed", "", np.tile(light.receivers[0].map, (rows, columns)))]

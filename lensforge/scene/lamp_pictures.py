@@ -162,7 +162,7 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
     if lamps.alone:
         return LampPictures(receiver, (Raster(receiver, 1),))
     moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T / receiver.grid.pixel
-    level = receiver.kind == "plane" and not any(receiver.pose.rows[2][:2]) and not lamps.posed
+    level = receiver.is_flat and not any(receiver.pose.rows[2][:2]) and not lamps.posed
     for own in _alike(receiver, moves, level):
         if lamps.period_mm is not None:
             rasters.append(_period(receiver, own[0]))
@@ -180,7 +180,7 @@ def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool
     lamps, groups = receiver.lamps, dict[object, list[int]]()
     for number, turn in enumerate(lamps.turns_deg):
         key: object = number
-        if receiver.kind == "far_field":
+        if receiver.is_far:
             key = round(turn % 360.0, 9), *(round(along, 12) for along in lamps.stands[number].axis)
         elif level and lamps.period_mm is None:
             parts = np.round((moves[number] - np.round(moves[number])) / WHOLE).astype(int)

@@ -25,14 +25,13 @@ from lensforge.results.files import json_in, read_json_bytes, write_json
 from lensforge.results.notebook_html import section_html, table_text
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
 from lensforge.scene.body import Body, radii
-from lensforge.spec import AnyAccuracy, AnyReceiver, Spec, parse_spec
+from lensforge.spec import AnyAccuracy, Spec, parse_spec
 from lensforge.spec.accuracy import stated
 from lensforge.spec.search_section import LARGEST
 from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import has_mirrors
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface
-from lensforge.surfaces.surface_record import SurfaceRecord, surface_record
+from lensforge.surfaces.surface import Surface, SurfaceRecord, surface_record
 from lensforge.version import __version__
 
 SCHEMA = "lensforge-lens-3"
@@ -177,7 +176,7 @@ class Lens:
         return {
             "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
             "source": spec.source.title,
-            "receiver": "; ".join(_where(receiver) for receiver in spec.all_receivers),
+            "receiver": "; ".join(receiver.title for receiver in spec.all_receivers),
             "surfaces": ", ".join(f"{name}: {_describe(each)}" for name, each in self.surfaces.items()),
             "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
         }
@@ -207,15 +206,6 @@ def require_one_kind(lens: Lens, verb: str) -> None:
 
 def _faces_record(surfaces: Mapping[str, Surface]) -> dict[str, JsonValue]:
     return {name: surface_record(each).model_dump(mode="json") for name, each in surfaces.items()}
-
-
-def _where(receiver: AnyReceiver) -> str:
-    """Size of a receiver, and its place; of the far field and of a sphere the place alone."""
-    if receiver.kind in ("far_field", "sphere"):
-        return receiver.place
-    width, height = receiver.size
-    size = f"{width:g} mm wide" if width == height else f"{width:g} × {height:g} mm"
-    return f"{size} {receiver.place}"
 
 
 def _describe(surface: Surface) -> str:

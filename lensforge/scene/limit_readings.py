@@ -13,7 +13,6 @@ from lensforge.results import Sense
 from lensforge.scene.receiver import PosedReceiver, equal_area
 from lensforge.scene.road_classes import asked_of
 from lensforge.scene.road_field import RoadReadings
-from lensforge.scene.target_shapes import in_shape
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import (
     BeamAngleLimit,
@@ -92,7 +91,7 @@ def _of_road(
     number: int, spec: Spec, receivers: Sequence[PosedReceiver], lumens_per_watt: float | None, flux_w: float
 ) -> Iterator[LightLimit]:
     """Limits by the class of a road, on the picture of the first far field: its pixels are intensities of a lamp."""
-    index = next(index for index, receiver in enumerate(receivers) if receiver.kind == "far_field")
+    index = next(index for index, receiver in enumerate(receivers) if receiver.is_far)
     receiver, road, name = receivers[index], spec.roads[number], names_of(spec.roads)[number]
     if road.lamp_lm is None and lumens_per_watt is None:
         raise InputError(f"{name}: lamp_lm is missing, and the source's lumens are not known; give either")
@@ -177,7 +176,7 @@ def _zone(limit: LimitSection, receiver: PosedReceiver) -> Bool[np.ndarray, "h w
     if isinstance(limit, GlareLimit):
         inside &= np.hypot(x, y) >= limit.from_deg
     elif isinstance(limit, ZoneLimit) and limit.zone is not None:
-        inside &= in_shape(limit.zone, *limit.zone.about_centre(x, y))
+        inside &= limit.zone.contains(*limit.zone.about_centre(x, y))
     return inside
 
 

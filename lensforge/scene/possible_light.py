@@ -251,7 +251,7 @@ class PossibleLight:
         rows, columns = receiver.grid.shape
         times = self._exit.finer(max(rows, columns))
         fine = replace(receiver, grid=receiver.grid.finer(times)).corners()
-        found = self._exit.etendues(fine, far=receiver.kind == "far_field")
+        found = self._exit.etendues(fine, far=receiver.is_far)
         return np.asarray(found.reshape(-1, rows, times, columns, times).sum(axis=(2, 4)))
 
     @cached_property
@@ -318,7 +318,7 @@ class PossibleLight:
         x, y, _ = corners[used].T
         diagonal = np.linalg.norm(corners[1:, 1:] - corners[:-1, :-1], axis=-1)[pixels].max()
         near = float(np.hypot(x, y).min() - diagonal)
-        from_mm = 0.0 if receiver.kind == "far_field" else self._exit.radius_mm
+        from_mm = 0.0 if receiver.is_far else self._exit.radius_mm
         if near <= from_mm:
             return 0.0, np.pi
         middle, half = shortest_arc(np.arctan2(y, x))
@@ -357,10 +357,10 @@ class PossibleLight:
 
         Of a mirror, by which light that need not turn goes straight on, seen along each ray.
         """
-        if receiver.kind == "far_field":
+        if receiver.is_far:
             return np.zeros(1)
         nearest_mm = float(np.linalg.norm(corners, axis=-1).min())
-        if receiver.kind == "plane":  # between the corners it may be nearer
+        if receiver.is_flat:  # between the corners it may be nearer
             pose = receiver.pose
             nearest_mm = abs(float(pose.axes[2] @ pose.centre_mm))
         off_mm = np.array([self._exit.radius_mm])

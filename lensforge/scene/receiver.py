@@ -7,8 +7,9 @@ or of all directions; charts keep areas, so that pixels are alike.
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import singledispatch
 from math import inf
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,10 +20,9 @@ from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.spec.lamp_places import Stand
 from lensforge.spec.lamps_section import ALONE, Lamps
+from lensforge.spec.receiver_fields import ReceiverSection
 
 _WORTH_SHARING = 2**16  # rays: half a millisecond of work
-
-ReceiverKind = Literal["plane", "far_field", "cylinder", "sphere"]
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,9 @@ Kernel = Callable[..., Any]
 class PosedReceiver(ABC):
     """A receiver whose chart is given by a pose and, for curved ones, a radius (mm).
 
-    Subclasses name their pair of kernels, and have the same in arrays. ``lamps``: those whose light it sees. Rays land
-    from one at the origin; its pictures hold the mean flux of a lamp on each pixel.
+    Subclasses say in arrays where rays land, and may name a pair of kernels that do the same, many times as quickly.
+    ``lamps``: those whose light it sees. Rays land from one at the origin; its pictures hold the mean flux of a lamp on
+    each pixel.
     """
 
     pose: ReceiverPose
@@ -118,9 +119,11 @@ class PosedReceiver(ABC):
     window: Window = field(default_factory=Window)
     lamps: Lamps = ALONE
 
-    kind: ClassVar[ReceiverKind]
-    kernels: ClassVar[tuple[Kernel, Kernel]]  # hits and whether they are reached; the adjoint
+    kernels: ClassVar[tuple[Kernel, Kernel] | None] = None  # hits and whether they are reached; the adjoint
     radius_mm: ClassVar[float] = inf
+    is_far: ClassVar[bool] = False  # its places are directions
+    is_flat: ClassVar[bool] = False
+    has_quarter_turn: ClassVar[bool] = False  # of its surface about its z axis
 
     @property
     def pixel_measure(self) -> float:
@@ -129,12 +132,14 @@ class PosedReceiver(ABC):
         return width * height * 1e-6 / len(self.lamps)
 
     def land(self, rays: ExitRays) -> Landings:
-        """Land ``rays``, NumPy arrays, by a compiled kernel."""
-        points, directions, left = rays.points, rays.directions, rays.left_lens
+        """Land ``rays``, NumPy arrays, by a compiled kernel where there is one."""
+        if self.kernels is None:
+            return self.land_by_arrays(rays)
+        landing, points, directions, left = self.kernels[0], rays.points, rays.directions, rays.left_lens
         hits, reached, pose = np.empty((len(left), 2)), np.empty(len(left), dtype=bool), self.pose.packed()
 
         def work(part: slice) -> None:
-            self.kernels[0](points[part], directions[part], pose, self.radius_mm, hits[part], reached[part])
+            landing(points[part], directions[part], pose, self.radius_mm, hits[part], reached[part])
             reached[part] &= left[part]  # rays that were lost have no direction
             hits[part][~reached[part]] = 0.0
 
@@ -143,12 +148,14 @@ class PosedReceiver(ABC):
 
     def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
         """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
-        points, directions, pose = rays.points, rays.directions, self.pose.packed()
+        if self.kernels is None:
+            return self._sensitivities_by_arrays(rays, by_hits)
+        adjoint, points, directions, pose = self.kernels[1], rays.points, rays.directions, self.pose.packed()
         by = Sensitivities(np.empty_like(points), np.empty_like(points))
 
         def work(part: slice) -> None:
             rest = (by_hits[part], by.by_points[part], by.by_directions[part])
-            self.kernels[1](points[part], directions[part], pose, self.radius_mm, *rest)
+            adjoint(points[part], directions[part], pose, self.radius_mm, *rest)
 
         in_pieces(work, len(points), worth=_WORTH_SHARING)
         return by
@@ -162,6 +169,17 @@ class PosedReceiver(ABC):
         none = module_of(points).zeros_like(points[:, :2])
         hits = replaced(none, rows, self._chart(points[rows], directions[rows]))
         return Landings(hits, rays.flux * landed, landed, rays.left_lens & ~landed)
+
+    def _sensitivities_by_arrays(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
+        """:meth:`sensitivities` by torch, through :meth:`land_by_arrays`."""
+        import torch
+
+        points, directions = (torch.tensor(each, requires_grad=True) for each in (rays.points, rays.directions))
+        flux, fates = torch.tensor(rays.flux), torch.tensor(rays.fates)
+        with torch.enable_grad():  # a search asks for them from within its own step backwards
+            hits = self.land_by_arrays(ExitRays(points, directions, flux, flux, fates)).hits
+        by = torch.autograd.grad(hits, (points, directions), torch.tensor(by_hits), materialize_grads=True)
+        return Sensitivities(*(each.numpy() for each in by))
 
     @abstractmethod
     def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
@@ -198,6 +216,15 @@ class PosedReceiver(ABC):
     ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
         """Places as targets state them on the chart: the same."""
         return x, y
+
+
+@singledispatch
+def posed_receiver(section: ReceiverSection, pose: ReceiverPose, grid: PixelGrid) -> PosedReceiver:
+    """The receiver of a ``section`` in its pose; its window is all of it unless the section names one.
+
+    A kind of receiver registers its function here.
+    """
+    raise NotImplementedError(f"no receiver of kind {section.kind}: register a function with posed_receiver")
 
 
 def from_equal_area(x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:

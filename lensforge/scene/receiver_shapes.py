@@ -27,17 +27,19 @@ from lensforge.kernels.landing import (
 )
 from lensforge.optics.arrays import Array, lengths, module_of
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.scene.receiver import Kernel, PosedReceiver, ReceiverKind, ReceiverPose, equal_area, from_equal_area
-from lensforge.spec import AnyReceiver, Spec
+from lensforge.scene.receiver import (
+    Kernel,
+    PosedReceiver,
+    ReceiverPose,
+    equal_area,
+    from_equal_area,
+    posed_receiver,
+)
+from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.lamp_places import Stand
 from lensforge.spec.lamps_section import Lamps
-from lensforge.spec.receiver_sections import (
-    OF_RECEIVER,
-    CylinderReceiver,
-    FarFieldReceiver,
-    PlaneReceiver,
-    SphereReceiver,
-)
+from lensforge.spec.receiver_fields import OF_RECEIVER
+from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
 from lensforge.surfaces.placed_bodies import depths
 
 WHOLE = 1e-6  # pixels: two moves that differ by whole pixels to so much are alike
@@ -47,8 +49,9 @@ WHOLE = 1e-6  # pixels: two moves that differ by whole pixels to so much are ali
 class Plane(PosedReceiver):
     """A rectangle in the plane of the pose's x and y axes (mm), about its centre."""
 
-    kind: ClassVar[ReceiverKind] = "plane"
-    kernels: ClassVar[tuple[Kernel, Kernel]] = (plane, plane_adjoint)
+    is_flat: ClassVar[bool] = True
+    has_quarter_turn: ClassVar[bool] = True
+    kernels: ClassVar[tuple[Kernel, Kernel] | None] = (plane, plane_adjoint)
 
     def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         return directions[:, 2] > LEAST_RISE
@@ -67,8 +70,7 @@ class Cylinder(PosedReceiver):
 
     radius_mm: float = field(kw_only=True)  # type: ignore[misc]  # of planes it has no meaning
 
-    kind: ClassVar[ReceiverKind] = "cylinder"
-    kernels: ClassVar[tuple[Kernel, Kernel]] = (cylinder, cylinder_adjoint)
+    kernels: ClassVar[tuple[Kernel, Kernel] | None] = (cylinder, cylinder_adjoint)
 
     def _paths(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
         flat, across = points[:, ::2], directions[:, ::2]
@@ -95,8 +97,8 @@ class Dome(PosedReceiver):
 
     radius_mm: float = field(kw_only=True)  # type: ignore[misc]  # of planes it has no meaning
 
-    kind: ClassVar[ReceiverKind] = "sphere"
-    kernels: ClassVar[tuple[Kernel, Kernel]] = (sphere, sphere_adjoint)
+    has_quarter_turn: ClassVar[bool] = True
+    kernels: ClassVar[tuple[Kernel, Kernel] | None] = (sphere, sphere_adjoint)
 
     def _paths(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
         half = (points * directions).sum(1)
@@ -121,8 +123,9 @@ class FarField(PosedReceiver):
     Where a ray starts does not count: the lens is a point, seen from far away.
     """
 
-    kind: ClassVar[ReceiverKind] = "far_field"
-    kernels: ClassVar[tuple[Kernel, Kernel]] = (far_field, far_field_adjoint)
+    is_far: ClassVar[bool] = True
+    has_quarter_turn: ClassVar[bool] = True
+    kernels: ClassVar[tuple[Kernel, Kernel] | None] = (far_field, far_field_adjoint)
 
     @property
     def pixel_measure(self) -> float:
@@ -186,20 +189,12 @@ def seen_by_lamp(spec: Spec, number: int) -> Spec:
     return spec.of_one_lamp.model_copy(update={"target": None, "receivers": sections})
 
 
-def _seen_from(stand: Stand, section: AnyReceiver) -> AnyReceiver:
+def _seen_from(stand: Stand, section: ReceiverSection) -> ReceiverSection:
     pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg).seen_from(stand)
     turned = pose.axes @ ReceiverPose.facing(pose.rows[2], section.centre_mm).axes.T
     targets = tuple(target.model_copy(update=dict.fromkeys(OF_RECEIVER)) for target in section.targets)
     rotation_deg = float(np.degrees(np.arctan2(turned[0, 1], turned[0, 0])))
-    changes: dict[str, object] = {"targets": targets, "rotation_deg": rotation_deg}
-    match section:
-        case PlaneReceiver():
-            changes |= {"centre_mm": pose.centre_mm, "normal": pose.rows[2], "tilt_deg": None}
-        case FarFieldReceiver():
-            changes |= {"axis": pose.rows[2]}
-        case CylinderReceiver() | SphereReceiver():
-            changes |= {"centre_mm": pose.centre_mm, "facing": pose.rows[2]}
-    return section.model_copy(update=changes)
+    return section.model_copy(update={"targets": targets}).posed(pose.centre_mm, pose.rows[2], rotation_deg)
 
 
 _FEWER, _MORE = 0.75, 1.3  # pixels over those asked for, so that lamps may lie alike on them
@@ -212,11 +207,11 @@ def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
     is then one picture, moved by whole pixels.
     """
     grid = receiver.grid
-    if receiver.kind == "plane" and lamps.period_mm is None and not lamps.posed:
+    if receiver.is_flat and lamps.period_mm is None and not lamps.posed:
         moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T
         columns, rows = _alike(grid.columns, moves[:, 0] / grid.width), _alike(grid.rows, moves[:, 1] / grid.height)
         grid = replace(grid, columns=columns, rows=rows)
-    return replace(receiver, grid=grid, lamps=lamps.from_afar if receiver.kind == "far_field" else lamps)
+    return replace(receiver, grid=grid, lamps=lamps.from_afar if receiver.is_far else lamps)
 
 
 def _alike(asked: int, moves: Float[np.ndarray, " n"]) -> int:
@@ -238,7 +233,7 @@ def _require_behind_glass(spec: Spec, receivers: Sequence[PosedReceiver]) -> Non
     end_mm = glass.distance_mm + glass.thickness_mm
     for receiver in receivers:
         low_mm = float(receiver.corners()[..., 2].min())
-        if receiver.kind != "far_field" and low_mm < end_mm:
+        if not receiver.is_far and low_mm < end_mm:
             raise InputError(
                 f"lens.cover_glass ends at z = {end_mm:g} mm, and a receiver reaches down to z = {low_mm:.4g} mm; "
                 "put all of it behind the glass"
@@ -249,7 +244,7 @@ def _require_outside_bodies(spec: Spec, receivers: Sequence[PosedReceiver]) -> N
     """Refuse receivers that lie in part within a body: light meets them first."""
     for receiver in receivers:
         corners = receiver.corners().reshape(-1, 3)
-        for body in () if receiver.kind == "far_field" else spec.media.bodies:
+        for body in () if receiver.is_far else spec.media.bodies:
             depth = depths(body, corners, inner=False)
             inside = np.isfinite(depth) & (depth > 0.0)
             if inside.any():
@@ -260,18 +255,25 @@ def _require_outside_bodies(spec: Spec, receivers: Sequence[PosedReceiver]) -> N
                 )
 
 
-def build_receiver(section: AnyReceiver, pixels: int) -> PosedReceiver:
+def build_receiver(section: ReceiverSection, pixels: int) -> PosedReceiver:
     """One receiver; its window is all of it unless the section names one."""
-    width, height = section.size
-    grid = PixelGrid.of(width, height, pixels)
     pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg)
-    match section:
-        case PlaneReceiver():
-            return Plane(pose, grid, Window(*(section.window_mm or section.size)))
-        case FarFieldReceiver():
-            return FarField(pose, grid, Window(radius=chart_radius(section.half_angle_deg)))
-        case CylinderReceiver():
-            return Cylinder(pose, grid, Window(width, height), radius_mm=section.radius_mm)
-        case SphereReceiver():
-            radius = section.radius_mm * chart_radius(section.half_angle_deg)
-            return Dome(pose, grid, Window(radius=radius), radius_mm=section.radius_mm)
+    return posed_receiver(section, pose, PixelGrid.of(*section.size, pixels))
+
+
+posed_receiver.register(PlaneReceiver, lambda section, pose, grid: Plane(pose, grid, Window(*section.window)))
+posed_receiver.register(
+    CylinderReceiver,
+    lambda section, pose, grid: Cylinder(pose, grid, Window(*section.size), radius_mm=section.radius_mm),
+)
+
+
+@posed_receiver.register
+def _(section: FarFieldReceiver, pose: ReceiverPose, grid: PixelGrid) -> PosedReceiver:
+    return FarField(pose, grid, Window(radius=chart_radius(section.half_angle_deg)))
+
+
+@posed_receiver.register
+def _(section: SphereReceiver, pose: ReceiverPose, grid: PixelGrid) -> PosedReceiver:
+    radius = section.radius_mm * chart_radius(section.half_angle_deg)
+    return Dome(pose, grid, Window(radius=radius), radius_mm=section.radius_mm)

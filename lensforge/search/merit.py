@@ -34,7 +34,7 @@ from lensforge.search.limit_terms import Image, Images, LimitTerm, RoadTerms, li
 from lensforge.search.parameters import ChartMirrors, Parametrisation, chart_mirrors, mirrored_light
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source, aims
-from lensforge.spec import Spec, Target
+from lensforge.spec import Spec, TargetSection
 from lensforge.spec.lamps_section import EndlessLamps
 
 # Factors of the terms added to an NMSE of order 0.01 to 1. A receiver that is judged by uniformity and efficiency has
@@ -64,7 +64,7 @@ class ImageTerms:
 
     @staticmethod
     def of(
-        targets: tuple[Target, ...], receiver: PosedReceiver, flux_w: float, symmetry: str, share: float,
+        targets: tuple[TargetSection, ...], receiver: PosedReceiver, flux_w: float, symmetry: str, share: float,
         aim: str = "pattern",
     ) -> "ImageTerms":  # fmt: skip
         """Terms of ``targets`` that together hold ``flux_w``; ``aim``: as of ``OptimiseSection``."""

@@ -303,7 +303,7 @@ def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
         swaps = signs[0, 0] == 0.0
         whole = np.block([[signs, np.zeros((2, 1))], [np.zeros((1, 2)), 1.0]])
         grid = receiver.grid
-        square = grid.rows == grid.columns and grid.width == grid.height and receiver.kind != "cylinder"
+        square = grid.rows == grid.columns and grid.width == grid.height and receiver.has_quarter_turn
         kept = np.allclose(action, whole, rtol=0.0, atol=_SAME) and moved <= _SAME * np.linalg.norm(centre)
         if not kept or (swaps and not square):
             return None

@@ -17,9 +17,8 @@ from pydantic import Field
 from lensforge.light.metrics import jackknife_error
 from lensforge.results import Count, NotNegative, Number, Positive, Record
 from lensforge.sources.ray_bundle import RayBundle, Source
-from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset, SearchEffort
-from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
 from lensforge.surfaces.srbf import level_sigma
 
 SLICES = 8  # of the validation rays: the error of a gain is then known to a quarter of itself
@@ -258,25 +257,13 @@ def _limits(spec: Spec, source: Source) -> list[tuple[float, str]]:
     outline = source.outline()
     width_mm = float(np.ptp(outline[:, :2], axis=0).max()) if len(outline) else 0.0
     found.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
-    pixel_rad = min(_pixel_rad(receiver, spec.evaluate.pixels) for receiver in spec.all_receivers)
+    pixel_rad = min(receiver.pixel_rad(spec.evaluate.pixels) for receiver in spec.all_receivers)
     for name, face in spec.lens.faces.items():
         limit_mm = face.concave_radius_mm
         ball_mm = spec.manufacture.cutter_radius_mm if limit_mm is None else limit_mm
         words = f"what a ball of {ball_mm:g} mm reaches in the {name} face moves the light by less than a pixel"
         found.append((_width_of_ball(spec, ball_mm, pixel_rad), words))
     return found
-
-
-def _pixel_rad(receiver: AnyReceiver, pixels: int) -> float:
-    """Angle of a pixel as seen from the lens, where the receiver is nearest."""
-    pixel = max(receiver.size) / pixels
-    match receiver:
-        case FarFieldReceiver():
-            return pixel
-        case PlaneReceiver():
-            return pixel / receiver.distance_mm
-        case CylinderReceiver() | SphereReceiver():
-            return pixel / receiver.radius_mm
 
 
 def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:

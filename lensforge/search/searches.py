@@ -22,7 +22,7 @@ from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import accuracy_of, preset_of
 from lensforge.spec.design_spec import require_spec
-from lensforge.spec.source_sections import SourceSpec
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.spec_files import joined_name
 from lensforge.surfaces.mirror_group import contains
 
@@ -106,7 +106,7 @@ def design(
         )
 
 
-def redesign(lens: Lens, source: SourceSpec | Path | str, **options: Unpack[SearchOptions]) -> Design:
+def redesign(lens: Lens, source: EmitterSection | Path | str, **options: Unpack[SearchOptions]) -> Design:
     """Search for a lens of the spec of ``lens`` for another LED, from ``lens`` on, on automatic levels.
 
     ``source``: in the place of the spec's; of a file as for :func:`lensforge.evaluate`. ``options``: as of

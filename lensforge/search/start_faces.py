@@ -16,7 +16,6 @@ from lensforge.scene.body import Body
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.spec import Spec
-from lensforge.spec.derived_values import source_extent
 from lensforge.spec.lens_section import ReflectorSection, TirSection
 from lensforge.surfaces.collimator import best_collimator
 from lensforge.surfaces.profile import ProfileFace
@@ -68,7 +67,7 @@ def _reflector_faces(spec: Spec) -> dict[str, Surface]:
 
 def _room(spec: Spec) -> tuple[float, float]:
     """Least radius (mm) of a cavity around the source of ``spec``, and the side of a square source of its size."""
-    limits, extent = spec.constraints, source_extent(spec.source)
+    limits, extent = spec.constraints, spec.source.extent_mm
     clear = limits.cavity_radius_mm if extent is None else max(limits.cavity_radius_mm, extent)
     least = 1e-3 * (limits.max_radius_mm - 2.0 * limits.margin_mm)
     return clear, (clear if extent is None else max(extent, least)) * 2.0**0.5

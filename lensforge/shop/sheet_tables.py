@@ -26,10 +26,6 @@ from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
 
 _MATERIAL = 38.0  # width of its column, mm on A3
 _HEAD = "Material"
-_SHAPES = {
-    each: each.split("_")[-1] for each in ("sphere", "asphere", "biconic", "focal_conic")
-}  # faces that the spec gives by a formula; those of files have none
-
 _OF_ASSEMBLY = ("source_", "lens_")
 _RMS, _PEAK = ("_form_um", "_waviness_um"), ("_ripple_um",)
 Rows = list[list[str]]
@@ -116,7 +112,7 @@ def _shape(name: str, lens: Lens) -> str:
     fixed = lens.spec.lens.faces[name].fixed
     if fixed is None and lens.spec.lens.is_round:
         return "of revolution"
-    return "freeform" if fixed is None else _SHAPES.get(fixed.kind, "freeform")
+    return "freeform" if fixed is None else fixed.form
 
 
 def _form(name: str, lens: Lens) -> str:

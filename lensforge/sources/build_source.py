@@ -5,6 +5,7 @@ of usual proportions.
 """
 
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 from jaxtyping import Float
@@ -21,15 +22,8 @@ from lensforge.sources.source_pose import PlacedSource, SourcePose
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.derived_values import CAVITY_HEIGHT, rounded_length
-from lensforge.spec.source_sections import (
-    ChipsSource,
-    RadianceSource,
-    RayfileSource,
-    RayfilesSource,
-    RaySource,
-    SourceSpec,
-    SquareSource,
-)
+from lensforge.spec.emitter_section import EmitterSection
+from lensforge.spec.source_sections import ChipsSource, Placement, PlanarSource, RadianceSource, SquareSource
 
 
 @dataclass(frozen=True)
@@ -73,27 +67,18 @@ class SquareEmitter:
         return np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
 
 
-def build_source(spec: SourceSpec, material: Material | None = None, *, coloured: bool = False) -> Source:
+def build_source(spec: EmitterSection, material: Material | None = None, *, coloured: bool = False) -> Source:
     """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used.
 
     ``material``: of the lens if it is dispersive; then rays carry their wavelengths, where these are known, and
     :class:`InputError` is raised too where its index is not known at them. ``coloured``: rays carry X, Y and Z per W,
     and :class:`InputError` is raised where a spectrum is not known or not visible.
     """
-    match spec:
-        case RayfileSource() | RayfilesSource() | RaySource():
-            from lensforge.sources.ray_set_loading import load_ray_set
+    if isinstance(spec, Placement):
+        from lensforge.sources.ray_set_loading import load_ray_set
 
-            return load_ray_set(spec, material, colours=coloured)
-        case SquareSource():
-            emitter: Source = SquareEmitter(spec.side_mm, emitter_flux(spec).flux_w)
-        case RadianceSource():
-            emitter = radiance_emitter(spec)
-        case _:
-            from lensforge.sources.planar_emitter import planar_emitter
-
-            emitter = planar_emitter(spec, disperses=material is not None, coloured=coloured)
-    pose = SourcePose.of(spec)
+        return load_ray_set(spec, material, colours=coloured)
+    emitter, pose = emitter_of(spec, disperses=material is not None, coloured=coloured), SourcePose.of(spec)
     if pose.moves:
         emitter = PlacedSource(emitter, pose)
     spectra = spec.spectra if isinstance(spec, ChipsSource) else ()
@@ -108,7 +93,27 @@ def build_source(spec: SourceSpec, material: Material | None = None, *, coloured
     return TristimulusSource(emitter, None if spectra else tristimulus_of_spectrum(spec.spectrum, "source"))
 
 
-def summarise(source: Source, spec: SourceSpec) -> SourceSummary:
+@singledispatch
+def emitter_of(spec: EmitterSection, *, disperses: bool, coloured: bool) -> Source:
+    """The emitter that ``spec`` describes, at the origin and along +z. A kind of source registers its function here.
+
+    ``disperses``, ``coloured``: rays of parts with spectra of their own are to carry wavelengths, or X, Y and Z per W.
+    """
+    raise NotImplementedError(f"no emitter of kind {spec.kind}: register a function with emitter_of")
+
+
+emitter_of.register(SquareSource, lambda spec, **_: SquareEmitter(spec.side_mm, emitter_flux(spec).flux_w))
+emitter_of.register(RadianceSource, lambda spec, **_: radiance_emitter(spec))
+
+
+@emitter_of.register
+def _(spec: PlanarSource, *, disperses: bool, coloured: bool) -> Source:
+    from lensforge.sources.planar_emitter import planar_emitter
+
+    return planar_emitter(spec, disperses=disperses, coloured=coloured)
+
+
+def summarise(source: Source, spec: EmitterSection) -> SourceSummary:
     """Summarise ``source``, built from ``spec``; of a ray set also its files, and all that was done to them."""
     if isinstance(source, TristimulusSource):
         return summarise(source.source, spec)
@@ -144,7 +149,7 @@ _INSIDE = 0.99  # share of the flux; the rest is stray light from package and wi
 _ROOM = 1.05  # over the paraboloid that just holds it
 
 
-def cavity_around(spec: SourceSpec) -> dict[str, float]:
+def cavity_around(spec: EmitterSection) -> dict[str, float]:
     """Height and radius (mm) of the paraboloid inside which 99 % of the flux starts, as fields of the constraints.
 
     Raises :class:`InputError` for a file that cannot be used.

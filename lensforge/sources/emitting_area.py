@@ -1,7 +1,7 @@
 """Emitting areas in the plane z = 0, which map points of the unit square to start points of equal flux."""
 
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,6 +11,23 @@ from lensforge.sources.inverse_cdf import choose
 from lensforge.surfaces.mirror_group import largest_symmetry
 
 _SAME_MM = 1e-9
+
+
+class Area(Protocol):
+    """An emitting area of any kind."""
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group that leaves it as it is."""
+
+    def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Points (mm) in its light by pairs of uniform numbers."""
+
+    def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """Light (1/mm^2) at points (mm): its integral is 1."""
+
+    def corners(self) -> Float[np.ndarray, "k 2"]:
+        """Corners (mm) of a polygon around it."""
 
 
 @dataclass(frozen=True)
@@ -134,11 +151,6 @@ class LuminanceImage:
         left, right = columns.min() - 0.5 * width, columns.max() + 1 - 0.5 * width
         top, bottom = 0.5 * height - rows.min(), 0.5 * height - rows.max() - 1
         return self.pitch_mm * np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
-
-
-Area: TypeAlias = Disc | Rectangles | LuminanceImage
-"""Each has its ``symmetry``, the largest mirror group that leaves it as it is; ``place`` takes pairs of uniform numbers
-to points (mm) in its light, ``density`` is that light (1/mm^2) at points, ``corners`` are those of its outline."""
 
 
 def hull_points(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:

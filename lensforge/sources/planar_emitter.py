@@ -1,6 +1,7 @@
 """Planar emitters: an area in the plane z = 0 times an intensity profile."""
 
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 from jaxtyping import Float
@@ -16,10 +17,15 @@ from lensforge.sources.ray_bundle import RayBundle, aimed
 from lensforge.sources.ray_colours import ChipColours
 from lensforge.sources.source_flux import chip_fluxes, emitter_flux
 from lensforge.spec.emitter_section import CosineIntensity, IntensitySpec, TableIntensity
-from lensforge.spec.source_sections import ChipArraySource, ChipsSource, DiscSource, LuminanceSource, RectangleSource
+from lensforge.spec.source_sections import (
+    ChipArraySource,
+    ChipsSource,
+    DiscSource,
+    LuminanceSource,
+    PlanarSource,
+    RectangleSource,
+)
 from lensforge.surfaces.mirror_group import shared_symmetry
-
-PlanarSource = RectangleSource | DiscSource | ChipsSource | ChipArraySource | LuminanceSource
 
 
 @dataclass(frozen=True)
@@ -77,29 +83,41 @@ def planar_emitter(spec: PlanarSource, *, disperses: bool = False, coloured: boo
     X, Y and Z per W. Raises :class:`InputError` for a file that cannot be used.
     """
     profile, warnings = _profile(spec.intensity)
-    colours = None
-    match spec:
-        case RectangleSource():
-            area: Area = _grid(1, 1, (spec.width_mm, spec.height_mm), (1.0, 1.0))
-        case ChipArraySource():
-            area = _grid(spec.columns, spec.rows, (spec.width_mm, spec.height_mm), spec.pitch_mm)
-        case DiscSource():
-            area = Disc(0.5 * spec.diameter_mm)
-        case LuminanceSource():
-            with remedy("correct source.file"):
-                values = read_light(spec.file, spec.luminance, missing="give an image file")
-                if not values.max() > 0.0:
-                    raise InputError(f"{spec.file}: pixels must not be all dark")
-            area = LuminanceImage.of(values, spec.width_mm)
-        case ChipsSource():
-            flux = np.array([chip.flux_w for chip in chip_fluxes(spec)])
-            centres = np.array([[chip.x_mm, chip.y_mm] for chip in spec.chips])
-            sides = np.array([[chip.width_mm, chip.height_mm] for chip in spec.chips])
-            kinds = list(dict.fromkeys(spec.spectra))
-            numbers = np.array([kinds.index(each) for each in spec.spectra], dtype=np.int64)
-            area = Rectangles(centres, sides, flux / flux.sum(), numbers)
-            colours = ChipColours.of(spec.spectra, disperses=disperses, coloured=coloured)
-    return PlanarEmitter(area, profile, emitter_flux(spec).flux_w, warnings=warnings, colours=colours)
+    spectra = spec.spectra if isinstance(spec, ChipsSource) else ()
+    colours = ChipColours.of(spectra, disperses=disperses, coloured=coloured)
+    return PlanarEmitter(area_of(spec), profile, emitter_flux(spec).flux_w, warnings=warnings, colours=colours)
+
+
+@singledispatch
+def area_of(spec: PlanarSource) -> Area:
+    """The emitting area of ``spec``. A kind of source in a plane registers its function here."""
+    raise NotImplementedError(f"no emitting area of kind {spec.kind}: register a function with area_of")
+
+
+area_of.register(DiscSource, lambda spec: Disc(0.5 * spec.diameter_mm))
+area_of.register(RectangleSource, lambda spec: _grid(1, 1, (spec.width_mm, spec.height_mm), (1.0, 1.0)))
+area_of.register(
+    ChipArraySource, lambda spec: _grid(spec.columns, spec.rows, (spec.width_mm, spec.height_mm), spec.pitch_mm)
+)
+
+
+@area_of.register
+def _(spec: LuminanceSource) -> Area:
+    with remedy("correct source.file"):
+        values = read_light(spec.file, spec.luminance, missing="give an image file")
+        if not values.max() > 0.0:
+            raise InputError(f"{spec.file}: pixels must not be all dark")
+    return LuminanceImage.of(values, spec.width_mm)
+
+
+@area_of.register
+def _(spec: ChipsSource) -> Area:
+    flux = np.array([chip.flux_w for chip in chip_fluxes(spec)])
+    centres = np.array([[chip.x_mm, chip.y_mm] for chip in spec.chips])
+    sides = np.array([[chip.width_mm, chip.height_mm] for chip in spec.chips])
+    kinds = list(dict.fromkeys(spec.spectra))
+    numbers = np.array([kinds.index(each) for each in spec.spectra], dtype=np.int64)
+    return Rectangles(centres, sides, flux / flux.sum(), numbers)
 
 
 def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple[float, float]) -> Rectangles:

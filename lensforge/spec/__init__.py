@@ -3,19 +3,20 @@
 from lensforge.spec.accuracy import Accuracy, AnyAccuracy, Preset
 from lensforge.spec.design_spec import Spec, load_spec, parse_spec
 from lensforge.spec.face_section import FaceSection
+from lensforge.spec.further_targets import ArrayTarget, BeamTarget, ImageTarget, TableTarget, TextTarget
 from lensforge.spec.lens_section import LensSection
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection, Tool
-from lensforge.spec.receiver_sections import AnyReceiver, Target
+from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.shape_targets import CrossTarget, FlatTopTarget, RectangleTarget
-from lensforge.spec.target_sections import ArrayTarget, ImageTarget, TableTarget, TextTarget
+from lensforge.spec.target_sections import TargetSection
 
 __all__ = [
     "Accuracy",
     "AnyAccuracy",
-    "AnyReceiver",
     "ArrayTarget",
     "BaseSection",
+    "BeamTarget",
     "ConstraintsSection",
     "CrossTarget",
     "DrawingSection",
@@ -27,10 +28,11 @@ __all__ = [
     "ManufactureSection",
     "OptimiseSection",
     "Preset",
+    "ReceiverSection",
     "RectangleTarget",
     "Spec",
     "TableTarget",
-    "Target",
+    "TargetSection",
     "TextTarget",
     "Tool",
     "load_spec",

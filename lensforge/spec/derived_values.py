@@ -17,10 +17,7 @@ _INNER, _OUTER = 0.43, 0.98  # hemispheres over the largest radius
 _AROUND_CAVITY = 1.05  # least inner hemisphere over the cavity
 _RECEIVER = 1.5  # side of the receiver over the pattern
 _HALF_ANGLE, _MOST_HALF_ANGLE_DEG = 4.0 / 3.0, 85.0  # over the beam; and where that is not known
-_OF_FAR_FIELD = ("beam", "batwing", "photometric")
-_ACROSS = ("width_mm", "diameter_mm", "length_mm", "outer_diameter_mm")
 _MOST_PLACES = 300  # digits behind the point: ten to this power is a number yet, also for the smallest length
-_GLYPH = 1.6  # height of a narrow glyph over its width
 
 WHY = {
     "constraints.cavity_radius_mm": f"{_CAVITY:g} x the circle around the source",
@@ -89,26 +86,8 @@ def derived_sizes(sources: Sequence[Any], lens: Any, limits: Any, target: Any) -
 
 def _reach_mm(source: Any) -> float | None:
     """Largest distance (mm) of an emitting area from the axis; None for a source that states no size."""
-    extent, (x, y, _) = source_extent(source), source.position_mm
+    extent, (x, y, _) = source.extent_mm, source.position_mm
     return None if extent is None else extent + hypot(x, y)
-
-
-def source_extent(source: Any) -> float | None:
-    """Radius (mm) of the circle about its own axis that holds an emitting area; None for a source without a size."""
-    match source.kind:
-        case "square":
-            return float(source.side_mm / 2.0**0.5)
-        case "disc":
-            return float(0.5 * source.diameter_mm)
-        case "rectangle":
-            return 0.5 * hypot(source.width_mm, source.height_mm)
-        case "chip_array":
-            across, up = source.pitch_mm
-            width, height = (source.columns - 1) * across + source.width_mm, (source.rows - 1) * up + source.height_mm
-            return 0.5 * hypot(width, height)
-        case "chips":
-            return max(hypot(abs(c.x_mm) + 0.5 * c.width_mm, abs(c.y_mm) + 0.5 * c.height_mm) for c in source.chips)
-    return None
 
 
 def _receiver_of(target: Any) -> dict[str, float]:
@@ -116,25 +95,18 @@ def _receiver_of(target: Any) -> dict[str, float]:
     if target.distance_mm is not None:
         across = _pattern_mm(target)
         return {} if across is None else {"receiver_mm": rounded_length(_RECEIVER * across)}
-    if target.kind not in _OF_FAR_FIELD:
+    if not target.far_field_only:
         return {}
-    widths = target.pair("fwhm") or target.pair("to")
-    wide = _MOST_HALF_ANGLE_DEG if widths is None else _digits(_HALF_ANGLE * max(widths), ceil)
+    wide = _MOST_HALF_ANGLE_DEG if target.beam_deg is None else _digits(_HALF_ANGLE * target.beam_deg, ceil)
     return {"half_angle_deg": min(wide, _MOST_HALF_ANGLE_DEG)}
 
 
 def _pattern_mm(target: Any) -> float | None:
     """Side (mm) of the square about the axis that holds a pattern; None for a kind without a size."""
-    width = next((size for name in _ACROSS if (size := getattr(target, name, None)) is not None), None)
-    if width is None:
+    if target.bounds_mm is None:
         return None
-    if target.kind == "spots":
-        width += (max(target.columns, target.rows) - 1) * target.pitch_mm
-    height = getattr(target, "height_mm", None)
-    if height is None and target.kind == "text":
-        height = _GLYPH * width / len(target.text)
-    across = max(width, height or 0.0)
-    turned = hypot(across, height or across) if target.rotation_deg else across
+    across, height = max(target.bounds_mm), target.bounds_mm[1]
+    turned = hypot(across, height) if target.rotation_deg else across
     x, y = target.centre
     return float(turned + 2.0 * max(abs(x), abs(y)))
 

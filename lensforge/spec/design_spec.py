@@ -15,7 +15,8 @@ from lensforge.optics.media import Media
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
-from lensforge.spec.derived_values import derived_sizes, source_extent
+from lensforge.spec.derived_values import derived_sizes
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
 from lensforge.spec.lamps_together import require_kinds, require_together
@@ -29,18 +30,14 @@ from lensforge.spec.light_limits import (
 )
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
 from lensforge.spec.plate_section import PlateSection, require_plate
-from lensforge.spec.receiver_sections import (
-    AnyReceiver,
-    Target,
-    implied_receiver,
-    named,
-    require_outside,
-)
+from lensforge.spec.receiver_fields import ReceiverSection, named
+from lensforge.spec.receiver_sections import implied_receiver
 from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
-from lensforge.spec.source_sections import NamedSource, SourceSpec
+from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_files import NamedFrom, alike, changed, plain, read_toml, short
 from lensforge.spec.spec_section import Section, check, section_of
+from lensforge.spec.target_sections import TargetSection
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
 
 _Filled = TypeVar("_Filled", bound=Section)
@@ -62,7 +59,6 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
 
 
 _MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS, _MOST_BODIES = 16, 16, 1000, 8
-_OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
 
@@ -71,7 +67,7 @@ class Spec(Section):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
     """Name of the design, by default the name of the file. Its results go to cad_out/NAME."""
-    source: SourceSpec
+    source: EmitterSection
     """The LED: where light starts, how much, and in which directions; or give ``sources``."""
     sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = ()
     """LEDs that one lens is for, in the place of ``source``. What is stated for one LED alone is of the first."""
@@ -81,9 +77,9 @@ class Spec(Section):
     """Given optics that the light passes behind the lens, in this order: domes, covers."""
     constraints: ConstraintsSection
     """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""
-    target: Target | None = None
+    target: TargetSection | None = None
     """The light that is wanted, with the receiver that it names; or give ``receivers``."""
-    receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
+    receivers: Annotated[tuple[ReceiverSection, ...], Field(max_length=_MOST_RECEIVERS)] = ()
     """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
     lamps: AnyLamps | None = None
     """Lamps whose light every receiver sees together; by default one at the origin."""
@@ -194,7 +190,7 @@ class Spec(Section):
         missing = " and ".join(f"constraints.{name}" for name in self.constraints.missing)
         if not missing:
             return
-        kind = next(each.kind for each in self.each_source if source_extent(each) is None)
+        kind = next(each.kind for each in self.each_source if each.extent_mm is None)
         needed = f"{missing}: missing: room for the LED, which a source of kind {kind!r} does not state; give it"
         raise ValueError(f"{needed} (`lensforge new` measures it in a ray file)")
 
@@ -202,7 +198,7 @@ class Spec(Section):
     def _sections_fit_together(self) -> None:
         field = "receivers.centre_mm: distance of the plane" if self.receivers else "target.distance_mm"
         for receiver in self.all_receivers:
-            require_outside(receiver, self.lens, self.constraints, field)
+            receiver.require_outside(self.lens, self.constraints, field)
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
         require_bodies(self.bodies, self.lens, self.constraints, lamps=self.lamps, robust=self.optimise.robust)
         require_limits_fit(self.limits, self.all_receivers)
@@ -214,7 +210,7 @@ class Spec(Section):
         return media_with(self.bodies, self.lens)
 
     @property
-    def each_source(self) -> tuple[SourceSpec, ...]:
+    def each_source(self) -> tuple[EmitterSection, ...]:
         """The LEDs that the lens is for: one, unless ``sources`` has more."""
         return tuple(each.source for each in self.sources) or (self.source,)
 
@@ -264,7 +260,7 @@ class Spec(Section):
             )
 
     @property
-    def all_receivers(self) -> tuple[AnyReceiver, ...]:
+    def all_receivers(self) -> tuple[ReceiverSection, ...]:
         """The receivers with their names; of a target alone the one that it implies."""
         if (self.target is None) == (not self.receivers):
             given = "both are given" if self.receivers else "neither is given"

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from lensforge.optics.photopic import LARGEST_LM_PER_W
+from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.spec_section import Coordinate, FilePath, Lumens, Section, Watts, Weight, check
 
 MOST_ENTRIES = 100_000  # of a table in a spec: 0.01 nm or 0.002 degrees
@@ -130,8 +131,8 @@ class FluxSection(Section):
         return None if self.flux_w is None or self.flux_lm is None else self.flux_lm / self.flux_w
 
 
-class EmitterSection(FluxSection):
-    """Fields of every source.
+class EmitterSection(OfSeveralKinds, FluxSection):
+    """Fields of every source. A kind of source is a class that extends this one: it registers itself.
 
     ``flux_w``, ``flux_lm``: of the whole source; with neither it has 1 W, or what its file states.
 
@@ -143,6 +144,7 @@ class EmitterSection(FluxSection):
     """
 
     words: ClassVar[str]  # for the source, by its fields
+    in_a_word: ClassVar[tuple[str, ...]] = ()  # fields that `lensforge new` takes in one, rectangle:WIDTHxHEIGHT
 
     luminous_efficacy_lm_per_w: LumensPerWatt | None = None
     """Luminous efficacy of the light: with it, with both fluxes or with a spectrum reports show lux, without it W/m^2.
@@ -166,6 +168,11 @@ class EmitterSection(FluxSection):
                 f"luminous_efficacy_lm_per_w = {efficacy:g}, but flux_lm = {self.flux_lm:g} of flux_w = "
                 f"{self.flux_w:g} is {stated:.4g} lm/W; give two of the three"
             )
+
+    @property
+    def extent_mm(self) -> float | None:
+        """Radius of the circle about its own axis that holds the emitting area; None for a source without a size."""
+        return None
 
     @property
     def description(self) -> str:

@@ -6,22 +6,24 @@ read.
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
 from lensforge.errors import InputError
+from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, Section, check
 from lensforge.surfaces.asphere import Asphere, Biconic, SurfaceShape
 from lensforge.surfaces.imported_face import GivenFace, face_of_cad, face_of_lens, lens_file
 from lensforge.surfaces.point_cloud import face_of_points
 from lensforge.surfaces.reciprocal import ConicFace
-from lensforge.surfaces.surface import Surface
-from lensforge.surfaces.surface_record import SurfaceRecord, surface_record
+from lensforge.surfaces.surface import Surface, SurfaceRecord, surface_record
 
 
-class FixedFace(Section):
-    """A surface that the search does not change."""
+class FixedFace(OfSeveralKinds, Section):
+    """A surface that the search does not change. A kind of it is a class that extends this one: it registers itself."""
+
+    form: ClassVar[str] = "freeform"  # in a drawing
 
     @property
     def surface(self) -> Surface:
@@ -31,7 +33,7 @@ class FixedFace(Section):
     @property
     def title(self) -> str:
         """Words for it."""
-        return str(self.kind).replace("_", " ")  # type: ignore[attr-defined]  # of each kind
+        return self.kind.replace("_", " ")
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -58,53 +60,117 @@ def _shape_of(face: FixedFace) -> SurfaceShape:
     return SurfaceShape(face.surface)
 
 
-_EXPORTED_NM, _EXPORTED_URAD = 1.0, 20.0  # the largest errors of an exported face against the design
-
-_Shift = tuple[Coordinate, Coordinate, Coordinate]
-_FaceName = Annotated[int, Field(ge=1, le=100_000)] | Annotated[str, Field(min_length=1, max_length=200)]
+_Conic = Annotated[float, Field(ge=-1e3, le=1e3)]
+_Series = Annotated[tuple[Coordinate, ...], Field(max_length=10)]
 
 
-class GivenSurface(FixedFace):
-    """A face as it was read: its ``surface``, where it comes from, and its largest errors against that.
+@lru_cache(maxsize=16)  # a spec asks for its surfaces many times; a profile takes 0.1 s
+def _made(kind: Callable[..., Surface], *fields: object) -> Surface:
+    return kind(*fields)
 
-    A spec that names a file becomes this one as it is read, and needs the file no more.
-    """
 
-    kind: Literal["given"] = "given"
-    origin: Label = ""
-    """Origin of the face, in words."""
-    form_error_nm: Annotated[float, Field(ge=0.0)] = 0.0
-    """Largest distance of the surface from the face that was read."""
-    normal_error_urad: Annotated[float, Field(ge=0.0)] = 0.0
-    """Largest angle between the normals of both."""
-    unit: Label = "mm"
-    """Unit of the file that was read."""
-    face: SurfaceRecord
-    """The surface itself, as a record."""
+class _ByFormula(FixedFace):
+    """A surface that a formula gives; it must be star-shaped about the origin."""
 
-    @property
-    def title(self) -> str:
-        """Words for its origin, and how well it is met."""
-        if self.form_error_nm == 0.0 == self.normal_error_urad:
-            return self.origin
-        return f"{self.origin}, to {self.form_error_nm:.2g} nm and {self.normal_error_urad:.2g} µrad"
+    @check
+    def _is_star_shaped(self) -> None:
+        try:
+            _ = self.surface
+        except InputError as error:
+            raise ValueError(str(error)) from None
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """A unit that was converted, and errors above those of an exported face."""
-        unit = () if self.unit == "mm" else (f"{self.origin}: in {self.unit}, converted to mm",)
-        if self.form_error_nm <= _EXPORTED_NM and self.normal_error_urad <= _EXPORTED_URAD:
-            return unit
-        return (
-            *unit,
-            f"{self.origin}: met to {self.form_error_nm:.3g} nm and {self.normal_error_urad:.3g} µrad; a smoother face "
-            "or more points make it better",
-        )
+
+class FixedSphere(_ByFormula):
+    """Sphere with its centre on the axis; the origin, where the source is, must lie inside."""
+
+    form: ClassVar[str] = "sphere"
+
+    kind: Literal["sphere"] = "sphere"
+    radius_mm: Millimetres
+    """Radius."""
+    centre_z_mm: Coordinate = 0.0
+    """Height of the centre above z = 0; the origin must lie inside the sphere."""
 
     @property
     def surface(self) -> Surface:
-        """The surface."""
-        return self.face.surface()
+        """Surface about the axis."""
+        return _made(Asphere, self.centre_z_mm + self.radius_mm, -self.radius_mm)
+
+
+class FixedAsphere(_ByFormula):
+    """Even asphere by the sag of ISO 10110-12."""
+
+    form: ClassVar[str] = "asphere"
+
+    kind: Literal["asphere"] = "asphere"
+    vertex_z_mm: Millimetres
+    """Height of the vertex above z = 0."""
+    radius_mm: Coordinate
+    """Radius of curvature at the vertex, below 0 for a dome over the source."""
+    conic_constant: _Conic = 0.0
+    """Conic constant: 0 a sphere, -1 a paraboloid."""
+    coefficients: _Series = ()
+    """Coefficients A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ..."""
+
+    @property
+    def surface(self) -> Surface:
+        """Surface about the axis."""
+        return _made(Asphere, self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
+
+
+class FixedBiconic(_ByFormula):
+    """Biconic (ISO 10110-12): radii and conic constants in the x-z and in the y-z plane; below 0 for a dome."""
+
+    form: ClassVar[str] = "biconic"
+
+    kind: Literal["biconic"] = "biconic"
+    vertex_z_mm: Millimetres
+    """Height of the vertex above z = 0."""
+    radius_x_mm: Coordinate
+    """Radius of curvature in the x-z plane."""
+    radius_y_mm: Coordinate
+    """Radius of curvature in the y-z plane."""
+    conic_x: _Conic = 0.0
+    """Conic constant in the x-z plane."""
+    conic_y: _Conic = 0.0
+    """Conic constant in the y-z plane."""
+
+    @property
+    def surface(self) -> Surface:
+        """Surface with its vertex on the axis."""
+        radii, conics = (self.radius_x_mm, self.radius_y_mm), (self.conic_x, self.conic_y)
+        return _made(Biconic, self.vertex_z_mm, *radii, *conics)
+
+
+_FARTHEST, _ROOM = 64.0, 1.1  # reach of a paraboloid over its vertex, and of an ellipsoid over its farthest point
+
+
+class FixedFocalConic(_ByFormula):
+    """Conic of revolution with a focus at the origin, where the LED is, and its vertex below: a reflector's cup.
+
+    A paraboloid sends the light of its focus along the axis, an ellipsoid to its other focus.
+    """
+
+    form: ClassVar[str] = "conic"
+
+    kind: Literal["focal_conic"] = "focal_conic"
+    vertex_mm: Millimetres
+    """Distance of the vertex below the focus: the focal length of a paraboloid, whose radius at z = 0 is twice that."""
+    second_focus_mm: Millimetres | None = None
+    """Height of the other focus of an ellipsoid; without it a paraboloid."""
+
+    @property
+    def surface(self) -> Surface:
+        """Surface about the axis: semi-axis a = f + c, eccentricity c/a, parameter (a^2 - c^2)/a, f the vertex."""
+        half = None if self.second_focus_mm is None else 0.5 * self.second_focus_mm
+        if half is None:
+            return _made(ConicFace, _FARTHEST * self.vertex_mm, 2.0 * self.vertex_mm, 1.0)
+        axis = self.vertex_mm + half
+        return _made(ConicFace, _ROOM * (axis + half), (axis - half) * (axis + half) / axis, half / axis)
+
+
+_Shift = tuple[Coordinate, Coordinate, Coordinate]
+_FaceName = Annotated[int, Field(ge=1, le=100_000)] | Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class _OfFile(FixedFace):
@@ -113,7 +179,7 @@ class _OfFile(FixedFace):
         """The surface, read from its file."""
         return self.resolved().surface
 
-    def resolved(self) -> GivenSurface:
+    def resolved(self) -> "GivenSurface":
         """The face of the file."""
         imported = self._read()
         return GivenSurface(
@@ -179,105 +245,50 @@ class FixedPoints(_OfFile):
         return face_of_points(self.file, self.coordinates, self.shift_mm)
 
 
-_Conic = Annotated[float, Field(ge=-1e3, le=1e3)]
-_Series = Annotated[tuple[Coordinate, ...], Field(max_length=10)]
+_EXPORTED_NM, _EXPORTED_URAD = 1.0, 20.0  # the largest errors of an exported face against the design
 
 
-@lru_cache(maxsize=16)  # a spec asks for its surfaces many times; a profile takes 0.1 s
-def _made(kind: Callable[..., Surface], *fields: object) -> Surface:
-    return kind(*fields)
+class GivenSurface(FixedFace):
+    """A face as it was read: its ``surface``, where it comes from, and its largest errors against that.
 
-
-class _ByFormula(FixedFace):
-    """A surface that a formula gives; it must be star-shaped about the origin."""
-
-    @check
-    def _is_star_shaped(self) -> None:
-        try:
-            _ = self.surface
-        except InputError as error:
-            raise ValueError(str(error)) from None
-
-
-class FixedSphere(_ByFormula):
-    """Sphere with its centre on the axis; the origin, where the source is, must lie inside."""
-
-    kind: Literal["sphere"] = "sphere"
-    radius_mm: Millimetres
-    """Radius."""
-    centre_z_mm: Coordinate = 0.0
-    """Height of the centre above z = 0; the origin must lie inside the sphere."""
-
-    @property
-    def surface(self) -> Surface:
-        """Surface about the axis."""
-        return _made(Asphere, self.centre_z_mm + self.radius_mm, -self.radius_mm)
-
-
-class FixedAsphere(_ByFormula):
-    """Even asphere by the sag of ISO 10110-12."""
-
-    kind: Literal["asphere"] = "asphere"
-    vertex_z_mm: Millimetres
-    """Height of the vertex above z = 0."""
-    radius_mm: Coordinate
-    """Radius of curvature at the vertex, below 0 for a dome over the source."""
-    conic_constant: _Conic = 0.0
-    """Conic constant: 0 a sphere, -1 a paraboloid."""
-    coefficients: _Series = ()
-    """Coefficients A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ..."""
-
-    @property
-    def surface(self) -> Surface:
-        """Surface about the axis."""
-        return _made(Asphere, self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
-
-
-class FixedBiconic(_ByFormula):
-    """Biconic (ISO 10110-12): radii and conic constants in the x-z and in the y-z plane; below 0 for a dome."""
-
-    kind: Literal["biconic"] = "biconic"
-    vertex_z_mm: Millimetres
-    """Height of the vertex above z = 0."""
-    radius_x_mm: Coordinate
-    """Radius of curvature in the x-z plane."""
-    radius_y_mm: Coordinate
-    """Radius of curvature in the y-z plane."""
-    conic_x: _Conic = 0.0
-    """Conic constant in the x-z plane."""
-    conic_y: _Conic = 0.0
-    """Conic constant in the y-z plane."""
-
-    @property
-    def surface(self) -> Surface:
-        """Surface with its vertex on the axis."""
-        radii, conics = (self.radius_x_mm, self.radius_y_mm), (self.conic_x, self.conic_y)
-        return _made(Biconic, self.vertex_z_mm, *radii, *conics)
-
-
-_FARTHEST, _ROOM = 64.0, 1.1  # reach of a paraboloid over its vertex, and of an ellipsoid over its farthest point
-
-
-class FixedFocalConic(_ByFormula):
-    """Conic of revolution with a focus at the origin, where the LED is, and its vertex below: a reflector's cup.
-
-    A paraboloid sends the light of its focus along the axis, an ellipsoid to its other focus.
+    A spec that names a file becomes this one as it is read, and needs the file no more.
     """
 
-    kind: Literal["focal_conic"] = "focal_conic"
-    vertex_mm: Millimetres
-    """Distance of the vertex below the focus: the focal length of a paraboloid, whose radius at z = 0 is twice that."""
-    second_focus_mm: Millimetres | None = None
-    """Height of the other focus of an ellipsoid; without it a paraboloid."""
+    kind: Literal["given"] = "given"
+    origin: Label = ""
+    """Origin of the face, in words."""
+    form_error_nm: Annotated[float, Field(ge=0.0)] = 0.0
+    """Largest distance of the surface from the face that was read."""
+    normal_error_urad: Annotated[float, Field(ge=0.0)] = 0.0
+    """Largest angle between the normals of both."""
+    unit: Label = "mm"
+    """Unit of the file that was read."""
+    face: SurfaceRecord
+    """The surface itself, as a record."""
+
+    @property
+    def title(self) -> str:
+        """Words for its origin, and how well it is met."""
+        if self.form_error_nm == 0.0 == self.normal_error_urad:
+            return self.origin
+        return f"{self.origin}, to {self.form_error_nm:.2g} nm and {self.normal_error_urad:.2g} µrad"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A unit that was converted, and errors above those of an exported face."""
+        unit = () if self.unit == "mm" else (f"{self.origin}: in {self.unit}, converted to mm",)
+        if self.form_error_nm <= _EXPORTED_NM and self.normal_error_urad <= _EXPORTED_URAD:
+            return unit
+        return (
+            *unit,
+            f"{self.origin}: met to {self.form_error_nm:.3g} nm and {self.normal_error_urad:.3g} µrad; a smoother face "
+            "or more points make it better",
+        )
 
     @property
     def surface(self) -> Surface:
-        """Surface about the axis: semi-axis a = f + c, eccentricity c/a, parameter (a^2 - c^2)/a, f the vertex."""
-        half = None if self.second_focus_mm is None else 0.5 * self.second_focus_mm
-        if half is None:
-            return _made(ConicFace, _FARTHEST * self.vertex_mm, 2.0 * self.vertex_mm, 1.0)
-        axis = self.vertex_mm + half
-        return _made(ConicFace, _ROOM * (axis + half), (axis - half) * (axis + half) / axis, half / axis)
+        """The surface."""
+        return self.face.surface()
 
 
 def _resolved(face: FixedFace) -> FixedFace:
@@ -288,15 +299,4 @@ def _resolved(face: FixedFace) -> FixedFace:
         raise ValueError(str(error)) from None
 
 
-FixedSurface = Annotated[
-    FixedSphere
-    | FixedAsphere
-    | FixedBiconic
-    | FixedFocalConic
-    | FixedLensFace
-    | FixedCadFace
-    | FixedPoints
-    | GivenSurface,
-    Field(discriminator="kind"),
-    AfterValidator(_resolved),
-]
+FixedSurface = Annotated[FixedFace, AfterValidator(_resolved)]

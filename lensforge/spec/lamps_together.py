@@ -7,16 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from lensforge.spec.lamp_places import Vector
 from lensforge.spec.lamps_section import Lamps, LampsSection
 from lensforge.spec.part_section import BaseSection
-from lensforge.spec.receiver_sections import (
-    AnyReceiver,
-    CylinderReceiver,
-    FarFieldReceiver,
-    PlaneReceiver,
-    SphereReceiver,
-)
+from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import rounded_up
 
@@ -24,7 +17,7 @@ _SAME = 1e-9  # relative: rounding of a place, and of the side of a receiver tha
 
 
 def require_together(
-    lamps: Lamps, limits: ConstraintsSection, base: BaseSection, receivers: Sequence[AnyReceiver], lenses: int
+    lamps: Lamps, limits: ConstraintsSection, base: BaseSection, receivers: Sequence[ReceiverSection], lenses: int
 ) -> None:
     """Raise ``ValueError`` where lamps overlap, a receiver is between them, or ``photometry.lenses`` counts them."""
     _require_apart(lamps, limits, base)
@@ -53,12 +46,12 @@ def _require_apart(lamps: Lamps, limits: ConstraintsSection, base: BaseSection) 
         )
 
 
-def _require_seen_by(receiver: AnyReceiver, lamps: Lamps, limits: ConstraintsSection) -> None:
+def _require_seen_by(receiver: ReceiverSection, lamps: Lamps, limits: ConstraintsSection) -> None:
     """Raise ``ValueError`` for a receiver between the lamps or inside a lens, or one that a lattice cannot light."""
     if lamps.period_mm is not None:
         _require_period(receiver, lamps.period_mm)
     for place, _, _ in lamps.stands:
-        away_mm = _clear_mm(receiver, place)
+        away_mm = receiver.clear_mm(place)
         if away_mm <= limits.max_radius_mm:
             at = ", ".join(f"{each:.4g}" for each in place[: 3 if place[2] else 2])
             raise ValueError(
@@ -66,37 +59,26 @@ def _require_seen_by(receiver: AnyReceiver, lamps: Lamps, limits: ConstraintsSec
                 f"{away_mm:.4g} mm to it, its lens needs more than constraints.max_radius_mm = "
                 f"{limits.max_radius_mm:g}; move or turn the receiver"
             )
-    if isinstance(receiver, PlaneReceiver) and receiver.window_mm not in (None, receiver.size):
+    if receiver.window != receiver.size:
         raise ValueError("receivers.window_mm: of lamps together the whole receiver counts; leave it out")
 
 
-def _clear_mm(receiver: AnyReceiver, place: Vector) -> float:
-    """Distance from the middle of a lens to a receiver, on its lit side; infinite for the far field."""
-    if isinstance(receiver, PlaneReceiver):
-        normal = np.array(receiver.facing) / np.linalg.norm(receiver.facing)
-        return float(normal @ (np.array(receiver.centre_mm) - place))
-    if isinstance(receiver, CylinderReceiver | SphereReceiver):
-        return receiver.radius_mm - float(np.linalg.norm(np.array(receiver.centre_mm) - place))
-    return float("inf")
-
-
-def _require_period(receiver: AnyReceiver, period: tuple[float, float]) -> None:
+def _require_period(receiver: ReceiverSection, period: tuple[float, float]) -> None:
     """Refuse all but a level plane of one period."""
-    level = isinstance(receiver, PlaneReceiver) and not any(receiver.facing[:2]) and receiver.rotation_deg == 0.0
-    if not level or not np.allclose(receiver.size, period, rtol=1e-6, atol=0.0):
+    if not receiver.is_level or not np.allclose(receiver.size, period, rtol=1e-6, atol=0.0):
         raise ValueError(
             f'receivers: {receiver.name or receiver.kind!r}: lamps of kind = "endless" light level planes that are one '
             f"period of the lattice, {period[0]:.7g} x {period[1]:.7g} mm; take such a plane, or lamps of another kind"
         )
 
 
-def require_kinds(section: LampsSection, receivers: Sequence[AnyReceiver], others: Mapping[str, bool]) -> None:
+def require_kinds(section: LampsSection, receivers: Sequence[ReceiverSection], others: Mapping[str, bool]) -> None:
     """Raise ``ValueError`` where lenses of several kinds cannot be: with any of the fields ``others``."""
     kinds = section.lamps.kinds
     given = next((name for name, is_given in others.items() if is_given), None)
     if kinds and given is not None:
         raise ValueError(f"lamps.kinds: {given} goes with lamps of one lens; leave out one of the two")
-    if any(kind.mirrors for kind in kinds) and all(isinstance(each, FarFieldReceiver) for each in receivers):
+    if any(kind.mirrors for kind in kinds) and all(each.is_far_field for each in receivers):
         raise ValueError(
             f'lamps.kinds = "place": from afar all {len(section.lamps)} lamps stand at one place; take a receiver near '
             "them, kinds by name in a table, or leave it out"

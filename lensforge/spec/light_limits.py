@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 from pydantic import Field, model_validator
 
 from lensforge.errors import RenamedWarning
-from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver, PlaneReceiver, require_on
+from lensforge.spec.receiver_fields import ORIGIN, ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
 from lensforge.spec.spec_section import Coordinate, Label, Section, check
@@ -255,7 +255,7 @@ def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, fl
         require_on("the place", place, unit, extent, receiver)
 
 
-def require_limits_fit(limits: Sequence[LimitSection], receivers: Sequence[AnyReceiver]) -> None:
+def require_limits_fit(limits: Sequence[LimitSection], receivers: Sequence[ReceiverSection]) -> None:
     """Raise ``ValueError`` for limits on receivers that there are not, or that they do not fit."""
     by_name = {receiver.name: receiver for receiver in receivers}
     for number, limit in enumerate(limits):
@@ -293,18 +293,13 @@ class PhotometrySection(Section):
 
 
 def require_seen_from_afar(
-    section: PhotometrySection, receivers: tuple[AnyReceiver, ...], limits: ConstraintsSection
+    section: PhotometrySection, receivers: tuple[ReceiverSection, ...], limits: ConstraintsSection
 ) -> None:
     """Raise ``ValueError`` where a lamp for an area has no receiver far enough to be designed for it."""
     far_mm = _FAR * 2.0 * limits.max_radius_mm
-    if section.use == "general" or any(_is_far(each, far_mm) for each in receivers):
+    if section.use == "general" or any(each.clear_mm(ORIGIN) >= far_mm for each in receivers):
         return
     raise ValueError(
         f'photometry.use = "{section.use}" is answered by the far field, but every receiver is nearer than {far_mm:g} '
         "mm, five times the lens's largest diameter; give a far-field target (half_angle_deg), or a plane farther away"
     )
-
-
-def _is_far(receiver: AnyReceiver, far_mm: float) -> bool:
-    plane = isinstance(receiver, PlaneReceiver) and receiver.distance_mm >= far_mm
-    return plane or isinstance(receiver, FarFieldReceiver)

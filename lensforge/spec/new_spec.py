@@ -12,21 +12,17 @@ from typing import Any
 import tomli_w
 
 from lensforge.errors import InputError
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_fields import words_of
 from lensforge.spec.spec_reference import SCHEMA_FILE
+from lensforge.spec.target_sections import TargetSection
 
-_SOURCE_FIELDS: dict[str, tuple[str, ...]] = {
-    "square": ("side_mm",),
-    "rectangle": ("width_mm", "height_mm"),
-    "disc": ("diameter_mm",),
-}
-_TARGET_FIELDS: dict[str, tuple[str, ...]] = {
-    "rectangle": ("width_mm", "height_mm"),
-    "ellipse": ("width_mm", "height_mm"),
-    "disc": ("diameter_mm",),
-    "cross": ("length_mm", "stroke_mm"),
-    "ring": ("outer_diameter_mm", "inner_diameter_mm"),
+_SOURCE_FIELDS = {kind: source.in_a_word for kind, source in EmitterSection.kinds.items() if source.in_a_word}
+_TARGET_FIELDS = {
+    kind: tuple(f"{name}_mm" for name in target.needs)
+    for kind, target in TargetSection.kinds.items()
+    if target.has_word
 }
 _PHOTOMETRIC = (".ies", ".ldt")
 SOURCE_KINDS, TARGET_KINDS = tuple(_SOURCE_FIELDS), (*_TARGET_FIELDS, "text", "beam")

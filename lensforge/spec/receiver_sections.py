@@ -3,127 +3,19 @@
 A target may imply a receiver. Receivers lie outside the lens and, where it has a cover glass, behind it.
 """
 
-from math import cos, hypot, pi, radians, sin
-from typing import Annotated, ClassVar, Literal, TypeVar
+from math import cos, dist, hypot, inf, pi, radians, sin
+from typing import Annotated, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.spec.emitter_section import Degrees, Turn
+from lensforge.spec.emitter_section import Degrees
 from lensforge.spec.lens_section import AnyLens
+from lensforge.spec.receiver_fields import ORIGIN, Direction, Point, ReceiverSection, largest_of
 from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.shape_targets import (
-    CrossTarget,
-    DiscTarget,
-    EllipseTarget,
-    FlatTopTarget,
-    PolygonTarget,
-    RectangleTarget,
-    RingTarget,
-    SpotsTarget,
-)
-from lensforge.spec.spec_section import Coordinate, Millimetres, Section, check
-from lensforge.spec.target_sections import (
-    ArrayTarget,
-    BatwingTarget,
-    BeamTarget,
-    HalfAngle,
-    ImageTarget,
-    PhotometricTarget,
-    TableTarget,
-    TextTarget,
-    Unit,
-)
+from lensforge.spec.spec_section import Coordinate, Millimetres, check
+from lensforge.spec.target_sections import HalfAngle, TargetSection, Unit
 
-Target = Annotated[
-    FlatTopTarget
-    | RectangleTarget
-    | DiscTarget
-    | EllipseTarget
-    | RingTarget
-    | PolygonTarget
-    | CrossTarget
-    | TextTarget
-    | ImageTarget
-    | ArrayTarget
-    | TableTarget
-    | SpotsTarget
-    | BeamTarget
-    | BatwingTarget
-    | PhotometricTarget,
-    Field(discriminator="kind"),
-]
-_MOST_TARGETS = 1000
-
-
-class ReceiverSection(Section):
-    """Fields of every receiver; receivers are transparent, each sees every ray that leaves the lens."""
-
-    unit: ClassVar[Unit] = "mm"
-    words: ClassVar[str]  # for its place, by its fields
-
-    kind: str
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = None
-    """Name of the receiver, by default its kind."""
-    targets: Annotated[tuple[Target, ...], Field(min_length=1, max_length=_MOST_TARGETS)]
-    """Targets on it, which add up."""
-    share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
-    """Weight in the merit, relative to the other receivers."""
-    rotation_deg: Turn = 0.0
-    """Turn about the direction that the receiver faces, from x towards y."""
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Width and height of the chart, in its unit."""
-        raise NotImplementedError
-
-    @property
-    def place(self) -> str:
-        """Its place in a few words."""
-        return self.words.format(self)
-
-    @property
-    def extent(self) -> tuple[float, float]:
-        """Width and height in the unit in which targets are given."""
-        return self.size
-
-    @check
-    def _targets_belong_here(self) -> None:
-        for target in self.targets:
-            if target.unit != self.unit:
-                where = "degrees" if self.unit == "deg" else "mm"
-                raise ValueError(f"targets: a {target.kind} in {target.unit}, on this receiver lengths are in {where}")
-            _require_on_receiver(target, self.extent)
-
-
-def _require_on_receiver(target: Target, extent: tuple[float, float]) -> None:
-    """Raise ``ValueError`` for a target whose centre, or mask, or edge does not fit the receiver."""
-    unit, (width, height) = target.unit, extent
-    require_on(f"centre_{unit} =", target.centre, unit, extent, "the receiver")
-    mask = target.pair("uniform")
-    if mask is not None and (mask[0] > width or mask[1] > height) and target.rotation_deg == 0.0:
-        given = f"{mask[0]:g}" if mask[0] == mask[1] else f"({mask[0]:g}, {mask[1]:g})"
-        raise ValueError(f"uniform_{unit} = {given} must not exceed the receiver's {_words(width, height, unit)}")
-    edge = getattr(target, "edge", 0.0)
-    if edge > max(width, height):
-        raise ValueError(f"edge_{unit} = {edge:g} must not exceed the receiver's {_words(width, height, unit)}")
-
-
-def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str) -> None:
-    """Raise ``ValueError`` for a place off a receiver, whose ``extent`` is in the same unit; ``what``: its words."""
-    (x, y), half_width, half_height = place, 0.5 * extent[0], 0.5 * extent[1]
-    off = x * x + y * y > half_width**2 if unit == "deg" else abs(x) > half_width or abs(y) > half_height
-    if off:
-        reach = f"{half_width:g} deg" if unit == "deg" else f"{half_width:g} in x and {half_height:g} in y"
-        raise ValueError(f"{what} ({x:g}, {y:g}) is off {receiver}, which reaches {reach}")
-
-
-def _words(width: float, height: float, unit: str) -> str:
-    return f"{width:g} {unit}" if width == height else f"{width:g} x {height:g} {unit}"
-
-
-_Number = Annotated[float, Field(ge=-1e6, le=1e6)]
-Direction = tuple[_Number, _Number, _Number]
 _LEAST_ACROSS = 1e-3  # sine of the angle at which a plane may be seen from the lens: 0.06 degrees
 
 
@@ -164,9 +56,37 @@ class PlaneReceiver(ReceiverSection):
     @property
     def distance_mm(self) -> float:
         """Distance of the plane from the lens origin."""
+        return self.clear_mm(ORIGIN)
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """``window_mm``, or all of it."""
+        return self.window_mm or self.size
+
+    @property
+    def is_level(self) -> bool:
+        """True across the axis, with sides along x and y."""
+        return not any(self.facing[:2]) and self.rotation_deg == 0.0
+
+    def clear_mm(self, place_mm: Point) -> float:
+        """Distance of the plane from a place before it."""
         x, y, z = self.facing
         length: float = (x * x + y * y + z * z) ** 0.5
-        return (x * self.centre_mm[0] + y * self.centre_mm[1] + z * self.centre_mm[2]) / length
+        across, up, away = (centre - place for centre, place in zip(self.centre_mm, place_mm, strict=True))
+        return (x * across + y * up + z * away) / length
+
+    def posed(self, centre_mm: Point, facing: Direction, rotation_deg: float) -> Self:
+        """The plane in another pose, by its normal."""
+        changes = {"centre_mm": centre_mm, "normal": facing, "tilt_deg": None, "rotation_deg": rotation_deg}
+        return self.model_copy(update=changes)
+
+    def require_outside(self, lens: AnyLens, limits: ConstraintsSection, distance: str) -> None:
+        """Raise ``ValueError`` for a plane that the largest lens would meet, or that lies behind it."""
+        largest = lens.extent_mm(limits, self.facing[2] / hypot(*self.facing))
+        if self.distance_mm <= largest:
+            least = f"{largest_of(lens)} = {largest:.6g}"
+            raise ValueError(f"{distance} = {self.distance_mm:g} is inside the lens: it must exceed {least}")
+        _require_ahead(self.facing, 0.0, self.centre_mm[2] < 0.0)
 
     @check
     def _is_seen_from_the_lens(self) -> None:
@@ -196,7 +116,8 @@ class FarFieldReceiver(ReceiverSection):
 
     unit: ClassVar[Unit] = "deg"
     words: ClassVar[str] = "in the far field, to {0.half_angle_deg:g}°"
-    centre_mm: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 0.0)
+    centre_mm: ClassVar[Point] = ORIGIN
+    is_round: ClassVar[bool] = True
 
     kind: Literal["far_field"] = "far_field"
     axis: Direction = (0.0, 0.0, 1.0)
@@ -220,6 +141,22 @@ class FarFieldReceiver(ReceiverSection):
         """Direction of the axis."""
         return self.axis
 
+    def pixel_rad(self, pixels: int) -> float:
+        """Side of a pixel on the chart."""
+        return max(self.size) / pixels
+
+    def clear_mm(self, place_mm: Point) -> float:
+        """Infinite: it is far away."""
+        return inf
+
+    def posed(self, centre_mm: Point, facing: Direction, rotation_deg: float) -> Self:
+        """The far field about another axis; from where does not count."""
+        return self.model_copy(update={"axis": facing, "rotation_deg": rotation_deg})
+
+    def require_outside(self, lens: AnyLens, limits: ConstraintsSection, distance: str) -> None:
+        """Raise ``ValueError`` where all of it lies behind the source."""
+        _require_ahead(self.facing, self.half_angle_deg, True)
+
     @check
     def _has_an_axis(self) -> None:
         if not any(self.axis):
@@ -235,6 +172,18 @@ class _CurvedReceiver(ReceiverSection):
     """Direction (x, y, z) from the centre to the middle of the chart."""
     radius_mm: Millimetres
     """Radius of the screen."""
+
+    def pixel_rad(self, pixels: int) -> float:
+        """Angle of a pixel seen from the centre."""
+        return max(self.size) / pixels / self.radius_mm
+
+    def clear_mm(self, place_mm: Point) -> float:
+        """Distance of the screen from a place within it."""
+        return self.radius_mm - dist(self.centre_mm, place_mm)
+
+    @property
+    def _own_size(self) -> str:
+        return f"receivers.radius_mm = {self.radius_mm:g}"
 
     @check
     def _faces_somewhere(self) -> None:
@@ -278,6 +227,7 @@ class SphereReceiver(_CurvedReceiver):
     """
 
     words: ClassVar[str] = "on a sphere of radius {0.radius_mm:g} mm"
+    is_round: ClassVar[bool] = True
 
     kind: Literal["sphere"] = "sphere"
     half_angle_deg: Annotated[float, Field(ge=0.01, le=150.0)]
@@ -290,14 +240,10 @@ class SphereReceiver(_CurvedReceiver):
         return side, side
 
 
-AnyReceiver = PlaneReceiver | FarFieldReceiver | CylinderReceiver | SphereReceiver
-
-
 _Implied = TypeVar("_Implied", PlaneReceiver, FarFieldReceiver)
-OF_RECEIVER = ("distance_mm", "receiver_mm", "half_angle_deg")  # fields of a target that stands alone
 
 
-def implied_receiver(target: Target) -> AnyReceiver:
+def implied_receiver(target: TargetSection) -> ReceiverSection:
     """The receiver that a target alone stands for. Raises ``ValueError`` where it names none."""
     if target.half_angle_deg is not None:
         return _with(FarFieldReceiver, target, half_angle_deg=target.half_angle_deg)
@@ -310,54 +256,11 @@ def implied_receiver(target: Target) -> AnyReceiver:
     return _with(PlaneReceiver, target, centre_mm=(0.0, 0.0, target.distance_mm), width_mm=side, height_mm=side)
 
 
-def _with(kind: type[_Implied], target: Target, **place: object) -> _Implied:
+def _with(kind: type[_Implied], target: TargetSection, **place: object) -> _Implied:
     try:
         return kind(name="light", targets=(target,), **place)
     except InputError as error:
         raise ValueError(f"target: {str(error).removeprefix(f'{kind.__name__}: ')}") from None
-
-
-def named(receivers: tuple[AnyReceiver, ...]) -> tuple[AnyReceiver, ...]:
-    """``receivers``, each with a name: its own, or its kind, numbered where several have it.
-
-    Raises ``ValueError`` for two of the same name, and for targets that name a receiver of their own.
-    """
-    with_names: list[AnyReceiver] = []
-    for receiver in receivers:
-        for target in receiver.targets:
-            own = next((name for name in OF_RECEIVER if getattr(target, name) is not None), None)
-            if own is not None:
-                words = "a target in [[receivers]] lies on that receiver; leave it out"
-                raise ValueError(f"receivers.targets.{own}: {words}")
-        alike = [each for each in receivers if each.kind == receiver.kind]
-        number = next(k for k, each in enumerate(alike, start=1) if each is receiver)
-        name = receiver.name or (receiver.kind if len(alike) == 1 else f"{receiver.kind}_{number}")
-        if any(name == each.name for each in with_names):
-            raise ValueError(f"receivers: two are called {name!r}; give each a name of its own")
-        with_names.append(receiver.model_copy(update={"name": name}))
-    return tuple(with_names)
-
-
-def require_outside(receiver: AnyReceiver, lens: AnyLens, limits: ConstraintsSection, field: str) -> None:
-    """Raise ``ValueError`` for a receiver inside the largest lens, or where its light cannot come."""
-    by = "constraints.max_radius_mm" + (" with the height of the lens" if lens.radius_about_axis else "")
-    match receiver:
-        case PlaneReceiver():
-            largest = lens.extent_mm(limits, receiver.facing[2] / hypot(*receiver.facing))
-            if receiver.distance_mm <= largest:
-                raise ValueError(
-                    f"{field} = {receiver.distance_mm:g} is inside the lens: it must exceed {by} = {largest:.6g}"
-                )
-            _require_ahead(receiver.facing, 0.0, receiver.centre_mm[2] < 0.0)
-        case FarFieldReceiver():
-            _require_ahead(receiver.facing, receiver.half_angle_deg, True)
-        case CylinderReceiver() | SphereReceiver():
-            room, largest = receiver.radius_mm - hypot(*receiver.centre_mm), lens.extent_mm(limits)
-            if room <= largest:
-                raise ValueError(
-                    f"receivers.radius_mm = {receiver.radius_mm:g}: the {receiver.kind} leaves {room:.4g} mm around "
-                    f"the lens origin, it must leave more than {by} = {largest:.6g}"
-                )
 
 
 def _require_ahead(facing: tuple[float, float, float], half_angle_deg: float, behind: bool) -> None:

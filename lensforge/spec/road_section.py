@@ -11,7 +11,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver
+from lensforge.spec.receiver_fields import ReceiverSection
+from lensforge.spec.receiver_sections import FarFieldReceiver
 from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import FilePath, Label, Section, check, section_of
 
@@ -269,7 +270,7 @@ def names_of(roads: Sequence[RoadSection]) -> tuple[str, ...]:
     return tuple(road.name or f"road {number}" for number, road in enumerate(roads, start=1))
 
 
-def require_all_below(roads: Sequence[RoadSection], receivers: Sequence[AnyReceiver]) -> None:
+def require_all_below(roads: Sequence[RoadSection], receivers: Sequence[ReceiverSection]) -> None:
     """Raise ``ValueError`` for roads without a far field that has all light below a lamp."""
     far = next((each for each in receivers if isinstance(each, FarFieldReceiver)), None)
     if roads and (far is None or far.half_angle_deg < _ALL_BELOW):

@@ -3,19 +3,34 @@
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from jaxtyping import Bool
 from pydantic import Field
 
 from lensforge.spec.spec_section import Coordinate, Millimetres, check
 from lensforge.spec.target_sections import (
     DegreesOff,
     DegreesWide,
+    Places,
     SizedTarget,
     SoftTarget,
     TargetSection,
 )
 
+Lit = Bool[np.ndarray, "..."]
 _MOST_CORNERS, _MOST_SPOTS = 1000, 1000
 _LEAST_SPREAD = 1e-12  # of a polygon's corners about a line, squared: below, they lie on it
+
+
+class ShapeTarget(SoftTarget):
+    """A shape: one level of light inside, none outside."""
+
+    def contains(self, x: Places, y: Places) -> Lit:
+        """True inside, at places about its centre that broadcast."""
+        raise NotImplementedError
+
+    def light(self, x: Places, y: Places) -> Places:
+        """1 inside, 0 outside."""
+        return self.contains(x, y).astype(np.float64)
 
 
 class FlatTopTarget(SizedTarget):
@@ -23,45 +38,77 @@ class FlatTopTarget(SizedTarget):
 
     needs: ClassVar[tuple[str, ...]] = ("width",)
     takes: ClassVar[tuple[str, ...]] = (*TargetSection.takes, "height")
+    words: ClassVar[str] = "flat top, {width} × {height}"
 
     kind: Literal["flat_top"] = "flat_top"
     exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
     """Power p: the larger, the steeper the edges."""
 
-    @property
-    def widths(self) -> tuple[float, float]:
-        """Width and height, in the target's unit."""
-        height = self.length("height")
-        return self.size("width"), height if isinstance(height, float) else self.size("width")
+    def pair(self, name: str) -> tuple[float, float] | None:
+        """Length ``name`` along x and along y; without a height that is the width."""
+        return super().pair("width" if name == "height" and self.length(name) is None else name)
+
+    def light(self, x: Places, y: Places) -> Places:
+        """The super-Gaussian."""
+        half_width, half_height = 0.5 * self.size("width"), 0.5 * self.sides("height")[1]
+        with np.errstate(over="ignore"):  # far outside a narrow pattern: exp(-inf) is the 0 that is meant
+            along_x = np.exp(-(np.abs(x / half_width) ** self.exponent))
+            along_y = np.exp(-(np.abs(y / half_height) ** self.exponent))
+        light: Places = along_y * along_x
+        return light
 
 
-class RectangleTarget(SizedTarget, SoftTarget):
+class RectangleTarget(SizedTarget, ShapeTarget):
     """A rectangle."""
+
+    words: ClassVar[str] = "rectangle, {width} × {height}"
+    has_word: ClassVar[bool] = True
 
     kind: Literal["rectangle"] = "rectangle"
 
+    def contains(self, x: Places, y: Places) -> Lit:
+        """True inside."""
+        return _in_rectangle(x, y, self.size("width"), self.size("height"))
 
-class DiscTarget(SoftTarget):
+
+class DiscTarget(ShapeTarget):
     """A disc."""
 
     needs: ClassVar[tuple[str, ...]] = ("diameter",)
+    words: ClassVar[str] = "disc, {diameter} wide"
+    across: ClassVar[str] = "diameter"
+    has_word: ClassVar[bool] = True
 
     kind: Literal["disc"] = "disc"
     diameter_mm: Millimetres | None = None
     """Diameter on a surface."""
     diameter_deg: DegreesWide | None = None
 
+    def contains(self, x: Places, y: Places) -> Lit:
+        """True inside."""
+        return _in_ellipse(x, y, self.size("diameter"), self.size("diameter"))
 
-class EllipseTarget(SizedTarget, SoftTarget):
+
+class EllipseTarget(SizedTarget, ShapeTarget):
     """An ellipse with its axes along x and y."""
+
+    words: ClassVar[str] = "ellipse, {width} × {height}"
+    has_word: ClassVar[bool] = True
 
     kind: Literal["ellipse"] = "ellipse"
 
+    def contains(self, x: Places, y: Places) -> Lit:
+        """True inside."""
+        return _in_ellipse(x, y, self.size("width"), self.size("height"))
 
-class RingTarget(SoftTarget):
+
+class RingTarget(ShapeTarget):
     """A ring between two circles."""
 
     needs: ClassVar[tuple[str, ...]] = ("outer_diameter", "inner_diameter")
+    words: ClassVar[str] = "ring, {inner_diameter} to {outer_diameter} wide"
+    across: ClassVar[str] = "outer_diameter"
+    has_word: ClassVar[bool] = True
 
     kind: Literal["ring"] = "ring"
     outer_diameter_mm: Millimetres | None = None
@@ -70,6 +117,11 @@ class RingTarget(SoftTarget):
     """Diameter of the inner circle on a surface."""
     outer_diameter_deg: DegreesWide | None = None
     inner_diameter_deg: DegreesWide | None = None
+
+    def contains(self, x: Places, y: Places) -> Lit:
+        """True between the circles."""
+        outer, inner = self.size("outer_diameter"), self.size("inner_diameter")
+        return np.asarray(_in_ellipse(x, y, outer, outer) & ~_in_ellipse(x, y, inner, inner))
 
     @check
     def _inner_is_smaller(self) -> None:
@@ -80,7 +132,7 @@ class RingTarget(SoftTarget):
             )
 
 
-class PolygonTarget(SoftTarget):
+class PolygonTarget(ShapeTarget):
     """A closed polygon; where it crosses itself, by even and odd."""
 
     needs: ClassVar[tuple[str, ...]] = ("corners",)
@@ -95,6 +147,20 @@ class PolygonTarget(SoftTarget):
         """The corners, in the target's unit."""
         return self.corners_mm or self.corners_deg or ()
 
+    @property
+    def description(self) -> str:
+        """The target in a few words."""
+        return f"polygon with {len(self.corners)} corners"
+
+    def contains(self, x: Places, y: Places) -> Lit:
+        """True where a ray to +x crosses the outline an odd number of times."""
+        inside: Lit = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=bool)
+        for (x1, y1), (x2, y2) in zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True):
+            if y1 != y2:
+                crosses = (y1 > y) != (y2 > y)
+                inside ^= crosses & (x < x1 + (y - y1) * ((x2 - x1) / (y2 - y1)))
+        return inside
+
     @check
     def _has_an_area(self) -> None:
         if len(self.corners) < 3:
@@ -105,10 +171,13 @@ class PolygonTarget(SoftTarget):
             raise ValueError(f"corners_{self.unit}: all lie on a line; a polygon has an area")
 
 
-class CrossTarget(SoftTarget):
+class CrossTarget(ShapeTarget):
     """An upright cross of equal arms."""
 
     needs: ClassVar[tuple[str, ...]] = ("length", "stroke")
+    words: ClassVar[str] = "cross, {length} long"
+    across: ClassVar[str] = "length"
+    has_word: ClassVar[bool] = True
 
     kind: Literal["cross"] = "cross"
     length_mm: Millimetres | None = None
@@ -118,11 +187,17 @@ class CrossTarget(SoftTarget):
     length_deg: DegreesWide | None = None
     stroke_deg: DegreesWide | None = None
 
+    def contains(self, x: Places, y: Places) -> Lit:
+        """True in either arm."""
+        length, stroke = self.size("length"), self.size("stroke")
+        return np.asarray(_in_rectangle(x, y, length, stroke) | _in_rectangle(x, y, stroke, length))
 
-class SpotsTarget(SoftTarget):
+
+class SpotsTarget(ShapeTarget):
     """A line or a grid of discs."""
 
     needs: ClassVar[tuple[str, ...]] = ("diameter", "pitch")
+    words: ClassVar[str] = "{0.columns} × {0.rows} spots, {pitch} apart"
 
     kind: Literal["spots"] = "spots"
     columns: Annotated[int, Field(ge=1, le=_MOST_SPOTS)]
@@ -136,6 +211,19 @@ class SpotsTarget(SoftTarget):
     """Distance of neighbouring centres on a surface."""
     pitch_deg: DegreesWide | None = None
 
+    @property
+    def bounds_mm(self) -> tuple[float, float] | None:
+        """Side of the square that holds the longer of row and column, along x and y."""
+        if self.diameter_mm is None or self.pitch_mm is None:
+            return None
+        side_mm = self.diameter_mm + (max(self.columns, self.rows) - 1) * self.pitch_mm
+        return side_mm, side_mm
+
+    def contains(self, x: Places, y: Places) -> Lit:
+        """True in any disc."""
+        pitch, diameter = self.size("pitch"), self.size("diameter")
+        return _in_ellipse(_from_spot(x, pitch, self.columns), _from_spot(y, pitch, self.rows), diameter, diameter)
+
     @check
     def _spots_lie_apart(self) -> None:
         if self.size("pitch") < self.size("diameter"):
@@ -143,3 +231,20 @@ class SpotsTarget(SoftTarget):
                 f"pitch_{self.unit} = {self.size('pitch'):g} is less than diameter_{self.unit} = "
                 f"{self.size('diameter'):g}: the spots would overlap"
             )
+
+
+def _in_rectangle(x: Places, y: Places, width: float, height: float) -> Lit:
+    inside: Lit = (np.abs(y) <= height / 2.0) & (np.abs(x) <= width / 2.0)
+    return inside
+
+
+def _in_ellipse(x: Places, y: Places, width: float, height: float) -> Lit:
+    inside: Lit = (2.0 * x / width) ** 2 + (2.0 * y / height) ** 2 <= 1.0
+    return inside
+
+
+def _from_spot(x: Places, pitch: float, count: int) -> Places:
+    """Coordinate from the nearest of ``count`` centres."""
+    place = x / pitch + 0.5 * (count - 1)
+    off: Places = pitch * (place - np.clip(np.round(place), 0, count - 1))
+    return off

@@ -9,7 +9,7 @@ from lensforge.errors import InputError
 from lensforge.results.files import MIB, require_regular_file
 from lensforge.results.text_table import Column, Entry, read_list
 from lensforge.spec.emitter_section import EmitterSection, FluxSection
-from lensforge.spec.source_sections import NamedSource, RayfileSource, SourceSpec
+from lensforge.spec.source_sections import NamedSource, RayfileSource
 from lensforge.spec.spec_files import NamedFrom, alike, read_toml
 from lensforge.spec.spec_section import Section, section_of
 
@@ -36,7 +36,7 @@ class _SourceList(Section):
     sources: tuple[NamedSource, ...]
 
 
-def read_sources(given: Sequence[Path | str], own: SourceSpec) -> tuple[NamedSource, ...]:
+def read_sources(given: Sequence[Path | str], own: EmitterSection) -> tuple[NamedSource, ...]:
     """The LEDs that ``given`` names, in their order.
 
     Each is a ray file, a pattern of such (``leds/*.ray``), a CSV table with a column file, and those of name, flux_lm,
@@ -46,7 +46,7 @@ def read_sources(given: Sequence[Path | str], own: SourceSpec) -> tuple[NamedSou
     return tuple(led for each in given for led in _read(str(each), own))
 
 
-def _read(given: str, own: SourceSpec) -> Iterator[NamedSource]:
+def _read(given: str, own: EmitterSection) -> Iterator[NamedSource]:
     if not given.isprintable():
         raise InputError(f"sources: {_shown(given)}: holds a character that cannot be printed; rename the file")
     if _PATTERN.search(given) and not _is_there(given):
@@ -89,7 +89,7 @@ def _files_of(pattern: str) -> list[Path]:
     return found
 
 
-def source_with_file(own: SourceSpec, file: Path, **changes: object) -> SourceSpec:
+def source_with_file(own: EmitterSection, file: Path, **changes: object) -> EmitterSection:
     """The source ``own`` with ``file`` as its ray file, and with the fields of ``changes``.
 
     Another source is replaced by the file with its virtual focus at the origin, placed as the source was, and with the
@@ -101,7 +101,7 @@ def source_with_file(own: SourceSpec, file: Path, **changes: object) -> SourceSp
     return RayfileSource(**{**kept, "file": file, **changes})
 
 
-def _of_file(file: Path, own: SourceSpec) -> NamedSource:
+def _of_file(file: Path, own: EmitterSection) -> NamedSource:
     source = source_with_file(own, file)
     require_regular_file(file, missing=_ADVICE)
     return NamedSource(name=_name(file), source=source)
@@ -118,7 +118,7 @@ def _of_toml(path: Path) -> tuple[NamedSource, ...]:
     return section_of(_SourceList, content, str(path), NamedFrom(path.parent, there=True)).sources
 
 
-def _of_entry(entry: Entry, folder: Path, own: SourceSpec) -> NamedSource:
+def _of_entry(entry: Entry, folder: Path, own: EmitterSection) -> NamedSource:
     """The LED in a row of a table; its file counts from the ``folder`` of the table."""
     if "file" not in entry.words:
         raise InputError(f"{entry.where}: must have a file")

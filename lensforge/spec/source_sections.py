@@ -1,6 +1,7 @@
 """The ``[source]`` of a spec: an emitting area, ray files, or given rays; lengths in mm, powers in W or lm."""
 
 from collections.abc import Mapping
+from math import hypot
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -20,6 +21,27 @@ from lensforge.spec.spec_section import (
     check,
     numbers_of,
 )
+
+
+class SquareSource(EmitterSection):
+    """A square Lambertian emitter, centred on the axis in the plane z = 0 and emitting towards +z unless placed."""
+
+    in_a_word: ClassVar[tuple[str, ...]] = ("side_mm",)
+
+    kind: Literal["square"] = "square"
+    side_mm: MillimetresOrZero
+    """Side of the square; 0 for a point source."""
+
+    @property
+    def extent_mm(self) -> float:
+        """Half of the diagonal."""
+        return float(self.side_mm / 2.0**0.5)
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"{self.side_mm:g} mm square Lambertian source" if self.side_mm else "point source"
+
 
 Scale = Annotated[float, Field(ge=1e-9, le=1e9)]  # from a file in nm or km to mm, with room to spare
 
@@ -70,6 +92,137 @@ class RayfilesSource(Placement):
     def description(self) -> str:
         """The source in a few words."""
         return f"ray files {', '.join(part.file.name for part in self.files)}"
+
+
+class PlanarSource(EmitterSection):
+    """An emitting area, in the plane z = 0 unless placed, the same intensity profile at each of its points."""
+
+    intensity: IntensitySpec = Field(default_factory=CosineIntensity)
+    """Intensity by angle; by default Lambertian."""
+
+
+class RectangleSource(PlanarSource):
+    """A uniform rectangle, centred on the axis."""
+
+    words: ClassVar[str] = "{0.width_mm:g} mm × {0.height_mm:g} mm source"
+    in_a_word: ClassVar[tuple[str, ...]] = ("width_mm", "height_mm")
+
+    kind: Literal["rectangle"] = "rectangle"
+    width_mm: Millimetres
+    """Width along x."""
+    height_mm: Millimetres
+    """Height along y."""
+
+    @property
+    def extent_mm(self) -> float:
+        """Half of the diagonal."""
+        return 0.5 * hypot(self.width_mm, self.height_mm)
+
+
+class DiscSource(PlanarSource):
+    """A uniform disc, centred on the axis."""
+
+    words: ClassVar[str] = "{0.diameter_mm:g} mm disc source"
+    in_a_word: ClassVar[tuple[str, ...]] = ("diameter_mm",)
+
+    kind: Literal["disc"] = "disc"
+    diameter_mm: Millimetres
+    """Diameter."""
+
+    @property
+    def extent_mm(self) -> float:
+        """Half of the diameter."""
+        return 0.5 * self.diameter_mm
+
+
+class Chip(FluxSection):
+    """A uniform rectangle with its centre at (x, y), of 1 W unless its flux is given.
+
+    With ``source.flux_w`` or ``source.flux_lm`` only the ratio of the chips' fluxes counts.
+    """
+
+    x_mm: Coordinate
+    """Centre along x."""
+    y_mm: Coordinate
+    """Centre along y."""
+    width_mm: Millimetres
+    """Width along x."""
+    height_mm: Millimetres
+    """Height along y."""
+    spectrum: SpectrumSpec | None = None
+    """Spectrum of this chip, in place of the spectrum of ``source``: its colour."""
+
+
+class ChipsSource(PlanarSource):
+    """Several chips, each with its position, size and flux; ``flux_w``, ``flux_lm``: of all of them together."""
+
+    kind: Literal["chips"] = "chips"
+    chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)]
+    """The chips."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"source of {len(self.chips)} chips"
+
+    @property
+    def extent_mm(self) -> float:
+        """Distance of the farthest corner of a chip."""
+        return max(hypot(abs(c.x_mm) + 0.5 * c.width_mm, abs(c.y_mm) + 0.5 * c.height_mm) for c in self.chips)
+
+    @property
+    def spectra(self) -> tuple[SpectrumSpec | None, ...]:
+        """Spectrum of each chip, its own or that of all; empty where none has one of its own."""
+        own = [chip.spectrum for chip in self.chips]
+        return tuple(each or self.spectrum for each in own) if any(own) else ()
+
+
+class ChipArraySource(PlanarSource):
+    """Equal chips in rows and columns, centred on the axis."""
+
+    words: ClassVar[str] = "source of {0.columns} × {0.rows} chips"
+
+    kind: Literal["chip_array"] = "chip_array"
+    columns: Annotated[int, Field(ge=1, le=100)]
+    """Chips along x."""
+    rows: Annotated[int, Field(ge=1, le=100)]
+    """Chips along y."""
+    width_mm: Millimetres
+    """Width of a chip."""
+    height_mm: Millimetres
+    """Height of a chip."""
+    pitch_mm: tuple[Millimetres, Millimetres]
+    """Distance of neighbouring centres, in x and y."""
+
+    @property
+    def extent_mm(self) -> float:
+        """Half of the diagonal of the array."""
+        across, up = self.pitch_mm
+        return 0.5 * hypot((self.columns - 1) * across + self.width_mm, (self.rows - 1) * up + self.height_mm)
+
+
+class LuminanceSource(PlanarSource):
+    """A picture of the lit source, centred on the axis: a pixel's flux follows its light."""
+
+    words: ClassVar[str] = "source of the luminance picture {0.file.name}"
+
+    kind: Literal["luminance"] = "luminance"
+    file: FilePath
+    """PNG, TIFF, JPEG or BMP file."""
+    width_mm: Millimetres
+    """Width of the picture."""
+    luminance: Luminance = "as_stored"
+    """Light that its values stand for, as in a target's picture."""
+
+
+class RadianceSource(EmitterSection):
+    """Radiance by position and direction, from a NumPy archive (docs/rayfiles.md); a given flux replaces its own."""
+
+    words: ClassVar[str] = "source of the radiance table {0.file.name}"
+
+    kind: Literal["radiance"] = "radiance"
+    file: FilePath
+    """NumPy archive (docs/rayfiles.md)."""
 
 
 class RaySource(Placement):
@@ -137,142 +290,6 @@ class RaySource(Placement):
 RaySetSource = RayfileSource | RayfilesSource | RaySource
 
 
-class SquareSource(EmitterSection):
-    """A square Lambertian emitter, centred on the axis in the plane z = 0 and emitting towards +z unless placed."""
-
-    kind: Literal["square"] = "square"
-    side_mm: MillimetresOrZero
-    """Side of the square; 0 for a point source."""
-
-    @property
-    def description(self) -> str:
-        """The source in a few words."""
-        return f"{self.side_mm:g} mm square Lambertian source" if self.side_mm else "point source"
-
-
-class _PlanarSource(EmitterSection):
-    """An emitting area, in the plane z = 0 unless placed, the same intensity profile at each of its points."""
-
-    intensity: IntensitySpec = Field(default_factory=CosineIntensity)
-    """Intensity by angle; by default Lambertian."""
-
-
-class RectangleSource(_PlanarSource):
-    """A uniform rectangle, centred on the axis."""
-
-    words: ClassVar[str] = "{0.width_mm:g} mm × {0.height_mm:g} mm source"
-
-    kind: Literal["rectangle"] = "rectangle"
-    width_mm: Millimetres
-    """Width along x."""
-    height_mm: Millimetres
-    """Height along y."""
-
-
-class DiscSource(_PlanarSource):
-    """A uniform disc, centred on the axis."""
-
-    words: ClassVar[str] = "{0.diameter_mm:g} mm disc source"
-
-    kind: Literal["disc"] = "disc"
-    diameter_mm: Millimetres
-    """Diameter."""
-
-
-class Chip(FluxSection):
-    """A uniform rectangle with its centre at (x, y), of 1 W unless its flux is given.
-
-    With ``source.flux_w`` or ``source.flux_lm`` only the ratio of the chips' fluxes counts.
-    """
-
-    x_mm: Coordinate
-    """Centre along x."""
-    y_mm: Coordinate
-    """Centre along y."""
-    width_mm: Millimetres
-    """Width along x."""
-    height_mm: Millimetres
-    """Height along y."""
-    spectrum: SpectrumSpec | None = None
-    """Spectrum of this chip, in place of the spectrum of ``source``: its colour."""
-
-
-class ChipsSource(_PlanarSource):
-    """Several chips, each with its position, size and flux; ``flux_w``, ``flux_lm``: of all of them together."""
-
-    kind: Literal["chips"] = "chips"
-    chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)]
-    """The chips."""
-
-    @property
-    def description(self) -> str:
-        """The source in a few words."""
-        return f"source of {len(self.chips)} chips"
-
-    @property
-    def spectra(self) -> tuple[SpectrumSpec | None, ...]:
-        """Spectrum of each chip, its own or that of all; empty where none has one of its own."""
-        own = [chip.spectrum for chip in self.chips]
-        return tuple(each or self.spectrum for each in own) if any(own) else ()
-
-
-class ChipArraySource(_PlanarSource):
-    """Equal chips in rows and columns, centred on the axis."""
-
-    words: ClassVar[str] = "source of {0.columns} × {0.rows} chips"
-
-    kind: Literal["chip_array"] = "chip_array"
-    columns: Annotated[int, Field(ge=1, le=100)]
-    """Chips along x."""
-    rows: Annotated[int, Field(ge=1, le=100)]
-    """Chips along y."""
-    width_mm: Millimetres
-    """Width of a chip."""
-    height_mm: Millimetres
-    """Height of a chip."""
-    pitch_mm: tuple[Millimetres, Millimetres]
-    """Distance of neighbouring centres, in x and y."""
-
-
-class LuminanceSource(_PlanarSource):
-    """A picture of the lit source, centred on the axis: a pixel's flux follows its light."""
-
-    words: ClassVar[str] = "source of the luminance picture {0.file.name}"
-
-    kind: Literal["luminance"] = "luminance"
-    file: FilePath
-    """PNG, TIFF, JPEG or BMP file."""
-    width_mm: Millimetres
-    """Width of the picture."""
-    luminance: Luminance = "as_stored"
-    """Light that its values stand for, as in a target's picture."""
-
-
-class RadianceSource(EmitterSection):
-    """Radiance by position and direction, from a NumPy archive (docs/rayfiles.md); a given flux replaces its own."""
-
-    words: ClassVar[str] = "source of the radiance table {0.file.name}"
-
-    kind: Literal["radiance"] = "radiance"
-    file: FilePath
-    """NumPy archive (docs/rayfiles.md)."""
-
-
-SourceSpec = Annotated[
-    SquareSource
-    | RayfileSource
-    | RayfilesSource
-    | RectangleSource
-    | DiscSource
-    | ChipsSource
-    | ChipArraySource
-    | LuminanceSource
-    | RadianceSource
-    | RaySource,
-    Field(discriminator="kind"),
-]
-
-
 class NamedSource(Section):
     """One of the LEDs that a lens is for."""
 
@@ -280,5 +297,5 @@ class NamedSource(Section):
     """Name of the LED, in tables, pictures and folders."""
     share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
     """Weight of its light in the mean over all, relative."""
-    source: SourceSpec
+    source: EmitterSection
     """Where its light starts, how much, and in which directions."""

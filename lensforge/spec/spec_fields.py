@@ -10,12 +10,13 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Any, get_type_hints
 
 from pydantic import BaseModel
 
 from lensforge.results import Record
 from lensforge.results.numerals import unit_in
+from lensforge.results.registered_kinds import kind_of, models_in
 from lensforge.spec.derived_values import WHY
 
 
@@ -83,26 +84,9 @@ def signature_of(section: type[BaseModel]) -> inspect.Signature:
     return inspect.Signature(sorted(arguments, key=lambda each: each.kind))
 
 
-def kind_of(section: type[BaseModel]) -> str | None:
-    """The ``kind`` that names ``section`` among others; None where it is alone."""
-    field = section.model_fields.get("kind")
-    named = None if field is None else get_args(field.annotation)
-    return named[0] if named and len(named) == 1 else None
-
-
 def sections_in(annotation: Any) -> tuple[type[BaseModel], ...]:
     """The sections that a field may hold, one or several."""
-    return tuple(dict.fromkeys(_sections(annotation)))
-
-
-def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and get_origin(annotation) is None:
-        if issubclass(annotation, BaseModel) and not issubclass(annotation, Record):
-            yield annotation
-        return
-    inner = get_args(annotation)
-    for part in inner[:1] if get_origin(annotation) is Annotated else inner:
-        yield from _sections(part)
+    return tuple(each for each in models_in(annotation) if not issubclass(each, Record))
 
 
 def all_sections(root: type[BaseModel]) -> tuple[type[BaseModel], ...]:
@@ -119,15 +103,18 @@ def _words(section: type[BaseModel]) -> dict[str, str]:
     """Words below the fields of a class and of those that it extends."""
     words: dict[str, str] = {}
     for base in reversed(section.__mro__):
-        if issubclass(base, BaseModel) and base.__module__.startswith("lensforge.spec."):
+        if issubclass(base, BaseModel) and base.model_fields:
             words |= _module_words(base.__module__).get(base.__name__, {})
     return words
 
 
 @cache
 def _module_words(module: str) -> dict[str, dict[str, str]]:
-    """Texts that stand directly below a field, by class and field."""
-    tree = ast.parse(inspect.getsource(sys.modules[module]))
+    """Texts that stand directly below a field, by class and field; none of classes typed into a console."""
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (OSError, TypeError):
+        return {}
     classes = (node for node in tree.body if isinstance(node, ast.ClassDef))
     return {each.name: dict(_below_fields(each.body)) for each in classes}
 
@@ -135,5 +122,5 @@ def _module_words(module: str) -> dict[str, dict[str, str]]:
 def _below_fields(body: list[ast.stmt]) -> Iterator[tuple[str, str]]:
     for field, text in pairwise(body):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(text, ast.Expr):
-            assert isinstance(text.value, ast.Constant) and isinstance(text.value.value, str), field.target.id
-            yield field.target.id, " ".join(text.value.value.split()).replace("``", "`")
+            words = text.value.value if isinstance(text.value, ast.Constant) else ""
+            yield field.target.id, " ".join(str(words).split()).replace("``", "`")

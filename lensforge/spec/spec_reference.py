@@ -11,10 +11,11 @@ from typing import Any
 from pydantic import BaseModel
 
 from lensforge.results.numerals import unit_in
+from lensforge.results.registered_kinds import kind_of
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.design_spec import Spec
 from lensforge.spec.lens_section import USUAL_KIND
-from lensforge.spec.spec_fields import all_sections, kind_of, sections_in, summary_of, words_of
+from lensforge.spec.spec_fields import all_sections, sections_in, summary_of, words_of
 
 SCHEMA_FILE = "lensforge.schema.json"
 

@@ -1,20 +1,18 @@
-"""Targets of a spec: the fields of all, far fields by beam and photometric file, and pictures.
+"""Targets of a spec: the fields of all.
 
-Every target has a place on its receiver, and a brightness among several. Pictures are text, image files, and numbers on
-a grid.
+Every target has a place on its receiver, and a brightness among several. A kind of target is a class that extends one
+of these and says what light it is: it registers itself.
 """
 
-import unicodedata
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
-from lensforge.optics.image import Luminance
+from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.emitter_section import Turn
-from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, Numbers, Section, check
+from lensforge.spec.spec_section import Coordinate, Millimetres, Section, check
 
 IN_TARGET = 0.1  # of the target's maximum: light counts as in the target where the target is brighter than that
 DegreesWide = Annotated[float, Field(ge=1e-3, le=360.0)]  # a length on the far field; from an arc of 4 seconds
@@ -23,7 +21,7 @@ DegreesOff = Annotated[float, Field(ge=-180.0, le=180.0)]
 HalfAngle = Annotated[float, Field(ge=0.1, le=90.0)]
 Unit = Literal["mm", "deg"]
 _UNITS: tuple[Unit, Unit] = ("deg", "mm")
-_Places = Float[np.ndarray, "..."]
+Places = Float[np.ndarray, "..."]
 Side = Millimetres | tuple[Millimetres, Millimetres]
 SideDegrees = DegreesWide | tuple[DegreesWide, DegreesWide]
 
@@ -61,7 +59,7 @@ class InOneUnit(Section):
                 raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
 
 
-class TargetSection(InOneUnit):
+class TargetSection(OfSeveralKinds, InOneUnit):
     """Light wanted on a receiver: a pattern of irradiance, or of intensity on the far field.
 
     Its receiver: either ``distance_mm`` and ``receiver_mm``, a square in a plane at right angles to the axis; or
@@ -73,6 +71,9 @@ class TargetSection(InOneUnit):
 
     takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")
     far_field_only: ClassVar[bool] = False
+    words: ClassVar[str]  # for it, by its fields and by the names of its lengths
+    across: ClassVar[str] = "width"  # the length that is its whole width, where it has one
+    has_word: ClassVar[bool] = False  # `lensforge new` takes what it needs in a word, ring:OUTERxINNER
 
     kind: str
     distance_mm: Millimetres | None = None
@@ -137,7 +138,41 @@ class TargetSection(InOneUnit):
         assert value is not None, name
         return value
 
-    def about_centre(self, x: _Places, y: _Places) -> tuple[_Places, _Places]:
+    def light(self, x: Places, y: Places) -> Places:
+        """Relative light at places about its centre, in its unit, that broadcast; with sharp edges.
+
+        Edges are softened, and light is averaged over pixels, where the places are pixels. On the far field it is the
+        intensity at angles along x and y.
+        """
+        raise NotImplementedError
+
+    @property
+    def softness(self) -> float:
+        """Standard deviation of the Gaussian that its :meth:`light` is yet to be softened by, in its unit."""
+        return 0.0
+
+    @property
+    def bounds_mm(self) -> tuple[float, float] | None:
+        """Width and height of the pattern on a plane, as high as wide without a height; None without a size."""
+        width_mm = getattr(self, f"{self.across}_mm", None)
+        return None if width_mm is None else (width_mm, getattr(self, "height_mm", None) or width_mm)
+
+    @property
+    def beam_deg(self) -> float | None:
+        """Full angle of a beam that has one."""
+        return None
+
+    @property
+    def description(self) -> str:
+        """The target in a few words; of a length that differs along x and y both."""
+        named = [name for name in (*self.needs, *self.takes) if f"{{{name}}}" in self.words]
+        return self.words.format(self, **{name: self._in_words(name) for name in named})
+
+    def _in_words(self, name: str) -> str:
+        unit = "°" if self.unit == "deg" else " mm"
+        return " × ".join(f"{side:g}{unit}" for side in dict.fromkeys(self.sides(name)))
+
+    def about_centre(self, x: Places, y: Places) -> tuple[Places, Places]:
         """Places on the receiver in the target's own axes; the same bits where it is centred and upright."""
         if self.centre != (0.0, 0.0):
             x, y = x - self.centre[0], y - self.centre[1]
@@ -167,80 +202,10 @@ class SoftTarget(TargetSection):
         value = self.length("edge")
         return value if isinstance(value, float) else 0.0
 
-
-BeamAngle = Annotated[float, Field(ge=0.1, le=170.0)]
-
-
-class _FarFieldTarget(TargetSection):
-    """Lengths are angles, whatever is given."""
-
-    far_field_only: ClassVar[bool] = True
-
     @property
-    def in_unit(self) -> Literal["deg"]:
-        """Degrees."""
-        return "deg"
-
-
-class BeamTarget(_FarFieldTarget, SoftTarget):
-    """A beam by its full width at half maximum."""
-
-    needs: ClassVar[tuple[str, ...]] = ("fwhm",)
-
-    kind: Literal["beam"] = "beam"
-    fwhm_deg: BeamAngle | tuple[BeamAngle, BeamAngle] | None = None
-    """Full width at half maximum, one for both directions or along x and along y."""
-    profile: Literal["gaussian", "cosine", "flat"] = "gaussian"
-    """Course of the intensity: "gaussian", "cosine" (a power of the cosine of the angle from the axis; between x and y
-    the width follows an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by
-    ``edge_deg``.
-    """
-
-    @check
-    def _only_flat_beams_have_edges(self) -> None:
-        if self.edge and self.profile != "flat":
-            raise ValueError(f'edge_deg = {self.edge:g} goes with profile = "flat"; leave it out')
-
-
-class BatwingTarget(_FarFieldTarget, SoftTarget):
-    """Even illuminance on a plane at right angles to the axis: intensity as 1 / cos^3 of the angle.
-
-    With ``edge_deg`` the edge is soft: the illuminance falls as the integral of a Gaussian with that standard
-    deviation, and is one half at ``to_deg``.
-    """
-
-    needs: ClassVar[tuple[str, ...]] = ("to",)
-
-    kind: Literal["batwing"] = "batwing"
-    to_deg: Annotated[float, Field(ge=0.1, le=85.0)] | None = None
-    """Angle from the axis up to which the light is even."""
-
-
-class PhotometricTarget(_FarFieldTarget):
-    """The intensity in an IES LM-63 or EULUMDAT file; its gamma = 0 is the receiver's axis, C = 0 +x, C = 90 -y.
-
-    ``centre_deg`` tilts it, ``rotation_deg`` turns its C planes.
-    """
-
-    kind: Literal["photometric"] = "photometric"
-    file: FilePath
-    """IES LM-63 or EULUMDAT file."""
-
-
-# Unicode's general categories of control characters, format characters, surrogates, and breaks of lines and paragraphs.
-_NOT_DRAWN = ("Cc", "Cf", "Cs", "Zl", "Zp")
-_MOST_VALUES = 2**26  # of an array, as many as a picture may have pixels
-
-
-def _visible(text: str) -> str:
-    """``text`` itself. Raises :class:`ValueError` for characters that no font draws."""
-    for character in text:
-        if unicodedata.category(character) in _NOT_DRAWN:
-            raise ValueError(
-                f"U+{ord(character):04X} is a line break or another control character, must be one line of visible "
-                'characters; draw several lines as a picture, kind = "image"'
-            )
-    return text
+    def softness(self) -> float:
+        """Standard deviation of its edges."""
+        return self.edge
 
 
 class SizedTarget(TargetSection):
@@ -254,72 +219,3 @@ class SizedTarget(TargetSection):
     """Whole height, along y, on a surface; by default as the width of a flat top, in proportion of a picture."""
     width_deg: DegreesWide | None = None
     height_deg: DegreesWide | None = None
-
-
-class _PictureTarget(SizedTarget, SoftTarget):
-    """A picture, by its width."""
-
-    needs: ClassVar[tuple[str, ...]] = ("width",)
-    takes: ClassVar[tuple[str, ...]] = (*SoftTarget.takes, "height")
-
-    def size_of(self, rows: int, columns: int) -> tuple[float, float]:
-        """Width and height of a picture of so many rows and columns, in the target's unit."""
-        width, height = self.size("width"), self.length("height")
-        return width, height if isinstance(height, float) else width * rows / columns
-
-
-class TextTarget(_PictureTarget):
-    """One line of glyphs, uniform on a dark ground."""
-
-    kind: Literal["text"] = "text"
-    text: Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_visible)]
-    """One line of visible characters."""
-
-
-class ImageTarget(_PictureTarget):
-    """A PNG, TIFF, JPEG or BMP file; the light that it stands for is what is wanted. What is transparent is dark."""
-
-    kind: Literal["image"] = "image"
-    file: FilePath
-    """PNG, TIFF, JPEG or BMP file."""
-    luminance: Luminance = "as_stored"
-    """Light that a value stands for: "as_stored" takes the values themselves, half the value for half the light, and of
-    colours their luma; "srgb" what a screen would show, decoded by the sRGB curve.
-    """
-
-
-class ArrayTarget(_PictureTarget):
-    """Light (relative) given as an array [row, column]; row 0 is the top, as in a picture."""
-
-    positional: ClassVar[str] = "values"
-
-    kind: Literal["array"] = "array"
-    values: Annotated[Float[np.ndarray, "h w"], Numbers(2)]
-    """Light (relative), row by row from the top."""
-
-    if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
-
-        def __init__(self, values: ArrayLike | None = None, /, **fields: Any) -> None: ...
-
-    def __hash__(self) -> int:
-        """Hash of all but the numbers themselves, which may be many; equality compares them."""
-        names = (name for name in type(self).model_fields if name != "values")
-        return hash((self.values.shape, *(getattr(self, name) for name in names)))
-
-    def __eq__(self, other: object) -> bool:
-        return super().__eq__(other)
-
-    @check
-    def _is_light(self) -> None:
-        if self.values.size > _MOST_VALUES:
-            raise ValueError(f"values: {self.values.size} numbers, must be at most {_MOST_VALUES}; average them")
-        if not (self.values.min() >= 0.0 and self.values.max() > 0.0):
-            raise ValueError("values: must be 0 or above, and not 0 everywhere")
-
-
-class TableTarget(_PictureTarget):
-    """Light (relative) in a table: CSV, a line for each row from the top, or npz with one array [row, column]."""
-
-    kind: Literal["table"] = "table"
-    file: FilePath
-    """CSV, a line for each row from the top, or npz with one array."""

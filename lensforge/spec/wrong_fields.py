@@ -11,9 +11,10 @@ from pydantic_core import ErrorDetails
 
 from lensforge.errors import WrongFields
 from lensforge.results.numerals import unit_in
+from lensforge.results.registered_kinds import kind_of
 from lensforge.results.validation import given_words, shortened
 from lensforge.spec.renamed import MOVED
-from lensforge.spec.spec_fields import all_sections, kind_of, sections_in, words_of
+from lensforge.spec.spec_fields import all_sections, sections_in, words_of
 from lensforge.spec.toml_slips import cured_number
 
 _MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause

@@ -10,3 +10,7 @@
 - ``placed_bodies``: given bodies in their places
 - ``cad_sampling``: faces of CAD files as points
 """
+
+from lensforge.surfaces import asphere, chart_spline, profile, reciprocal, srbf  # each registers its records
+
+__all__ = ["asphere", "chart_spline", "profile", "reciprocal", "srbf"]

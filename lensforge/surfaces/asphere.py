@@ -11,14 +11,16 @@ A_6 r^6 + ...``, with R < 0 where the centre of curvature lies on the source's s
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import polynomial
+from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.surfaces.surface import Surface
+from lensforge.results import Number
+from lensforge.surfaces.surface import Length, Place, Surface, recorded
 
 # The surface is known down to this height of the direction, 30 degrees below the horizon. Directions further down
 # get the radius of one above that height: the same surface for z >= 0, and a smooth continuation (7 derivatives) below,
@@ -43,7 +45,7 @@ class ImplicitSurface(Surface):
 
     meridians: ClassVar[int] = 96  # on which it is followed down from the vertex; 1 where all are the same
 
-    vertex_mm: float
+    vertex_mm: Length
 
     def __post_init__(self) -> None:
         _ = self._profile
@@ -189,6 +191,10 @@ def _tangents(directions: _Vectors) -> tuple[_Vectors, _Vectors]:
     return np.stack([z * cosine, z * sine, -off_axis], axis=1), np.stack([-sine, cosine, np.zeros_like(sine)], axis=1)
 
 
+Conic = Annotated[Number, Field(ge=-1e3, le=1e3)]
+
+
+@recorded("asphere", "A fixed surface: a sphere or an even asphere.")
 @dataclass(frozen=True)
 class Asphere(ImplicitSurface):
     """An even asphere about the axis: vertex at ``z_v`` (mm), R (mm), conic constant k, and A_4, A_6, ... (mm^-3, ...).
@@ -198,9 +204,9 @@ class Asphere(ImplicitSurface):
 
     meridians: ClassVar[int] = 1
 
-    radius_mm: float
-    conic: float = 0.0
-    coefficients: tuple[float, ...] = ()
+    radius_mm: Place
+    conic: Conic = 0.0
+    coefficients: Annotated[tuple[Place, ...], Field(max_length=10)] = ()
 
     def __post_init__(self) -> None:
         require_vertex(self.vertex_mm, self.radius_mm)
@@ -232,6 +238,7 @@ class Asphere(ImplicitSurface):
         return value, np.stack([2.0 * x * by_squared, 2.0 * y * by_squared, by_s], axis=1)
 
 
+@recorded("biconic", "A fixed surface: a biconic.")
 @dataclass(frozen=True)
 class Biconic(ImplicitSurface):
     """Vertex at ``z_v`` (mm), radii (mm) and conic constants in the x-z and in the y-z plane (ISO 10110-12).
@@ -241,10 +248,10 @@ class Biconic(ImplicitSurface):
     star-shaped.
     """
 
-    radius_x_mm: float
-    radius_y_mm: float
-    conic_x: float = 0.0
-    conic_y: float = 0.0
+    radius_x_mm: Place
+    radius_y_mm: Place
+    conic_x: Conic = 0.0
+    conic_y: Conic = 0.0
 
     def __post_init__(self) -> None:
         require_vertex(self.vertex_mm, self.radius_x_mm, self.radius_y_mm)

@@ -2,14 +2,17 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field
 
+from lensforge.errors import InputError
+from lensforge.results import Number
 from lensforge.surfaces.mirror_group import largest_symmetry
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface, gradient_on_sphere, to_chart
+from lensforge.surfaces.surface import Place, Surface, SurfaceRecord, gradient_on_sphere, surface_record, to_chart
 
 if TYPE_CHECKING:
     from scipy.interpolate import NdBSpline
@@ -19,6 +22,7 @@ DEGREE = 5  # as the exported faces, which could not follow the kinks of a cubic
 REACH, _SOFTNESS = 0.2, 7  # of the chart's unit, 1 rad at the rim
 HALF_WIDTH = 1.0 + REACH  # of the square over which the spline is known
 _WIDEST_DETAIL_RAD = 0.5
+_MOST_KNOTS = 512
 _MIRRORED, _SAME_MM = 1000, 1e-6  # directions at which mirror images are compared, and how far they may differ
 
 
@@ -122,3 +126,28 @@ def detail_of(knots: Float[np.ndarray, " k"], control: Float[np.ndarray, "n n"])
     if fourth * _WIDEST_DETAIL_RAD**2 <= 6.0 * second:
         return _WIDEST_DETAIL_RAD
     return float(np.sqrt(6.0 * second / fourth))
+
+
+class ChartSplineRecord(SurfaceRecord):
+    """A given face: its radius as a quintic spline over the stereographic chart, control values by rows of X."""
+
+    kind: Literal["chart_spline"]
+    knots: Annotated[tuple[Annotated[Number, Field(ge=-2.0, le=2.0)], ...], Field(max_length=_MOST_KNOTS, repr=False)]
+    control_mm: Annotated[tuple[Place, ...], Field(max_length=_MOST_KNOTS**2, repr=False)]
+    detail_rad: Annotated[Number, Field(ge=1e-3, le=1.0)]
+
+    def surface(self) -> ChartSpline:
+        """The surface. Raises :class:`InputError` where knots and control values are not those of one spline."""
+        side, knots = len(self.knots) - DEGREE - 1, np.array(self.knots, dtype=np.float64)
+        if side <= DEGREE or len(self.control_mm) != side**2 or not (np.diff(knots) >= 0.0).all():
+            raise InputError(
+                f"{len(self.knots)} knots and {len(self.control_mm)} control values: the knots must not fall, and the "
+                f"values must be as many as the square of the knots less {DEGREE + 1}"
+            )
+        return ChartSpline(knots, np.array(self.control_mm, dtype=np.float64).reshape(side, side), self.detail_rad)
+
+
+@surface_record.register
+def _(surface: ChartSpline) -> SurfaceRecord:
+    knots, control = tuple(surface.knots.tolist()), tuple(surface.control.ravel().tolist())
+    return ChartSplineRecord(kind="chart_spline", knots=knots, control_mm=control, detail_rad=surface.detail)

@@ -22,8 +22,7 @@ from lensforge.results.json_npz import arrays_in
 from lensforge.results.sandbox import ChildLimits, work_in_child
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated
 from lensforge.surfaces.chart_spline import ChartSpline
-from lensforge.surfaces.surface import Surface
-from lensforge.surfaces.surface_record import SurfaceRecord
+from lensforge.surfaces.surface import Surface, SurfaceRecord
 
 # Files between the process that samples a CAD face and the one that asks for it.
 JOB, FOUND, SPLINE = "job.json", "found.json", "spline.npz"

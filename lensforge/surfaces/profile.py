@@ -6,17 +6,19 @@ origin is linear in the cosine. A spline holds these exactly: its coefficients a
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field
 
 from lensforge.errors import InputError
+from lensforge.results import Number, Record
 from lensforge.surfaces.reciprocal import ReciprocalSurface
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.srbf import Levels, MirrorGroup, Spread, SrbfBasis, SrbfSurface, Weights, fields_of
+from lensforge.surfaces.surface import Place, Surface, SurfaceRecord, recorded, surface_record
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -27,6 +29,7 @@ _Splines = tuple["BSpline", "BSpline", "BSpline"]
 
 DEGREE = 5  # as the exported faces; tables and exports could not follow the kinks of a cubic's third derivative
 LEAST_COEFFICIENTS = DEGREE + 1
+_MOST_COEFFICIENTS = 512
 _SAMPLES = 8  # of a fit, for each coefficient
 
 
@@ -85,6 +88,11 @@ class ProfileBasis:
         return tuple(coefficients)
 
 
+Cosine = Annotated[Number, Field(ge=-1.0, le=1.0)]
+Reciprocals = Annotated[tuple[Place, ...], Field(min_length=LEAST_COEFFICIENTS, max_length=_MOST_COEFFICIENTS)]
+
+
+@recorded("profile", "A face of revolution: its reciprocal radius (1/mm) as a spline of the cosine to the axis.")
 @dataclass(frozen=True)
 class ProfileFace(ReciprocalSurface):
     """A face of revolution: ``1/rho`` (1/mm) is the sum of ``coefficients`` times the functions of its ``basis``.
@@ -93,9 +101,9 @@ class ProfileFace(ReciprocalSurface):
     meets. Raises :class:`InputError` as :class:`ProfileBasis` does, and where it is nowhere within its reach.
     """
 
-    low: float
-    high: float
-    coefficients: tuple[float, ...]
+    low: Cosine
+    high: Cosine
+    coefficients: Reciprocals
 
     def __post_init__(self) -> None:
         ProfileBasis(self.low, self.high, len(self.coefficients))
@@ -174,3 +182,39 @@ def _meridian(face: Surface, cosines: _Values) -> _Values:
     """``1/rho`` over the x axis, of faces within a reach without their continuation."""
     directions = np.column_stack([np.sqrt(1.0 - cosines**2), np.zeros_like(cosines), cosines])
     return face.reciprocal(directions)[0] if isinstance(face, ReciprocalSurface) else 1.0 / face.radius(directions)
+
+
+class SrbfFunctions(Record):
+    """SRBFs of ``levels``, each with its weight."""
+
+    levels: Levels
+    sigma_c: Spread
+    symmetry: MirrorGroup
+    weights: Weights
+
+
+if TYPE_CHECKING:
+    ProfileRecord = SurfaceRecord
+else:
+    ProfileRecord = SurfaceRecord.kinds["profile"]
+
+
+class FormedRecord(SurfaceRecord):
+    """A profile, and the functions that are added to its reciprocal radius, each with its weight (1/mm)."""
+
+    kind: Literal["formed"]
+    profile: ProfileRecord
+    functions: SrbfFunctions
+
+    def surface(self) -> FormedFace:
+        """The surface. Raises :class:`InputError` where there are more or fewer weights than functions."""
+        sums, profile = self.functions, self.profile.model_dump(exclude={"kind"})
+        basis, weights = SrbfBasis(sums.levels, sums.sigma_c, sums.symmetry), np.array(sums.weights, dtype=np.float64)
+        return FormedFace(**profile, srbf=basis, weights_per_mm=weights)
+
+
+@surface_record.register
+def _(surface: FormedFace) -> SurfaceRecord:
+    profile = ProfileFace(*(getattr(surface, field.name) for field in fields(ProfileFace)))
+    functions = {**fields_of(surface.srbf), "weights": surface.weights_per_mm.tolist()}
+    return FormedRecord.model_validate({"kind": "formed", "profile": surface_record(profile), "functions": functions})

@@ -9,14 +9,17 @@ splines have a surface in every direction. The continuation lies outside of the 
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.arrays import Array, module_of
+from lensforge.results import Number
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.surface import Axis, Length, Place, Surface, recorded
 
 _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
@@ -40,7 +43,7 @@ def bent(value: Float[Array, " n"], reach_mm: float) -> Float[Array, " n"]:
 class ReciprocalSurface(Surface):
     """A surface by its reciprocal radius, exact for ``rho <= reach_mm``."""
 
-    reach_mm: float
+    reach_mm: Length
 
     def __post_init__(self) -> None:
         if not 0.0 < self.reach_mm < np.inf:
@@ -87,12 +90,13 @@ class ReciprocalSurface(Surface):
         return bent(value, self.reach_mm), np.where(value * self.reach_mm >= 1.0, 1.0, smooth)
 
 
+@recorded("plane", "A given face: a plane.")
 @dataclass(frozen=True)
 class PlaneFace(ReciprocalSurface):
     """The plane that meets the axis at ``height_mm``, across ``axis``, a vector of any length with z above 0."""
 
-    height_mm: float
-    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    height_mm: Length
+    axis: Axis = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
         if not (self.height_mm > 0.0 and self.axis[2] > 0.0):
@@ -113,12 +117,13 @@ class PlaneFace(ReciprocalSurface):
         return directions @ slope, np.broadcast_to(slope, directions.shape)
 
 
+@recorded("cone", "A given face: a cone about the axis.")
 @dataclass(frozen=True)
 class ConeFace(ReciprocalSurface):
     """A cone about the axis, ``r = radius_mm + slope z``; a cylinder where the slope is 0, closing upwards below 0."""
 
-    radius_mm: float
-    slope: float = 0.0
+    radius_mm: Length
+    slope: Place = 0.0
 
     def __post_init__(self) -> None:
         if not self.radius_mm > 0.0:
@@ -143,6 +148,7 @@ class ConeFace(ReciprocalSurface):
         return (sine - self.slope * directions[:, 2]) / self.radius_mm, slope / self.radius_mm
 
 
+@recorded("conic", "A given face: a conic of revolution about a focus at the origin.")
 @dataclass(frozen=True)
 class ConicFace(ReciprocalSurface):
     """A conic of revolution with a focus at the origin: ``1/rho = (1 - e cos) / p``, the angle from its ``axis``.
@@ -151,9 +157,9 @@ class ConicFace(ReciprocalSurface):
     other focus lies along the axis at ``2 e p / (1 - e^2)``, a paraboloid 1, a hyperboloid above.
     """
 
-    parameter_mm: float
-    eccentricity: float
-    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    parameter_mm: Length
+    eccentricity: Annotated[Number, Field(ge=0.0, le=1e3)]
+    axis: Axis = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
         if not (self.parameter_mm > 0.0 and self.eccentricity >= 0.0):

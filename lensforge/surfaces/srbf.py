@@ -11,14 +11,17 @@ mirror symmetry, in which case each basis function is averaged over its mirror i
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
+from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_chunks
+from lensforge.results import Number
 from lensforge.surfaces.mirror_group import grid_images, group
-from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.surface import Length, Place, Surface, SurfaceRecord, surface_record
 
 # Of a basis. Bounds what a file can ask for: with 10,000 functions the radius at 20,000 directions takes 0.4 s.
 MOST_FUNCTIONS, MOST_LEVELS = 10_000, 20
@@ -190,3 +193,36 @@ def _as_neighbours(directions: Float[np.ndarray, "n 3"], together: int) -> Int[n
     column, row = (np.floor((0.5 + 0.5 * directions[:, axis]) * across) for axis in (0, 1))
     order: Int[np.ndarray, " n"] = np.argsort(column * across + row, kind="stable")
     return order
+
+
+Levels = Annotated[tuple[Annotated[int, Field(strict=True, ge=1)], ...], Field(min_length=1)]
+Spread = Annotated[Number, Field(ge=1e-6, le=1e6)]
+MirrorGroup = Literal["none", "mirror_x", "mirror_y", "diagonal", "rectangle", "square"]
+Weights = Annotated[tuple[Place, ...], Field(max_length=MOST_FUNCTIONS)]
+
+
+class SrbfRecord(SurfaceRecord):
+    """A sum of spherical radial basis functions: those of ``levels``, each with its weight, on a sphere."""
+
+    kind: Literal["srbf"] = "srbf"
+    levels: Levels
+    sigma_c: Spread
+    symmetry: MirrorGroup
+    offset_mm: Length
+    weights_mm: Weights
+
+    def surface(self) -> SrbfSurface:
+        """The surface. Raises :class:`InputError` where there are more or fewer weights than functions."""
+        basis = SrbfBasis(self.levels, self.sigma_c, self.symmetry)
+        return SrbfSurface(basis, np.array(self.weights_mm, dtype=np.float64), self.offset_mm)
+
+
+@surface_record.register
+def _(surface: SrbfSurface) -> SurfaceRecord:
+    numbers = {"offset_mm": surface.offset_mm, "weights_mm": surface.weights_mm.tolist()}
+    return SrbfRecord.model_validate({"kind": "srbf", **fields_of(surface.basis), **numbers})
+
+
+def fields_of(basis: SrbfBasis) -> dict[str, object]:
+    """The fields of a basis as records have them."""
+    return {"levels": basis.levels, "sigma_c": basis.sigma_c, "symmetry": basis.symmetry}

@@ -1,15 +1,25 @@
-"""A surface as a radius over the sphere about the origin: its protocol, its chart, and surfaces scaled.
+"""A surface as a radius over the sphere about the origin: its protocol, its chart, its record, and surfaces scaled.
 
 The stereographic chart of the hemisphere is one square patch, with no pole and no seam:
 ``(X, Y) = tan(theta/2) (cos phi, sin phi)``. The hemisphere is the unit disc and its rim the unit circle. Every surface
 of a lens is a radius ``rho`` over this chart, star-shaped about the origin.
+
+A kind of surface registers its record from its own file, in which ``lens.json`` and a spec keep it: one that is given
+by numbers alone by :func:`recorded`, any other by a class that extends :class:`SurfaceRecord` and a function of
+:func:`surface_record`.
 """
 
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import singledispatch
+from typing import Annotated, Any, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field, create_model
+
+from lensforge.results import Number, Record
+from lensforge.results.registered_kinds import OfSeveralKinds
 
 # The chart's square reaches a little past the rim, so that the rim is inside the splines' domain.
 HALF_WIDTH = 1.02
@@ -116,3 +126,41 @@ class ScaledSurface(Surface):
 def scaled(surface: Surface, factor: float) -> Surface:
     """``surface`` times ``factor``; itself where that is 1, so that nothing is rounded."""
     return surface if factor == 1.0 else ScaledSurface(surface, factor)
+
+
+Length = Annotated[Number, Field(ge=1e-6, le=1e9)]  # mm; the ranges of the spec, strict as in all records
+Place = Annotated[Number, Field(ge=-1e9, le=1e9)]  # mm
+Axis = tuple[Place, Place, Place]
+
+_Kind = TypeVar("_Kind", bound=type[Surface])
+
+
+class SurfaceRecord(OfSeveralKinds, Record):
+    """A surface, by its kind and its numbers."""
+
+    def surface(self) -> Surface:
+        """The surface. Raises :class:`InputError` where it is none."""
+        raise NotImplementedError
+
+
+@singledispatch
+def surface_record(surface: Surface) -> SurfaceRecord:
+    """``surface`` as a record of ``lens.json``."""
+    raise TypeError(f"{type(surface).__name__} cannot be written to a lens file")
+
+
+def recorded(kind: str, words: str) -> Callable[[_Kind], _Kind]:
+    """Register a dataclass of a surface as ``kind``: its record has the same fields, within the ranges of their types.
+
+    ``words``: for the schema.
+    """
+
+    def register(made: Any) -> Any:
+        types: dict[str, Any] = {field.name: (field.type, ...) for field in fields(made)}
+        tagged: dict[str, Any] = {"kind": (Literal[kind], ...), **types}
+        record: Any = create_model(f"{kind.capitalize()}Record", __base__=SurfaceRecord, __doc__=words, **tagged)
+        record.surface = lambda self: made(**{name: getattr(self, name) for name in types})
+        surface_record.register(made, lambda face: record(kind=kind, **{name: getattr(face, name) for name in types}))
+        return made
+
+    return register

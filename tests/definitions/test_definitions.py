@@ -29,7 +29,7 @@ from lensforge.surfaces.chart_spline import ChartSpline
 from lensforge.surfaces.profile import FormedFace, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.srbf import SrbfBasis
-from lensforge.surfaces.surface_record import surface_record
+from lensforge.surfaces.surface import surface_record
 
 ALONE = {name: preset.replace(f"{name}_alone", table_error=False) for name, preset in PRESETS.items()}
 HERE = Path(__file__).parent

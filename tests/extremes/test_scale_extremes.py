@@ -30,7 +30,7 @@ from lensforge.search.optimiser import search
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
-from lensforge.spec import CrossTarget, FlatTopTarget, Spec, Target, TextTarget, parse_spec
+from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TargetSection, TextTarget, parse_spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
 COARSE = FEW.replace("coarse", evaluate_nodes_per_sigma=3.0, single=False)
@@ -172,7 +172,7 @@ def test_splat_and_bins_on_any_receiver(pixels: int, side: float, where: float, 
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
 
 
-def light_on(side: float, pixels: int, target: Target) -> np.ndarray:
+def light_on(side: float, pixels: int, target: TargetSection) -> np.ndarray:
     plane = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(side, pixels))
     return target_light((target,), plane)
 
@@ -185,7 +185,7 @@ def light_on(side: float, pixels: int, target: Target) -> np.ndarray:
         (TextTarget(kind="text", text="I", width_mm=1e-6, **PLACE), 1),
     ],
 )
-def test_a_target_too_small_to_see_is_refused(target: Target, pixels: int) -> None:
+def test_a_target_too_small_to_see_is_refused(target: TargetSection, pixels: int) -> None:
     with pytest.raises(InputError, match="dark everywhere on the receiver"):
         light_on(300.0, pixels, target)
 

@@ -164,7 +164,7 @@ def test_rays_that_met_other_faces_count_as_of_another_fate():
 @pytest.mark.parametrize(("kind", "unit"), [("plane", 1.0), ("cylinder", 1.0), ("sphere", 1.0), ("far_field", 1e3)])
 def test_gaps_are_mm_on_the_receiver_and_of_directions_those_at_a_metre(kind, unit):
     """Of three rays: 0.005 and 0.013 units of the chart, the third lands nowhere in the part."""
-    screen = Screen(kind, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, 60.0, 1.5, 1.0, 8, 4, (None, None, None))
+    screen = Screen.kinds[kind]((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, 1.5, 1.0, 8, 4, (None, None, None))
     rays, places = lambertian(3, 0.0), np.array([[0.1, 0.2], [-0.3, 0.1], [0.2, 0.2]])
     fates = np.array([CastFate.LANDED, CastFate.LANDED, CastFate.NO_HIT], dtype=np.int64)
     off = np.array([[3e-3, -4e-3], [5e-3, 12e-3], [np.nan, 0.0]])

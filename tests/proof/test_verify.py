@@ -11,7 +11,7 @@ from lensforge.optics.media import Media, Medium
 from lensforge.proof.acceptance import brep_criteria
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_result import BrepCast, Proof
-from lensforge.proof.receiver_screen import Screen
+from lensforge.proof.receiver_screen import FarFieldScreen, Screen
 from lensforge.proof.verification import verify_part
 
 SIDE, PIXELS = 300.0, 64
@@ -125,7 +125,7 @@ def directions_of(ways):
 def test_gaps_of_directions_are_mm_at_one_metre(verify):
     """The outer face is off by so much that its light is by more than a STEP file's may be, and less than a mesh's."""
     chart = 4.0 * np.sin(np.radians(30.0))
-    far = Screen("far_field", (0.0,) * 3, (0.0, 0.0, 1.0), 0.0, 0.0, chart, chart, 16, 16, (None, None, 1.0))
+    far = FarFieldScreen((0.0,) * 3, (0.0, 0.0, 1.0), 0.0, chart, chart, 16, 16, (None, None, 1.0))
     wrong = moved(OUTER, 1, -0.002)
     _, flux, ways = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
     _, _, others = oracle(INNER, wrong, RAYS, INDEX, DISTANCE)

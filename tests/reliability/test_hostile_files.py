@@ -24,7 +24,7 @@ import lensforge as lf
 from lensforge.optics.image_reading import read_light
 from lensforge.optics.material_files import read_material
 from lensforge.proof.part_mesh import read_part_mesh
-from lensforge.scene.target_pattern import read_table
+from lensforge.scene.target_light import read_table
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity

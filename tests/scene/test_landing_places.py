@@ -53,16 +53,16 @@ def test_straight_back_is_reached_about_the_y_axis_and_quarter_turns_are_exact()
 def by_hand(receiver: PosedReceiver, x: float, y: float) -> np.ndarray:
     """The point of space at a place on the chart, by arcs and angles."""
     along_x, along_y, along_z = receiver.pose.axes
-    if receiver.kind == "plane":
+    if receiver.is_flat:
         return np.array(CENTRE) + x * along_x + y * along_y
-    if receiver.kind == "cylinder":
+    if isinstance(receiver, Cylinder):
         arc = x / receiver.radius_mm
         return np.array(CENTRE) + receiver.radius_mm * (math.sin(arc) * along_x + math.cos(arc) * along_z) + y * along_y
-    radius = receiver.radius_mm if receiver.kind == "sphere" else 1.0
+    radius = receiver.radius_mm if isinstance(receiver, Dome) else 1.0
     polar, azimuth = 2.0 * math.asin(math.hypot(x, y) / (2.0 * radius)), math.atan2(y, x)
     across = math.cos(azimuth) * along_x + math.sin(azimuth) * along_y
     unit = math.cos(polar) * along_z + math.sin(polar) * across
-    return unit if receiver.kind == "far_field" else np.array(CENTRE) + radius * unit
+    return unit if receiver.is_far else np.array(CENTRE) + radius * unit
 
 
 EVERY = {
@@ -199,12 +199,15 @@ SECTIONS = {
 }  # fmt: skip
 
 
+KINDS = {"plane": Plane, "cylinder": Cylinder, "sphere": Dome, "far_field": FarField}
+
+
 @pytest.mark.parametrize("kind", list(SECTIONS))
 def test_a_receiver_of_a_spec_stands_where_it_says(kind: str) -> None:
     section = SECTIONS[kind]
     (found,) = receivers_of(small_spec(target=None, receivers=[section]), 32)
     centre = tuple(section.get("centre_mm", (0.0, 0.0, 0.0)))
-    assert found.kind == kind and found.pose == ReceiverPose.facing((0.1, 0.2, 1.0), centre, 25.0)
+    assert type(found) is KINDS[kind] and found.pose == ReceiverPose.facing((0.1, 0.2, 1.0), centre, 25.0)
     side = 2.0 * math.sin(math.radians(20.0)) * (70.0 if kind == "sphere" else 1.0)
     flat = kind in ("plane", "cylinder")
     assert found.grid.size == pytest.approx((80.0, 40.0) if flat else (2.0 * side, 2.0 * side))

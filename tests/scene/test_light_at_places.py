@@ -6,12 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lensforge.scene.target_shapes import batwing, beam, in_shape, photometric
+from lensforge.scene.target_light import photometric
 from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.spec.shape_targets import (
-    PolygonTarget,
-)
-from lensforge.spec.target_sections import BatwingTarget, BeamTarget
+from lensforge.spec.further_targets import BatwingTarget, BeamTarget
+from lensforge.spec.shape_targets import PolygonTarget
 
 NEAR = 1e-9
 
@@ -25,7 +23,7 @@ ANGLES = at((0.0, 0.0), (0.4, 0.3), (30.0, 0.0), (0.0, 12.5), (-20.0, 7.0), (3.0
 
 
 def test_a_gaussian_beam_halves_at_its_ellipse() -> None:
-    found = beam(BeamTarget(fwhm_deg=(60.0, 25.0)), *ANGLES)
+    found = BeamTarget(fwhm_deg=(60.0, 25.0)).light(*ANGLES)
     by_hand = [
         math.exp(-4.0 * math.log(2.0) * ((x / 60.0) ** 2 + (y / 25.0) ** 2)) for x, y in zip(*ANGLES, strict=True)
     ]
@@ -36,7 +34,7 @@ def test_a_gaussian_beam_halves_at_its_ellipse() -> None:
 @pytest.mark.parametrize("fwhm", [(60.0, 25.0), (170.0, 100.0)])
 def test_a_cosine_beam_is_the_power_of_the_cosine_that_halves_on_the_ellipse_in_each_direction(fwhm) -> None:
     x, y = at((0.0, 0.0), (0.4, 0.3), (30.0, 0.0), (0.0, 12.5), (-20.0, 7.0), (3.0, -40.0), (0.0, 89.5), (89.5, 0.0))
-    found = beam(BeamTarget(fwhm_deg=fwhm, profile="cosine"), x, y)
+    found = BeamTarget(fwhm_deg=fwhm, profile="cosine").light(x, y)
     for light, one, other in zip(found, x, y, strict=True):
         gamma = math.hypot(one, other)
         if gamma == 0.0:
@@ -46,14 +44,14 @@ def test_a_cosine_beam_is_the_power_of_the_cosine_that_halves_on_the_ellipse_in_
         power = math.log(0.5) / math.log(math.cos(math.radians(reach)))
         assert light == pytest.approx(math.cos(math.radians(gamma)) ** power, rel=1e-9)
     beyond = at((90.0, 0.0), (0.0, -90.0), (90.5, 0.0), (100.0, 100.0))
-    assert not beam(BeamTarget(fwhm_deg=fwhm, profile="cosine"), *beyond).any()
+    assert not BeamTarget(fwhm_deg=fwhm, profile="cosine").light(*beyond).any()
 
 
 def test_a_batwing_is_even_on_a_plane_up_to_its_edge_and_dark_at_the_horizon() -> None:
     gammas = np.array([0.0, 0.5, 30.0, 59.9, 60.0, 60.1, 70.0, 88.9, 89.0, 91.0])
     x, y = -0.6 * gammas, 0.8 * gammas
-    sharp = batwing(BatwingTarget(to_deg=60.0), np.append(x, 60.0), np.append(y, 0.0))
-    soft = batwing(BatwingTarget(to_deg=60.0, edge_deg=8.0), x, y)
+    sharp = BatwingTarget(to_deg=60.0).light(np.append(x, 60.0), np.append(y, 0.0))
+    soft = BatwingTarget(to_deg=60.0, edge_deg=8.0).light(x, y)
     for gamma, one, other in zip(gammas, sharp, soft, strict=False):
         even = 0.0 if gamma >= 89.0 else math.cos(math.radians(gamma)) ** -3
         if gamma != 60.0:  # to the last bit of the place
@@ -102,7 +100,7 @@ def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
         (5.0 * math.sin(4.0 * math.pi * k / 5.0), 5.0 * math.cos(4.0 * math.pi * k / 5.0)) for k in range(5)
     )
     x, y = np.random.default_rng(0).uniform(-5.0, 5.0, (2, 400))
-    found = in_shape(PolygonTarget(corners_mm=corners), x, y)
+    found = PolygonTarget(corners_mm=corners).contains(x, y)
     for one, other, inside in zip(x, y, found, strict=True):
         turns = [math.atan2(b - other, a - one) for a, b in (*corners, corners[0])]
         whole = sum((b - a + math.pi) % (2.0 * math.pi) - math.pi for a, b in pairwise(turns))
@@ -110,6 +108,4 @@ def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
     assert 0 < found.sum() < 200
     square = PolygonTarget(corners_mm=((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))
     edges = at((0.0, 1.0), (2.0, 1.0), (1.0, 0.0), (1.0, 2.0), (-1.0, 0.0), (-1.0, 2.0))
-    assert in_shape(square, *edges).tolist() == [True, False, True, False, False, False], (
-        "each edge belongs to one side"
-    )
+    assert square.contains(*edges).tolist() == [True, False, True, False, False, False], "each edge belongs to one side"

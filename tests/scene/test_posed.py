@@ -45,9 +45,9 @@ def on_surface(receiver: PosedReceiver, points: np.ndarray) -> np.ndarray:
     """Distances (mm) of points from the surface of a receiver, by its equation in space."""
     away = points - receiver.pose.centre_mm
     _, y, z = receiver.pose.axes
-    if receiver.kind == "plane":
+    if receiver.is_flat:
         return np.abs(away @ z)
-    axial = np.outer(away @ y, y) if receiver.kind == "cylinder" else 0.0
+    axial = np.outer(away @ y, y) if isinstance(receiver, Cylinder) else 0.0
     return np.abs(np.linalg.norm(away - axial, axis=1) - receiver.radius_mm)
 
 
@@ -61,7 +61,7 @@ def test_rays_land_where_their_lines_meet_it(receiver: PosedReceiver) -> None:
     assert np.array_equal(landings.flux, np.where(landed, rays.flux, 0.0))
     found = receiver.places(*landings.hits[landed].T)
     points, directions = rays.points[landed], rays.directions[landed]
-    if receiver.kind == "far_field":
+    if receiver.is_far:
         assert np.allclose(found, directions, atol=1e-9)
         return
     steep = np.linalg.norm(found, axis=1) < 1e4
@@ -81,7 +81,7 @@ def test_its_chart_keeps_areas(receiver: PosedReceiver) -> None:
     areas = np.linalg.norm(np.cross(along_x, along_y), axis=1)
     assert np.allclose(areas / (2.0 * step) ** 2, 1.0, atol=1e-6)
     width, height = receiver.grid.pixel
-    assert receiver.pixel_measure == pytest.approx(width * height * (1.0 if receiver.kind == "far_field" else 1e-6))
+    assert receiver.pixel_measure == pytest.approx(width * height * (1.0 if receiver.is_far else 1e-6))
 
 
 @pytest.mark.parametrize("device", DEVICES)

@@ -226,9 +226,9 @@ def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_aro
     axis = np.mean(around, axis=0) / np.linalg.norm(np.mean(around, axis=0))
     half = max(math.acos(min(1.0, float(each @ axis))) for each in around)
     nearest = float(np.linalg.norm(corners, axis=-1).min())
-    if receiver.kind == "plane":
+    if receiver.is_flat:
         nearest = 0.6 * 30.0 + 0.8 * 50.0
-    parallax = 0.0 if receiver.kind == "far_field" else math.asin(ball / nearest)
+    parallax = 0.0 if receiver.is_far else math.asin(ball / nearest)
     bundle = rays()
     passed = sum(
         flux * best(math.acos(min(1.0, float(way @ axis))) - half - parallax, index, media)

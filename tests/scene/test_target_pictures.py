@@ -10,7 +10,8 @@ from lensforge.errors import InputError
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
-from lensforge.scene.target_pattern import drawn_text, read_table, target_light
+from lensforge.scene.target_light import drawn_text, read_table
+from lensforge.scene.target_pattern import target_light
 from lensforge.spec import ImageTarget, TextTarget
 
 PLANE = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))

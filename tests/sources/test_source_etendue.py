@@ -14,12 +14,12 @@ from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.sources.source_spectrum import Spectrum
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.source_sections import (
     ChipArraySource,
     DiscSource,
     LuminanceSource,
     RectangleSource,
-    SourceSpec,
     SquareSource,
 )
 
@@ -38,7 +38,7 @@ SOURCES = [
 
 
 @pytest.mark.parametrize("spec", SOURCES, ids=lambda spec: f"{spec.kind}")
-def test_known_radiances_integrate_to_the_flux_and_agree_with_cells_of_rays(spec: SourceSpec) -> None:
+def test_known_radiances_integrate_to_the_flux_and_agree_with_cells_of_rays(spec: EmitterSection) -> None:
     """Over all rays, flux over radiance is the étendue of the lit phase space; no ray is without radiance."""
     source = build_source(spec)
     known = EtendueCurve.of_source(source, source.sample(RAYS, 3), 3)

@@ -10,7 +10,7 @@ import lensforge as lf
 from lensforge.errors import WrongFields
 from lensforge.sources.build_source import build_source
 from lensforge.spec import load_spec, parse_spec
-from lensforge.spec.derived_values import WHY, LensSizes, source_extent
+from lensforge.spec.derived_values import WHY, LensSizes
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHORTEST = """
@@ -169,7 +169,7 @@ def test_the_extent_of_an_emitter_is_the_way_to_its_farthest_corner(
 ) -> None:
     """And its rays start on all of the rectangle around it."""
     spec = parse_spec({**tomllib.loads(SHORTEST), "source": source}, "lamp")
-    assert source_extent(spec.source) == pytest.approx(float(np.hypot(*corner)), rel=1e-12)
+    assert spec.source.extent_mm == pytest.approx(float(np.hypot(*corner)), rel=1e-12)
     starts = build_source(spec.source).sample(2**13, 0).origins[:, :2]
     assert np.ptp(starts, axis=0) == pytest.approx(sides, rel=0.02)
 

@@ -14,9 +14,10 @@ from pydantic_core import PydanticUndefined
 import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.results.numerals import unit_in
+from lensforge.results.registered_kinds import kind_of
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import USUAL_KIND
-from lensforge.spec.spec_fields import all_sections, kind_of, words_of
+from lensforge.spec.spec_fields import all_sections, words_of
 from lensforge.spec.spec_reference import spec_schema
 
 ROOT = Path(__file__).parents[2]

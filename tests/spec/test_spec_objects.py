@@ -3,16 +3,17 @@
 import datetime
 import tomllib
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.results.registered_kinds import models_in
 from lensforge.spec import parse_spec, source_sections
 from lensforge.spec.emitter_section import (
     CosineIntensity,
+    EmitterSection,
     FileSpectrum,
     GaussianSpectrum,
     IntensitySpec,
@@ -35,7 +36,7 @@ from lensforge.spec.fixed_surface import (
 )
 from lensforge.spec.spec_section import Section
 from lensforge.surfaces.asphere import sphere
-from lensforge.surfaces.surface_record import surface_record
+from lensforge.surfaces.surface import surface_record
 
 
 def test_arrays_come_back_to_the_bit(tmp_path: Path) -> None:
@@ -185,12 +186,12 @@ SECTIONS: list[dict[str, Section]] = [
     [
         (SpectrumSpec, SPECTRA),
         (IntensitySpec, INTENSITIES),
-        (source_sections.SourceSpec, SOURCES),
+        (EmitterSection, SOURCES),
         (FixedSurface, INNER),
     ],
 )
 def test_the_sections_below_are_of_every_kind(union: object, made: tuple[Section, ...]) -> None:
-    assert {type(each) for each in made} == set(get_args(get_args(union)[0])) - OF_FILES
+    assert {type(each) for each in made} == set(models_in(union)) - OF_FILES
 
 
 @pytest.mark.parametrize("sections", SECTIONS, ids=lambda sections: repr(*sections.values())[:60])

@@ -9,7 +9,7 @@ from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.profile import ProfileBasis, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
-from lensforge.surfaces.surface_record import surface_record
+from lensforge.surfaces.surface import surface_record
 
 U = hemisphere_directions(2000) * (1.0, 1.0, 1.2) - (0.0, 0.0, 0.2)
 U /= np.linalg.norm(U, axis=1, keepdims=True)

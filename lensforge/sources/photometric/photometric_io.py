@@ -57,7 +57,7 @@ def photometric_of(content: bytes, name: str) -> PhotometricFile:
             file = entry.decode(text, name)
             return replace(file, warnings=(*warnings, *file.warnings))
     # loaded where a file is none of these: few that read them need the formats of rays
-    from lensforge.sources.rayfiles.ray_file_formats import format_of
+    from lensforge.sources.rayfiles.formats import format_of
     from lensforge.sources.rayfiles.ray_file_rows import FileImage, as_plain_text
 
     image = FileImage(Path(name), np.frombuffer(content, dtype=np.uint8))

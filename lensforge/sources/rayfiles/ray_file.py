@@ -244,6 +244,15 @@ class Format:
     encode: Callable[[RayFile], Iterator[bytes]]
 
 
+FORMATS: dict[str, Format] = {}  # by name; files are offered to them in this order
+
+
+def register(entry: Format) -> Format:
+    """Make a format known to all that reads, writes and recognises ray files; return it."""
+    FORMATS[entry.name] = entry
+    return entry
+
+
 def require_watts_with_wavelengths(rayfile: RayFile, title: str) -> None:
     """Refuse lumens with a wavelength for each ray where the format stores spectral flux in W only."""
     if rayfile.flux_unit == "lm" and rayfile.wavelengths_nm is not None:

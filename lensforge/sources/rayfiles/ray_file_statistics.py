@@ -15,8 +15,8 @@ from lensforge.errors import InputError
 from lensforge.optics.photopic import LARGEST_LM_PER_W, luminous_efficacy
 from lensforge.results import Point
 from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, total_of
+from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.ray_file import RayFile, causes, column_product, no_usable_ray, usable_blocks
-from lensforge.sources.rayfiles.ray_file_formats import FORMATS
 from lensforge.sources.rayfiles.ray_file_rows import HUGE
 from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, RayFileSummary, WavelengthRange
 from lensforge.sources.source_spectrum import ColourSums

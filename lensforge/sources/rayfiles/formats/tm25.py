@@ -17,6 +17,7 @@ from lensforge.sources.rayfiles.ray_file import (
     HeaderValue,
     RayFile,
     SpectralTable,
+    register,
     require_watts_with_wavelengths,
     shared_wavelength,
 )
@@ -253,4 +254,4 @@ def _table_bytes(table: SpectralTable) -> bytes:
     return _COUNT.pack(len(pairs)) + pairs.tobytes()
 
 
-BINARY = Format("tm25", "TM-25-13", (".tm25ray",), _matches, _decode, _encode)
+BINARY = register(Format("tm25", "TM-25-13", (".tm25ray",), _matches, _decode, _encode))

@@ -17,6 +17,7 @@ from lensforge.sources.rayfiles.ray_file import (
     FluxUnit,
     Format,
     RayFile,
+    register,
     require_watts_with_wavelengths,
     shared_wavelength,
 )
@@ -141,5 +142,5 @@ def _microns(block: RayFile) -> np.ndarray | None:
     return None if block.wavelengths_nm is None else scaled(block.wavelengths_nm, 1.0 / NM_PER_MICRON)
 
 
-BINARY = Format("zemax_binary", "Zemax binary", (".dat", ".sdf"), _is_binary, _decode_binary, _encode_binary)
-TEXT = Format("zemax_text", "Zemax text", (".txt",), _is_text, _decode_text, _encode_text)
+BINARY = register(Format("zemax_binary", "Zemax binary", (".dat", ".sdf"), _is_binary, _decode_binary, _encode_binary))
+TEXT = register(Format("zemax_text", "Zemax text", (".txt",), _is_text, _decode_text, _encode_text))

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Iterator
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.ray_file import Format, RayFile
+from lensforge.sources.rayfiles.ray_file import Format, RayFile, register
 from lensforge.sources.rayfiles.ray_file_rows import FileImage, float_rows, plain_text
 
 _HEADER = struct.Struct("<i24x24s4x28x24xi28x")
@@ -47,4 +47,4 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         yield float_rows(block.positions_mm, block.directions, block.flux)
 
 
-BINARY = Format("asap", "ASAP binary (experimental)", (".dis",), _matches, _decode, _encode)
+BINARY = register(Format("asap", "ASAP binary (experimental)", (".dis",), _matches, _decode, _encode))

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.ray_file import FluxUnit, Format, HeaderValue, RayFile
+from lensforge.sources.rayfiles.ray_file import FluxUnit, Format, HeaderValue, RayFile, register
 from lensforge.sources.rayfiles.ray_file_rows import (
     HEAD_BYTES,
     FileImage,
@@ -119,7 +119,9 @@ def _encode_binary(rayfile: RayFile) -> Iterator[bytes]:
     yield _BINARY_END
 
 
-BINARY = Format("lighttools_binary", "LightTools binary", (".ray",), _is_binary, _decode_binary, _encode_binary)
+BINARY = register(
+    Format("lighttools_binary", "LightTools binary", (".ray",), _is_binary, _decode_binary, _encode_binary)
+)
 
 _START, _END = b"lt_startofdata", b"lt_endofdata"
 _MM_PER_UNIT = {
@@ -187,4 +189,4 @@ def _encode_text(rayfile: RayFile) -> Iterator[bytes]:
     yield _END + b"\n"
 
 
-TEXT = Format("lighttools_text", "LightTools text", (".ray", ".txt"), _is_text, _decode_text, _encode_text)
+TEXT = register(Format("lighttools_text", "LightTools text", (".ray", ".txt"), _is_text, _decode_text, _encode_text))

@@ -13,7 +13,7 @@ import numpy as np
 from lensforge.errors import InputError
 from lensforge.results.text_dialect import Dialect, Line, lines_of
 from lensforge.results.text_table import Column, header_cells, named_columns, require_columns
-from lensforge.sources.rayfiles.ray_file import FluxUnit, Format, RayFile
+from lensforge.sources.rayfiles.ray_file import FluxUnit, Format, RayFile, register
 from lensforge.sources.rayfiles.ray_file_rows import (
     HEAD_BYTES,
     FileImage,
@@ -105,4 +105,4 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         yield print_rows(block.positions_mm, block.directions, block.flux, block.wavelengths_nm, delimiter=",")
 
 
-TEXT = Format("csv", "comma-separated values", (".csv",), _matches, _decode, _encode)
+TEXT = register(Format("csv", "comma-separated values", (".csv",), _matches, _decode, _encode))

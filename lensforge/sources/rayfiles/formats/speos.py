@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.ray_file import Format, RayFile
+from lensforge.sources.rayfiles.ray_file import Format, RayFile, register
 from lensforge.sources.rayfiles.ray_file_rows import (
     FileImage,
     counted_rows,
@@ -66,7 +66,7 @@ def _encode_binary(rayfile: RayFile) -> Iterator[bytes]:
         yield float_rows(block.positions_mm, block.directions, block.wavelengths_nm, block.flux)
 
 
-BINARY = Format("speos", "SPEOS binary", (".ray",), _is_binary, _decode_binary, _encode_binary)
+BINARY = register(Format("speos", "SPEOS binary", (".ray",), _is_binary, _decode_binary, _encode_binary))
 
 _WIDTHS = (9, 14)
 
@@ -104,4 +104,4 @@ def _encode_text(rayfile: RayFile) -> Iterator[bytes]:
         number += len(block)
 
 
-TEXT = Format("speos_text", "SPEOS text (experimental)", (".txt",), _is_text, _decode_text, _encode_text)
+TEXT = register(Format("speos_text", "SPEOS text (experimental)", (".txt",), _is_text, _decode_text, _encode_text))

@@ -1,0 +1,102 @@
+"""Records and sections of several kinds: a class that extends such a base and names its ``kind`` is one of them.
+
+A field of the base takes any of its kinds, chosen by ``kind``, wherever they are defined: in the package, or in a
+script of a user's own.
+"""
+
+from collections.abc import Iterator
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
+from pydantic_core import CoreSchema
+
+
+class OfSeveralKinds(BaseModel):
+    """A class that has this one among its bases is the base of several kinds, ``kinds`` by their names.
+
+    A kind is a class that extends the base and has a field ``kind: Literal["name"]``: it registers itself.
+    """
+
+    if TYPE_CHECKING:  # a field of every kind; where it stands among the others its class says
+        kind: str
+
+    model_config = ConfigDict(defer_build=True)
+
+    kinds: ClassVar[dict[str, type[Any]]]
+    has_schema: ClassVar[bool]  # a class with a field of the base is built already, from the kinds that there were
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **settings: Any) -> None:
+        super().__pydantic_init_subclass__(**settings)
+        if OfSeveralKinds in cls.__bases__:
+            cls.kinds, cls.has_schema = {}, False
+        elif (kind := kind_of(cls)) is not None:
+            cls.kinds[kind] = cls
+            cls.build_holders_again()
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """The schema of any of the kinds for the base, and of a kind its own."""
+        if not _is_base(cls):
+            return handler(source)
+        cls.has_schema = True
+        return handler.generate_schema(Annotated[reduce(or_, cls.kinds.values()), Field(discriminator="kind")])
+
+    @classmethod
+    def build_holders_again(cls) -> None:
+        """Build all classes again that hold the base and were built with other kinds of it."""
+        known: dict[type[BaseModel], bool] = {}
+        for model in _extending(BaseModel) if cls.has_schema else ():
+            _build_again(model, cls.kinds, known)
+
+
+def _is_base(model: type[BaseModel]) -> bool:
+    return "kinds" in vars(model)
+
+
+def kind_of(model: type[BaseModel]) -> str | None:
+    """The ``kind`` that names a class among others; None where it is alone."""
+    field = model.model_fields.get("kind")
+    named = None if field is None else get_args(field.annotation)
+    return named[0] if named and len(named) == 1 else None
+
+
+def models_in(annotation: Any) -> tuple[type[BaseModel], ...]:
+    """The classes that a field may hold, one or several; of a base all of its kinds."""
+    found: dict[type[BaseModel], None] = {}
+    for model in _named_in(annotation):
+        found |= dict.fromkeys(
+            model.kinds.values() if issubclass(model, OfSeveralKinds) and _is_base(model) else [model]
+        )
+    return tuple(found)
+
+
+def _named_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and get_origin(annotation) is None:
+        if issubclass(annotation, BaseModel):
+            yield annotation
+        return
+    inner = get_args(annotation)
+    for part in inner[:1] if get_origin(annotation) is Annotated else inner:
+        yield from _named_in(part)
+
+
+def _extending(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    for each in model.__subclasses__():
+        yield each
+        yield from _extending(each)
+
+
+def _build_again(model: type[BaseModel], kinds: dict[str, type[Any]], known: dict[type[BaseModel], bool]) -> bool:
+    """Build a class again if it holds the base of ``kinds``, however deep, and those within it before; True if so."""
+    if model not in known:
+        known[model] = False  # of a class within itself
+        annotations = [field.annotation for field in model.model_fields.values()]
+        of_base = any(vars(each).get("kinds") is kinds for part in annotations for each in _named_in(part))
+        within = [_build_again(each, kinds, known) for part in annotations for each in models_in(part)]
+        known[model] = of_base or any(within)
+        if known[model] and model.__pydantic_complete__:
+            model.model_rebuild(force=True)
+    return known[model]
