@@ -23,7 +23,7 @@ from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.derived_values import CAVITY_HEIGHT, rounded_length
 from lensforge.spec.emitter_section import EmitterSection
-from lensforge.spec.source_sections import ChipsSource, Placement, PlanarSource, RadianceSource, SquareSource
+from lensforge.spec.source_sections import ChipsSource, PlanarSource, RadianceSource, RaySetSource, SquareSource
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def build_source(spec: EmitterSection, material: Material | None = None, *, colo
     :class:`InputError` is raised too where its index is not known at them. ``coloured``: rays carry X, Y and Z per W,
     and :class:`InputError` is raised where a spectrum is not known or not visible.
     """
-    if isinstance(spec, Placement):
+    if isinstance(spec, RaySetSource):
         from lensforge.sources.ray_set_loading import load_ray_set
 
         return load_ray_set(spec, material, colours=coloured)
