@@ -65,10 +65,6 @@ class FileWarning(UserWarning):
     """A file that can be read in two ways, or that was repaired: which way was taken."""
 
 
-class RenamedWarning(UserWarning):
-    """A field of a spec under an old name, which this version reads for the last time."""
-
-
 class Cancelled(LensforgeError):
     """The caller's ``progress`` returned False; the checkpoint, if there is one, holds the state."""
 

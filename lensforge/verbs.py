@@ -17,7 +17,6 @@ from lensforge.errors import (
     InputError,
     LensforgeError,
     MissingResult,
-    RenamedWarning,
     SourceWarning,
 )
 from lensforge.light.evaluation_result import Light, LimitResult
@@ -93,7 +92,7 @@ __all__ = [
     "LineLimit", "LineSpectrum", "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OptimiseSection",
     "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "Photometry",
     "PhotometrySection", "PointsLimit", "Possible", "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart",
-    "RenamedWarning", "Results", "Run", "Sensitivity", "SourceWarning", "Spec", "StrayLight", "SurfaceComparison",
+    "Results", "Run", "Sensitivity", "SourceWarning", "Spec", "StrayLight", "SurfaceComparison",
     "Sweep", "TableIntensity", "TableSpectrum", "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff", "Verdict",
     "Yield", "ZoneLimit", "__version__", "best_design", "build", "check", "compare", "correct", "design", "evaluate",
     "handover", "load", "load_lens", "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity",

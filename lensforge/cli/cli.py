@@ -28,7 +28,7 @@ from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
 from lensforge.cli.streams import lasting_streams, open_standard_streams
 from lensforge.cli.studies import sweep, tradeoff
-from lensforge.errors import FileWarning, LensforgeError, RenamedWarning, SeveralErrors
+from lensforge.errors import FileWarning, LensforgeError, SeveralErrors
 from lensforge.version import __version__
 
 # Commands by what they are for; those of no heading come last.
@@ -134,11 +134,11 @@ def main(interrupts: Interrupts | None = None, arguments: Sequence[str] | None =
 
 
 def _show_own_warnings_in_a_line() -> None:
-    """Let a warning of an old name in a spec, or of a file, be a line, as all warnings of a command are."""
+    """Let a warning of a file be a line, as all warnings of a command are."""
     others, said = warnings.showwarning, set[str]()
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-        if issubclass(category, RenamedWarning | FileWarning):
+        if issubclass(category, FileWarning):
             if str(message) not in said:  # a file may be read again by the next stage
                 click.echo(warning_line(str(message)), err=True)
             said.add(str(message))

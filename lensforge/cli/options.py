@@ -1,6 +1,5 @@
 """The options of the commands: one for each keyword of a verb, and those that several commands share."""
 
-import functools
 from collections.abc import Callable
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -10,7 +9,6 @@ import click
 
 from lensforge import seeds
 from lensforge.cli.interrupts import Interrupts
-from lensforge.search.searches import RENAMED_ANYWAY
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.spec import Spec
 
@@ -133,7 +131,6 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
     ),
     "extension_deg": click.option(
         "--extension",
-        "--runout",  # its name in earlier versions
         "extension_deg",
         type=float,
         metavar="DEG",
@@ -200,17 +197,9 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
 
 
 def with_force(command: Command) -> Command:
-    """Add ``--force`` to ``command``; its earlier name still works, and says the new one."""
+    """Add ``--force`` to ``command``."""
     words = "Go on even where less than half of what a target asks is possible."
-
-    @functools.wraps(command)
-    def called(*, force: bool, anyway: bool, **options: Any) -> None:
-        if anyway:
-            click.echo(f"lensforge: --{RENAMED_ANYWAY.replace('force', '--force')}", err=True)
-        command(force=force or anyway, **options)
-
-    former = click.option("--anyway", is_flag=True, hidden=True)
-    return click.option("--force", is_flag=True, help=words)(former(called))
+    return click.option("--force", is_flag=True, help=words)(command)
 
 
 def with_rays(spec: Spec, rays: int | None) -> Spec:

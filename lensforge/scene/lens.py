@@ -6,7 +6,6 @@ lamps have lenses of several kinds by place, it is one of them, and has the face
 
 import hashlib
 import json
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -17,7 +16,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, JsonValue
 
-from lensforge.errors import InputError, RenamedWarning, WrongFields
+from lensforge.errors import InputError, WrongFields
 from lensforge.optics.material import Material
 from lensforge.optics.media import DOUBLE, Media
 from lensforge.results import Count, Record, Text
@@ -35,8 +34,6 @@ from lensforge.surfaces.surface import Surface, SurfaceRecord, surface_record
 from lensforge.version import __version__
 
 SCHEMA = "lensforge-lens-3"
-EARLIER_SCHEMA = "lensforge-lens-2"  # inner and outer beside the spec, not under "faces"
-EARLIER_FORMAT = "lensforge-lens-1"  # stated as "format"; the surfaces are written in the same way
 _REMEDY = "run `lensforge design` again"
 _WORDS = {"Asphere": "asphere", "Biconic": "biconic"}
 _DIRECTIONS = 200
@@ -216,7 +213,7 @@ def _describe(surface: Surface) -> str:
 
 
 def load_lens(path: Path | str) -> Lens:
-    """Read what :meth:`Lens.save` wrote, in this version or in 0.1.0. Raises :class:`InputError` for anything else.
+    """Read what :meth:`Lens.save` wrote. Raises :class:`InputError` for anything else, and for earlier versions.
 
     A lens that another program writes may leave out the hash of its content.
     """
@@ -230,11 +227,9 @@ def _lens_in(file: bytes, path: Path) -> Lens:
     hashed = content if isinstance(content, dict) and CHECKSUM in content else None
     if isinstance(content, dict):
         content = {key: value for key, value in content.items() if key != CHECKSUM}
-    content = _of_this_version(content)
     record = validated(LensRecord, without_schema(content, SCHEMA, path, _REMEDY), path, _REMEDY)
     try:
-        with warnings.catch_warnings(category=RenamedWarning, action="ignore"):  # the program wrote the old names
-            spec = parse_spec(record.spec, str(path))
+        spec = parse_spec(record.spec, str(path))
     except WrongFields as error:  # nobody wrote this spec: the first field says as much as all
         raise InputError(f"{error.lines[0]}; {_REMEDY}") from None
     if spec.lens.levels == "auto":
@@ -266,20 +261,6 @@ def _require_kinds(spec: Spec, own: Mapping[str, Surface], others: Mapping[str, 
         raise InputError(f"others: lenses {sorted(others)}, must be all but one of the kinds {sorted(names)}")
     if any(list(faces) != list(own) for faces in others.values()):
         raise InputError(f"others: the lens of each kind must have the faces {', '.join(own)}")
-
-
-def _of_this_version(content: object) -> object:
-    """``content`` of a lens file of an earlier version as this one writes it; anything else as it is."""
-    if not isinstance(content, dict):
-        return content
-    first = content.get("format") == EARLIER_FORMAT
-    if not (first or content.get("schema") == EARLIER_SCHEMA):
-        return content
-    faces = {name: content[name] for name in DOUBLE if name in content}
-    if first:
-        faces = {name: {"kind": "srbf", **face} if isinstance(face, dict) else face for name, face in faces.items()}
-    rest = {key: value for key, value in content.items() if key not in (*DOUBLE, "format", "schema")}
-    return {"schema": SCHEMA, **rest, "faces": faces}
 
 
 def _require_size(name: str, surface: Surface, most_mm: float) -> None:

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 Warn = Callable[[str], None]
 MOST_STARTS = 1000
-RENAMED_ANYWAY = "anyway is called force now; the old name goes with the next version"
 
 
 class SearchOptions(TypedDict, total=False):
@@ -49,7 +48,6 @@ class SearchOptions(TypedDict, total=False):
     warn: Warn | None
     force: bool
     preview: bool
-    anyway: bool | None
 
 
 def design(
@@ -66,7 +64,6 @@ def design(
     warn: Warn | None = None,
     force: bool = False,
     preview: bool = False,
-    anyway: bool | None = None,
 ) -> Design:
     """Search for the lens of ``spec``, Eq. (15): coarse to fine, constraints by augmented Lagrangian.
 
@@ -77,7 +74,7 @@ def design(
     stops with :class:`Cancelled` and leaves its checkpoint. ``device``: where the rays of the search are traced
     (``cuda`` is experimental). ``warn`` is called with each warning on the source before the search begins; by default
     they are Python's own, :class:`SourceWarning`. ``force``: search even where less than half of the light that a
-    target asks for can reach it; ``anyway``: its earlier name. ``preview``: take fewer steps on levels that the search
+    target asks for can reach it. ``preview``: take fewer steps on levels that the search
     chooses itself, for a first look.
     Raises :class:`InputError` for invalid arguments.
     """
@@ -89,7 +86,7 @@ def design(
     if progress is not None and not callable(progress):
         raise InputError(f"progress = {progress!r}: a function that takes a Progress")
     start = _start_of(spec, start)
-    source, warned = _checked_scene(spec, start, warn, force=force, anyway=anyway)
+    source, warned = _checked_scene(spec, start, warn, force=force)
     with threads_of_torch(threads):
         return search_kinds(
             spec,
@@ -148,7 +145,7 @@ def device_of(name: str) -> "torch.device | None":
 
 
 def _checked_scene(
-    spec: Spec, start: Lens | None, warn: Warn | None, *, force: bool, anyway: bool | None
+    spec: Spec, start: Lens | None, warn: Warn | None, *, force: bool
 ) -> "tuple[Source, tuple[str, ...]]":
     """The source of ``spec``, and the warnings on its scene; all that a search would be in vain for is refused.
 
@@ -158,9 +155,6 @@ def _checked_scene(
     """
     from lensforge.search.scene_check import SceneCheck, source_clearance_warnings
 
-    if anyway is not None:
-        warnings.warn(RENAMED_ANYWAY, FutureWarning, stacklevel=3)
-        force = force or anyway
     if spec.base.file is not None:
         from lensforge.cad.custom_base import read_custom_base
 
@@ -260,8 +254,7 @@ def best_design(
     count, first = count_of("starts", starts, most=MOST_STARTS) or 1, count_of("seed", given, 0) or 0
     if first + count - 1 > seeds.MOST:
         raise InputError(f"seed = {first}: with {count} starts the last seed is above {seeds.MOST}")
-    force, anyway = options.get("force", False), options.get("anyway")
-    _, warned = _checked_scene(spec, _start_of(spec), options.get("warn"), force=force, anyway=anyway)
+    _, warned = _checked_scene(spec, _start_of(spec), options.get("warn"), force=options.get("force", False))
     progress = options.get("progress") if scheduler is None else None
     seeded = SeededSearch(spec, accuracy, warned, progress, seeds.of_choice(first))
     made: dict[int, tuple[Design, Start]] = {}

@@ -4,13 +4,11 @@ Limits are compared with the receivers that they are on: their units, and places
 which lighting the lens is for.
 """
 
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from collections.abc import Iterator, Sequence
+from typing import Annotated, ClassVar, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from lensforge.errors import RenamedWarning
 from lensforge.spec.receiver_fields import ORIGIN, ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
@@ -281,15 +279,6 @@ class PhotometrySection(Section):
     """Direction from the lens towards the street, from its +x to its +y."""
     lenses: Annotated[int, Field(ge=1, le=100_000)] = 1
     """Equal lenses in a lamp."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _roads_are_tables(cls, content: Any) -> Any:
-        """Read the use "road" of an earlier version, whose road is a table of ``[[roads]]`` now."""
-        if not isinstance(content, Mapping) or content.get("use") != "road":
-            return content
-        warnings.warn('use = "road" is read in this version only: write use = "area"', RenamedWarning, stacklevel=2)
-        return {**content, "use": "area"}
 
 
 def require_seen_from_afar(

@@ -30,7 +30,6 @@ from pydantic_core import CoreSchema, core_schema
 from lensforge.errors import InputError
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import same
-from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_fields import help_of, signature_of
 from lensforge.spec.spec_files import NamedFrom, full_path
 from lensforge.spec.wrong_fields import spec_error
@@ -94,13 +93,6 @@ class Section(_Model):
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True, defer_build=True
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _old_names(cls, content: Any) -> Any:
-        for base in cls.__mro__:
-            content = with_new_names(base.__name__, content)
-        return content
 
     @check
     def _kind_is_given(self) -> None:

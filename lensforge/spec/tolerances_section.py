@@ -22,7 +22,6 @@ from pydantic import BeforeValidator, Field
 from lensforge.errors import InputError
 from lensforge.optics.media import DOUBLE, REFLECTOR, SIDES, TIR
 from lensforge.results.numerals import percent, quantity
-from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import Section, check, section_of
 
@@ -364,10 +363,6 @@ def read_tolerances(name: str, names: tuple[str, ...] = DOUBLE) -> FacesToleranc
     if name in PRESET_AMOUNTS:
         return own_kind(preset=name)
     content = read_toml(Path(name), f"give {', '.join(PRESET_AMOUNTS)}, or a TOML file")
-    try:
-        content = with_new_names("Spec", content)
-    except ValueError as error:
-        raise InputError(f"{name}: {error}") from None
     lens = content.get("lens")
     faces = {face: lens[face] for face in SIDES if isinstance(lens, dict) and isinstance(lens.get(face), dict)}
     if "source" in content:  # a whole spec: its faces have more than tolerances

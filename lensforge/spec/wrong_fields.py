@@ -10,10 +10,10 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from lensforge.errors import WrongFields
+from lensforge.optics.media import DOUBLE
 from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
 from lensforge.results.validation import given_words, shortened
-from lensforge.spec.renamed import MOVED
 from lensforge.spec.spec_fields import all_sections, sections_in, words_of
 from lensforge.spec.toml_slips import cured_number
 
@@ -23,6 +23,25 @@ _LIKENESS = 0.77  # of two names: "diametre_mm" and "diameter_mm" have 0.9, "con
 _NO_HINT = "known here: "
 _KINDS = ("union_tag_invalid", "union_tag_not_found")
 _NUMBERS = ("float_parsing", "int_parsing")  # a text that is none
+_OF_FACES = (
+    "offset_mm", "coating", "concave_radius_mm", "draft_deg", "form_um", "waviness_um", "ripple_um", "roughness_mrad",
+    "shift_mm", "tilt_deg",
+)  # fmt: skip
+# Names of earlier versions that no field has any more, each with its place now, or with what to write.
+_MOVED = {
+    "gap_mm": "lens.outer.gap_mm",
+    **{f"fixed_{face}": f"lens.{face}.fixed" for face in DOUBLE},
+    **{f"{face}_{name}": f"lens.{face}.{name}" for face in DOUBLE for name in _OF_FACES},
+}
+_GONE = {
+    **dict.fromkeys(("half_width_mm", "half_width_deg"), "it is width now, the whole of it"),
+    **{f"{name}_{unit}": f'it is {name} now, with unit = "{unit}"' for name in ("at_least", "at_most")
+       for unit in ("w_per_m2", "lx", "w_per_sr", "cd", "relative")},
+    **dict.fromkeys(
+        ("stepover_mm", "slope_limit_mrad", "learning_rate", "uniformity_steps", "pixel_aspect", "waviness_exponent"),
+        "it is read no more; leave it out",
+    ),
+}  # fmt: skip
 _LISTS, _TABLES = ("tuple_type", "list_type"), ("model_type", "model_attributes_type", "dict_type")
 
 
@@ -117,9 +136,10 @@ def _kinds_of(place: _FieldPlace) -> list[str]:
 def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
     """Advice on an unknown name, and the whole name that was meant, "" where none is near."""
     before = place.name.rpartition(".")[0]
-    for old, new in MOVED.items():
-        if old.endswith(f".{place.last}"):
-            return f"it is {new} now", new
+    if place.last in _MOVED:
+        return f"it is {_MOVED[place.last]} now", _MOVED[place.last]
+    if place.last in _GONE:
+        return _GONE[place.last], ""
     near = _nearest(place.last, place.known)
     if near:
         return f"did you mean {near}?", f"{before}.{near}".lstrip(".")

@@ -72,7 +72,7 @@ def face_of_lens(path: Path, name: str) -> GivenFace:
     Raises :class:`InputError` for any other file, and for a face that the lens has not.
     """
     content = read_json(path, _LENS_REMEDY)
-    faces = content.get("faces", content) if isinstance(content, dict) else None  # earlier versions: beside the spec
+    faces = content.get("faces") if isinstance(content, dict) else None
     names = [each for each in SIDES if isinstance(faces, dict) and isinstance(faces.get(each), dict)]
     if not isinstance(content, dict) or not isinstance(faces, dict) or not names:
         raise InputError(f"{path}: not a lens file; {_LENS_REMEDY}")
@@ -81,8 +81,7 @@ def face_of_lens(path: Path, name: str) -> GivenFace:
     face = faces[name]
     if CHECKSUM in content:
         require_checksum(content, path, _LENS_REMEDY)
-    # files of version 0.1.0 state no kind: they knew one
-    record = validated(_Face, {"face": {"kind": "srbf", **face}}, path, _LENS_REMEDY)
+    record = validated(_Face, {"face": face}, path, _LENS_REMEDY)
     try:
         surface = record.face.surface()
     except InputError as error:

@@ -82,8 +82,6 @@ def test_what_is_impossible_is_said_at_once_and_not_written(tmp_path: Path) -> N
     code, output, errors = lensforge("new", *cob, "--force")
     assert code == 0 and parse_spec(tomllib.loads(output), "cob").constraints.max_radius_mm == 14.0
     assert "25.2 %" in errors
-    code, same, said = lensforge("new", *cob, "--anyway")
-    assert (code, same) == (0, output) and "--anyway is called --force now" in said
 
 
 def test_a_ray_file_and_a_photometric_file_are_named_from_the_folder_of_the_spec(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ SEARCH = COUNT | {
     "--scheduler": ("local:2", "scheduler", "local:2"),
     "--out": ("{tmp}/other", "", "{tmp}/other"),
 }  # fmt: skip
-FORCE = {"--force": ("", "force", True), "--anyway": ("", "force", True)}
+FORCE = {"--force": ("", "force", True)}
 OPEN = {"--open": ("", "", "click.launch")}
 HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or any), its value
     "check": {},
@@ -63,7 +63,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
         "--compare": ("--source led.ray", "", "lensforge.cli.stages.renewed_for"),
     },
     "export": {
-        "--schema": ("AP242", "schema", "AP242"), "--runout": ("2.5", "extension_deg", 2.5),
+        "--schema": ("AP242", "schema", "AP242"),
         "--extension": ("2.5", "extension_deg", 2.5), "--nodes": ("77", "nodes", 77), "--rings": ("30", "rings", 30),
         "--date": ("2025-03-04", "date", "2025-03-04"),
     },

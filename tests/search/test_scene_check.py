@@ -133,8 +133,6 @@ def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_t
     with pytest.raises(Cancelled):
         lf.design(spec, accuracy="draft", force=True, progress=lambda _: False, warn=said.append)
     assert any("by étendue" in each for each in said), "it says so all the same"
-    with pytest.warns(FutureWarning, match="anyway is called force now"), pytest.raises(Cancelled):
-        lf.design(spec, accuracy="draft", anyway=True, progress=lambda _: False, warn=said.append)
 
 
 def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name() -> None:

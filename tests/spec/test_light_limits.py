@@ -5,7 +5,7 @@ import tomllib
 import pytest
 from scenes import small_spec
 
-from lensforge.errors import InputError, RenamedWarning
+from lensforge.errors import InputError
 from lensforge.spec import Spec, parse_spec
 
 FAR = {"target": {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}}
@@ -69,14 +69,3 @@ def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], words: s
 def test_on_a_plane_light_is_irradiance_and_has_no_angles(limit: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):
         small_spec().replace(limits=[limit])
-
-
-def test_an_old_name_is_read_and_the_new_one_is_said() -> None:
-    with pytest.warns(RenamedWarning, match=r'at_least_cd is an old name.*write at_least = 3\.0, unit = "cd"$'):
-        old = far({"kind": "zone", "at_least_cd": 3.0, "at_most_lx": None})
-    assert old.limits == far({"kind": "zone", "at_least": 3.0, "unit": "cd"}).limits
-
-
-def test_old_names_of_two_units_are_refused() -> None:
-    with pytest.warns(RenamedWarning), pytest.raises(InputError, match=r"limits\.0.*give one of them"):
-        far({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 1.0, "at_most_w_per_sr": 2.0})
