@@ -12,8 +12,7 @@ from jaxtyping import Float
 
 from lensforge.scene.lens import Lens
 from lensforge.spec.lamps_section import Lamps, Place
-from lensforge.spec.plate_outline import DrawnOutline
-from lensforge.spec.plate_section import PlateBoss, PlateSection
+from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateSection
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, area_mm2, box_of_loop, circle_at
 
 

@@ -196,10 +196,9 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
 }
 
 
-def with_force(command: Command) -> Command:
-    """Add ``--force`` to ``command``."""
-    words = "Go on even where less than half of what a target asks is possible."
-    return click.option("--force", is_flag=True, help=words)(command)
+with_force = click.option(
+    "--force", is_flag=True, help="Go on even where less than half of what a target asks is possible."
+)
 
 
 def with_rays(spec: Spec, rays: int | None) -> Spec:

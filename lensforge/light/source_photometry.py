@@ -72,7 +72,7 @@ def spectrum_of_source(spec: EmitterSection, summary: SourceSummary) -> Spectrum
     The spec's own, or that of its ray files; ``summary`` has the flux of each. Rays with a wavelength each give a table
     in steps of 5 nm. Raises :class:`InputError` for a file that cannot be used.
     """
-    if spec.spectrum is not None and not (isinstance(spec, ChipsSource) and spec.spectra):
+    if spec.spectrum is not None and not spec.spectra:
         return spectrum_of(spec.spectrum)
     match spec:
         case RayfileSource():

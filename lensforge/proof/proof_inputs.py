@@ -3,9 +3,10 @@
 Files are read by the readers of the design; of the code that draws the design's rays nothing is used.
 """
 
-from dataclasses import astuple, replace
+from dataclasses import asdict, astuple, replace
 from functools import singledispatch
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,6 +23,7 @@ from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsOnPlate
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
 from lensforge.scene.lens import Lens
+from lensforge.scene.pixel_grid import Window
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_emitter import read_radiance
@@ -37,7 +39,6 @@ from lensforge.spec.source_sections import (
     ChipsSource,
     DiscSource,
     LuminanceSource,
-    PlanarSource,
     RadianceSource,
     RectangleSource,
     SquareSource,
@@ -90,26 +91,25 @@ def lamps_on_plate(
 
 def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
     """Screens with as many pixels as the evaluation's images, by default those of the spec."""
-    screens = []
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
-    for section, receiver in zip(spec.all_receivers, receivers, strict=True):
-        width, height, radius = (side if isfinite(side) else None for side in astuple(receiver.window))
-        grid = receiver.grid
-        screens.append(
-            Screen.kinds[section.kind](
-                centre_mm=section.centre_mm,
-                facing=section.facing,
-                rotation_deg=section.rotation_deg,
-                width=grid.width,
-                height=grid.height,
-                columns=grid.columns,
-                rows=grid.rows,
-                window=(width, height, radius),
-                filter_variance=spec.evaluate.filter_variance,
-                numbers={name: value for name, value in section if isinstance(value, float)},
-            )
+    return [
+        Screen.kinds[section.kind](
+            centre_mm=section.centre_mm,
+            facing=section.facing,
+            rotation_deg=section.rotation_deg,
+            **asdict(receiver.grid),
+            window=_bounds(receiver.window),
+            filter_variance=spec.evaluate.filter_variance,
+            numbers={name: value for name, value in section if isinstance(value, float)},
         )
-    return screens
+        for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    ]
+
+
+def _bounds(window: Window) -> tuple[float | None, float | None, float | None]:
+    """Width, height and radius of a window, None where it has no bound."""
+    width, height, radius = (side if isfinite(side) else None for side in astuple(window))
+    return width, height, radius
 
 
 def independent_light(lens: Lens, source: Source, light: Light, most: int) -> IndependentLight:
@@ -168,12 +168,12 @@ def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]
 
 
 @singledispatch
-def drawn_rays(section: EmitterSection, random: Generator, count: int) -> _Drawn:
+def drawn_rays(section: Any, random: Generator, count: int) -> _Drawn:
     """Start points (mm) in the plane z = 0, and directions, of an emitter before it is put in its place.
 
-    A kind of source registers its function here, or in :func:`drawn_points`.
+    A kind of source registers its function here, or one of :func:`drawn_points` where all its points are alike.
     """
-    raise InputError(f"source: {section.kind}: no rays of its own can be drawn of it; please report it")
+    return drawn_points(section, random, count), _aimed(random, count, section.intensity)
 
 
 @drawn_rays.register
@@ -190,13 +190,8 @@ def _(section: RadianceSource, random: Generator, count: int) -> _Drawn:
     return rows[:, :2], rows[:, 2:]
 
 
-@drawn_rays.register
-def _(section: PlanarSource, random: Generator, count: int) -> _Drawn:
-    return drawn_points(section, random, count), _aimed(random, count, section.intensity)
-
-
 @singledispatch
-def drawn_points(section: PlanarSource, random: Generator, count: int) -> _Points:
+def drawn_points(section: EmitterSection, random: Generator, count: int) -> _Points:
     """Start points (mm) of a source in the plane z = 0, all of whose points have the same intensity profile."""
     raise InputError(f"source: {section.kind}: no rays of its own can be drawn of it; please report it")
 

@@ -261,7 +261,9 @@ def build_receiver(section: ReceiverSection, pixels: int) -> PosedReceiver:
     return posed_receiver(section, pose, PixelGrid.of(*section.size, pixels))
 
 
-posed_receiver.register(PlaneReceiver, lambda section, pose, grid: Plane(pose, grid, Window(*section.window)))
+posed_receiver.register(
+    PlaneReceiver, lambda section, pose, grid: Plane(pose, grid, Window(*(section.window_mm or section.size)))
+)
 posed_receiver.register(
     CylinderReceiver,
     lambda section, pose, grid: Cylinder(pose, grid, Window(*section.size), radius_mm=section.radius_mm),

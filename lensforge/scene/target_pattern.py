@@ -118,7 +118,7 @@ def _drawn_sharp(
     target: TargetSection, receiver: PosedReceiver, fine: PixelGrid
 ) -> tuple[TargetImage, tuple[float, float]]:
     """One target on the sub-pixels, and the soft edge that it still needs, in sub-pixels along rows and columns."""
-    edge = target.softness
+    edge = 0.0 if target.has_own_edge else target.edge
     if receiver.is_far:
         return _on_far_field(target, receiver, fine, edge), (0.0, 0.0)
     light = light_of(target, receiver.grid)

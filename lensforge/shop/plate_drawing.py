@@ -53,8 +53,7 @@ from lensforge.shop.view_drawing import FIRST, HATCH, ROW, PaperView, fitted, pl
 from lensforge.shop.view_lines import dome_radius, front_line
 from lensforge.spec import DrawingSection
 from lensforge.spec.lamps_section import Lamps
-from lensforge.spec.plate_outline import DrawnOutline
-from lensforge.spec.plate_section import PlateBoss, PlateHole, PlateMark, PlatePin
+from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateHole, PlateMark, PlatePin
 from lensforge.surfaces.plane_loop import circle_at, points_on
 
 _GAP = 28.0  # mm on A3, between views

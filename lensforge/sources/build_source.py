@@ -81,36 +81,33 @@ def build_source(spec: EmitterSection, material: Material | None = None, *, colo
     emitter, pose = emitter_of(spec, disperses=material is not None, coloured=coloured), SourcePose.of(spec)
     if pose.moves:
         emitter = PlacedSource(emitter, pose)
-    spectra = spec.spectra if isinstance(spec, ChipsSource) else ()
-    if material is not None and isinstance(spec, ChipsSource) and spectra:
-        parts = zip(spectra, chip_fluxes(spec), strict=True)
+    if material is not None and isinstance(spec, ChipsSource) and spec.spectra:
+        parts = zip(spec.spectra, chip_fluxes(spec), strict=True)
         known = [(spectrum_of(each), flux.flux_w) for each, flux in parts if each is not None]
         emitter = ColouredSource.of_parts(emitter, known, material)
     elif material is not None and spec.spectrum is not None:
         emitter = ColouredSource.of(emitter, spectrum_of(spec.spectrum), material)
     if not coloured:
         return emitter
-    return TristimulusSource(emitter, None if spectra else tristimulus_of_spectrum(spec.spectrum, "source"))
+    return TristimulusSource(emitter, None if spec.spectra else tristimulus_of_spectrum(spec.spectrum, "source"))
 
 
 @singledispatch
 def emitter_of(spec: EmitterSection, *, disperses: bool, coloured: bool) -> Source:
     """The emitter that ``spec`` describes, at the origin and along +z. A kind of source registers its function here.
 
-    ``disperses``, ``coloured``: rays of parts with spectra of their own are to carry wavelengths, or X, Y and Z per W.
+    One whose points are all alike needs none: its area is enough, ``planar_emitter.area_of``. ``disperses``,
+    ``coloured``: rays of parts with spectra of their own are to carry wavelengths, or X, Y and Z per W.
     """
-    raise NotImplementedError(f"no emitter of kind {spec.kind}: register a function with emitter_of")
+    from lensforge.sources.planar_emitter import planar_emitter
+
+    if not isinstance(spec, PlanarSource):
+        raise NotImplementedError(f"no emitter of kind {spec.kind}: register a function with emitter_of")
+    return planar_emitter(spec, disperses=disperses, coloured=coloured)
 
 
 emitter_of.register(SquareSource, lambda spec, **_: SquareEmitter(spec.side_mm, emitter_flux(spec).flux_w))
 emitter_of.register(RadianceSource, lambda spec, **_: radiance_emitter(spec))
-
-
-@emitter_of.register
-def _(spec: PlanarSource, *, disperses: bool, coloured: bool) -> Source:
-    from lensforge.sources.planar_emitter import planar_emitter
-
-    return planar_emitter(spec, disperses=disperses, coloured=coloured)
 
 
 def summarise(source: Source, spec: EmitterSection) -> SourceSummary:

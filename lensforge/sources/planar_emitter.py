@@ -83,8 +83,7 @@ def planar_emitter(spec: PlanarSource, *, disperses: bool = False, coloured: boo
     X, Y and Z per W. Raises :class:`InputError` for a file that cannot be used.
     """
     profile, warnings = _profile(spec.intensity)
-    spectra = spec.spectra if isinstance(spec, ChipsSource) else ()
-    colours = ChipColours.of(spectra, disperses=disperses, coloured=coloured)
+    colours = ChipColours.of(spec.spectra, disperses=disperses, coloured=coloured)
     return PlanarEmitter(area_of(spec), profile, emitter_flux(spec).flux_w, warnings=warnings, colours=colours)
 
 

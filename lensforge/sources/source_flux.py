@@ -124,7 +124,7 @@ def joined_flux(
 
 def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceFlux:
     """Settle the flux of an emitter of ``spec``; ``own_w``: of its table, if it has one. Raises :class:`InputError`."""
-    spectral = None if isinstance(spec, ChipsSource) and spec.spectra else spectral_efficacy(spec.spectrum)
+    spectral = None if spec.spectra else spectral_efficacy(spec.spectrum)
     if isinstance(spec, ChipsSource):
         names = [f"source.chips[{number}]" for number in range(len(spec.chips))]
         settled = joined_flux(spec, chip_fluxes(spec), spec.luminous_efficacy_lm_per_w, names)

@@ -97,7 +97,8 @@ def _receiver_of(target: Any) -> dict[str, float]:
         return {} if across is None else {"receiver_mm": rounded_length(_RECEIVER * across)}
     if not target.far_field_only:
         return {}
-    wide = _MOST_HALF_ANGLE_DEG if target.beam_deg is None else _digits(_HALF_ANGLE * target.beam_deg, ceil)
+    widths = target.pair(target.across)
+    wide = _MOST_HALF_ANGLE_DEG if widths is None else _digits(_HALF_ANGLE * max(widths), ceil)
     return {"half_angle_deg": min(wide, _MOST_HALF_ANGLE_DEG)}
 
 

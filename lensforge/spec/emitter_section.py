@@ -175,6 +175,11 @@ class EmitterSection(OfSeveralKinds, FluxSection):
         return None
 
     @property
+    def spectra(self) -> tuple[SpectrumSpec | None, ...]:
+        """Spectrum of each part of a source whose parts have spectra of their own; else empty."""
+        return ()
+
+    @property
     def description(self) -> str:
         """The source in a few words, without its place."""
         return self.words.format(self)

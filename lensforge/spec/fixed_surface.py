@@ -181,14 +181,9 @@ class _OfFile(FixedFace):
 
     def resolved(self) -> "GivenSurface":
         """The face of the file."""
-        imported = self._read()
-        return GivenSurface(
-            origin=imported.origin[:200],
-            form_error_nm=imported.form_error_nm,
-            normal_error_urad=imported.normal_error_urad,
-            unit=imported.unit,
-            face=surface_record(imported.surface),
-        )
+        given = self._read()
+        errors = {name: getattr(given, name) for name in ("form_error_nm", "normal_error_urad")}
+        return GivenSurface(origin=given.origin[:200], **errors, unit=given.unit, face=surface_record(given.surface))
 
     def _read(self) -> GivenFace:
         raise NotImplementedError

@@ -146,6 +146,7 @@ class BeamTarget(FarFieldTarget, SoftTarget):
 
     needs: ClassVar[tuple[str, ...]] = ("fwhm",)
     words: ClassVar[str] = "{0.profile} beam {fwhm}"
+    across: ClassVar[str] = "fwhm"
 
     kind: Literal["beam"] = "beam"
     fwhm_deg: BeamAngle | tuple[BeamAngle, BeamAngle] | None = None
@@ -155,11 +156,6 @@ class BeamTarget(FarFieldTarget, SoftTarget):
     the width follows an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by
     ``edge_deg``.
     """
-
-    @property
-    def beam_deg(self) -> float:
-        """The larger of the full widths."""
-        return max(self.sides("fwhm"))
 
     def light(self, x: Places, y: Places) -> Places:
         """Intensity at angles: full widths at half maximum are those of the target, along x and along y."""
@@ -190,20 +186,12 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
 
     needs: ClassVar[tuple[str, ...]] = ("to",)
     words: ClassVar[str] = "batwing to {to}"
+    across: ClassVar[str] = "to"
+    has_own_edge: ClassVar[bool] = True
 
     kind: Literal["batwing"] = "batwing"
     to_deg: Annotated[float, Field(ge=0.1, le=85.0)] | None = None
     """Angle from the axis up to which the light is even."""
-
-    @property
-    def beam_deg(self) -> float:
-        """Angle up to which it is even."""
-        return self.size("to")
-
-    @property
-    def softness(self) -> float:
-        """0: its light falls at the edge already."""
-        return 0.0
 
     def light(self, x: Places, y: Places) -> Places:
         """Even illuminance on a plane, which falls at its edge as the integral of a Gaussian."""

@@ -10,6 +10,7 @@ import numpy as np
 from lensforge.spec.lamps_section import Lamps, LampsSection
 from lensforge.spec.part_section import BaseSection
 from lensforge.spec.receiver_fields import ReceiverSection
+from lensforge.spec.receiver_sections import PlaneReceiver
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import rounded_up
 
@@ -59,13 +60,14 @@ def _require_seen_by(receiver: ReceiverSection, lamps: Lamps, limits: Constraint
                 f"{away_mm:.4g} mm to it, its lens needs more than constraints.max_radius_mm = "
                 f"{limits.max_radius_mm:g}; move or turn the receiver"
             )
-    if receiver.window != receiver.size:
+    if isinstance(receiver, PlaneReceiver) and receiver.window_mm not in (None, receiver.size):
         raise ValueError("receivers.window_mm: of lamps together the whole receiver counts; leave it out")
 
 
 def _require_period(receiver: ReceiverSection, period: tuple[float, float]) -> None:
     """Refuse all but a level plane of one period."""
-    if not receiver.is_level or not np.allclose(receiver.size, period, rtol=1e-6, atol=0.0):
+    level = isinstance(receiver, PlaneReceiver) and not any(receiver.facing[:2]) and receiver.rotation_deg == 0.0
+    if not level or not np.allclose(receiver.size, period, rtol=1e-6, atol=0.0):
         raise ValueError(
             f'receivers: {receiver.name or receiver.kind!r}: lamps of kind = "endless" light level planes that are one '
             f"period of the lattice, {period[0]:.7g} x {period[1]:.7g} mm; take such a plane, or lamps of another kind"

@@ -31,6 +31,7 @@ class ReceiverSection(OfSeveralKinds, Section):
     unit: ClassVar[Unit] = "mm"  # of places on it: of a far field "deg"
     words: ClassVar[str]  # for its place, by its fields
     is_round: ClassVar[bool] = False  # it reaches to an angle from its middle
+    faces_by: ClassVar[str] = "facing"  # the field of that direction
 
     if TYPE_CHECKING:  # fields of most kinds; of some they follow from others
 
@@ -75,19 +76,9 @@ class ReceiverSection(OfSeveralKinds, Section):
         return self.size
 
     @property
-    def window(self) -> tuple[float, float]:
-        """Width and height of its part in which flux counts as detected, in the unit of the chart."""
-        return self.size
-
-    @property
     def is_far_field(self) -> bool:
         """True for light by direction, for which it does not count where a ray starts."""
         return self.unit == "deg"
-
-    @property
-    def is_level(self) -> bool:
-        """True for a plane across the axis, its sides along x and y."""
-        return False
 
     def pixel_rad(self, pixels: int) -> float:
         """Angle of a pixel, of so many along the longer side, as seen from the lens where the receiver is nearest."""
@@ -99,7 +90,8 @@ class ReceiverSection(OfSeveralKinds, Section):
 
     def posed(self, centre_mm: Point, facing: Direction, rotation_deg: float) -> Self:
         """The receiver in another pose."""
-        return self.model_copy(update={"centre_mm": centre_mm, "facing": facing, "rotation_deg": rotation_deg})
+        pose = {"centre_mm": centre_mm, self.faces_by: facing, "tilt_deg": None, "rotation_deg": rotation_deg}
+        return self.model_copy(update={name: pose[name] for name in pose if name in type(self).model_fields})
 
     def require_outside(self, lens: AnyLens, limits: ConstraintsSection, distance: str) -> None:
         """Raise ``ValueError`` for a receiver inside the largest lens, or where its light cannot come.
@@ -107,16 +99,13 @@ class ReceiverSection(OfSeveralKinds, Section):
         ``distance``: name of the field that says how far away a plane is.
         """
         room_mm, largest_mm = self.clear_mm(ORIGIN), lens.extent_mm(limits)
+        radius_mm: float | None = getattr(self, "radius_mm", None)
+        field = "receivers" if radius_mm is None else f"receivers.radius_mm = {radius_mm:g}"
         if room_mm <= largest_mm:
             raise ValueError(
-                f"{self._own_size}: the {self.kind} leaves {room_mm:.4g} mm around the lens origin, it must leave more "
-                f"than {largest_of(lens)} = {largest_mm:.6g}"
+                f"{field}: the {self.kind} leaves {room_mm:.4g} mm around the lens origin, it must leave more than "
+                f"{largest_of(lens)} = {largest_mm:.6g}"
             )
-
-    @property
-    def _own_size(self) -> str:
-        """The field by which it is so near."""
-        return "receivers"
 
     @check
     def _targets_belong_here(self) -> None:
@@ -135,9 +124,8 @@ def _require_on_receiver(target: TargetSection, extent: tuple[float, float]) -> 
     if mask is not None and (mask[0] > width or mask[1] > height) and target.rotation_deg == 0.0:
         given = f"{mask[0]:g}" if mask[0] == mask[1] else f"({mask[0]:g}, {mask[1]:g})"
         raise ValueError(f"uniform_{unit} = {given} must not exceed the receiver's {_words(width, height, unit)}")
-    edge = getattr(target, "edge", 0.0)
-    if edge > max(width, height):
-        raise ValueError(f"edge_{unit} = {edge:g} must not exceed the receiver's {_words(width, height, unit)}")
+    if target.edge > max(width, height):
+        raise ValueError(f"edge_{unit} = {target.edge:g} must not exceed the receiver's {_words(width, height, unit)}")
 
 
 def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str) -> None:

@@ -4,7 +4,7 @@ A target may imply a receiver. Receivers lie outside the lens and, where it has 
 """
 
 from math import cos, dist, hypot, inf, pi, radians, sin
-from typing import Annotated, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, ClassVar, Literal, TypeVar
 
 from pydantic import Field
 
@@ -25,6 +25,8 @@ class PlaneReceiver(ReceiverSection):
     The side that faces the lens receives the light, whichever that is. The plane takes the axes x and y of the lens
     with it: tilted by the smallest rotation, then turned about its normal by ``rotation_deg``.
     """
+
+    faces_by: ClassVar[str] = "normal"
 
     kind: Literal["plane"] = "plane"
     centre_mm: tuple[Coordinate, Coordinate, Coordinate]
@@ -58,27 +60,12 @@ class PlaneReceiver(ReceiverSection):
         """Distance of the plane from the lens origin."""
         return self.clear_mm(ORIGIN)
 
-    @property
-    def window(self) -> tuple[float, float]:
-        """``window_mm``, or all of it."""
-        return self.window_mm or self.size
-
-    @property
-    def is_level(self) -> bool:
-        """True across the axis, with sides along x and y."""
-        return not any(self.facing[:2]) and self.rotation_deg == 0.0
-
     def clear_mm(self, place_mm: Point) -> float:
         """Distance of the plane from a place before it."""
         x, y, z = self.facing
         length: float = (x * x + y * y + z * z) ** 0.5
         across, up, away = (centre - place for centre, place in zip(self.centre_mm, place_mm, strict=True))
         return (x * across + y * up + z * away) / length
-
-    def posed(self, centre_mm: Point, facing: Direction, rotation_deg: float) -> Self:
-        """The plane in another pose, by its normal."""
-        changes = {"centre_mm": centre_mm, "normal": facing, "tilt_deg": None, "rotation_deg": rotation_deg}
-        return self.model_copy(update=changes)
 
     def require_outside(self, lens: AnyLens, limits: ConstraintsSection, distance: str) -> None:
         """Raise ``ValueError`` for a plane that the largest lens would meet, or that lies behind it."""
@@ -118,6 +105,7 @@ class FarFieldReceiver(ReceiverSection):
     words: ClassVar[str] = "in the far field, to {0.half_angle_deg:g}°"
     centre_mm: ClassVar[Point] = ORIGIN
     is_round: ClassVar[bool] = True
+    faces_by: ClassVar[str] = "axis"
 
     kind: Literal["far_field"] = "far_field"
     axis: Direction = (0.0, 0.0, 1.0)
@@ -149,10 +137,6 @@ class FarFieldReceiver(ReceiverSection):
         """Infinite: it is far away."""
         return inf
 
-    def posed(self, centre_mm: Point, facing: Direction, rotation_deg: float) -> Self:
-        """The far field about another axis; from where does not count."""
-        return self.model_copy(update={"axis": facing, "rotation_deg": rotation_deg})
-
     def require_outside(self, lens: AnyLens, limits: ConstraintsSection, distance: str) -> None:
         """Raise ``ValueError`` where all of it lies behind the source."""
         _require_ahead(self.facing, self.half_angle_deg, True)
@@ -180,10 +164,6 @@ class _CurvedReceiver(ReceiverSection):
     def clear_mm(self, place_mm: Point) -> float:
         """Distance of the screen from a place within it."""
         return self.radius_mm - dist(self.centre_mm, place_mm)
-
-    @property
-    def _own_size(self) -> str:
-        return f"receivers.radius_mm = {self.radius_mm:g}"
 
     @check
     def _faces_somewhere(self) -> None:

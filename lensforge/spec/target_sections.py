@@ -72,7 +72,8 @@ class TargetSection(OfSeveralKinds, InOneUnit):
     takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")
     far_field_only: ClassVar[bool] = False
     words: ClassVar[str]  # for it, by its fields and by the names of its lengths
-    across: ClassVar[str] = "width"  # the length that is its whole width, where it has one
+    across: ClassVar[str] = "width"  # the length that says how wide it is, where it has one
+    has_own_edge: ClassVar[bool] = False  # its light falls at the edge already
     has_word: ClassVar[bool] = False  # `lensforge new` takes what it needs in a word, ring:OUTERxINNER
 
     kind: str
@@ -147,8 +148,8 @@ class TargetSection(OfSeveralKinds, InOneUnit):
         raise NotImplementedError
 
     @property
-    def softness(self) -> float:
-        """Standard deviation of the Gaussian that its :meth:`light` is yet to be softened by, in its unit."""
+    def edge(self) -> float:
+        """Standard deviation of the Gaussian that softens its edges, in its unit; 0: sharp."""
         return 0.0
 
     @property
@@ -156,11 +157,6 @@ class TargetSection(OfSeveralKinds, InOneUnit):
         """Width and height of the pattern on a plane, as high as wide without a height; None without a size."""
         width_mm = getattr(self, f"{self.across}_mm", None)
         return None if width_mm is None else (width_mm, getattr(self, "height_mm", None) or width_mm)
-
-    @property
-    def beam_deg(self) -> float | None:
-        """Full angle of a beam that has one."""
-        return None
 
     @property
     def description(self) -> str:
@@ -201,11 +197,6 @@ class SoftTarget(TargetSection):
         """Standard deviation of the edges in the target's unit; 0: sharp."""
         value = self.length("edge")
         return value if isinstance(value, float) else 0.0
-
-    @property
-    def softness(self) -> float:
-        """Standard deviation of its edges."""
-        return self.edge
 
 
 class SizedTarget(TargetSection):

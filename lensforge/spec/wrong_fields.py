@@ -37,10 +37,6 @@ _GONE = {
     **dict.fromkeys(("half_width_mm", "half_width_deg"), "it is width now, the whole of it"),
     **{f"{name}_{unit}": f'it is {name} now, with unit = "{unit}"' for name in ("at_least", "at_most")
        for unit in ("w_per_m2", "lx", "w_per_sr", "cd", "relative")},
-    **dict.fromkeys(
-        ("stepover_mm", "slope_limit_mrad", "learning_rate", "uniformity_steps", "pixel_aspect", "waviness_exponent"),
-        "it is read no more; leave it out",
-    ),
 }  # fmt: skip
 _LISTS, _TABLES = ("tuple_type", "list_type"), ("model_type", "model_attributes_type", "dict_type")
 

@@ -12,7 +12,7 @@ by numbers alone by :func:`recorded`, any other by a class that extends :class:`
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import singledispatch
-from typing import Annotated, Any, Literal, Protocol, TypeVar, runtime_checkable
+from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -138,9 +138,11 @@ _Kind = TypeVar("_Kind", bound=type[Surface])
 class SurfaceRecord(OfSeveralKinds, Record):
     """A surface, by its kind and its numbers."""
 
+    of: ClassVar[Callable[..., Surface]]  # makes it of the other fields
+
     def surface(self) -> Surface:
         """The surface. Raises :class:`InputError` where it is none."""
-        raise NotImplementedError
+        return type(self).of(**self.model_dump(exclude={"kind"}))
 
 
 @singledispatch
@@ -158,8 +160,8 @@ def recorded(kind: str, words: str) -> Callable[[_Kind], _Kind]:
     def register(made: Any) -> Any:
         types: dict[str, Any] = {field.name: (field.type, ...) for field in fields(made)}
         tagged: dict[str, Any] = {"kind": (Literal[kind], ...), **types}
-        record: Any = create_model(f"{kind.capitalize()}Record", __base__=SurfaceRecord, __doc__=words, **tagged)
-        record.surface = lambda self: made(**{name: getattr(self, name) for name in types})
+        record = create_model(f"{kind.capitalize()}Record", __base__=SurfaceRecord, __doc__=words, **tagged)
+        record.of = made
         surface_record.register(made, lambda face: record(kind=kind, **{name: getattr(face, name) for name in types}))
         return made
 

@@ -21,7 +21,7 @@ from nightly import NIGHTLY, scaled
 from refusals import one_line
 
 import lensforge as lf
-from lensforge.spec.plate_outline import DrawnOutline
+from lensforge.spec.plate_section import DrawnOutline
 from lensforge.surfaces.step_outline import DRAWING, FOUND, JOB, _write_loops
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="forks")

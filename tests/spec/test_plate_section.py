@@ -13,7 +13,7 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.spec import Spec, load_spec
-from lensforge.spec.plate_outline import DrawnOutline
+from lensforge.spec.plate_section import DrawnOutline
 from lensforge.surfaces.plane_loop import area_mm2, box_of_loop
 from lensforge.surfaces.step_outline import DRAWING, FOUND, JOB, _write_loops
 
