@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _COMPUTE = ("torch", "numpy", "numba")  # another version of these may round differently
 

@@ -56,6 +56,7 @@ _FULL_OR_FAILING = {
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENFILE, errno.EMFILE, errno.ENOMEM,
     errno.EAGAIN,
 }  # fmt: skip
+_NEW_OPTIONS = {"--anyway": "--force", "--runout": "--extension"}  # by their names in earlier versions
 _CLEAN_UP_SECONDS = 2.0  # for what libraries do at the end of a program, after an interrupt
 
 
@@ -169,6 +170,8 @@ def _failure(error: BaseException) -> int:
         return max(_say(line, error.exit_code, beneath) for line, beneath in both)
     if isinstance(error, LensforgeError):
         return _say(str(error), error.exit_code)
+    if isinstance(error, click.NoSuchOption) and error.option_name in _NEW_OPTIONS:
+        return _say(f"No such option: {error.option_name}; it is {_NEW_OPTIONS[error.option_name]} now", 2)
     if isinstance(error, click.ClickException):
         return _say(f"{error.format_message().rstrip('.')}; see --help", 2)
     if isinstance(error, MemoryError):

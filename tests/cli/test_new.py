@@ -82,6 +82,8 @@ def test_what_is_impossible_is_said_at_once_and_not_written(tmp_path: Path) -> N
     code, output, errors = lensforge("new", *cob, "--force")
     assert code == 0 and parse_spec(tomllib.loads(output), "cob").constraints.max_radius_mm == 14.0
     assert "25.2 %" in errors
+    code, _, said = lensforge("new", *cob, "--anyway")
+    assert code == 2 and "No such option: --anyway; it is --force now" in said
 
 
 def test_a_ray_file_and_a_photometric_file_are_named_from_the_folder_of_the_spec(tmp_path: Path) -> None:

@@ -123,7 +123,7 @@ def test_tracer_shares_no_code() -> None:
         imported = {a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
         imported |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
         tops = {name.split(".")[0] for name in imported}
-        outside = {"dataclasses", "itertools", "pathlib", "matplotlib", "numpy", "PIL", "scipy"}
+        outside = {"dataclasses", "functools", "itertools", "json", "pathlib", "matplotlib", "numpy", "PIL", "scipy"}
         assert tops <= outside | {"page_tracer", "page_chain"}
         assert not [n for n in ast.walk(tree) if isinstance(n, ast.Name) and n.id in ("__import__", "exec", "eval")]
 
