@@ -58,7 +58,7 @@ def main() -> None:
     light = evaluate_lens(found.lens, source, PRESETS[options.accuracy])
     check = check_lens(found.lens)
     faces = check.faces.values()
-    missed = [criterion.name for criterion in found.criteria if not criterion.passed]
+    missed = [criterion.key for criterion in found.criteria if not criterion.holds]
     columns = [
         constraints_text(options),
         f"{light.uniformity.value:.3f}" if light.uniformity is not None else "-",

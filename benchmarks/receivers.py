@@ -56,7 +56,8 @@ def rows(folder: Path) -> Iterator[tuple[str, ...]]:
             f"{run.design.seconds:.0f} s",
         )
     for limit in run.light.limits:
-        yield (folder.name, limit.receiver, str(limit), limit.state, "", "", "", "")
+        words = f"{limit.label}: {limit.note} {limit.text}, must be {limit.asked}"
+        yield (folder.name, limit.place, words, limit.outcome, "", "", "", "")
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from lensforge.errors import (
     MissingResult,
     SourceWarning,
 )
-from lensforge.light.evaluation_result import Light, LimitResult
+from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import evaluate
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import Possible
@@ -33,8 +33,7 @@ from lensforge.report.pipeline import build, check, handover, photometry, run, s
 from lensforge.report.results import Results, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
-from lensforge.results import Conditions, Metric, StageResult
-from lensforge.results.criteria import Criterion
+from lensforge.results import Conditions, Fact, Metric, StageResult
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
@@ -86,9 +85,9 @@ from lensforge.version import __version__
 
 __all__ = [
     "BaseSection", "BeamAngleLimit", "Cancelled", "Check", "Chip", "ColourSection", "Conditions",
-    "ConstraintsSection", "Correction", "CosineIntensity", "Criterion", "CriterionMissed", "Design", "DrawingSection",
-    "EvaluateSection", "FaceSection", "FaceTolerances", "FileSpectrum", "FileWarning", "GaussianSpectrum",
-    "GlareLimit", "Handover", "InputError", "Lens", "LensSection", "LensforgeError", "Light", "LimitResult",
+    "ConstraintsSection", "Correction", "CosineIntensity", "CriterionMissed", "Design", "DrawingSection",
+    "EvaluateSection", "FaceSection", "FaceTolerances", "Fact", "FileSpectrum", "FileWarning", "GaussianSpectrum",
+    "GlareLimit", "Handover", "InputError", "Lens", "LensSection", "LensforgeError", "Light",
     "LineLimit", "LineSpectrum", "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OptimiseSection",
     "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "Photometry",
     "PhotometrySection", "PointsLimit", "Possible", "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart",

@@ -18,7 +18,7 @@ from lensforge.cad.custom_base import solids_in, tessellated
 from lensforge.cad.mesh import BodyMesh, manifold_of
 from lensforge.cad.part import KeepOutDistance
 from lensforge.errors import InputError
-from lensforge.results.criteria import Criterion, at_least
+from lensforge.results.criteria import Criteria, at_least
 from lensforge.results.file_bounds import MOST_STEP_MIB
 from lensforge.results.files import MIB, read_file
 from lensforge.spec import BaseSection, Spec
@@ -174,7 +174,7 @@ _RIM_MM = 1e-5  # from z = 0: a place on the rim of an exported face
 _UNMEASURED = "the mesh of the lens is not closed: change the number of rings, and export again"
 
 
-def keep_out_criteria(spec: Spec, measured: KeepOutDistance | None) -> tuple[Criterion, ...]:
+def keep_out_criteria(spec: Spec, measured: KeepOutDistance | None) -> Criteria:
     """The criterion on the distance, but for the errors of both meshes; none for a spec without a keep-out."""
     limits = spec.constraints
     if limits.keep_out is None:

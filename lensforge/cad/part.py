@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cached_property
 from numbers import Real
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -21,7 +21,6 @@ from lensforge.cad.plate_result import (
 from lensforge.errors import InputError
 from lensforge.results import (
     BodySize,
-    Bound,
     Box,
     Count,
     Extent,
@@ -39,7 +38,8 @@ from lensforge.results import (
     StageResult,
     Text,
 )
-from lensforge.results.criteria import Criterion, kept
+from lensforge.results.criteria import Criteria
+from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 
@@ -126,9 +126,6 @@ class Part(StageResult):
     """
 
     stage: ClassVar[str] = "export"
-    judged: ClassVar[Mapping[str, str]] = {
-        "form_error": "form_error_nm.max", "normal_error": "normal_error_mrad.max", "watertight": "watertight",
-    }  # fmt: skip
 
     lens: Annotated[Lens, Given()]
     form_error_nm: Extent
@@ -152,7 +149,7 @@ class Part(StageResult):
     plate: Plate | None = None
     files: dict[Text, FileStamp]
     seconds: NotNegative
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
     step: Annotated[bytes, InFile(STEP_FILE), _CONTENT]
     stl: Annotated[bytes, InFile(STL_FILE), _CONTENT]
     threemf: Annotated[bytes, InFile(THREEMF_FILE), _CONTENT]
@@ -181,6 +178,11 @@ class Part(StageResult):
         """Bytes of every file of the part that there is, by its name."""
         each = ((name, getattr(self, field)) for field, _, name in self._files(self.stage))
         return {name: content for name, content in each if content is not None}
+
+    @property
+    def closed_or_not(self) -> str:
+        """The state of the mesh in words."""
+        return "closed" if self.watertight else "not closed"
 
     @property
     def size(self) -> BodySize:
@@ -235,54 +237,42 @@ class Part(StageResult):
 
 def part_facts(part: Part) -> list[Group]:
     """One group on solid and files, and one on the plate."""
-    groups = [Group("files", "Files as read back", (*_errors(part), *_solid(part), *_mould(part)))]
+    groups = [Group("files", "Files as read back", (*facts_of(part, _FILES, judged=part.criteria), *_mould(part)))]
     if part.plate is not None:
         sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}
         groups.append(plate_facts(part.plate, part.criteria, sizes))
     return groups
 
 
-def _errors(part: Part) -> Iterator[Fact]:
-    form, normal = part.form_error_nm, part.normal_error_mrad
-    yield Fact(
+_FILES = (
+    Row(
         "form_error",
         "Form error",
-        form.max,
-        "nm",
-        **kept(part.criteria, "form_error"),
-        note=f"largest of the optical faces in the STEP file; {quantity(form.rms, 'nm', digits=2)} rms",
+        "form_error_nm.max",
+        "largest of the optical faces in the STEP file; {form_error_nm.rms:2} rms",
         digits=2,
-    )
-    yield Fact(
+        like="form_error",
+    ),
+    Row(
         "normal_error",
         "Error of the normals",
-        normal.max,
-        "mrad",
-        **kept(part.criteria, "normal_error"),
-        note=f"largest; {quantity(normal.rms, 'mrad', digits=2)} rms",
+        "normal_error_mrad.max",
+        "largest; {normal_error_mrad.rms:2} rms",
         digits=2,
-    )
-    if part.keep_out is not None:
-        margin = Bound(">=", part.lens.spec.constraints.keep_out_margin_mm)
-        state = kept(part.criteria, "keep_out_distance").get("state", "")
-        yield Fact(
-            "keep_out",
-            "Keep-out distance",
-            part.keep_out.distance_mm,
-            "mm",
-            limit=margin,
-            state=state,
-            note="of lens and base from the keep-out solid",
-        )
-
-
-def _solid(part: Part) -> Iterator[Fact]:
-    yield Fact("volume", "Volume", part.volume_mm3, "mm³", note="of the solid, base included", digits=5)
-    if part.mass_g is not None:
-        yield Fact("mass", "Mass", part.mass_g, "g", note="by the density of the spec")
-    facets = quantity(part.triangulation.triangles, "facets")
-    yield Fact("mesh", "Mesh", "closed" if part.watertight else "not closed", note=f"{facets}, genus {part.genus}")
-    yield Fact("schema", "STEP schema", part.step_schema)
+        like="normal_error",
+    ),
+    Row(
+        "keep_out",
+        "Keep-out distance",
+        "keep_out.distance_mm",
+        "of lens and base from the keep-out solid",
+        like="keep_out_distance",
+    ),
+    Row("volume", "Volume", "volume_mm3", "of the solid, base included", digits=5),
+    Row("mass", "Mass", "mass_g", "by the density of the spec", "g"),
+    Row("mesh", "Mesh", "closed_or_not", "{triangulation.triangles} facets, genus {genus}"),
+    Row("schema", "STEP schema", "step_schema"),
+)
 
 
 def _mould(part: Part) -> Iterator[Fact]:

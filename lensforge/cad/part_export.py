@@ -48,14 +48,14 @@ from lensforge.cad.step import (
 )
 from lensforge.optics.media import FLANGE
 from lensforge.results import Extent
-from lensforge.results.criteria import Criterion, at_most
+from lensforge.results.criteria import Criteria, at_most
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
 from lensforge.surfaces.step_file import Schema, parts_of
 from lensforge.surfaces.surface import scaled
 
 
-def untrimmed_criteria(untrimmed: UntrimmedSurfaces | None) -> tuple[Criterion, ...]:
+def untrimmed_criteria(untrimmed: UntrimmedSurfaces | None) -> Criteria:
     """The criteria on the faces of ``lens_surfaces.step``; none where there is no such file."""
     if untrimmed is None:
         return ()
@@ -195,7 +195,7 @@ def _untrimmed(
     return untrimmed, content
 
 
-def _criteria(body: BuiltBody, proof: BodyProof, form: FormError) -> tuple[Criterion, ...]:
+def _criteria(body: BuiltBody, proof: BodyProof, form: FormError) -> Criteria:
     """The criteria that the files must meet before they go to a shop."""
     solid = proof.solid
     measured = {

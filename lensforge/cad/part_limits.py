@@ -5,8 +5,8 @@ Every value is measured by reading the files back.
 
 from collections.abc import Callable, Mapping, Sequence
 
-from lensforge.results import Positive, Record, Text
-from lensforge.results.criteria import Criterion, at_least, at_most
+from lensforge.results import Fact, Positive, Record, Text
+from lensforge.results.criteria import Criteria, at_least, at_most
 from lensforge.spec import Spec
 from lensforge.spec.spec_section import CalendarDate
 
@@ -18,31 +18,60 @@ FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
 ANGLE_TOLERANCE_DEG = 0.02
 FIT_TOLERANCE = 1e-6  # of the radius of a ball that is to fit: 1 nm for a cutter of 1 mm
 ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading: all digits are written
+CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's areas err by 1e-7 at most where rims are short
 
 
-def part_criteria(
-    measured: Mapping[str, float], mesh_volume_limit: float, faults: Sequence[str] = ()
-) -> tuple[Criterion, ...]:
-    """The criteria that the files must meet before they go to a shop, on what is ``measured``, by their names.
+# Compared how, with what limit and unit, and what a remedy must change: by the name of the figure, in the files' order.
+_LIMITS: dict[str, tuple[Callable[..., Fact], float | None, str, str]] = {
+    "form_error": (at_most, FORM_LIMIT_NM, "nm", "faces"),
+    "normal_error": (at_most, NORMAL_LIMIT_MRAD, "mrad", "faces"),
+    "step_valid": (at_least, 1.0, "", "solid"),
+    "step_volume_change": (at_most, ROUND_TRIP_LIMIT, "", "faces"),
+    "volume_error": (at_most, CLOSED_FORM_LIMIT, "", "shape"),
+    "watertight": (at_least, 1.0, "", "mesh"),
+    "watertight_3mf": (at_least, 1.0, "", "mesh"),
+    "genus_difference": (at_most, 0.0, "", "mesh"),
+    "mesh_volume_change": (at_most, None, "", "facets"),
+}
 
-    ``mesh_volume_limit``: relative, what flat facets cut off. ``faults``: names of faces that are not valid. Flags
-    count as 1 or 0.
+
+def file_criteria(
+    measured: Mapping[str, float], mesh_volume_limit: float, remedies: Mapping[str, str], start: str = ""
+) -> Criteria:
+    """The criteria that files must meet before they go to a shop, on what is ``measured``, by their names.
+
+    ``mesh_volume_limit``: relative, what flat facets cut off. ``remedies``: by what they change. ``start``: of the
+    names. Flags count as 1 or 0.
     """
-    finer, rings = "raise the number of nodes", "change the number of rings"
-    wrong = f"try another base.diameter_mm, or no base; not valid: {', '.join(faults) or 'the whole solid'}"
-    limits: dict[str, tuple[Callable[..., Criterion], float, str, str]] = {
-        "form_error": (at_most, FORM_LIMIT_NM, "nm", finer),
-        "normal_error": (at_most, NORMAL_LIMIT_MRAD, "mrad", finer),
-        "step_valid": (at_least, 1.0, "", wrong),
-        "step_volume_change": (at_most, ROUND_TRIP_LIMIT, "", finer),
-        "watertight": (at_least, 1.0, "", rings),
-        "watertight_3mf": (at_least, 1.0, "", rings),
-        "genus_difference": (at_most, 0.0, "", rings),
-        "mesh_volume_change": (at_most, mesh_volume_limit, "", "raise the number of rings"),
-    }
     return tuple(
-        compared(name, measured[name], limit, unit, remedy) for name, (compared, limit, unit, remedy) in limits.items()
+        compared(
+            f"{start}{name}", measured[name], mesh_volume_limit if limit is None else limit, unit, remedies[change]
+        )
+        for name, (compared, limit, unit, change) in _LIMITS.items()
+        if name in measured
     )
+
+
+def part_criteria(measured: Mapping[str, float], mesh_volume_limit: float, faults: Sequence[str] = ()) -> Criteria:
+    """The criteria on the files of a part; ``faults``: names of faces that are not valid."""
+    remedies = {
+        "faces": "raise the number of nodes",
+        "solid": f"try another base.diameter_mm, or no base; not valid: {', '.join(faults) or 'the whole solid'}",
+        "mesh": "change the number of rings",
+        "facets": "raise the number of rings",
+    }
+    return file_criteria(measured, mesh_volume_limit, remedies)
+
+
+def plate_criteria(measured: Mapping[str, float], mesh_volume_limit: float, faults: Sequence[str] = ()) -> Criteria:
+    """The criteria on the files of a plate; ``faults``: names of faces that are not valid."""
+    again = "move holes and pins, or change plate.thickness_mm"
+    remedies = {
+        "faces": "export with more --nodes",
+        "solid": f"{again}; not valid: {', '.join(faults[:5]) or 'the whole solid'}",
+        **dict.fromkeys(("shape", "mesh", "facets"), again),
+    }
+    return file_criteria(measured, mesh_volume_limit, remedies, "plate_")
 
 
 def mass_g(spec: Spec, volume_mm3: float) -> float | None:

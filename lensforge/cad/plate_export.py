@@ -17,18 +17,18 @@ from lensforge.cad.boundary import Boundary, Pair
 from lensforge.cad.mesh import BodyMesh, check_closed, manifold_of, mesh_error
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.outline import sampled_azimuths
-from lensforge.cad.part_limits import mass_g, mesh_volume_limit
+from lensforge.cad.part_limits import mass_g, mesh_volume_limit, plate_criteria
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_directions, rim_radius
 from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
-from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate, plate_criteria
+from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate
 from lensforge.cad.plate_solid import BOSS_ROOF, PIN_END, PLATE_BOTTOM, build_plate_solid
 from lensforge.cad.solid import Shapes, Solid, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
 from lensforge.results.brep_size import spline_poles
-from lensforge.results.criteria import Criterion
+from lensforge.results.criteria import Criteria
 from lensforge.results.files import MIB
 from lensforge.results.record import MOST_FILE_BYTES
 from lensforge.scene.lens import Lens
@@ -47,7 +47,7 @@ class BuiltPlate:
     """Figures, criteria, and files by their names."""
 
     figures: Plate
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
     files: dict[str, bytes]
 
 

@@ -201,10 +201,10 @@ def _row(fact: Fact) -> Row:
 
 def _limit_rows(group: Group) -> Iterator[Row]:
     """The number of limits that are held, and the first of the others."""
-    others = [fact for fact in group.facts if fact.state != "pass"]
+    others = [fact for fact in group.facts if not fact.holds]
     yield "Limits", f"{len(group.facts) - len(others)} of {len(group.facts)} held"
     for fact in others[:_MOST_LIMITS]:
-        yield f"  {'missed' if fact.state == 'fail' else 'undecided'}", f"{fact.label}: {fact.sentence}"
+        yield f"  {fact.outcome}", f"{fact.label}: {fact.sentence}"
     if len(others) > _MOST_LIMITS:
         yield "", f"and {len(others) - _MOST_LIMITS} more, in evaluate.json"
 

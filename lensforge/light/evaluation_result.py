@@ -1,81 +1,56 @@
 """The result of the evaluation: the light on every receiver, how it was simulated, and the judgement of each limit."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, ClassVar, get_args
 
 from pydantic import Field
 
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.results import (
-    Bound,
     Conditions,
     Count,
     Fact,
     Image,
     Metric,
     NotNegative,
-    Number,
     Positive,
     Record,
-    Sense,
     SimulatedResult,
-    State,
     Text,
     stated,
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
-from lensforge.results.criteria import Criterion, at_most
+from lensforge.results.criteria import Criteria, at_most
+from lensforge.results.fact import StoredAs
 from lensforge.results.record import MOST_PIXELS
-from lensforge.results.verdict import judge
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-LimitState = Literal["held", "missed", "undecided"]
-_WORDS: dict[State, LimitState] = {"pass": "held", "fail": "missed", "undecided": "undecided"}
+def _completed(limit: Fact) -> Fact:
+    """The limit with its state: undecided within two standard errors of its bound, and without a standard error."""
+    if limit.limit is None or limit.value is None:
+        raise ValueError("value and bound: must be numbers")
+    return replace(limit, key="limit").judged(limit.standard_error)
 
 
-class LimitResult(Record):
-    """A limit of the spec: the ``value`` that decides must be ``sense`` ``bound``, in ``unit`` ("" for a ratio).
-
-    ``value``: of the place with the least light, or the most. ``state``: "undecided" within two standard errors of the
-    bound, and without a standard error.
-    """
-
-    name: Text
-    receiver: Text
-    quantity: Text
-    value: Metric
-    sense: Sense
-    bound: Number
-    unit: Text
-
-    @stated
-    def state(self) -> LimitState:
-        """The judgement, by value, standard error and bound."""
-        return _WORDS[judge(self.value.value, self.sense, self.bound, self.value.standard_error)]
-
-    def fact(self, note: str = "", possible: Bound | None = None) -> Fact:
-        """The limit as a fact; ``possible``: the most that physics allows."""
-        states: dict[LimitState, State] = {word: state for state, word in _WORDS.items()}
-        return Fact(
-            "limit",
-            self.name,
-            self.value.value,
-            self.unit,
-            self.value.standard_error,
-            Bound(self.sense, self.bound),
-            possible,
-            states[self.state],
-            note,
-        )
-
-    def __str__(self) -> str:
-        fact = self.fact()
-        return f"{self.name}: {self.quantity} {fact.text}, must be {fact.asked}"
+_STORED = StoredAs(
+    {
+        "name": "label",
+        "receiver": "place",
+        "quantity": "note",
+        "value": "metric",
+        "sense": "sense",
+        "bound": "limit",
+        "unit": "unit",
+        "state": "outcome",
+    },
+    _completed,
+)
+JudgedLimits = tuple[Annotated[Fact, _STORED], ...]
 
 
 class TableError(Record):
@@ -115,11 +90,11 @@ class LedLight(Record):
     name: Text
     source: Text
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
-    limits: tuple[LimitResult, ...] = ()
+    limits: JudgedLimits = ()
     ways: tuple[LightWay, ...] = ()
     rays: Count
     lumens_per_watt: Positive | None
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
 
     @staticmethod
     def of(name: str, source: str, light: "Light") -> "LedLight":
@@ -128,7 +103,7 @@ class LedLight(Record):
         return LedLight(name=name, source=source, **{field: getattr(light, field) for field in kept})
 
 
-def light_criteria(flux: Flux) -> tuple[Criterion, ...]:
+def light_criteria(flux: Flux) -> Criteria:
     """The one criterion on a simulation: a search for a crossing that gives up must not lose any light."""
     remedy = "take a higher accuracy; please report the lens.json"
     return (at_most("flux not converged", flux.not_converged, 0.0, "of the source", remedy),)
@@ -147,10 +122,9 @@ class Light(SimulatedResult):
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
     told_if_any: ClassVar[tuple[str, ...]] = ("ways",)
-    judged: ClassVar[Mapping[str, str]] = {"flux not converged": "first.flux.not_converged"}
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
-    limits: tuple[LimitResult, ...] = ()
+    limits: JudgedLimits = ()
     ways: tuple[LightWay, ...] = ()
     led: str = ""
     others: tuple[LedLight, ...] = ()
@@ -165,7 +139,7 @@ class Light(SimulatedResult):
     fitted: FittedLight | None = None
     seed: Count
     seconds: NotNegative
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
 
     @property
     def by_led(self) -> "dict[str, Light]":

@@ -1,11 +1,11 @@
 """Limits judged: the figure that decides on each, by readings of the light, without the noise that would choose it."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.metrics import (
     jackknife_metric,
     largest_without_noise,
@@ -16,7 +16,7 @@ from lensforge.light.metrics import (
     with_error,
 )
 from lensforge.light.receiver_light import ReceiverLight
-from lensforge.results import Metric, Sense
+from lensforge.results import Fact, Metric, Sense
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.road_classes import Ask, glare_law
 from lensforge.sources.intensity import width_above
@@ -29,7 +29,7 @@ Readings = Float[np.ndarray, "r k"]
 
 def judged_limits(
     limits: Sequence[LightLimit], images: Sequence[Float[np.ndarray, "_ _ _"]], names: Sequence[str]
-) -> tuple[LimitResult, ...]:
+) -> tuple[Fact, ...]:
     """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
     return tuple(judged(limit, names[limit.receiver], limit_value(limit, images[limit.receiver])) for limit in limits)
 
@@ -49,20 +49,16 @@ _QUANTITIES = {
 }
 
 
-def judged(limit: LightLimit | Ask, receiver: str, value: Metric) -> LimitResult:
-    """The result of a limit on ``receiver``, or of what the class of a road of this name asks for."""
-    return LimitResult(
-        name=limit.name,
-        receiver=receiver,
-        quantity=_QUANTITIES[limit.quantity],
-        value=value,
-        sense=limit.sense,
-        bound=limit.bound,
-        unit=limit.unit,
-    )
+def judged(limit: LightLimit | Ask, receiver: str, value: Metric) -> Fact:
+    """The limit judged on ``receiver``, or what the class of a road of this name asks for.
+
+    ``value``: of the place that decides, that with the least light or the most.
+    """
+    asked, quantity = {"sense": limit.sense, "limit": float(limit.bound)}, _QUANTITIES[limit.quantity]
+    return replace(Fact.measured("limit", limit.name, value, quantity, place=receiver, **asked), unit=limit.unit)
 
 
-def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -> Iterator[LimitResult]:
+def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -> Iterator[Fact]:
     """Judge the limits on the colour on each receiver; in the dark each is missed."""
     if section is None:
         return
@@ -70,14 +66,13 @@ def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -
     for receiver in lit:
         for words, bound in bounds.items():
             if bound is not None:
-                yield LimitResult(
-                    name=f"Δu′v′ {words} {BEAMS[section.within]}",
-                    receiver=receiver.name,
-                    quantity="distance from the mean colour",
-                    value=_NO_COLOUR if receiver.colour is None else getattr(receiver.colour, words),
-                    sense="<=",
-                    bound=bound,
-                    unit="",
+                yield Fact.measured(
+                    "limit",
+                    f"Δu′v′ {words} {BEAMS[section.within]}",
+                    _NO_COLOUR if receiver.colour is None else getattr(receiver.colour, words),
+                    "distance from the mean colour",
+                    limit=bound,
+                    place=receiver.name,
                 )
 
 

@@ -6,36 +6,39 @@ little of the light lands there; ``light_bounds`` holds both bounds.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.light_ways import leak_facts, way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
-from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
+from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judged_figures
 from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement
 from lensforge.optics.fundamental_limits import transmittance_of
-from lensforge.results import Bound, Fact, Group
+from lensforge.results import Fact, Group
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
+from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import number, percent, quantity
-from lensforge.results.verdict import Reason, judge
+from lensforge.results.verdict import Reason
 from lensforge.scene.lens import Lens
 from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import BeamAngleLimit
 from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES
 
-LimitBounds = Mapping[tuple[str, float], Bound]  # what is possible, by a limit's name and bound
+
+class Attainable(NamedTuple):
+    """Most light that physics allows, and the law that says so."""
+
+    value: float
+    law: str
+
+
+LimitBounds = Mapping[tuple[str, float], Attainable]  # by a limit's name and bound
 _SMALLER = "a larger lens, a smaller source or"
 _LIGHT = {"cd": "luminous intensity", "W/sr": "radiant intensity", "lx": "illuminance", "W/m²": "irradiance"}
-METRICS = {
-    "nmse": "Pattern error (NMSE)",
-    "efficiency": "Efficiency",
-    "share_in_target": "Light in the target",
-    "uniformity": "Uniformity",
-    "rsd": "RSD",
-}
 
 
 def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -> list[Group]:
@@ -85,10 +88,11 @@ def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Itera
 def limit_facts(light: Light, possible: LimitBounds | None = None, end: str = "") -> Iterator[Fact]:
     """A fact for each limit of the spec; ``end``: of its label."""
     for limit in light.limits:
-        on = f", on {limit.receiver}" if len(light.receivers) > 1 else ""
-        quantity = _LIGHT.get(limit.unit, "light") if limit.quantity == "light" else limit.quantity
-        fact = limit.fact(f"{quantity}{on}", (possible or {}).get((limit.name, limit.bound)))
-        yield replace(fact, label=f"{fact.label}{end}") if end else fact
+        on = f", on {limit.place}" if len(light.receivers) > 1 else ""
+        quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
+        told = replace(limit, label=f"{limit.label}{end}", note=f"{quantity}{on}")
+        most = (possible or {}).get((limit.label, limit.bound))
+        yield told if most is None else replace(told, possible=most.value, possible_note=most.law)
 
 
 def metric_facts(metrics: LightMetrics, note: str = "") -> tuple[Fact, ...]:
@@ -131,22 +135,20 @@ def unit_on(light: Light, receiver: ReceiverLight) -> LightUnit:
 
 def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
     receiver, mask = light.receivers[index], f"in the mask {mask_words(lens.spec, index)}"
-    bounds = {} if lens.spec.has_limits else bounds_on(receiver, transmittance_of(lens.media))
+    judged = {} if lens.spec.has_limits else judged_figures(receiver, transmittance_of(lens.media))
     if lens.spec.optimise.aim == "pattern":
-        yield _error_of_pattern(receiver, bounds.get("nmse"))
-    yield _share_in_target(receiver, bounds.get("share_in_target"))
+        yield _error_of_pattern(receiver, judged.get("nmse"))
+    yield _share_in_target(receiver, judged.get("share_in_target"))
     yield Fact.share(
         "efficiency",
         METRICS["efficiency"],
         receiver.efficiency,
         f"share of the LED’s flux {window_words(receiver)}",
-        possible=Bound(
-            "<=",
-            100.0 * receiver.possible.efficiency,
-            "the mirror reflects no more"
-            if lens.spec.lens.is_opaque
-            else "two faces transmit no more, and turn no further",
-        ),
+        sense=">=",
+        possible=receiver.possible.efficiency,
+        possible_note="the mirror reflects no more"
+        if lens.spec.lens.is_opaque
+        else "two faces transmit no more, and turn no further",
     )
     if receiver.uniformity is not None:
         yield Fact.measured(
@@ -159,35 +161,30 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
         yield from _colour(receiver.colour)
 
 
-def _error_of_pattern(receiver: ReceiverLight, largest: Bound | None) -> Fact:
-    """Error of the pattern, judged where there is a bound."""
-    nmse, possible = receiver.nmse, receiver.possible
-    least = Bound(">=", possible.nmse, f"{_estimate(receiver)}étendue of each pixel, for the light that arrives")
-    return Fact.measured(
-        "nmse",
-        METRICS["nmse"],
-        nmse,
-        f"mean square deviation over the target’s mean square{_by_pixels(receiver)}",
-        limit=largest,
-        possible=least if possible.nmse > 0.0 else None,
-        state="" if largest is None else judge(nmse.value, "<=", largest.value, nmse.standard_error),
+def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
+    """Error of the pattern; ``judged``: with its limit, where there is one."""
+    possible = receiver.possible
+    told = judged or Fact.measured("nmse", METRICS["nmse"], receiver.nmse)
+    return replace(
+        told,
+        note=f"mean square deviation over the target’s mean square{_by_pixels(receiver)}",
+        possible=possible.nmse if possible.nmse > 0.0 else None,
+        possible_note=f"{_estimate(receiver)}étendue of each pixel, for the light that arrives",
         remedy=f"{_SMALLER} a coarser pattern",
     )
 
 
-def _share_in_target(receiver: ReceiverLight, fewest: Bound | None) -> Fact:
-    """Light in the target, judged where there is a bound."""
-    share, possible = receiver.share_in_target, receiver.possible
-    return Fact.share(
-        "share_in_target",
-        METRICS["share_in_target"],
-        share,
-        "share of the LED’s flux that lands where the target is bright",
-        limit=None if fewest is None else replace(fewest, value=100.0 * fewest.value),
-        possible=Bound("<=", 100.0 * possible.share_in_target, f"{_estimate(receiver)}{possible.law}"),
-        state="" if fewest is None else judge(share.value, ">=", fewest.value, share.standard_error),
+def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
+    """Light in the target; ``judged``: with its limit, where there is one."""
+    possible = receiver.possible
+    told = judged or Fact.measured("share_in_target", METRICS["share_in_target"], receiver.share_in_target, sense=">=")
+    return replace(
+        told,
+        note="share of the LED’s flux that lands where the target is bright",
+        possible=possible.share_in_target,
+        possible_note=f"{_estimate(receiver)}{possible.law}",
         remedy=f"{_SMALLER} a wider target",
-    )
+    ).in_percent
 
 
 def _estimate(receiver: ReceiverLight) -> str:
@@ -220,21 +217,23 @@ def _in_region(receiver: ReceiverLight, unit: LightUnit) -> Iterator[Fact]:
     )
 
 
+_COLOUR = (
+    Row("colour_u", "Colour u′", "u", "of all light {beam}, mixed"),
+    Row("colour_v", "Colour v′", "v"),
+    Row("cct", "Colour temperature", "cct", "{temperature}", none="none"),
+    Row("duv", "Duv", "duv", "distance from Planck’s locus, positive towards green"),
+    Row("rms_delta_uv", "Δu′v′ rms", "rms", "from that colour, {beam}"),
+    Row("worst_delta_uv", "Δu′v′ worst", "worst", "of a pixel there"),
+)
+
+
 def _colour(found: BeamColour | None) -> Iterator[Fact]:
     """Colour of the beam, and how far colours in it are from that."""
     if found is None:
-        yield Fact("colour_u", "Colour", "no light")
-        return
+        return iter([Fact("colour_u", "Colour", "no light")])
+    temperature = "Duv above 0.05" if found.cct is None else "correlated (Ohno 2013)"
     beam = f"where the light is above {percent(found.level)} of its peak"
-    yield Fact.measured("colour_u", "Colour u′", found.u, f"of all light {beam}, mixed")
-    yield Fact.measured("colour_v", "Colour v′", found.v)
-    if found.cct is None:
-        yield Fact("cct", "Colour temperature", "none", note="Duv above 0.05")
-    else:
-        yield Fact.measured("cct", "Colour temperature", found.cct, "correlated (Ohno 2013)")
-        yield Fact.measured("duv", "Duv", found.duv, "distance from Planck’s locus, positive towards green")
-    yield Fact.measured("rms_delta_uv", "Δu′v′ rms", found.rms, f"from that colour, {beam}")
-    yield Fact.measured("worst_delta_uv", "Δu′v′ worst", found.worst, "of a pixel there")
+    return facts_of(found, _COLOUR, beam=beam, temperature=temperature)
 
 
 def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
@@ -316,20 +315,21 @@ def road_facts(found: RoadJudgement) -> Group:
     by_luminance = found.lighting_class in (M_CLASSES | RP8_CLASSES)
     note = f"{found.standard}; reached: {found.reached}"
     facts = [Fact("road_class", "Class", found.lighting_class, note=note)]
-    facts += [replace(limit.fact(), key=f"road_{number}") for number, limit in enumerate(found.limits)]
+    facts += [replace(limit, key=f"road_{number}", note="") for number, limit in enumerate(found.limits)]
     for driver in found.drivers if by_luminance else ():
         words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
-    facts += [
-        Fact.measured("road_lx", "Mean illuminance", found.mean_lx),
-        Fact.measured("road_least_lx", "Least illuminance", found.least_lx),
-        Fact("surface", "Surface", found.surface, note=f"Q0 {found.q0:.3g}, S1 {_s1_words(found.s1)}"),
-    ]
-    if found.power_density is not None:
-        facts.append(Fact.measured("power_density", "Power density D_P", found.power_density))
-    if found.yearly_energy is not None:
-        facts.append(Fact.measured("yearly_energy", "Energy of a year", found.yearly_energy))
+    facts += facts_of(found, _ROAD, q0=f"{found.q0:.3g}", s1=_s1_words(found.s1))
     return Group("road", found.name, tuple(facts))
+
+
+_ROAD = (
+    Row("road_lx", "Mean illuminance", "mean_lx"),
+    Row("road_least_lx", "Least illuminance", "least_lx"),
+    Row("surface", "Surface", "surface", "Q0 {q0}, S1 {s1}"),
+    Row("power_density", "Power density D_P", "power_density"),
+    Row("yearly_energy", "Energy of a year", "yearly_energy"),
+)
 
 
 def _s1_words(s1: float | None) -> str:
@@ -341,7 +341,7 @@ def spacing_fact(held: HeldSpacing | None) -> Fact:
     """The largest spacing of a road at which its class is held."""
     if held is None:
         return Fact("largest_spacing", "Largest spacing", "none holds the class")
-    beyond = "" if held.beyond is None else f"; beyond that {held.beyond.name} is missed"
+    beyond = "" if held.beyond is None else f"; beyond that {held.beyond.label} is missed"
     note = f"held from {quantity(held.least, 'm')} on{beyond}"
     return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
 

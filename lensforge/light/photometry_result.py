@@ -6,7 +6,7 @@ rays taken off: the largest of many noisy numbers is too large. A standard error
 samples of the rays, by the error of the level, and by interpolation: what a table of half the steps changes.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -31,7 +31,7 @@ from lensforge.results import (
     SimulatedResult,
     Text,
 )
-from lensforge.results.criteria import Criterion, at_most
+from lensforge.results.criteria import Criteria, at_most
 from lensforge.results.files import MIB
 from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, TabulatedIntensity, plane_profile, width_above
 from lensforge.sources.photometric.photometric_file import turned_over
@@ -175,12 +175,13 @@ class WrittenFiles(Record):
 
 
 _FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
-_READ_BACK = "flux of {} as read back"
 
 
-def photometry_criteria(files: WrittenFiles) -> tuple[Criterion, ...]:
+def photometry_criteria(files: WrittenFiles) -> Criteria:
     """One criterion for each file: it holds the flux of the rays."""
-    errors = {_READ_BACK.format(name): getattr(files, field).relative_error for field, name in _FILE_NAMES.items()}
+    errors = {
+        f"flux of {name} as read back": getattr(files, field).relative_error for field, name in _FILE_NAMES.items()
+    }
     remedy = "please report the lens.json"
     return tuple(at_most(name, error, _CONSERVED, "relative", remedy) for name, error in errors.items())
 
@@ -220,9 +221,6 @@ class Photometry(SimulatedResult):
     """
 
     stage: ClassVar[str] = "photometry"
-    judged: ClassVar[Mapping[str, str]] = {
-        _READ_BACK.format(name): f"files.{field}.relative_error" for field, name in _FILE_NAMES.items()
-    }
 
     rays: Count
     source_w: Positive
@@ -246,7 +244,7 @@ class Photometry(SimulatedResult):
     warnings: tuple[Text, ...] = ()
     files: WrittenFiles
     seconds: NotNegative
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
     c_deg: Annotated[Float[np.ndarray, " c"], Array("c")]
     gamma_deg: Annotated[Float[np.ndarray, " g"], Array("g")]
     candela: Annotated[Float[np.ndarray, "c g"], Array("c", "g")]

@@ -25,7 +25,7 @@ from lensforge.light.metrics import (
     nmse,
     ratio_of,
 )
-from lensforge.results import Bound, Flag, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
+from lensforge.results import Fact, Flag, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
 from lensforge.results.chart import Chart
 from lensforge.results.numerals import percent
 from lensforge.results.record import Array
@@ -273,8 +273,25 @@ def possible_share(receiver: ReceiverLight, transmittance: float) -> tuple[float
     return possible, f"is possible (by {receiver.possible.law})"
 
 
-def bounds_on(receiver: ReceiverLight, transmittance: float) -> dict[str, Bound]:
-    """Bounds on the light on ``receiver`` by the names of its metrics; ``transmittance``: of both faces."""
-    share, what = possible_share(receiver, transmittance)
-    least = f"{LEAST_SHARE:g} of the {percent(share)} that {what}"
-    return {"nmse": Bound("<=", LARGEST_NMSE), "share_in_target": Bound(">=", LEAST_SHARE * share, least)}
+METRICS = {
+    "nmse": "Pattern error (NMSE)",
+    "efficiency": "Efficiency",
+    "share_in_target": "Light in the target",
+    "uniformity": "Uniformity",
+    "rsd": "RSD",
+}
+
+
+def judged_figures(receiver: ReceiverLight, transmittance: float) -> dict[str, Fact]:
+    """NMSE and share in the target on ``receiver``, judged; ``transmittance``: of both faces."""
+    most, what = possible_share(receiver, transmittance)
+    nmse = Fact.measured("nmse", METRICS["nmse"], receiver.nmse, limit=LARGEST_NMSE)
+    share = Fact.measured(
+        "share_in_target",
+        METRICS["share_in_target"],
+        receiver.share_in_target,
+        sense=">=",
+        limit=LEAST_SHARE * most,
+        limit_note=f"{LEAST_SHARE:g} of the {percent(most)} that {what}",
+    )
+    return {fact.key: fact for fact in (nmse, share)}

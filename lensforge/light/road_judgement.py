@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.judged_limits import figure_of, judged
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.metrics import scaled
 from lensforge.light.road_lighting import HeldSpacing, RoadJudgement, SeenRoad
-from lensforge.results import Metric, Sense
+from lensforge.results import Fact, Metric, Sense
 from lensforge.scene.road_classes import asked_of
 from lensforge.scene.road_field import CandelaSum, RoadReadings
 from lensforge.scene.road_surface import RoadSurface
@@ -85,7 +84,7 @@ class _Reader:
         found = figure_of(quantity, sense, unit, readings)
         return found if len(readings) > 1 else found.model_copy(update={"standard_error": 0.0})
 
-    def limits(self, readings: RoadReadings, name: str) -> Iterator[LimitResult]:
+    def limits(self, readings: RoadReadings, name: str) -> Iterator[Fact]:
         """Limits by the class of the road, each judged."""
         for ask in asked_of(readings):
             yield judged(ask, name, self.figure(ask.quantity, ask.sense, ask.unit, ask.light))
@@ -188,11 +187,11 @@ def held_spacing(road: RoadSection, candela: Candela, most_steps: int = 120) -> 
     """
     read = _Reader(candela)
 
-    def missed(spacing_m: float) -> LimitResult | None:
+    def missed(spacing_m: float) -> Fact | None:
         readings = RoadReadings.of(road.model_copy(update={"pole_spacing_m": spacing_m}))
-        return next((limit for limit in read.limits(readings, "") if limit.state != "held"), None)
+        return next((limit for limit in read.limits(readings, "") if not limit.holds), None)
 
-    def end(inside: float, outside: float) -> tuple[float, LimitResult | None]:
+    def end(inside: float, outside: float) -> tuple[float, Fact | None]:
         why = missed(outside)
         while abs(outside - inside) > _END_M:
             middle = 0.5 * (inside + outside)

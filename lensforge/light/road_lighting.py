@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.evaluation_result import LimitResult
+from lensforge.light.evaluation_result import JudgedLimits
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
 from lensforge.light.metrics import largest_without_noise, scaled
-from lensforge.results import Count, Metric, NotNegative, Positive, Record, Text
+from lensforge.results import Count, Fact, Metric, NotNegative, Positive, Record, Text
 from lensforge.spec.light_limits import PhotometrySection
 
 _NONE = "none"
@@ -122,7 +122,7 @@ class RoadJudgement(Record):
     uniformity_lx: Metric
     power_density: Metric | None
     yearly_energy: Metric | None
-    limits: tuple[LimitResult, ...]
+    limits: JudgedLimits
     standard: Text = "EN 13201"
 
 
@@ -135,4 +135,4 @@ class HeldSpacing:
 
     least: float
     largest: float
-    beyond: LimitResult | None
+    beyond: Fact | None

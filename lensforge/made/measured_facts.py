@@ -4,10 +4,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.light.light_facts import METRICS, change_facts, metric_facts
+from lensforge.light.light_facts import change_facts, metric_facts
+from lensforge.light.receiver_light import METRICS
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.results import Extent, Fact, Group
 from lensforge.results.criteria import state_of
+from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import percent, quantity
 
 FIRST = 4  # facts of a group that a page shows at once
@@ -32,40 +34,36 @@ def correction_facts(made: Correction) -> Group:
     return Group("corrected", f"The {made.surface} face, corrected for a second cut", facts)
 
 
+_PHOTO = (
+    Row("ssim", "Similarity (SSIM)", "ssim", "to the simulation; 1 is equal", digits=3),
+    Row("photo_nmse", "NMSE to the simulation", "nmse", digits=3),
+    Row("displacement_x_mm", "Displaced along x", "alignment.displacement_x_mm"),
+    Row("displacement_y_mm", "Displaced along y", "alignment.displacement_y_mm"),
+    Row("scale", "Size over the simulated", "alignment.scale"),
+    Row("rotation_deg", "Rotation", "alignment.rotation_deg", "counter-clockwise"),
+    Row("aligned_ssim", "SSIM once aligned", "aligned.ssim", digits=3),
+    Row("aligned_nmse", "NMSE once aligned", "aligned.nmse", digits=3),
+    Row("photo_uniformity", "Uniformity, measured", "measured_evenness.uniformity", "simulated {simulated}", digits=3),
+)
+_CLIPPED = Row("clipped", "Clipped by the camera", "clipped", "of the target", "%", by="photo_clipped", digits=3)
+
+
 def _photo(photo: PhotoComparison) -> Iterator[Fact]:
-    taken = photo.on if photo.off is None else f"{photo.on} minus {photo.off}"
-    yield Fact("photographs", "Photographs", taken)
-    yield Fact("ssim", "Similarity (SSIM)", photo.ssim, note="to the simulation; 1 is equal", digits=3)
-    yield Fact("photo_nmse", "NMSE to the simulation", photo.nmse, digits=3)
-    place = photo.alignment
-    for key, label, metric in (
-        ("displacement_x_mm", "Displaced along x", place.displacement_x_mm),
-        ("displacement_y_mm", "Displaced along y", place.displacement_y_mm),
-        ("scale", "Size over the simulated", place.scale),
-        ("rotation_deg", "Rotation", place.rotation_deg),
-    ):
-        if metric is not None:
-            yield Fact.measured(key, label, metric, "counter-clockwise" if key == "rotation_deg" else "")
-    yield Fact("aligned_ssim", "SSIM once aligned", photo.aligned.ssim, digits=3)
-    yield Fact("aligned_nmse", "NMSE once aligned", photo.aligned.nmse, digits=3)
-    measured, expected = photo.measured_evenness.uniformity, photo.simulated_evenness.uniformity
-    if measured is not None:
-        note = f"simulated {quantity(expected, digits=3)}"
-        yield Fact("photo_uniformity", "Uniformity, measured", measured, note=note, digits=3)
+    yield Fact("photographs", "Photographs", photo.on if photo.off is None else f"{photo.on} minus {photo.off}")
+    yield from facts_of(photo, _PHOTO, simulated=quantity(photo.simulated_evenness.uniformity, digits=3))
     if photo.likely_cause:
         yield Fact("cause", "Likely cause", photo.likely_cause)
-    state = state_of(photo.criteria, "photo_clipped")
-    yield Fact.share("clipped", "Clipped by the camera", photo.clipped, "of the target", state=state, digits=3)
-    yield Fact("corners", "Target’s corners", *_corners(photo))
+    yield from facts_of(photo, [_CLIPPED], judged=photo.criteria)
+    yield Fact("corners", "Target’s corners", _corners(photo))
 
 
-def _corners(photo: PhotoComparison) -> tuple[str]:
+def _corners(photo: PhotoComparison) -> str:
     located = photo.corners_located
     if located is None:
-        return ("given",)
+        return "given"
     where = {"on": "the photograph with the LED on", "off": "the photograph with the LED off"}
     straight = quantity(located.edge_rms_px, "pixels rms", digits=2)
-    return (f"found in {where.get(located.seen_in, located.seen_in)}, edges straight to {straight}",)
+    return f"found in {where.get(located.seen_in, located.seen_in)}, edges straight to {straight}"
 
 
 def _points(surface: SurfaceComparison) -> Iterator[Fact]:

@@ -1,6 +1,6 @@
 """Results of measuring the part: a photograph of its light, points on a face, and a face corrected by them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
@@ -31,7 +31,7 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart
-from lensforge.results.criteria import Criterion, at_least, at_most
+from lensforge.results.criteria import Criteria, at_least, at_most
 from lensforge.surfaces.step_file import Schema
 
 if TYPE_CHECKING:
@@ -81,7 +81,6 @@ def _beyond_doubt(metric: Metric | None, expected: float) -> bool:
     return abs(metric.value - expected) > _ERRORS * metric.standard_error
 
 
-_OF_POINTS = {"points_used": "used_share", "surface_covered": "covered_share"}
 CLIPPED_SHARE = 0.01  # of the target: clipped pixels make a pattern look more uniform than it is
 USED_SHARE = 0.9  # of the points must lie over the surface once registered
 COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is assumed
@@ -130,7 +129,6 @@ class PhotoComparison(StageResult):
     stage: ClassVar[str] = "compare"
     command: ClassVar[str] = "compare --on"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "evaluate")
-    judged: ClassVar[Mapping[str, str]] = {"photo_clipped": "clipped"}
 
     on: Text
     off: Text | None
@@ -148,7 +146,7 @@ class PhotoComparison(StageResult):
     measured_evenness: Evenness
     simulated_evenness: Evenness
     clipped: Share
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
     measured: Image
     simulated: Image
 
@@ -181,13 +179,13 @@ def central_line(image: Float[np.ndarray, "h w"], axis: AxisName) -> Float[np.nd
     return np.asarray(lines[middle - (len(lines) % 2 == 0) : middle + 1].mean(axis=0))
 
 
-def photo_criteria(clipped: float) -> tuple[Criterion, ...]:
+def photo_criteria(clipped: float) -> Criteria:
     """The one criterion on a photograph; ``clipped``: overexposed share of the target."""
     remedy = "use a shorter exposure, the same for both photographs"
     return (at_most("photo_clipped", clipped, CLIPPED_SHARE, "of the target", remedy),)
 
 
-def surface_criteria(used: float, covered: float) -> tuple[Criterion, ...]:
+def surface_criteria(used: float, covered: float) -> Criteria:
     """Criteria on measured points: the shares of points on the surface, and of the surface that has points."""
     other = "give the points of this surface alone, close to lens coordinates"
     return (
@@ -248,7 +246,6 @@ class SurfaceComparison(SimulatedResult):
 
     stage: ClassVar[str] = "compare_surface"
     command: ClassVar[str] = "compare --points"
-    judged: ClassVar[Mapping[str, str]] = _OF_POINTS
 
     surface: Text
     registration: Registration
@@ -268,7 +265,7 @@ class SurfaceComparison(SimulatedResult):
     measured: LightMetrics
     change: LightMetrics
     nmse_between: NotNegative
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
     points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3)]
     distance_um: Annotated[Float[np.ndarray, " n"], Array("n")]
     chart: Annotated[Float[np.ndarray, " m"], Array("m")]
@@ -323,7 +320,6 @@ class Correction(SimulatedResult):
 
     stage: ClassVar[str] = "correct"
     command: ClassVar[str] = "correct --points"
-    judged: ClassVar[Mapping[str, str]] = _OF_POINTS
 
     surface: Text
     registration: Registration
@@ -353,7 +349,7 @@ class Correction(SimulatedResult):
     first_cut: LightMetrics
     second_cut: LightMetrics
     change: LightMetrics
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
     file: FileStamp
     chart: Annotated[Float[np.ndarray, " m"], Array("m")]
     area_mm2: FaceMap
@@ -375,7 +371,7 @@ class Correction(SimulatedResult):
 
 def correction_criteria(
     used: float, covered: float, form_nm: float, normal_mrad: float, volume_change: float, cutter: CutterLimit
-) -> tuple[Criterion, ...]:
+) -> Criteria:
     """Criteria on a correction: its points, the written STEP as read back, and the reach of the cutter.
 
     Where the design is concave more tightly than the cutter already, the correction must not make it tighter.

@@ -20,7 +20,7 @@ from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.metrics import Images
-from lensforge.light.receiver_light import bounds_on
+from lensforge.light.receiver_light import judged_figures
 from lensforge.light.simulation import TracedLens
 from lensforge.made.board_light import (
     BoardLight,
@@ -155,8 +155,8 @@ class PartStudy:
         for number, (each, light) in enumerate(zip(receivers, self.designed_light.receivers, strict=True)):
             found += [f"{light.name}: {name}" if number else name for name in each]
         judged = [self.designed_light.limits[int(key)] for key in limits]
-        plain = [f"{limit.name}: {limit.quantity}" for limit in judged]
-        sides = [f"{limit.name}: {limit.quantity} ({_SIDES[limit.sense]})" for limit in judged]
+        plain = [f"{limit.label}: {limit.note}" for limit in judged]
+        sides = [f"{limit.label}: {limit.note} ({_SIDES[limit.sense]})" for limit in judged]
         for number, (name, side) in enumerate(zip(plain, sides, strict=True)):
             alike = sides[:number].count(side)  # limits may share their name
             own = side if plain.count(name) > 1 else name
@@ -170,7 +170,7 @@ class PartStudy:
         *receivers, _ = self._changes(self.designed)
         for each, light in zip(receivers, self.designed_light.receivers, strict=True):
             found += [getattr(light, name) or Metric(value=0.0) for name in each]
-        found += [limit.value for limit in self.designed_light.limits]
+        found += [limit.metric for limit in self.designed_light.limits]
         return dict(zip(self.names, found, strict=True))
 
     @cached_property
@@ -186,8 +186,8 @@ class PartStudy:
         found = []
         for number, each in enumerate(light.receivers):
             prefix = f"{each.name}: " if number else ""
-            for name, limit in bounds_on(each, transmittance_of(lens.media)).items():
-                found.append(MetricBound(metric=f"{prefix}{name}", sense=limit.sense, bound=limit.value, unit=""))
+            for name, figure in judged_figures(each, transmittance_of(lens.media)).items():
+                found.append(MetricBound(metric=f"{prefix}{name}", sense=figure.sense, bound=figure.bound, unit=""))
         return tuple(found)
 
     def with_rays(self, rays: int) -> "PartStudy":

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lensforge.light.light_facts import METRICS, metric_facts
+from lensforge.light.light_facts import metric_facts
+from lensforge.light.receiver_light import METRICS
 from lensforge.made.tolerance_result import (
     FIELD,
     BudgetRow,
@@ -15,8 +16,8 @@ from lensforge.made.tolerance_result import (
     WorstPart,
     Yield,
 )
-from lensforge.results import Bound, Fact, Group, Metric
-from lensforge.results.numerals import NOTHING, percent, quantity
+from lensforge.results import Fact, Group, Metric
+from lensforge.results.numerals import NOTHING, limit_text, percent, quantity
 from lensforge.results.verdict import CERTAIN
 from lensforge.spec.tolerances_section import amount_words
 
@@ -216,7 +217,7 @@ def bound_words(bound: MetricBound) -> str:
     """The bound alone: its sense, value and unit."""
     percents = is_share(bound.metric)
     value, unit = (100.0 * bound.bound, "%") if percents else (bound.bound, bound.unit)
-    return Bound(bound.sense, value).text(unit)
+    return limit_text(bound.sense, value, unit)
 
 
 def judged_metrics(found: Yield) -> list[str]:

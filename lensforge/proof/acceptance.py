@@ -21,8 +21,8 @@ from lensforge.proof.proof_result import (
     StrayLight,
 )
 from lensforge.proof.remedies import FINER, Evidence, form_of_mesh
-from lensforge.results import BodySize
-from lensforge.results.criteria import Criterion, at_most
+from lensforge.results import BodySize, Fact
+from lensforge.results.criteria import Criteria, at_most, under
 
 # Share of flux: rays that graze the rim or the limit of total reflection may end either way.
 FLUX_SHARE = 1e-3
@@ -38,7 +38,7 @@ _WRONG = "the design's source is sampled wrongly, please report it"
 _EMITTED = f"the design's rays leave the source elsewhere, or in other directions, than its description says: {_WRONG}"
 
 
-def independent_rays_criteria(independent: IndependentRays) -> list[Criterion]:
+def independent_rays_criteria(independent: IndependentRays) -> list[Fact]:
     """Acceptance criteria of the light of these rays: within noise of the design's."""
     error = math.hypot(
         independent.efficiency.standard_error or 0.0, independent.efficiency_design.standard_error or 0.0
@@ -78,7 +78,7 @@ _ELSEWHERE = "lens.stl has a face that the design has not, or one of its faces l
 INWARDS = "its facets face inwards (the volume is negative): flip their normals, and write the file again"
 
 
-def size_criteria(sizes: Sizes | None) -> Iterator[Criterion]:
+def size_criteria(sizes: Sizes | None) -> Iterator[Fact]:
     """Criteria of all files; none where the size as exported is not known."""
     if sizes is None:
         return
@@ -90,12 +90,12 @@ def size_criteria(sizes: Sizes | None) -> Iterator[Criterion]:
 def other_body(sizes: Sizes | None, name: str) -> str:
     """Words on how the body in the file ``name`` differs in size from the export; empty where it does not."""
     file = None if sizes is None else sizes.step if name == "lens.step" else sizes.mesh
-    if sizes is None or file is None or all(each.passed for each in _file_criteria(sizes, file, "", "")):
+    if sizes is None or file is None or all(each.holds for each in _file_criteria(sizes, file, "", "")):
         return ""
     return _other(sizes.exported, file, name)
 
 
-def _file_criteria(sizes: Sizes, file: SizedFile, prefix: str, remedy: str) -> Iterator[Criterion]:
+def _file_criteria(sizes: Sizes, file: SizedFile, prefix: str, remedy: str) -> Iterator[Fact]:
     exported, in_file = sizes.exported, file.size
     moved_mm3 = REWRITTEN_MM * exported.area_mm2
     volume = (min(file.facets_mm3, MOST_CHORD_MM * exported.area_mm2) + moved_mm3) / exported.volume_mm3
@@ -181,7 +181,7 @@ def noise_limit(floor: float) -> float:
     return NOISE_FLOORS * floor + NOISE_ALLOWANCE
 
 
-def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
+def proof_criteria(proof: Proof) -> Criteria:
     """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name."""
     broken = "do not trust this verification, its casting is broken: please report it"
     criteria = [
@@ -195,19 +195,15 @@ def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
         criteria.append(at_most("own_rays_emission", proof.emission_apart, MOST_APART, "standard errors", _EMITTED))
     for number, receiver in enumerate(proof.receivers):
         of_receiver = _receiver_criteria(proof, receiver)
-        criteria += of_receiver if number == 0 else [_named(each, receiver.name) for each in of_receiver]
+        criteria += of_receiver if number == 0 else [under(receiver.name, each) for each in of_receiver]
     finer = "verify with more rays, or export again: plate.stl is not the lens of lens.json at its places"
     for lit in proof.together:
         limit = noise_limit(lit.noise_floor_nmse)
-        criteria.append(_named(at_most("plate_nmse_vs_sum", lit.nmse_vs_sum, limit, "", finer), lit.name))
+        criteria.append(under(lit.name, at_most("plate_nmse_vs_sum", lit.nmse_vs_sum, limit, "", finer)))
     return tuple(criteria)
 
 
-def _named(criterion: Criterion, receiver: str) -> Criterion:
-    return criterion.model_copy(update={"name": f"{receiver}: {criterion.name}"})
-
-
-def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]:
+def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Fact]:
     """Criteria of the casts on one receiver; the reach of its light follows from the limit of the deviation."""
     brep, mitsuba, reach_mm = receiver.brep, receiver.mitsuba, receiver.deviation_limit_mm / DEVIATION_RAD
     step_alike = None if brep is None else brep_evidence(brep, reach_mm).lands_alike
@@ -225,7 +221,7 @@ def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]
     ]
 
 
-def _mesh_criteria(proof: ReceiverProof, evidence: Evidence) -> Iterator[Criterion]:
+def _mesh_criteria(proof: ReceiverProof, evidence: Evidence) -> Iterator[Fact]:
     floor = proof.noise_floor_nmse
     same_rays = SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE
     noise = "evaluate the design with more rays and the same filter, or verify with more rays"
@@ -235,7 +231,7 @@ def _mesh_criteria(proof: ReceiverProof, evidence: Evidence) -> Iterator[Criteri
     yield at_most("nmse_vs_design", proof.nmse_vs_design, noise_limit(floor), "", light)
 
 
-def _landing_criteria(prefix: str, evidence: Evidence) -> list[Criterion]:
+def _landing_criteria(prefix: str, evidence: Evidence) -> list[Fact]:
     """Criteria of rays cast through a file: where they land, and their flux."""
     design = evidence.agreement
     return [
@@ -244,7 +240,7 @@ def _landing_criteria(prefix: str, evidence: Evidence) -> list[Criterion]:
     ]
 
 
-def _cast_criteria(prefix: str, evidence: Evidence) -> list[Criterion]:
+def _cast_criteria(prefix: str, evidence: Evidence) -> list[Fact]:
     """Criteria of rays cast through a mesh: where they land, their flux, and the flux of other fates."""
     fates = evidence.agreement.fates_flux
     return [
@@ -253,7 +249,7 @@ def _cast_criteria(prefix: str, evidence: Evidence) -> list[Criterion]:
     ]
 
 
-def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Criterion]:
+def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Fact]:
     """Acceptance criteria of a STEP file; ``reach_mm``: of the receiver's light, ``fault``: recognised in the file."""
     seen = brep_evidence(cast, reach_mm, fault)
     allowed = BREP_FATE_RAYS * max(1.0, cast.rays / BREP_RAYS)
@@ -270,7 +266,7 @@ def brep_evidence(cast: BrepCast, reach_mm: float, fault: str = "") -> Evidence:
     return Evidence(cast.against_design, limit, BREP_FLUX_SHARE, fates, form, fault, fine=True)
 
 
-def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fine: bool = False) -> list[Criterion]:
+def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fine: bool = False) -> list[Fact]:
     """Acceptance criteria of the exported mesh by Mitsuba; ``reach_mm``: of the receiver's light.
 
     ``fault``: of the mesh; ``fine``: its facets are not the cause of what differs.
@@ -282,7 +278,7 @@ def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fin
     return [nmse, *_cast_criteria("mitsuba_", seen)]
 
 
-def stray_criteria(stray: StrayLight) -> tuple[Criterion, ...]:
+def stray_criteria(stray: StrayLight) -> Criteria:
     """Acceptance criteria of the flux budget with reflections; it closes on every receiver."""
     finer = FINER
     report = "do not trust this flux budget, it does not close: please report it"

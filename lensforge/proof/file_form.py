@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.proof.designed_body import Designed, DesignedBody, UprightWalls
-from lensforge.results import Count, NotNegative, Point, Record, Text
-from lensforge.results.criteria import Criterion, at_most
+from lensforge.results import Count, Fact, NotNegative, Point, Record, Text
+from lensforge.results.criteria import at_most
 
 _Points = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
@@ -43,7 +43,7 @@ class FileForm(Record):
     lacking: tuple[Text, ...] = ()
 
 
-def form_criteria(form: FileForm) -> Iterator[Criterion]:
+def form_criteria(form: FileForm) -> Iterator[Fact]:
     """The criteria of one file; their names begin with its."""
     again, (x, y, z) = "export again, it is not the part that was designed", form.at_mm
     where = f"at ({x:.4g}, {y:.4g}, {z:.4g}) mm, next to {form.face}; {again}"

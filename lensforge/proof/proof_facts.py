@@ -16,7 +16,7 @@ from lensforge.proof.proof_result import (
 )
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.chart import light_unit
-from lensforge.results.criteria import Criterion, kept, state_of
+from lensforge.results.criteria import named, state_of
 from lensforge.results.numerals import number, percent, quantity
 
 _CAUSES = {
@@ -62,17 +62,15 @@ def proof_facts(proof: Proof, designed: Mapping[str, float]) -> list[Group]:
 
 
 def _form(form: FileForm, proof: Proof) -> Fact:
-    judged = kept(proof.criteria, f"{form.name}: form")
+    state = state_of(proof.criteria, f"{form.name}: form")
     note = f"its farthest point from the design, next to {form.face}"
-    return Fact(
-        f"form {form.name}", form.name, 1e3 * form.off_um, "nm", state=judged.get("state", ""), note=note, digits=2
-    )
+    return Fact(f"form {form.name}", form.name, 1e3 * form.off_um, "nm", state=state, note=note, digits=2)
 
 
 def _together(lit: LampsTogether, proof: Proof) -> Iterator[Fact]:
-    judged = kept(proof.criteria, f"{lit.name}: plate_nmse_vs_sum")
+    judged = named(proof.criteria, f"{lit.name}: plate_nmse_vs_sum")
     note = f"of {lit.lamps} lamps; ray noise alone makes {number(lit.noise_floor_nmse, 3)}"
-    yield Fact("nmse_vs_sum", "NMSE against the sum", lit.nmse_vs_sum, **judged, note=note, digits=3)
+    yield Fact("nmse_vs_sum", "NMSE against the sum", lit.nmse_vs_sum, note=note, digits=3).judged_as(judged)
     yield Fact.share("plate_efficiency", "Efficiency of the plate", lit.efficiency, "through its mesh")
 
 
@@ -202,7 +200,7 @@ def _rays(count: int) -> Fact:
     return Fact("rays", "Rays", count)
 
 
-def _state(criteria: Sequence[Criterion], receiver: ReceiverProof, index: int, *names: str) -> FactState:
+def _state(criteria: Sequence[Fact], receiver: ReceiverProof, index: int, *names: str) -> FactState:
     """State of the criteria of one receiver; those of all but the first carry its name."""
     start = f"{receiver.name}: " if index else ""
     return state_of(criteria, *(f"{start}{name}" for name in names))

@@ -26,7 +26,7 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart, light_unit
-from lensforge.results.criteria import Criterion
+from lensforge.results.criteria import Criteria
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -223,7 +223,7 @@ class Proof(SimulatedResult):
     plain_cast: PlainCast
     together: tuple[LampsTogether, ...] = ()
     forms: tuple[FileForm, ...] = ()
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
 
     @property
     def first(self) -> ReceiverProof:
@@ -259,7 +259,7 @@ class Proof(SimulatedResult):
         return tuple(said.format(name, by[name in lit]) for name in self.altered_files)
 
     def __str__(self) -> str:
-        failed = [str(criterion) for criterion in self.criteria if not criterion.passed]
+        failed = [str(criterion) for criterion in self.criteria if not criterion.holds]
         deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"
         verdict = "; ".join(failed) or "every criterion is met"
         landing = f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
@@ -345,7 +345,7 @@ class StrayLight(SimulatedResult):
     cut_off: NotNegative
     depth: Count
     seconds: NotNegative
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
 
     @property
     def first(self) -> ReceiverStray:

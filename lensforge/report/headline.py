@@ -11,6 +11,7 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.proof.proof_result import Proof
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results import Fact, Group, State
+from lensforge.results.criteria import shown
 from lensforge.results.numerals import quantity
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
@@ -108,10 +109,10 @@ def _in_words(states: Mapping[str, State], results: Results) -> str:
 def _on_criteria(results: Results) -> str:
     """The criteria, which judge light and files, in one sentence: all met, or the names of those that are not."""
     criteria = [criterion for _, criterion in results.criteria()]
-    failed = [criterion for criterion in criteria if not criterion.passed]
+    failed = [criterion for criterion in criteria if not criterion.holds]
     of = "on light and files"
     if failed:
-        names = ", ".join(criterion.name.replace("_", " ") for criterion in failed)
+        names = ", ".join(criterion.note for criterion in failed)
         noun, verb = "criterion" if len(criteria) == 1 else "criteria", "is" if len(failed) == 1 else "are"
         return f"{len(failed)} of {len(criteria)} {noun} {of} {verb} not met: {names}."
     if not criteria:
@@ -174,8 +175,8 @@ def criterion_groups(results: Results, *, missed: bool = False) -> list[Group]:
     """The criteria of every stage that has run; ``missed``: only those that are not met."""
     by_stem: dict[str, list[Fact]] = {}
     for stem, criterion in results.criteria():
-        if not (missed and criterion.passed):
-            by_stem.setdefault(stem, []).append(criterion.fact)
+        if not (missed and criterion.holds):
+            by_stem.setdefault(stem, []).append(shown(criterion))
     return [Group(stem, stage_name(stem), tuple(facts)) for stem, facts in by_stem.items()]
 
 
@@ -192,7 +193,7 @@ def asked_facts(results: Results, possible: LimitBounds | None = None) -> list[F
     faces = results.lens.surfaces
     shape = _selected(groups, (*_SHAPE, *(f"{name}_ball" for name in faces)))
     if_asked = _selected(groups, ("thickest", *(f"{name}_draft" for name in faces)))
-    return [*limits, *light, *shape, *(fact for fact in if_asked if fact.limit)]
+    return [*limits, *light, *shape, *(fact for fact in if_asked if fact.limit is not None)]
 
 
 def further_facts(results: Results) -> list[Fact]:

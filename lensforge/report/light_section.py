@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light
-from lensforge.light.light_facts import METRICS, light_reasons, mask_words, unit_on, window_words
+from lensforge.light.light_facts import Attainable, light_reasons, mask_words, unit_on, window_words
 from lensforge.light.photometry_result import Photometry
-from lensforge.light.receiver_light import ReceiverLight
+from lensforge.light.receiver_light import METRICS, ReceiverLight
 from lensforge.report import colour_figures, light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
-from lensforge.results import Bound, Fact, Group, Image
+from lensforge.results import Fact, Group, Image
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.numerals import number, percent
 from lensforge.results.verdict import worst
@@ -123,7 +123,7 @@ def top_of(images: Iterable[np.ndarray]) -> float:
     return max((float(image.max()) for image in images), default=0.0) or 1.0
 
 
-def possible_limits(spec: Spec) -> dict[tuple[str, float], Bound]:
+def possible_limits(spec: Spec) -> dict[tuple[str, float], Attainable]:
     """Most light that étendue and two refractions leave for each limit, by its name and bound.
 
     Empty for a source from a file: a folder need not hold it, so that nothing can be said afterwards.
@@ -132,7 +132,7 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Bound]:
         return {}
     _, limits = asked_light(spec, build_source(spec.source))
     return {
-        (each.name, each.asked): Bound("<=", each.possible, "étendue" if each.bounds is None else each.bounds.law)
+        (each.name, each.asked): Attainable(each.possible, "étendue" if each.bounds is None else each.bounds.law)
         for each in limits
     }
 
@@ -301,7 +301,7 @@ def other_results(results: Results) -> list[Group]:
     for stem, result in results.others.items():
         if not isinstance(result, Light):
             main = [group.select(*_MAIN[group.key]).line for group in results.facts(result) if group.key in _MAIN]
-            missed = [str(each) for each in getattr(result, "criteria", ()) if not each.passed]
+            missed = [str(each) for each in getattr(result, "criteria", ()) if not each.holds]
             facts = [
                 Fact("conditions", "Conditions", str(result.conditions)),
                 Fact("figures", "Figures", "; ".join(main)),

@@ -15,8 +15,8 @@ from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import Proof, StrayLight
-from lensforge.results import Conditions, Group, SimulatedResult, StageResult
-from lensforge.results.criteria import Criterion, missed
+from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
+from lensforge.results.criteria import missed
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, design_facts
@@ -186,7 +186,7 @@ class Results:
         """Stages of a whole run that have not run."""
         return [kind.stage for kind in STAGES if kind.stage not in self.found]
 
-    def criteria(self) -> Iterator[tuple[str, Criterion]]:
+    def criteria(self) -> Iterator[tuple[str, Fact]]:
         """Pairs (stem, criterion) of all results."""
         for stem, result in self.found.items():
             for criterion in getattr(result, "criteria", ()):

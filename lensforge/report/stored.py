@@ -4,24 +4,19 @@ A command vouches only for what it wrote itself: the hashes of all other results
 file that somebody changed is not taken over with the next command.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from heapq import nsmallest
 from pathlib import Path
-from typing import Any
 
 from lensforge.cad.part import Part
 from lensforge.errors import InputError, OutdatedResult
-from lensforge.light.evaluation_result import Light, light_criteria
-from lensforge.light.photometry_result import Photometry, photometry_criteria
-from lensforge.proof.acceptance import proof_criteria, stray_criteria
-from lensforge.proof.proof_result import Proof, StrayLight
+from lensforge.proof.proof_result import Proof
+from lensforge.report.own_judgements import require_own_judgements
 from lensforge.report.results import Results, conditions_of, own_stems, stem_of, unjudged_files
 from lensforge.results import Count, NotNegative, Record, Sha256, SimulatedResult, StageResult, Text
-from lensforge.results.criteria import Criterion
 from lensforge.results.files import write_json
-from lensforge.results.record import agree
 from lensforge.results.stage_result import SCHEMA_VERSION, read_object, validated, with_checksum
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
@@ -32,12 +27,6 @@ from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.version import __version__
 
 _HOLD_LENS = (Design, Part)
-_JUDGES: dict[type[StageResult], Callable[[Any], Iterable[Criterion]]] = {
-    Light: lambda light: light_criteria(light.first.flux),
-    Photometry: lambda photometry: photometry_criteria(photometry.files),
-    Proof: proof_criteria,
-    StrayLight: stray_criteria,
-}
 _MOST_OTHERS = 1000  # records of one stage under other conditions
 
 
@@ -58,7 +47,7 @@ class Stored:
         for stem, kind in _files_in(folder, own_stems(lens.surfaces)):
             try:
                 records[stem] = kind.read(folder, stem, **({"lens": lens} if kind in _HOLD_LENS else {}))
-                _require_own_criteria(records[stem], folder / f"{stem}.json")
+                require_own_judgements(records[stem], lens, folder / f"{stem}.json")
             except InputError as error:
                 unreadable[stem] = error
         return Stored(lens, records, unreadable)
@@ -119,21 +108,6 @@ def _files_in(folder: Path, own: Mapping[str, type[StageResult]]) -> Iterator[tu
             if len(others) > _MOST_OTHERS:
                 raise InputError(f"{folder}: more than {_MOST_OTHERS} files {stem}_*.json are not read; move some away")
             yield from ((path.stem, kind) for path in others)
-
-
-def _require_own_criteria(result: StageResult, path: Path) -> None:
-    """Raise :class:`InputError` where criteria in the file at ``path`` are not those that its figures make."""
-    judge = _JUDGES.get(type(result))
-    if judge is None:
-        return
-    own: tuple[Criterion, ...] = vars(result)["criteria"]
-    stated, made = (
-        {each.name: (each.sense, each.value, each.limit) for each in criteria} for criteria in (own, judge(result))
-    )
-    for name in stated | made:
-        if not agree(stated.get(name), made.get(name)):
-            why = f"criteria: {name}: not as it follows from the other entries"
-            raise InputError(f"{path}: {why}; {type(result).again()}")
 
 
 def _foreign_conditions(result: StageResult, stem: str, own: bool) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 from pydantic import Field, model_validator
 
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.light.light_facts import METRICS
+from lensforge.light.receiver_light import METRICS
 from lensforge.report.results import Results
 from lensforge.report.variation import ONE_FOR_ALL, AnyVariation, Variant, Variation
 from lensforge.results import (
@@ -27,7 +27,7 @@ from lensforge.results import (
     Text,
 )
 from lensforge.results.arguments import require_choice
-from lensforge.results.criteria import Criterion
+from lensforge.results.criteria import Criteria, under
 from lensforge.search.design_result import Margins
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.spec_files import section_sha256
@@ -59,7 +59,7 @@ class SweepRow(Record):
     steps: Count
     seconds: NotNegative
     constraints: Margins
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
     cutting: State = "undecided"
     by_led: dict[Text, LightMetrics] = Field(default_factory=dict)
 
@@ -100,13 +100,9 @@ class Sweep(StageResult):
         return tuple(row.value for row in self.designs)
 
     @property
-    def criteria(self) -> tuple[Criterion, ...]:
+    def criteria(self) -> Criteria:
         """The criteria of all designs, each named by its design too."""
-        return tuple(
-            criterion.model_copy(update={"name": f"{row.folder}: {criterion.name}"})
-            for row in self.designs
-            for criterion in row.criteria
-        )
+        return tuple(under(row.folder, criterion) for row in self.designs for criterion in row.criteria)
 
     @property
     def facts(self) -> list[Group]:
@@ -133,7 +129,7 @@ class Sweep(StageResult):
             yield Group("loss", f"{name} in one lens for all", facts)
 
     def _row(self, row: SweepRow) -> Group:
-        missed = [criterion.name for criterion in row.criteria if not criterion.passed]
+        missed = [criterion.key for criterion in row.criteria if not criterion.holds]
         names = [name for name in METRICS if any(getattr(each, name) is not None for each in self.designs)]
         facts = (
             *(Fact(field, field, value) for field, value in row.changes.items()),

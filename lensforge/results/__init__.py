@@ -3,9 +3,9 @@
 - ``record.Record``: a result: frozen, checked, written as JSON and npz
 - ``stage_result.StageResult``: the result of a stage
 - ``record.Metric``: a value with its standard error
-- ``fact.Fact``: a value as page, screen and JSON show it
+- ``fact.Fact``: the one judged value: limit, state, label, note and remedy; page, screen and JSON show it
 - ``numerals.quantity``: the one formatter of numbers
-- ``criteria.Criterion``: a value and its limit
+- ``criteria.at_most``: the criterion that a value keeps its limit, a ``Fact``, too
 - ``verdict.Verdict``: the judgement on light, files and cutting
 - ``files.replacing``: a file that is written whole or not at all
 - ``text_table.TextTable``: the one reader of tables in text files
@@ -14,7 +14,7 @@
 """
 
 from lensforge.results.conditions import Conditions
-from lensforge.results.fact import Bound, Fact, FactState, Group, Sense
+from lensforge.results.fact import Fact, FactState, Group
 from lensforge.results.record import (
     Array,
     BodySize,
@@ -33,6 +33,7 @@ from lensforge.results.record import (
     Positive,
     Record,
     Scalar,
+    Sense,
     Sha256,
     Share,
     State,
@@ -44,7 +45,6 @@ from lensforge.results.stage_result import SimulatedResult, StageResult
 __all__ = [
     "Array",
     "BodySize",
-    "Bound",
     "Box",
     "Conditions",
     "Count",

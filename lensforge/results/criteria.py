@@ -1,15 +1,13 @@
 """Acceptance criteria: numbers of a result, each with the limit that it must keep, and their names in words."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from math import isfinite
-from typing import Literal, TypedDict
-
-from pydantic import computed_field
+from typing import Annotated
 
 from lensforge.errors import CriterionMissed
-from lensforge.results import Bound, Fact, FactState, NotNegative, Number, Record, Sense, Text
-from lensforge.results.numerals import quantity
-from lensforge.results.verdict import Reason, judge, within
+from lensforge.results.fact import Fact, FactState, StoredAs
+from lensforge.results.verdict import Reason, worst
 
 _STL, _STEP = "mesh (lens.stl)", "STEP file"
 _YES = " (1: yes)"  # ends the words of a question
@@ -85,118 +83,78 @@ _OF_FACE = {
 }
 
 
-class Kept(TypedDict, total=False):
-    """Limit and state of a criterion, as a fact takes them."""
-
-    limit: Bound
-    state: FactState
-
-
-class Judged(Record):
-    """A ``value`` that must be ``sense`` ``limit``, but for the ``tolerance`` of its measure."""
-
-    value: Number | None
-    sense: Sense
-    limit: Number | None
-    unit: Text
-    tolerance: NotNegative = 0.0
-
-    @property
-    def is_kept(self) -> bool:
-        """True where the limit is kept; False where the value could not be measured."""
-        return within(self.value, self.sense, self.limit, self.tolerance)
+def words_of(name: str) -> str:
+    """Words for a criterion's name, which may begin with its face or file, or with its receiver."""
+    receiver, colon, short = name.rpartition(": ")
+    face, _, of_face = short.partition(" ")
+    if of_face in _OF_FACE:
+        return f"{receiver}{colon}{_OF_FACE[of_face].format(face)}"
+    return f"{receiver}{colon}{_WORDS.get(short, short.replace('_', ' '))}"
 
 
-class Criterion(Judged):
-    """``value`` (None: not measured) must be ``sense`` ``limit``; ``remedy``: what to try where it is not."""
-
-    name: Text
-    limit: Number
-    remedy: Text
-
-    @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
-    @property
-    def passed(self) -> bool:
-        """True where the criterion is met; False where the value could not be measured."""
-        return self.is_kept
-
-    @property
-    def words(self) -> str:
-        """Words for its name, which begins with its face or file, or with its receiver where that is not the first."""
-        receiver, colon, short = self.name.rpartition(": ")
-        face, _, of_face = short.partition(" ")
-        if of_face in _OF_FACE:
-            return f"{receiver}{colon}{_OF_FACE[of_face].format(face)}"
-        return f"{receiver}{colon}{_WORDS.get(short, short.replace('_', ' '))}"
-
-    @property
-    def fact(self) -> Fact:
-        """The criterion as a fact."""
-        state, note = judge(self.value, self.sense, self.limit, tolerance=self.tolerance), self.name.replace("_", " ")
-        question = self.words.removesuffix(_YES)
-        if question != self.words:
-            answer = "yes" if self.passed else "no"
-            return Fact(self.name, question, answer, state=state, note=note, remedy=self.remedy)
-        return Fact(
-            self.name,
-            self.words,
-            self.value,
-            self.unit,
-            limit=Bound(self.sense, self.limit),
-            state=state,
-            note=note,
-            remedy=self.remedy,
-        )
-
-    def __str__(self) -> str:
-        limit = f"must be {Bound(self.sense, self.limit).text(self.unit)}"
-        if self.value is None:
-            return f"{self.name} could not be measured ({limit}); {self.remedy}"
-        missed = quantity(abs(self.value - self.limit), self.unit, digits=3)
-        verdict = "met" if self.passed else f"missed by {missed}; {self.remedy}"
-        return f"{self.name} = {quantity(self.value, self.unit)} ({limit}): {verdict}"
+def _completed(criterion: Fact) -> Fact:
+    """The criterion with its words and its state; a value without standard error is exact."""
+    if criterion.limit is None:
+        raise ValueError("limit: must be a number")
+    name = criterion.key
+    return replace(criterion, label=words_of(name), note=name.replace("_", " ")).judged(criterion.standard_error or 0.0)
 
 
-def at_most(name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0) -> Criterion:
-    """The criterion ``value <= limit``, to ``tolerance``; a value that is not finite counts as not measured."""
-    return _criterion(name, value, "<=", limit, unit, remedy, tolerance)
+_NAMES = {name: name for name in ("value", "standard_error", "sense", "limit", "unit", "tolerance")}
+_STORED = StoredAs(_NAMES | {"name": "key", "remedy": "remedy", "passed": "holds"}, _completed, ("standard_error",))
+Criteria = tuple[Annotated[Fact, _STORED], ...]
 
 
-def at_least(name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0) -> Criterion:
-    """The criterion ``value >= limit``, to ``tolerance``; a value that is not finite counts as not measured."""
-    return _criterion(name, value, ">=", limit, unit, remedy, tolerance)
+def at_most(
+    name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0, error: float | None = None
+) -> Fact:
+    """The criterion ``value <= limit``, to ``tolerance``; a value that is not finite counts as not measured.
 
-
-def _criterion(
-    name: str, value: float, sense: Sense, limit: float, unit: str, remedy: str, tolerance: float
-) -> Criterion:
+    ``error``: standard error of the value, None where it is exact; within two of the limit nothing is decided.
+    """
     measured = float(value) if isfinite(value) else None
-    return Criterion(name=name, value=measured, sense=sense, limit=limit, unit=unit, remedy=remedy, tolerance=tolerance)
+    asked = Fact(name, "", measured, unit, error, limit=float(limit), remedy=remedy, tolerance=float(tolerance))
+    return _completed(asked)
 
 
-def missed(criteria: Iterable[Criterion]) -> Iterator[Reason]:
-    """A reason against a result for each of its ``criteria`` that is not met."""
+def at_least(
+    name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0, error: float | None = None
+) -> Fact:
+    """The criterion ``value >= limit``, all else as in :func:`at_most`."""
+    return _completed(replace(at_most(name, value, limit, unit, remedy, tolerance, error), sense=">="))
+
+
+def under(start: str, criterion: Fact) -> Fact:
+    """The ``criterion`` of one of several, whose name ``start`` begins its own."""
+    return _completed(replace(criterion, key=f"{start}: {criterion.key}"))
+
+
+def shown(criterion: Fact) -> Fact:
+    """The ``criterion`` as a page shows it; one that asks a question by its answer."""
+    question = criterion.label.removesuffix(_YES)
+    return criterion if question == criterion.label else replace(criterion, label=question).answered
+
+
+def missed(criteria: Iterable[Fact]) -> Iterator[Reason]:
+    """A reason against a result for each of its ``criteria`` that is not met, or not decided."""
     for criterion in criteria:
-        if not criterion.passed:
-            yield "fail", str(criterion)
+        if criterion.state in ("fail", "undecided"):
+            yield criterion.state, str(criterion)
 
 
-def state_of(criteria: Iterable[Criterion], *names: str) -> Literal["pass", "fail", ""]:
-    """``pass`` if all of ``criteria`` called ``names`` are met, else ``fail``; ``""`` where there is none of them."""
-    met = [criterion.passed for criterion in criteria if criterion.name in names]
-    return ("pass" if all(met) else "fail") if met else ""
+def named(criteria: Iterable[Fact], name: str) -> Fact | None:
+    """The criterion called ``name``; None where there is none."""
+    return next((criterion for criterion in criteria if criterion.key == name), None)
 
 
-def kept(criteria: Iterable[Criterion], name: str) -> Kept:
-    """Limit and state of the criterion called ``name``, for the fact on the same value; empty where there is none."""
-    judged = next((criterion for criterion in criteria if criterion.name == name), None)
-    if judged is None:
-        return {}
-    return {"limit": Bound(judged.sense, judged.limit), "state": "pass" if judged.passed else "fail"}
+def state_of(criteria: Iterable[Fact], *names: str) -> FactState:
+    """The state of all ``criteria`` called ``names`` together; ``""`` where there is none of them."""
+    states = [each.state for each in criteria if each.key in names and each.state != ""]
+    return worst(states) if states else ""
 
 
-def require(criteria: Iterable[Criterion]) -> None:
+def require(criteria: Iterable[Fact]) -> None:
     """Raise :class:`CriterionMissed` naming every criterion that is missed."""
-    failed = [str(criterion) for criterion in criteria if not criterion.passed]
+    failed = [str(criterion) for criterion in criteria if criterion.state == "fail"]
     if failed:
         raise CriterionMissed("; ".join(failed))

@@ -1,70 +1,111 @@
-"""Facts: what a result says, each with label, value, unit, standard error, limit, state and note.
+"""Facts: values of a result, judged or not, each with label, unit, standard error, limit, state, note and remedy.
 
-Page, screen, notebook, drawing and ``--json`` show these, and nothing else shows a number of a result.
+Page, screen, notebook, drawing and ``--json`` show these, and nothing else shows a number of a result. A record keeps
+those that are judged: criteria, findings of the check, limits of the spec.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
-from lensforge.results.numerals import NOTHING, anything, quantity
-from lensforge.results.record import Metric, State
+from pydantic import GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema, core_schema
 
-Sense = Literal["<=", ">="]
+from lensforge.results.numerals import NOTHING, anything, limit_text, quantity
+from lensforge.results.record import Metric, NotNegative, Number, Sense, State, Text, agree
+from lensforge.results.verdict import judge
+
 FactState = State | Literal[""]  # "": nothing was asked, or nobody has judged it
-_SIGNS: dict[Sense, str] = {"<=": "≤", ">=": "≥"}
+_OPPOSITE: dict[Sense, Sense] = {"<=": ">=", ">=": "<="}
 _DIGITS = 4  # significant digits of a number without standard error
-
-
-@dataclass(frozen=True)
-class Bound:
-    """A value must be, or by physics is, ``sense`` ``value``; ``note``: where that comes from."""
-
-    sense: Sense
-    value: float
-    note: str = ""
-
-    def text(self, unit: str, digits: int = _DIGITS) -> str:
-        """The bound with its sign and ``unit``."""
-        return f"{_SIGNS[self.sense]} {quantity(self.value, unit, digits=digits)}"
+_ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
+_OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
 
 
 @dataclass(frozen=True)
 class Fact:
-    """One figure of a result.
+    """One value of a result, and the judgement on it.
 
     ``key``: name by which a page or a screen selects it. ``value``: in ``unit``, "%" for a share; None where it could
-    not be measured; text where it is no number. ``limit``: what it must keep, ``possible``: what physics allows.
-    ``state``: of the judgement by the limit, "" where there is none. ``remedy``: what to try where it fails.
+    not be measured; text where it is no number. It must be ``sense`` ``limit``, but for the ``tolerance`` of its
+    measure; ``possible``: the best that physics allows, on the other side of it. ``state``: of the judgement, "" where
+    there is none. ``place``: the face or the receiver that it is on. ``remedy``: what to try where it fails.
     """
 
-    key: str
-    label: str
-    value: float | str | None
-    unit: str = ""
-    standard_error: float | None = None
-    limit: Bound | None = None
-    possible: Bound | None = None
+    key: Text
+    label: Text
+    value: Number | Text | None
+    unit: Text = ""
+    standard_error: NotNegative | None = None
+    sense: Sense = "<="
+    limit: Number | None = None
+    possible: Number | None = None
     state: FactState = ""
-    note: str = ""
-    remedy: str = ""
+    note: Text = ""
+    remedy: Text = ""
     digits: int = _DIGITS
+    tolerance: NotNegative = 0.0
+    place: Text = ""
+    limit_note: Text = ""
+    possible_note: Text = ""
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
-        """The fact of a ``metric``; None where it has no meaning."""
+        """The fact of a ``metric``, judged where ``more`` has a limit; None where it has no meaning."""
         if metric is None:
             return Fact(key, label, None, note=note, **more)
-        return Fact(key, label, metric.value, metric.unit, metric.standard_error, note=note, **more)
+        fact = Fact(key, label, metric.value, metric.unit, metric.standard_error, note=note, **more)
+        return fact if fact.limit is None else fact.judged(metric.standard_error)
 
     @staticmethod
     def share(key: str, label: str, share: Metric | float | None, note: str = "", **more: Any) -> "Fact":
-        """The fact of a share, in per cent."""
-        if share is None:
-            return Fact(key, label, None, "%", note=note, **more)
-        metric = share if isinstance(share, Metric) else Metric(value=share)
-        error = None if metric.standard_error is None else 100.0 * metric.standard_error
-        return Fact(key, label, 100.0 * metric.value, "%", error, note=note, **more)
+        """The fact of a share, in per cent; what ``more`` states of its limits is a share, too."""
+        metric = share if isinstance(share, Metric | None) else Metric(value=share)
+        return Fact.measured(key, label, metric, note, **more).in_percent
+
+    def judged(self, error: float | None = 0.0) -> "Fact":
+        """The fact with the state that its limit gives it; ``error``: as of :func:`lensforge.results.verdict.judge`."""
+        value = None if isinstance(self.value, str) else self.value
+        return replace(self, state=judge(value, self.sense, self.limit, error, self.tolerance))
+
+    def judged_as(self, other: "Fact | None") -> "Fact":
+        """The fact with limit and state of an ``other`` one on the same value; as it is without one."""
+        return self if other is None else replace(self, sense=other.sense, limit=other.limit, state=other.state)
+
+    @property
+    def in_percent(self) -> "Fact":
+        """The fact of a share, all its numbers in per cent."""
+        numbers = ("value", "standard_error", "limit", "possible", "tolerance")
+        shares = {name: share for name in numbers if (share := getattr(self, name)) is not None}
+        return replace(self, unit="%", **{name: 100.0 * share for name, share in shares.items()})
+
+    @property
+    def answered(self) -> "Fact":
+        """The answer alone to the question that its label asks: yes where it passes, no where it fails."""
+        answer = _ANSWERS.get(self.state, NOTHING)
+        return Fact(self.key, self.label, answer, state=self.state, note=self.note, remedy=self.remedy)
+
+    @property
+    def holds(self) -> bool:
+        """True where its limit is kept."""
+        return self.state == "pass"
+
+    @property
+    def bound(self) -> float:
+        """The limit of a fact that has one."""
+        if self.limit is None:
+            raise ValueError(f"{self.key} has no limit")
+        return self.limit
+
+    @property
+    def outcome(self) -> str:
+        """The state in the words of a limit: held, missed or undecided."""
+        return _OUTCOMES.get(self.state, "")
+
+    @property
+    def metric(self) -> Metric:
+        """The value, a number, with its unit and its standard error."""
+        return Metric(value=float(self.value or 0.0), unit=self.unit, standard_error=self.standard_error)
 
     @property
     def text(self) -> str:
@@ -78,12 +119,12 @@ class Fact:
     @property
     def asked(self) -> str:
         """The limit as text."""
-        return NOTHING if self.limit is None else self.limit.text(self.unit, self.digits)
+        return NOTHING if self.limit is None else limit_text(self.sense, self.limit, self.unit, self.digits)
 
     @property
     def bounded_by(self) -> str:
         """The bound that physics sets, as text."""
-        return NOTHING if self.possible is None else self.possible.text(self.unit, self.digits)
+        return NOTHING if self.possible is None else limit_text(self._opposite, self.possible, self.unit, self.digits)
 
     @property
     def sentence(self) -> str:
@@ -98,11 +139,17 @@ class Fact:
         """Reason why it does not pass, with what to try; empty where it passes or nothing judges it."""
         if self.state in ("pass", ""):
             return ""
-        doubt = ""
-        if self.state == "undecided":
-            doubt = ", too close to tell" if self.standard_error else ", without standard error: too few rays"
         ends = f": {self.remedy}" if self.remedy else ""
-        return f"{self.label} = {self.text}, must be {self.asked}{doubt}{ends}"
+        return f"{self.label} = {self.text}, must be {self.asked}{self._doubt}{ends}"
+
+    def __str__(self) -> str:
+        """The judgement in one line, by the name that scripts know: by how much a limit is missed, and what to try."""
+        asked = f"(must be {self.asked})"
+        if self.value is None or self.limit is None or isinstance(self.value, str):
+            return f"{self.key} could not be measured {asked}; {self.remedy}"
+        missed = f"missed by {quantity(abs(self.value - self.limit), self.unit, digits=3)}"
+        judgement = {"pass": "met", "fail": f"{missed}; {self.remedy}"}.get(self.state, f"undecided{self._doubt}")
+        return f"{self.key} = {quantity(self.value, self.unit, self.standard_error)} {asked}: {judgement}"
 
     def plain(self) -> dict[str, object]:
         """The fact as JSON holds it, without what it lacks."""
@@ -112,13 +159,86 @@ class Fact:
             "value": self.value,
             "unit": self.unit,
             "standard_error": self.standard_error,
-            "limit": None if self.limit is None else f"{self.limit.sense} {self.limit.value!r}",
-            "possible": None if self.possible is None else f"{self.possible.sense} {self.possible.value!r}",
+            "limit": None if self.limit is None else f"{self.sense} {self.limit!r}",
+            "possible": None if self.possible is None else f"{self._opposite} {self.possible!r}",
             "state": self.state,
             "note": self.note,
         }
         needed = ("key", "label", "value", "unit")
         return {name: entry for name, entry in content.items() if name in needed or entry not in ("", None)}
+
+    @property
+    def _opposite(self) -> Sense:
+        return _OPPOSITE[self.sense]
+
+    @property
+    def _doubt(self) -> str:
+        """Words on why nothing is decided; empty where something is."""
+        if self.state != "undecided":
+            return ""
+        return ", too close to tell" if self.standard_error else ", without standard error: too few rays"
+
+
+_FIELDS = tuple(field.name for field in fields(Fact))
+_NEEDED = ("key", "label", "value", "metric", "sense", "limit", "unit", "place", "note")  # that a file must state
+
+
+@dataclass(frozen=True, eq=False)
+class StoredAs:
+    """Marks a fact in a record: the field of the fact that has each of the ``names`` in JSON, in their order.
+
+    A name of a property, such as ``holds``, is not read but follows, and a file must state what follows.
+    ``completed``: the fact with what no file states, as its label and its state. ``if_any``: names that a file leaves
+    out where there is nothing to say.
+    """
+
+    names: Mapping[str, str]
+    completed: Callable[[Fact], Fact]
+    if_any: tuple[str, ...] = ()
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Validate by :meth:`read`; serialise by :meth:`plain`."""
+        written = core_schema.plain_serializer_function_ser_schema(self.plain)
+        return core_schema.no_info_wrap_validator_function(self.read, handler(source), serialization=written)
+
+    def plain(self, fact: Fact) -> dict[str, object]:
+        """The fact as its record's file holds it."""
+        entries = {name: getattr(fact, field) for name, field in self.names.items()}
+        return {
+            name: entry.model_dump(mode="json") if isinstance(entry, Metric) else entry
+            for name, entry in entries.items()
+            if entry is not None or name not in self.if_any
+        }
+
+    def read(self, content: Any, validated: Callable[[Any], Fact]) -> Fact:
+        """The fact of ``content``. Raises :class:`ValueError` for one missing or unknown, or that does not follow."""
+        if not isinstance(content, Mapping):
+            return validated(content)
+        unknown = [f"{str(name)[:60]}: no such entry" for name in content if name not in self.names]
+        missing = [f"{name}: missing" for name, field in self.names.items() if field in _NEEDED and name not in content]
+        if unknown or missing:
+            raise ValueError((unknown + missing)[0])
+        entries = {field: content[name] for name, field in self.names.items() if name in content}
+        if "metric" in entries:
+            entries |= _numbers_of(entries["metric"])
+        if isinstance(entries["value"], str):
+            raise ValueError("value: must be a number")
+        own = {"key": "", "label": "", **{field: entry for field, entry in entries.items() if field in _FIELDS}}
+        fact = self.completed(validated(own))
+        follows = self.plain(fact)
+        for name, stated in content.items():
+            if self.names[name] not in _FIELDS and not agree(stated, follows[name]):
+                raise ValueError(f"{name}: not as it follows from the other entries")
+        return fact
+
+
+def _numbers_of(metric: object) -> dict[str, object]:
+    """Value and standard error of a metric as JSON has it."""
+    try:
+        read = Metric.model_validate(metric)
+    except ValidationError:
+        raise ValueError("value: must be an object with value, unit and standard_error") from None
+    return {"value": read.value, "standard_error": read.standard_error}
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 NOTHING = "–"  # in the place of a value that is not known
 _THIN_SPACE, _MINUS = "\u2009", "\u2212"
+_SIGNS = {"<=": "≤", ">=": "≥"}
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LARGEST_PLAIN, _MOST_DECIMALS = 1e6, 7  # beyond them a number is written with an exponent
 
@@ -79,6 +80,11 @@ def by_error(value: float, error: float) -> tuple[str, str]:
     if -2 <= size < _PLAIN:  # 92.30055217, 0.0923: no one reads these as powers of ten
         return _typeset(f"{kept:.{decimals}f}"), _typeset(f"{error:.1e}")
     return _typeset(f"{kept:.{size + decimals}e}"), _typeset(f"{error:.1e}")
+
+
+def limit_text(sense: str, value: float, unit: str = "", digits: int = 4) -> str:
+    """A limit with its sign: ``sense`` "<=" or ">=", and ``value``, which may be reached, in ``unit``."""
+    return f"{_SIGNS[sense]} {quantity(value, unit, digits=digits)}"
 
 
 def with_unit(text: str, unit: str) -> str:

@@ -214,13 +214,6 @@ def agree(one: Any, other: Any) -> bool:
     return type(one) is type(other) and bool(one == other)
 
 
-def figure_at(record: object, place: str) -> float:
-    """The figure at the dotted ``place``; a flag as 1 or 0."""
-    for step in place.split("."):
-        record = record[int(step)] if isinstance(record, tuple) else getattr(record, step)
-    return float(record)  # type: ignore[arg-type]  # a number, by what the classes say
-
-
 def require_what_follows(record: Record, place: str = "") -> None:
     """Raise :class:`ValueError` where a figure in ``record``, or in one within, is not what others make it."""
     for name, stated, derived in record.follows():
@@ -343,6 +336,7 @@ Flag = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, BeforeValidator(printable), Field(strict=True)]
 Sha256 = Annotated[str, Field(strict=True, pattern=r"^[0-9a-f]{64}$")]
 State = Literal["pass", "fail", "undecided"]
+Sense = Literal["<=", ">="]
 Point = tuple[Number, Number, Number]  # x, y, z in mm
 Box = tuple[Point, Point]  # least and largest corner, in mm
 

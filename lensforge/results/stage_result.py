@@ -31,7 +31,6 @@ from lensforge.results.record import (
     Text,
     arrays_of,
     excluded_arrays,
-    figure_at,
     marker,
     put_arrays,
     require_what_follows,
@@ -128,7 +127,6 @@ class StageResult(Record):
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
     made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
     told_if_any: ClassVar[tuple[str, ...]] = ()  # fields that a record leaves out where they are empty
-    judged: ClassVar[Mapping[str, str]] = {}  # by the name of a criterion: the field that has its value, dotted
 
     version: Text = __version__
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
@@ -159,12 +157,6 @@ class StageResult(Record):
         """Numbers and texts as the JSON file holds them: without arrays, files and parts of other stages' results."""
         elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | excluded_arrays(self)
         return self.model_dump(mode="json", exclude=elsewhere)
-
-    def follows(self) -> Iterator[tuple[str, float, float]]:
-        """The value of each criterion that is a field of the record, too."""
-        for number, criterion in enumerate(getattr(self, "criteria", ())):
-            if criterion.name in self.judged and criterion.value is not None:
-                yield f"criteria.{number}.value", criterion.value, figure_at(self, self.judged[criterion.name])
 
     @cached_property
     def sha256(self) -> str:

@@ -6,7 +6,7 @@ Stages give the reasons: a state with its words for each figure that does not pa
 from collections.abc import Iterable, Mapping, Sequence
 
 from lensforge.errors import CriterionMissed
-from lensforge.results import Record, Sense, State, Text
+from lensforge.results.record import Record, Sense, State, Text
 
 CERTAIN = 2.0  # standard errors; within them of a limit, nothing is decided
 

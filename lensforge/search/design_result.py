@@ -16,7 +16,6 @@ from pydantic import Field
 
 from lensforge.optics.media import BODY, CAVITY, OPENING, SIDES
 from lensforge.results import (
-    Bound,
     Count,
     Fact,
     Given,
@@ -31,7 +30,8 @@ from lensforge.results import (
     Text,
 )
 from lensforge.results.arguments import require_choice
-from lensforge.results.criteria import Criterion, at_least, state_of
+from lensforge.results.criteria import Criteria, at_least
+from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 from lensforge.sources.source_summary import SourceSummary
@@ -149,15 +149,11 @@ class Design(StageResult):
     ended: Text | None = None
     kept_start: bool = False
     starts: tuple[Start, ...] = ()
-    criteria: tuple[Criterion, ...]
+    criteria: Criteria
 
     def follows(self) -> Iterator[tuple[str, float, float]]:
-        """Steps by the history, and the values of the criteria by the margins."""
+        """Steps by the history."""
         yield "steps", self.steps, sum(len(level.loss) for level in self.history)
-        margins = {limit.name: self.constraints.at(limit) for limit in limits_of(self.lens.spec)}
-        for number, criterion in enumerate(self.criteria):
-            if criterion.value is not None:
-                yield f"criteria.{number}.value", criterion.value, margins.get(criterion.name, nan)
 
     @property
     def spread(self) -> float | None:
@@ -311,7 +307,7 @@ def _limits_of_faces(lens: AnyLens) -> Iterator[tuple[str, tuple[str, ...], str,
             yield kind, (name, *others), field.format(name), remedy.format(name, field=field.format(name))
 
 
-def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:
+def constraint_criteria(spec: Spec, measured: Margins) -> Criteria:
     """One criterion for each limit of ``spec``: at least 0 but for its tolerance; NaN where it was not measured."""
     return tuple(
         at_least(limit.name, measured.at(limit), 0.0, limit.unit, limit.remedy, limit.tolerance)
@@ -328,38 +324,41 @@ def design_facts(design: Design) -> list[Group]:
     return groups if design.spread is None else [*groups, Group("starts", "Starts", tuple(_starts(design)))]
 
 
-def _size(design: Design) -> Iterator[Fact]:
-    limits = design.lens.spec.constraints
-    about_axis = design.lens.spec.lens.radius_about_axis
-    without = "without the base" if design.lens.spec.lens.flange_room_mm is None else "without base and flange"
-    yield Fact(
+_SIZE = (
+    Row(
         "radius",
-        "Farthest from the axis" if about_axis else "Farthest from the LED",
-        design.max_radius_mm,
-        "mm",
-        limit=Bound("<=", limits.max_radius_mm),
-        state=state_of(design.criteria, "radius margin"),
-        note=without if about_axis else "distance in space, without the base",
-    )
-    yield Fact(
+        "Farthest from the {origin}",
+        "max_radius_mm",
+        "{radius}",
+        limit="constraints.max_radius_mm",
+        by="radius margin",
+    ),
+    Row(
         "height",
         "Height above the LED",
-        design.height_mm,
-        "mm",
-        limit=None if limits.max_height_mm is None else Bound("<=", limits.max_height_mm),
-        state=state_of(design.criteria, "height margin"),
-        note="without the base",
-    )
-    high, wide = quantity(limits.cavity_height_mm, "mm"), quantity(2.0 * limits.cavity_radius_mm, "mm")
-    yield Fact(
+        "height_mm",
+        "without the base",
+        limit="constraints.max_height_mm",
+        by="height margin",
+    ),
+    Row(
         "cavity",
         "Free space over the LED",
-        design.constraints.cavity_clearance_mm,
-        "mm",
-        limit=Bound(">=", 0.0),
-        state=state_of(design.criteria, "cavity clearance"),
-        note=f"beyond a dome {high} high, {wide} wide",
-    )
+        "constraints.cavity_clearance_mm",
+        "beyond a dome {lens.spec.constraints.cavity_height_mm} high, {wide} wide",
+        like="cavity clearance",
+    ),
+)
+
+
+def _size(design: Design) -> Iterator[Fact]:
+    spec = design.lens.spec
+    without = "without the base" if spec.lens.flange_room_mm is None else "without base and flange"
+    words = {"origin": "LED", "radius": "distance in space, without the base"}
+    if spec.lens.radius_about_axis:
+        words = {"origin": "axis", "radius": without}
+    wide = quantity(2.0 * spec.constraints.cavity_radius_mm, "mm")
+    return facts_of(design, _SIZE, spec=spec, judged=design.criteria, wide=wide, **words)
 
 
 def _search(design: Design) -> Iterator[Fact]:

@@ -218,8 +218,8 @@ class SeededSearch:
             warnings=self.warnings,
         )
         lights = _light_by_other_rays(design.lens, self.rays_seed)
-        missed = sum(not criterion.passed for criterion in design.criteria)
-        missed += sum(limit.state == "missed" for light in lights for limit in light.limits)
+        missed = sum(not criterion.holds for criterion in design.criteria)
+        missed += sum(limit.state == "fail" for light in lights for limit in light.limits)
         errors = [each.nmse.value for light in lights for each in light.receivers if each.nmse is not None]
         return design, Start(
             seed=seed,

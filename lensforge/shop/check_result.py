@@ -1,15 +1,17 @@
 """The result of the manufacturing check: faces, wall, clearance of the ball at the base, tools, and findings."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import ConfigDict, computed_field, model_validator
+from pydantic import ConfigDict, model_validator
 
-from lensforge.results import Array, NotNegative, Number, Point, Positive, Record, Share, StageResult, Text
+from lensforge.results import Array, Fact, NotNegative, Number, Point, Positive, Record, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
-from lensforge.results.criteria import Criterion, Judged
+from lensforge.results.criteria import Criteria
+from lensforge.results.fact import StoredAs
 from lensforge.results.notebook_html import screenful
 
 if TYPE_CHECKING:
@@ -82,7 +84,36 @@ class BallClearance(Record):
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
 FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool", "gap", "plate"]
-BODY = "body"  # the surface of a finding on none of the faces
+_QUESTIONS: dict[str, str] = {
+    "cutter": "Ball reaches it",
+    "relief": "Base is clear",
+    "tilt": "Tilt is allowed",
+    "tool": "Tool reaches it",
+    "draft": "Draft suffices",
+    "wall": "Wall suffices",
+    "gap": "Ball fits between lenses",
+    "plate": "Walls of the plate suffice",
+}
+FLAT_MM = 1e6  # a radius beyond it is that of a plane
+BODY = "body"  # the place of a finding on none of the faces
+
+
+def as_finding(fact: Fact) -> Fact:
+    """The fact as a statement on what the shop can do with this lens, whose note says why.
+
+    Its key is a :data:`FindingName`, its place a face or :data:`BODY`. Without a value the ball reaches nothing;
+    without a limit there is none, as for a face that any ball reaches.
+    """
+    if fact.key not in _QUESTIONS:
+        raise ValueError(f"name: must be one of {', '.join(_QUESTIONS)}")
+    return replace(fact, label=_QUESTIONS[fact.key]).judged()
+
+
+_NAMES = {name: name for name in ("value", "sense", "limit", "unit", "tolerance")}
+_STORED = StoredAs(
+    _NAMES | {"name": "key", "surface": "place", "reason": "note", "remedy": "remedy", "holds": "holds"}, as_finding
+)
+Findings = tuple[Annotated[Fact, _STORED], ...]
 
 
 class Sphere(Record):
@@ -92,6 +123,11 @@ class Sphere(Record):
     centre_mm: Point
     pv_mm: NotNegative
     rms_mm: NotNegative
+
+    @property
+    def radius_or_plane(self) -> float | str:
+        """The radius (mm), or the word for that of a plane."""
+        return self.radius_mm if self.radius_mm < FLAT_MM else "plane"
 
 
 class Curvature(Record):
@@ -176,29 +212,6 @@ class ToolResult(Record):
     faces: dict[Text, ToolReach]
 
 
-class Finding(Judged):
-    """One statement on what the shop can do with this lens: its subject, its face (or :data:`BODY`), and the reason.
-
-    It holds where ``value`` is ``sense`` ``limit``. ``value``: None where the ball reaches nothing. ``limit``: None
-    where there is none, as for a face that any ball reaches. ``remedy``: changes of the spec, each of which makes it
-    hold; empty where it holds, or its reason names them.
-    """
-
-    name: FindingName
-    surface: Text
-    reason: Text
-    remedy: str = ""
-
-    @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
-    @property
-    def holds(self) -> bool:
-        """True where the shop can do it."""
-        return self.is_kept
-
-
-FLAT_MM = 1e6  # a radius beyond it is that of a plane
-
-
 class Edge(Record):
     """The crease of two ``faces``: the least angle (degrees) between them, and where.
 
@@ -227,7 +240,6 @@ class Check(StageResult):
     model_config = ConfigDict(extra="allow")
     stage: ClassVar[str] = "check"
     told_if_any: ClassVar[tuple[str, ...]] = ("edges",)
-    judged: ClassVar[Mapping[str, str]] = {"thinnest wall": "walls.thinnest.thickness_mm"}
 
     make: Literal["part", "insert"]
     scale: Positive
@@ -236,15 +248,14 @@ class Check(StageResult):
     relief: BallClearance
     tools: tuple[ToolResult, ...]
     edges: tuple[Edge, ...] = ()
-    criteria: tuple[Criterion, ...]
-    verdicts: tuple[Finding, ...]
+    criteria: Criteria
+    verdicts: Findings
     seconds: NotNegative
     chart_axis: Annotated[Float[np.ndarray, " c"], Array("c")]
 
     def follows(self) -> Iterator[tuple[str, float, float]]:
-        """The thinnest wall by its place, beside the criteria."""
+        """The thinnest wall by its place."""
         yield "min_wall_mm", self.min_wall_mm, self.walls.thinnest.thickness_mm
-        yield from super().follows()
 
     @property
     def faces(self) -> dict[str, FaceResult]:
@@ -254,7 +265,7 @@ class Check(StageResult):
     @model_validator(mode="after")
     def _of_these_faces(self) -> "Check":
         named = {name for tool in self.tools for name in tool.faces} | set(self.relief.faces)
-        unknown = (named | {finding.surface for finding in self.verdicts} - {BODY}) - set(self.faces)
+        unknown = (named | {finding.place for finding in self.verdicts} - {BODY}) - set(self.faces)
         if unknown or not self.faces:
             own = ", ".join(self.faces) or "none"
             raise ValueError(f"faces: {own}; tools and findings are on {', '.join(sorted(unknown)) or 'none'}")
@@ -266,7 +277,7 @@ class Check(StageResult):
         return self
 
     def __str__(self) -> str:
-        return screenful([f"{'yes' if each.holds else 'no '} {each.name}: {each.reason}" for each in self.verdicts])
+        return screenful([f"{'yes' if each.holds else 'no '} {each.key}: {each.note}" for each in self.verdicts])
 
     def plot(
         self,

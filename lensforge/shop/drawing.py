@@ -17,7 +17,7 @@ from lensforge.shop.check_result import Check, FaceResult
 from lensforge.shop.dimensions import DatumScheme, Dimension, datum_scheme
 from lensforge.shop.sheet import Box, Marks, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, frame_of, paragraphs_in
-from lensforge.shop.sheet_tables import Rows, ToleranceTable, draw_optical_table, optical_table, table_height
+from lensforge.shop.sheet_tables import OpticalTable, ToleranceTable, optical_table
 from lensforge.shop.view_drawing import ViewContent, draw_views, fitted
 from lensforge.shop.view_lines import dome_lines, end_lines, section_view
 from lensforge.spec import DrawingSection
@@ -109,6 +109,7 @@ def mould_words(lens: Lens) -> list[str]:
     return [f"The moulded lens; faces of the mould inserts are these times {shop.scale:.12g} about the origin."]
 
 
+TitleBlock = dict[str, tuple[str, ...]]  # cells of each row, by its key
 WIDTH, ROW = 180.0, 5.6  # mm on A3
 HEIGHT = 8.0 * ROW
 _NONE = "not stated"
@@ -120,25 +121,24 @@ def title_of(lens: Lens, words: DrawingSection) -> str:
     return ", ".join([*filter(None, named), *([f"revision {words.revision}"] if words.revision else [])])
 
 
-def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool = False) -> Rows:
+def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool = False) -> TitleBlock:
     """Rows for the shop, and from the record of the part or its plate: author and date are those of its files."""
     spec, signature, general = lens.spec, part.signature, words.general_tolerances or f"{_NONE}, to be agreed"
     body: Part | Plate = part
     file, name = STEP_FILE, words.part_name or spec.name
     if of_plate and part.plate is not None:
         body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
-    return [
-        [name],
-        [f"Number: {words.part_number or _NONE}", f"Revision: {words.revision or _NONE}"],
-        [
-            f"Material: {spec.lens.material or _NONE}",
-            f"Volume: {body.volume_mm3:.1f} mm³" if body.mass_g is None else f"Mass: {body.mass_g:.3f} g",
-        ],
-        [f"Drawn: {signature.author or _NONE}", f"Date: {signature.date or _NONE}"],
-        [f"Checked: {words.checked_by or _NONE}", f"Organisation: {signature.organisation or _NONE}"],
-        [f"Sizes “general”: {general}", "Units: mm, degrees"],
-        [f"Defined by: {file}, SHA-256 {part.files[file].sha256[:16]}…"],
-    ]
+    mass = f"Volume: {body.volume_mm3:.1f} mm³" if body.mass_g is None else f"Mass: {body.mass_g:.3f} g"
+    return {
+        "name": (name,),
+        "number": (f"Number: {words.part_number or _NONE}", f"Revision: {words.revision or _NONE}"),
+        "material": (f"Material: {spec.lens.material or _NONE}", mass),
+        "drawn": (f"Drawn: {signature.author or _NONE}", f"Date: {signature.date or _NONE}"),
+        "checked": (f"Checked: {words.checked_by or _NONE}", f"Organisation: {signature.organisation or _NONE}"),
+        "general": (f"Sizes “general”: {general}", "Units: mm, degrees"),
+        "scale": (),  # of the sheet on which it stands
+        "defined": (f"Defined by: {file}, SHA-256 {part.files[file].sha256[:16]}…",),
+    }
 
 
 def scale_words(scale: float) -> str:
@@ -146,14 +146,14 @@ def scale_words(scale: float) -> str:
     return f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
 
 
-def draw_title_block(block: Rows, corner: tuple[float, float], unit: float, scale: float, sheet: str) -> Marks:
-    """The block, its lower right corner at ``corner``; scale and sheet stand above its last row."""
+def draw_title_block(block: TitleBlock, corner: tuple[float, float], unit: float, scale: float, sheet: str) -> Marks:
+    """The block, its lower right corner at ``corner``, with the scale and the size of the sheet."""
     left, bottom = corner[0] - WIDTH * unit, corner[1]
     height = ROW * unit
-    rows = [*block[:-1], [f"Scale: {scale_words(scale)}", f"First angle; {sheet}, sheet 1 of 1"], block[-1]]
+    rows = {**block, "scale": (f"Scale: {scale_words(scale)}", f"First angle; {sheet}, sheet 1 of 1")}
     top = bottom + HEIGHT * unit
     marks = Marks()
-    for number, each in enumerate(rows):
+    for number, each in enumerate(rows.values()):
         low, wide = top - (number + 1) * height, WIDTH * unit / len(each)
         for k, text in enumerate(each):
             marks.add(cell((left + k * wide, low, left + (k + 1) * wide, low + height), text, unit))
@@ -174,8 +174,8 @@ class DrawingContent:
 
     views: ViewContent
     notes: list[str]
-    table: Rows
-    block: Rows
+    table: OpticalTable
+    block: TitleBlock
     title: str
 
 
@@ -205,7 +205,7 @@ def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
     marks.add(draw_views(content.views, view))
     marks.add(draw_title_block(content.block, (right, bottom), unit, view.scale, name))
     top, width = bottom + _band(content, name), _table_width(content, name)
-    marks.add(draw_optical_table(content.table, right, top, width, unit))
+    marks.add(content.table.drawn(right, top, width, unit))
     marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
     return Sheet(name, SIZES[name], unit, view.scale, content.title, view.origin, marks)
 
@@ -223,7 +223,7 @@ def inside_of(name: SheetName) -> Box:
 
 def _is_wide(content: DrawingContent) -> bool:
     """True for a table of more faces than stand above the title block: it has all the width, above the notes too."""
-    return len(content.table[0]) > _NARROW
+    return len(content.table.columns) > _NARROW
 
 
 def _table_width(content: DrawingContent, name: SheetName) -> float:
@@ -244,7 +244,7 @@ def _block_height(content: DrawingContent, name: SheetName) -> float:
 def _band(content: DrawingContent, name: SheetName) -> float:
     """Height of notes, table and title block."""
     unit = unit_of(name)
-    table = table_height(content.table, _table_width(content, name), unit)
+    table = content.table.height(_table_width(content, name), unit)
     return _block_height(content, name) + _GAP * unit + table if _is_wide(content) else (HEIGHT + _GAP) * unit + table
 
 

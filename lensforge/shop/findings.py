@@ -4,13 +4,14 @@ All follow from the measurements of the check and the spec alone.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import ceil, floor
 from typing import TYPE_CHECKING
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
 from lensforge.optics.media import FROM_BELOW
-from lensforge.results import Sense
-from lensforge.results.criteria import Criterion, at_least, at_most
+from lensforge.results import Fact, Sense
+from lensforge.results.criteria import Criteria, at_least, at_most
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
 from lensforge.shop.check_result import (
@@ -22,13 +23,13 @@ from lensforge.shop.check_result import (
     Cutter,
     Edge,
     FaceResult,
-    Finding,
     FindingName,
     StepClearance,
     ToolReach,
     ToolResult,
     Wall,
     Walls,
+    as_finding,
 )
 from lensforge.spec import BaseSection, Spec
 
@@ -54,7 +55,7 @@ _KINDS: dict[FindingName, tuple[Sense, str]] = {
 
 def check_findings(
     spec: Spec, faces: Mapping[str, FaceResult], wall_mm: float, relief: BallClearance, tools: tuple[ToolResult, ...]
-) -> tuple[Finding, ...]:
+) -> tuple[Fact, ...]:
     """All findings on a lens of ``spec`` from the measurements of its check; ``wall_mm``: the thinnest wall."""
     return (
         *(cutter_finding(name, face.cutter, relief, spec) for name, face in faces.items()),
@@ -78,17 +79,15 @@ def _finding(
     reason: str,
     changes: Sequence[str] = (),
     tolerance: float = 0.0,
-) -> Finding:
+) -> Fact:
     """The finding; of the ``changes`` of the spec that would help, an empty one is left out."""
     sense, unit = _KINDS[name]
-    found = Finding(
-        name=name, surface=surface, value=value, sense=sense, limit=limit, unit=unit, tolerance=tolerance, reason=reason
-    )
-    changes = [] if found.holds else [change for change in changes if change]
-    return found.model_copy(update={"remedy": ", or ".join(changes)})
+    fact = Fact(name, "", value, unit, sense=sense, limit=limit, note=reason, tolerance=tolerance, place=surface)
+    finding = as_finding(fact)
+    return finding if finding.holds else replace(finding, remedy=", or ".join(filter(None, changes)))
 
 
-def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
+def wall_criteria(spec: Spec, walls: Walls) -> Criteria:
     """The thinnest wall, and the thickest where the spec limits it; both within the tolerance of the search."""
     limits, own, again = (
         spec.constraints,
@@ -104,7 +103,7 @@ def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
     return least, at_most("largest radial wall", thickest_mm, most_mm, "mm", remedy, own)
 
 
-def edge_criteria(spec: Spec, edges: Sequence[Edge]) -> tuple[Criterion, ...]:
+def edge_criteria(spec: Spec, edges: Sequence[Edge]) -> Criteria:
     """The sharpest place of each edge, where the spec limits it."""
     least_deg = spec.constraints.min_edge_angle_deg
     if least_deg is None:
@@ -119,7 +118,7 @@ def _place(wall: Wall) -> str:
     return ", ".join(quantity(round(value, 6) + 0.0, digits=4) for value in wall.cavity_point_mm)  # no "-0"
 
 
-def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Spec) -> Finding:
+def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Spec) -> Fact:
     """Reach of the spec's ball cutter on a face."""
     largest = cutter.largest_radius_mm
     again = _design_again("concave_radius_mm", cutter.radius_mm, spec, surface)
@@ -140,12 +139,12 @@ def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Sp
     return _finding("cutter", surface, cutter.radius_mm, largest, reason, changes, tolerance)
 
 
-def clearance_findings(relief: BallClearance, base: BaseSection) -> list[Finding]:
+def clearance_findings(relief: BallClearance, base: BaseSection) -> list[Fact]:
     """Clearance of the ball at ``base``: one statement for each face that has a base below it."""
     return [_clearance_finding(surface, clearance, base) for surface, clearance in relief.faces.items()]
 
 
-def _clearance_finding(surface: str, relief: AnyClearance, base: BaseSection) -> Finding:
+def _clearance_finding(surface: str, relief: AnyClearance, base: BaseSection) -> Fact:
     """The base must retreat by nothing; nothing is known of a face that the ball does not reach."""
     needed = relief.needed_mm
     if needed is None:
@@ -188,7 +187,7 @@ def _step_remedy(relief: StepClearance, base: BaseSection) -> str:
     return f"{words}; in place of the height, a smaller base.flange_diameter_mm may clear it" if lower > 0.0 else words
 
 
-def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Finding:
+def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
     """Tilt of a tool that is held normal to the face everywhere; a search for less, or a machine that tilts farther."""
     allowed_deg, changes = spec.manufacture.max_tilt_deg, []
     draft_deg, holds = 90.0 - allowed_deg, within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
@@ -203,7 +202,7 @@ def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Finding:
     return _finding("tilt", surface, slope_deg, allowed_deg, reason, changes, ANGLE_TOLERANCE_DEG)
 
 
-def wall_finding(wall_mm: float, spec: Spec) -> Finding:
+def wall_finding(wall_mm: float, spec: Spec) -> Fact:
     """Thinnest wall; a search from faces that are farther apart, or a spec that takes the wall there is."""
     required_mm, tolerance, changes = spec.constraints.min_thickness_mm, spec.constraints.tolerance_mm, []
     holds = within(wall_mm, ">=", required_mm, tolerance)
@@ -219,7 +218,7 @@ def wall_finding(wall_mm: float, spec: Spec) -> Finding:
     return _finding("wall", BODY, wall_mm, required_mm, reason, changes, tolerance)
 
 
-def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -> Iterator[Finding]:
+def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -> Iterator[Fact]:
     """Room for the ball between the lenses of the plate, where these are cut, and the thinnest wall of the plate."""
     shop, required_mm, tolerance = spec.manufacture, spec.constraints.min_thickness_mm, spec.constraints.tolerance_mm
     if gap_mm is not None and shop.make == "part":
@@ -235,7 +234,7 @@ def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -
         yield _finding("plate", BODY, wall.thickness_mm, required_mm, reason, changes, tolerance)
 
 
-def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Finding:
+def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Fact:
     """Draft: what the spec asks, else what a mould of two parts needs that opens along the axis."""
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
     asked_deg = spec.lens.faces[surface].draft_deg
@@ -259,7 +258,7 @@ def _draft_counts(surface: str, spec: Spec) -> bool:
     return spec.manufacture.make == "insert" or spec.lens.faces[surface].draft_deg is not None
 
 
-def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: float | None) -> Finding:
+def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: float | None) -> Fact:
     """Reach of a tool on a face, and what limits it; ``largest_mm``: the largest ball that reaches the whole face."""
     ball, whole, changes = reach.ball_reachable_fraction, reach.reachable_fraction, []
     reason = f"{tool.name} reaches {percent(whole)} of the {surface} face"

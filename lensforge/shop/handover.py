@@ -9,7 +9,7 @@ from pydantic import Field, PlainSerializer
 
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
 from lensforge.results.files import replacing, require_own
-from lensforge.shop.check_result import Finding
+from lensforge.shop.check_result import Findings
 
 HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
 PLATE_PDF_FILE, PLATE_DXF_FILE = "plate.pdf", "plate.dxf"
@@ -61,7 +61,7 @@ class Handover(Record):
     points: Count
     grids: tuple[PointGrid, ...]
     sha256: dict[Text, Sha256]
-    refused: tuple[Finding, ...]
+    refused: Findings
 
     @property
     def files(self) -> dict[str, bytes]:
@@ -78,7 +78,7 @@ class Handover(Record):
             Fact("grid", grid.file, grid.error_nm, "nm", note="at most, between its nodes", digits=2)
             for grid in self.grids
         )
-        refused = (Fact("refused", "Refused", finding.reason) for finding in self.refused)
+        refused = (Fact("refused", "Refused", finding.note) for finding in self.refused)
         points = Fact("points", "Points", self.points, note="for a measuring machine")
         return Group("handover", self.name, (Fact("files", "Files", ", ".join(self.files)), points, *grids, *refused))
 

@@ -7,6 +7,7 @@ or else by a table of places. All sizes are of the design in the plate's own axe
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -48,7 +49,6 @@ from lensforge.shop.sheet import (
     shown,
 )
 from lensforge.shop.sheet_marks import arrow_head, axes_mark, draw_rows, frame_of, hatch, paragraphs_in, row_height
-from lensforge.shop.sheet_tables import Rows
 from lensforge.shop.view_drawing import FIRST, HATCH, ROW, PaperView, fitted, placed
 from lensforge.shop.view_lines import dome_radius, front_line
 from lensforge.spec import DrawingSection
@@ -147,7 +147,9 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
     """Draw the sheet. Raises :class:`InputError` for a plate that does not fit at any scale."""
     unit, (left, bottom, right, top) = unit_of(name), inside_of(name)
     rows, gap, widths = place_rows(layout), 4.0 * unit, [share * WIDTH * unit for share in _COLUMNS]
-    drawn = rows if len(rows) <= _MOST_ROWS else [*rows[: _MOST_ROWS - 1], ["…", "", "", "more on manufacturing.html"]]
+    drawn = (
+        rows if len(rows) <= _MOST_ROWS else [*rows[: _MOST_ROWS - 1], PlaceRow("…", what="more on manufacturing.html")]
+    )
     band = (HEIGHT + 4.0) * unit + sum(row_height(each, widths, unit) for each in drawn)
     middle, lines = right - (WIDTH + 4.0) * unit, LensLines.of(lens, layout.lenses.turns_deg)
     notes = paragraphs_in((left + gap, bottom - top, middle, 0.0), plate_notes(lens, layout, words), unit)
@@ -184,19 +186,30 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
     ]
 
 
-def place_rows(layout: PlateLayout) -> Rows:
-    """Rows of a table: number, x, y and what is there; lenses only where they have no pattern or are turned."""
-    found, lenses = list[tuple[str, Place, str]](), layout.lenses
+class PlaceRow(NamedTuple):
+    """A row of the table of places: label on the drawing, x and y in words, and what is there."""
+
+    label: str
+    x: str = ""
+    y: str = ""
+    what: str = ""
+
+    @staticmethod
+    def at(label: str, place_mm: Place, what: str) -> "PlaceRow":
+        """The row of a place."""
+        x, y = (shown(round(value, 6) + 0.0) for value in place_mm)
+        return PlaceRow(label, f"x {x}", f"y {y}", what)
+
+
+def place_rows(layout: PlateLayout) -> list[PlaceRow]:
+    """Rows of the table; lenses only where they have no pattern or are turned."""
+    rows, lenses = list[PlaceRow](), layout.lenses
     if _listed(layout):
         for number, (place, turn) in enumerate(zip(lenses.places_mm, lenses.turns_deg, strict=True), 1):
-            found.append((f"L{number}", place, f"lens, turned by {turn:.3f}°" if turn else "lens"))
-    found += [(label, mark.place_mm, _words(mark)) for label, mark in labelled(layout)]
-    if layout.plate.gate is not None:
-        found.append(("G", layout.plate.gate.place_mm, f"gate, {shown(layout.plate.gate.width_mm)} wide"))
-    return [
-        [label, *(f"{name} {shown(round(at, 6) + 0.0)}" for name, at in zip("xy", place, strict=True)), words]
-        for label, place, words in found
-    ]
+            rows.append(PlaceRow.at(f"L{number}", place, f"lens, turned by {turn:.3f}°" if turn else "lens"))
+    rows += [PlaceRow.at(label, mark.place_mm, _words(mark)) for label, mark in labelled(layout)]
+    gate = layout.plate.gate
+    return rows if gate is None else [*rows, PlaceRow.at("G", gate.place_mm, f"gate, {shown(gate.width_mm)} wide")]
 
 
 def _listed(layout: PlateLayout) -> bool:

@@ -8,6 +8,7 @@ the roughness, rms. A dash stands where neither spec nor preset says more.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 from lensforge.cad.boundary import domain_of, optical_name
 from lensforge.cad.part import STEP_FILE, Part
@@ -24,35 +25,61 @@ from lensforge.shop.sheet_marks import draw_rows, row_height
 from lensforge.spec import DrawingSection
 from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
 
-_MATERIAL = 38.0  # width of its column, mm on A3
-_HEAD = "Material"
+MATERIAL = "material"  # its column
+_WIDTH = 38.0  # of that, mm on A3
+
 _OF_ASSEMBLY = ("source_", "lens_")
 _RMS, _PEAK = ("_form_um", "_waviness_um"), ("_ripple_um",)
-Rows = list[list[str]]
+_TEXT = dict[str, str]  # lines of a column by their keys
 
 
-def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -> Rows:
-    """Rows of texts: of the faces of the envelope, the last first, of the material, and of the faces of the cavity."""
+@dataclass(frozen=True)
+class OpticalTable:
+    """Columns of the table by the face, the last of the envelope first, or :data:`MATERIAL`, in lines by their keys."""
+
+    columns: dict[str, _TEXT]
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """Lines of all columns beside each other; one of fewer ends in empty ones."""
+        return list(zip_longest(*(column.values() for column in self.columns.values()), fillvalue=""))
+
+    def height(self, width: float, unit: float) -> float:
+        """Height of the table, ``width`` mm wide on A3."""
+        return sum(row_height(texts, self._widths(width, unit), unit) for texts in self.rows)
+
+    def drawn(self, right: float, top: float, width: float, unit: float) -> Marks:
+        """The table, its upper right corner given, ``width`` mm wide on A3."""
+        return draw_rows(self.rows, right - width * unit, top, self._widths(width, unit), unit)
+
+    def _widths(self, width: float, unit: float) -> list[float]:
+        """Widths of the columns: the faces share what the material leaves."""
+        faces = len(self.columns) - 1
+        return [unit * (_WIDTH if name == MATERIAL else (width - _WIDTH) / faces) for name in self.columns]
+
+
+def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -> OpticalTable:
+    """The table of the faces that were checked, and of the material between those of envelope and cavity."""
     outwards, inwards = (
-        [_face(face.name, lens, part, check, words) for face in reversed(faces) if face.name in check.faces]
+        {face.name: _face(face.name, lens, part, check, words) for face in reversed(faces) if face.name in check.faces}
         for faces in (lens.body.envelope, lens.body.cavity)
     )
+    return OpticalTable({**outwards, MATERIAL: _material(lens), **inwards})
+
+
+def _material(lens: Lens) -> _TEXT:
     spec = lens.spec.lens
-    index = 0.0 if spec.is_opaque else lens.spec.part_tolerances.tolerance("index").amount
-    material = [
-        _HEAD,
-        spec.material,
-        *(
-            [NOTHING, NOTHING]
-            if spec.is_opaque
-            else [f"n = {spec.refractive_index:g}{f' ±{index:g}' if index else ''}", index_wavelength(lens)]
-        ),
-        f"0/ {NOTHING}",
-        f"1/ {NOTHING}",
-        f"2/ {NOTHING}",
-        *[""] * (len(inwards[0]) - 7),
-    ]
-    return [list(texts) for texts in zip(*outwards, material, *inwards, strict=True)]
+    off = 0.0 if spec.is_opaque else lens.spec.part_tolerances.tolerance("index").amount
+    index = f"n = {spec.refractive_index:g}{f' ±{off:g}' if off else ''}"
+    return {
+        "title": "Material",
+        "name": spec.material,
+        "index": NOTHING if spec.is_opaque else index,
+        "wavelength": NOTHING if spec.is_opaque else index_wavelength(lens),
+        "stress": f"0/ {NOTHING}",
+        "bubbles": f"1/ {NOTHING}",
+        "homogeneity": f"2/ {NOTHING}",
+    }
 
 
 def index_wavelength(lens: Lens) -> str:
@@ -66,35 +93,20 @@ def index_wavelength(lens: Lens) -> str:
     return "wavelength not stated" if spec.dispersion is None else f"at {spec.design_wavelength_nm:g} nm"
 
 
-def _widths(rows: Rows, width: float, unit: float) -> list[float]:
-    """Widths of the columns; that of the material has its name above it, and the faces share the rest."""
-    head, faces = rows[0], len(rows[0]) - 1
-    return [(_MATERIAL if text == _HEAD else (width - _MATERIAL) / faces) * unit for text in head]
-
-
-def table_height(rows: Rows, width: float, unit: float) -> float:
-    """Height of the table, ``width`` mm wide on A3."""
-    return sum(row_height(texts, _widths(rows, width, unit), unit) for texts in rows)
-
-
-def draw_optical_table(rows: Rows, right: float, top: float, width: float, unit: float) -> Marks:
-    """The table, its upper right corner given, ``width`` mm wide on A3."""
-    return draw_rows(rows, right - width * unit, top, _widths(rows, width, unit), unit)
-
-
-def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection) -> list[str]:
-    found, sphere = check.faces[name], check.faces[name].best_fit_sphere
-    return [
-        f"{face_title(name)}, {optical_name(name)}",
-        f"{_shape(name, lens)}; best-fit {_sphere(sphere)}, PV {sphere.pv_mm:.3f}",
-        f"Effective aperture: ⌀{widest_mm(lens.surfaces[name], domain_of(lens, name)):.3f}, whole face",
-        _form(name, lens),
-        _profile(name, lens, part),
-        _centring(name, lens),
-        f"5/ {words.imperfections or NOTHING}",
-        _texture(name, lens, words.roughness_nm),
-        f"Coating: {_coating(name, lens)}; {found.area_mm2:.1f} mm²",
-    ]
+def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection) -> _TEXT:
+    face, sphere = check.faces[name], check.faces[name].best_fit_sphere
+    across = widest_mm(lens.surfaces[name], domain_of(lens, name))
+    return {
+        "title": f"{face_title(name)}, {optical_name(name)}",
+        "shape": f"{_shape(name, lens)}; best-fit {_sphere(sphere)}, PV {sphere.pv_mm:.3f}",
+        "aperture": f"Effective aperture: ⌀{across:.3f}, whole face",
+        "form": _form(name, lens),
+        "profile": _profile(name, lens, part),
+        "centring": _centring(name, lens),
+        "imperfections": f"5/ {words.imperfections or NOTHING}",
+        "texture": _texture(name, lens, words.roughness_nm),
+        "coating": f"Coating: {_coating(name, lens)}; {face.area_mm2:.1f} mm²",
+    }
 
 
 def _sphere(sphere: Sphere) -> str:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from lensforge.cad.part import SURFACES_FILE, Part, part_facts
 from lensforge.cad.plate_layout import PlateLayout, layout_of
 from lensforge.results import Fact, Group
+from lensforge.results.criteria import shown as shown_criterion
 from lensforge.results.figure_style import to_svg
 from lensforge.results.numerals import quantity, with_unit
 from lensforge.scene.lens import Lens
@@ -113,7 +114,7 @@ def _tables(
         for group in finding_groups(check)
         for fact in group.facts
     ]
-    criteria = [each.fact for each in (*part.criteria, *check.criteria)]
+    criteria = [shown_criterion(each) for each in (*part.criteria, *check.criteria)]
     judged = [(fact.label, fact.text, fact.asked, fact.state) for fact in criteria]
     dense = table_facts(grids)
     return [

@@ -60,7 +60,7 @@ def test_a_base_from_a_file_is_joined_to_one_solid_and_one_mesh(tmp_path, bore, 
     path = written(plate(bore, size, holes=holes), tmp_path / "clamp.step")
     lens = make_lens(INNER_MM, OUTER_MM, 0.01, base={"kind": "step", "file": str(path)})
     part = build_part(lens, rings=24)
-    assert [str(criterion) for criterion in part.criteria if not criterion.passed] == []
+    assert [str(criterion) for criterion in part.criteria if not criterion.holds] == []
     below = 2.0 * (size**2 - np.pi * bore**2 / 4.0 - holes * np.pi * 0.4**2)
     volume = exact_volume(lens.inner, lens.outer, BaseSection(kind="none")) + below
     assert part.volume_mm3 == pytest.approx(volume, rel=2e-9)

@@ -16,7 +16,7 @@ from lensforge.version import __version__
 
 
 def failed(part):
-    return [criterion.name for criterion in part.criteria if not criterion.passed]
+    return [criterion.key for criterion in part.criteria if not criterion.holds]
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_ap242_and_untrimmed_surfaces_on_request():
 
 def test_untrimmed_faces_are_judged_as_those_of_the_part(twice, monkeypatch):
     part = twice[0]
-    judged = {criterion.name: criterion for criterion in part.criteria}
+    judged = {criterion.key: criterion for criterion in part.criteria}
     assert judged["surfaces_form_error"].value == part.untrimmed_surfaces.form_error_nm
     assert judged["surfaces_normal_error"].value == part.untrimmed_surfaces.normal_error_mrad
 

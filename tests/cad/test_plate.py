@@ -46,7 +46,7 @@ def on_plate(plate: dict[str, Any], lamps: dict[str, Any] | None = None, relativ
 
 
 def failed(made: Part | BuiltPlate) -> list[str]:
-    return [criterion.name for criterion in made.criteria if not criterion.passed]
+    return [criterion.key for criterion in made.criteria if not criterion.holds]
 
 
 @cache
@@ -212,7 +212,7 @@ def test_the_ball_must_fit_between_lenses_that_are_cut(cutter: float, make: str,
     """Spheres of 2.45 mm, 9 mm apart, leave 4.1 mm."""
     lens = on_plate({"thickness_mm": 1.0}, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
     spec = lens.spec.replace({"manufacture.cutter_radius_mm": cutter, "manufacture.make": make})
-    found = [each for each in findings(replace(lens, spec=spec)) if each.name == "gap"]
+    found = [each for each in findings(replace(lens, spec=spec)) if each.key == "gap"]
     assert [each.holds for each in found] == ([] if holds is None else [holds])
     for each in found:
         assert each.limit == pytest.approx(4.1, abs=2e-3)
@@ -234,8 +234,8 @@ def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, 
     plate = {"thickness_mm": 1.0, "width_mm": 7.0, "height_mm": 7.0, "holes": [hole], "pins": [pin]}
     lens = make_lens(INNER, OUTER, base={"kind": "none"})
     spec = lens.spec.replace({"constraints.max_radius_mm": 2.5, "plate": plate})
-    (found,) = [each for each in findings(replace(lens, spec=spec)) if each.name == "plate"]
-    assert found.value == pytest.approx(wall, abs=1e-6) and f"between plate.pins.0 and {between}" in found.reason
+    (found,) = [each for each in findings(replace(lens, spec=spec)) if each.key == "plate"]
+    assert found.value == pytest.approx(wall, abs=1e-6) and f"between plate.pins.0 and {between}" in found.note
 
 
 @pytest.mark.parametrize(
@@ -271,8 +271,8 @@ def test_walls_are_those_at_turned_cavities_and_at_the_nearer_edge(
 def test_the_walls_of_a_boss_are_judged(bore: dict[str, float], wall: float, between: str) -> None:
     boss = {"place_mm": [5.5, 0.0], "diameter_mm": 2.0, "height_mm": 1.0, **bore}
     lens = on_plate({"thickness_mm": 1.0, "width_mm": 16.0, "height_mm": 16.0, "bosses": [boss]})
-    (found,) = [each for each in findings(lens) if each.name == "plate"]
-    assert found.value == pytest.approx(wall, abs=1e-9) and between in found.reason
+    (found,) = [each for each in findings(lens) if each.key == "plate"]
+    assert found.value == pytest.approx(wall, abs=1e-9) and between in found.note
 
 
 def test_the_check_of_a_lens_has_the_findings_of_its_plate() -> None:
@@ -280,4 +280,4 @@ def test_the_check_of_a_lens_has_the_findings_of_its_plate() -> None:
     plate = {"thickness_mm": 1.0, "width_mm": 20.0, "height_mm": 20.0, "holes": [hole]}
     lens = on_plate(plate, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
     check = check_lens(lens)
-    assert [each for each in check.verdicts if each.name in ("gap", "plate")] == list(findings(lens))
+    assert [each for each in check.verdicts if each.key in ("gap", "plate")] == list(findings(lens))

@@ -172,8 +172,8 @@ def test_limits_on_colour_are_judged_by_the_verdict() -> None:
     strict = {"within": "tenth", "max_rms_delta_uv": 0.005, "max_delta_uv": 0.9}
     lens = spheres(*chips, colour=strict)
     light = lit(lens)
-    assert [limit.state for limit in light.limits] == ["missed", "held"]
-    assert [limit.value for limit in light.limits] == [light.first.colour.rms, light.first.colour.worst]
+    assert [limit.outcome for limit in light.limits] == ["missed", "held"]
+    assert [limit.metric for limit in light.limits] == [light.first.colour.rms, light.first.colour.worst]
     assert [words.split(" = ")[0] for words in _reasons(light, lens)] == ["Δu′v′ rms within a tenth of the peak"]
     facts = {fact.key: fact for group in light_facts(light, lens) for fact in group.facts}
     assert {"colour_u", "colour_v", "cct", "rms_delta_uv", "worst_delta_uv"} <= set(facts)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from presets import FEW
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.light.evaluation_result import LimitResult
+from lensforge.light.evaluation_result import JudgedLimits
 from lensforge.light.judged_limits import judged_limits
-from lensforge.results import Metric
+from lensforge.results import Fact
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 
@@ -17,7 +17,7 @@ BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
 REPLICATES = 16
 
 
-def judged(limit: dict[str, object], noise: float = 0.0, peak: float = 5.0, seed: int = 0) -> tuple[LimitResult, ...]:
+def judged(limit: dict[str, object], noise: float = 0.0, peak: float = 5.0, seed: int = 0) -> tuple[Fact, ...]:
     """Limits on a Gaussian beam of 30 x 20 degrees, its peak in W/sr, with noise relative to the peak per replicate."""
     spec = small_spec(target=BEAM).replace(limits=[limit])
     receivers = receivers_of(spec, 128)
@@ -47,10 +47,10 @@ def test_the_value_that_decides_is_the_one_of_the_closed_form(
     limit: dict[str, object], value: float, noise: float
 ) -> None:
     (found,) = judged(limit, noise)
-    error = found.value.standard_error or 0.0
+    error = found.standard_error or 0.0
     rough = 0.08 if limit["kind"] in ("zone", "glare") else 0.03  # whole pixels at their edge
-    assert found.value.value == pytest.approx(value, rel=rough, abs=4.0 * error)
-    assert found.receiver == "sky" and (noise == 0.0 or 0.0 < error < 0.1 * value)
+    assert found.value == pytest.approx(value, rel=rough, abs=4.0 * error)
+    assert found.place == "sky" and (noise == 0.0 or 0.0 < error < 0.1 * value)
 
 
 @pytest.mark.parametrize(
@@ -68,12 +68,18 @@ def test_a_limit_is_decided_beyond_two_standard_errors(
     value: float, error: float | None, state: str, sense: str
 ) -> None:
     signed = value if sense == ">=" else 2.0 - value
-    content = {"name": "a", "receiver": "sky", "quantity": "light", "sense": sense, "bound": 1.0, "unit": "cd"}
-    found = LimitResult(value=Metric(value=signed, standard_error=error), **content)
-    assert found.state == state
+    found = Fact("limit", "a", signed, "cd", error, sense, 1.0, note="light", place="sky").judged(error)
+    assert found.outcome == state
+    records = TypeAdapter(JudgedLimits)
+    (stored,) = records.dump_python((found,))
+    assert stored == {
+        "name": "a", "receiver": "sky", "quantity": "light", "sense": sense, "bound": 1.0, "unit": "cd", "state": state,
+        "value": {"value": signed, "unit": "cd", "standard_error": error},
+    }  # fmt: skip
+    assert records.validate_python([stored]) == (found,)
     other = "held" if state != "held" else "missed"
     with pytest.raises(ValidationError, match="state: not as it follows from the other entries"):
-        LimitResult.model_validate({**found.model_dump(mode="json"), "state": other})
+        records.validate_python([{**stored, "state": other}])
 
 
 def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> None:
@@ -88,7 +94,7 @@ def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> No
         )
         lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)
         light = lf.evaluate(lens, rays=2**14)
-        assert [limit.name for limit in light.limits] == ["axis"]
+        assert [limit.label for limit in light.limits] == ["axis"]
         verdict = Results(lens, {"evaluate": light}).verdict
         assert verdict.light == state, "limits decide, whatever the pattern"
         assert state == "pass" or "axis = " in verdict.reasons.light[0]

@@ -94,7 +94,7 @@ def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
     found.write(tmp_path)
     assert Photometry.read(tmp_path) == found
     assert found.inputs == {"lens": dated.sha256}
-    assert all(criterion.passed for criterion in found.criteria)
+    assert all(criterion.holds for criterion in found.criteria)
     assert len(found.criteria) == 4
     assert found.exit_w.value + sum(found.lost_w.model_dump().values()) + found.reflected_w == pytest.approx(1.0)
     assert found.exit_lm.value == pytest.approx(250.0 * found.exit_w.value)

@@ -87,7 +87,7 @@ def test_a_patch_of_equal_lamps_is_the_lattice_again_and_again(lattice: str) -> 
         assert getattr(metrics, name).value == pytest.approx(getattr(lit.receivers[0], name).value, rel=2e-2), name
     assert found.shares[0].mean() == pytest.approx(lit.receivers[0].share_in_target.value, rel=2e-2)
     for own, limit in zip(found.limits, lit.limits, strict=True):
-        assert own[0] == pytest.approx(limit.value.value, rel=0.05), limit.name
+        assert own[0] == pytest.approx(limit.value, rel=0.05), limit.label
 
 
 @pytest.mark.parametrize(("lamps", "number"), [(GRID, 1), (ENDLESS, 5)])

@@ -65,7 +65,7 @@ def test_the_second_cut_is_within_a_micrometre(corrected, side, registration):
     assert found.deviation_um.rms == pytest.approx(rms(first), rel=0.05)
     assert found.noise_rms_um == pytest.approx(0.3, rel=0.15)
     assert found.expected_um.rms == pytest.approx(rms(second), rel=0.3)
-    assert [str(criterion) for criterion in found.criteria if not criterion.passed] == []
+    assert [str(criterion) for criterion in found.criteria if not criterion.holds] == []
 
 
 @pytest.mark.parametrize("side", first_by_day(1, ["inner", "outer"]))

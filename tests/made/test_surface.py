@@ -84,7 +84,7 @@ def test_a_good_part_makes_the_light_of_the_design(compared):
     assert found.form_deviation_um.pv < 1.0
     assert found.nmse_between < 1e-4
     assert found.measured.efficiency.value == pytest.approx(found.design.efficiency.value, abs=1e-3)
-    assert len(found.criteria) == 2 and all(criterion.passed for criterion in found.criteria)
+    assert len(found.criteria) == 2 and all(criterion.holds for criterion in found.criteria)
 
 
 @pytest.mark.nightly("three seconds; by day the light is that of the deformed lens")

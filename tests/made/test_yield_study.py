@@ -297,7 +297,7 @@ def test_the_class_of_a_road_is_held_by_the_parts_whose_source_is_bright_enough(
         lens = lens_with({"source_flux": 0.05, "index": 1e-9}, target=FAR, roads=roads)
         return PartStudy(Recipe(lens, 40, 2048, 0, 2**13))
 
-    means = [limit.value.value for limit in study(1.0).designed_light.limits if "mean lum" in limit.name]
+    means = [limit.value for limit in study(1.0).designed_light.limits if "mean lum" in limit.label]
     lens = study(1.01 * min(means), 2.0 * min(means)).recipe.lens
     found = measure_yield(lens, parts=40, rays=2048, with_budget=False)
     held, none = found.roads

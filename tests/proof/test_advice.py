@@ -33,7 +33,7 @@ def failed(part, rays=RAYS, hits=HITS, flux=FLUX, fates=FATES):
         expected=[Expected(SCREEN, SCREEN.irradiance(hits, flux), hits, flux, fates)],
         plain_rays=1,
     )
-    return {criterion.name: criterion.remedy for criterion in result.criteria if not criterion.passed}, result.first
+    return {criterion.key: criterion.remedy for criterion in result.criteria if not criterion.holds}, result.first
 
 
 def test_light_that_only_the_design_loses_is_named_with_its_flux():
@@ -196,12 +196,12 @@ def test_each_figure_of_a_cast_is_judged_by_its_own_limit(prefix, beyond):
     else:
         nmse = {"nmse_vs_design": beyond * (2.5 * 0.01 + 1e-3), "noise_floor_nmse": 0.01, "nmse_same_rays": 0.0}
         found = mitsuba_criteria(MitsubaCast(version="3", **common, **nmse), 2000.0)
-    assert {each.name: each.passed for each in found} == {each.name: beyond < 1.0 for each in found}
+    assert {each.key: each.holds for each in found} == {each.key: beyond < 1.0 for each in found}
     if prefix == "brep_":  # of four times as many rays four times as many may end otherwise
         more = BrepCast(
             **{**common, "rays": 4096, "against_design": seen.model_copy(update={"fates": 8})}, against_mesh=seen
         )
-        assert brep_criteria(more, 2000.0)[-1].passed and brep_criteria(more, 2000.0)[-1].limit == 8.0
+        assert brep_criteria(more, 2000.0)[-1].holds and brep_criteria(more, 2000.0)[-1].limit == 8.0
     assert f"{prefix}deviation_rms" in {each.name for each in found} and len(found) == (3 if prefix == "brep_" else 4)
 
 

@@ -81,7 +81,7 @@ def form_of(file: DesignedFile) -> FileForm:
 
 
 def missed(form: FileForm) -> list[str]:
-    return [str(criterion) for criterion in form_criteria(form) if not criterion.passed]
+    return [str(criterion) for criterion in form_criteria(form) if not criterion.holds]
 
 
 def test_every_file_that_the_export_writes_is_judged_and_passes() -> None:

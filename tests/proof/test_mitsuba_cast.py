@@ -51,12 +51,12 @@ def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():
     ((right, _),) = cast_mitsuba(part(), RAYS, Media(Medium(INDEX)), expected, 3000)
     assert right.rays == 3000
     assert right.version == mitsuba.__version__
-    assert all(criterion.passed for criterion in mitsuba_criteria(right, DISTANCE))
+    assert all(criterion.holds for criterion in mitsuba_criteria(right, DISTANCE))
     # 3000 rays drawn at random: their picture is off by what the noise of so many makes, not more and not less.
     assert 0.8 < right.nmse_vs_design / right.noise_floor_nmse < 1.2
     other = part(outer=Quadric(OUTER.centre, (14.7, 13, 14)))
     ((wider, _),) = cast_mitsuba(other, RAYS, Media(Medium(INDEX)), expected)
-    failed = {criterion.name for criterion in mitsuba_criteria(wider, DISTANCE) if not criterion.passed}
+    failed = {criterion.key for criterion in mitsuba_criteria(wider, DISTANCE) if not criterion.holds}
     assert "mitsuba_deviation_rms" in failed
 
 
@@ -69,7 +69,7 @@ def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
     assert mitsuba.variant() == "scalar_spectral"
     assert result.first.mitsuba.rays == 500
     assert result.first.gaps_mitsuba_mm[-1] == result.first.mitsuba.against_design.max
-    assert "mitsuba_nmse_vs_design" in {criterion.name for criterion in result.criteria}
+    assert "mitsuba_nmse_vs_design" in {criterion.key for criterion in result.criteria}
     without = verify_part(stl, **given)
     assert without.first.mitsuba is None and without.first.gaps_mitsuba_mm is None
 

@@ -155,12 +155,12 @@ def test_verify_judges_the_light_of_the_whole_plate() -> None:
     proof = verify(part, light, rays=2048)
     (found,), name = proof.together, "light: plate_nmse_vs_sum"
     assert found.efficiency == pytest.approx(light.first.efficiency.value, abs=0.02)
-    assert {each.name: each.passed for each in proof.criteria}[name]
+    assert {each.key: each.holds for each in proof.criteria}[name]
     (shown,) = [group for group in proof_facts(proof, {}) if group.key == "together"]
     assert [fact.state for fact in shown.facts] == ["pass", ""]
     # A plate's file that holds the lens, byte by byte.
     forged = verify(part.model_copy(update={"plate_step": part.step}), light, rays=2048)
-    missed = [each.name for each in forged.criteria if not each.passed]
+    missed = [each.key for each in forged.criteria if not each.holds]
     assert {"plate.step: form", "plate.step: gaps"} & set(missed) and not any("lens.step" in name for name in missed)
     wrong = proof.model_copy(update={"together": (found.model_copy(update={"nmse_vs_sum": 9 * found.nmse_vs_sum}),)})
-    assert not {each.name: each.passed for each in proof_criteria(wrong)}[name]
+    assert not {each.key: each.holds for each in proof_criteria(wrong)}[name]

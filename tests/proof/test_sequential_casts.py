@@ -81,7 +81,7 @@ def test_a_step_is_held_against_the_way_in_the_mesh(lens_step):
 
 
 def failed(cast):
-    return {criterion.name for criterion in brep_criteria(cast, DISTANCE) if not criterion.passed}
+    return {criterion.key for criterion in brep_criteria(cast, DISTANCE) if not criterion.holds}
 
 
 NO_MITSUBA = pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")

@@ -37,7 +37,7 @@ def test_pictures_hold_the_flux_of_the_budget_and_are_read_back(tmp_path):
     assert found.inputs == MADE_FROM
     found.write(tmp_path)
     assert StrayLight.read(tmp_path) == found
-    assert len(found.criteria) == 3 and all(criterion.passed for criterion in found.criteria)
+    assert len(found.criteria) == 3 and all(criterion.holds for criterion in found.criteria)
     assert seen.balance_error < 1e-9
     assert sum(seen.detected_stray_by_cause.model_dump().values()) == pytest.approx(found.flux.detected_stray)
     assert seen.misplaced_flux == pytest.approx(found.flux.detected_stray, rel=1e-6)
@@ -59,20 +59,20 @@ def test_a_black_base_takes_light_that_a_polished_one_lets_go():
 
 def test_a_cut_off_that_leaves_too_much_out_fails():
     found = run(limits=Limits(cut_off=0.1))
-    (missed,) = [criterion for criterion in found.criteria if not criterion.passed]
-    assert missed.name == "stray_too_dim"
+    (missed,) = [criterion for criterion in found.criteria if not criterion.holds]
+    assert missed.key == "stray_too_dim"
     assert "lens.absorption_per_mm" in missed.remedy and "--base black" in missed.remedy
 
 
 def test_the_budget_must_close_on_every_receiver():
     found = run(screens=[SCREEN, Screen.square(90.0, 200.0, PIXELS, 0.0)], names=("far", "near"))
-    assert all(criterion.passed for criterion in stray_criteria(found))
+    assert all(criterion.holds for criterion in stray_criteria(found))
     for number in (0, 1):
         for error, passed in ((0.99 * BALANCE, True), (1.01 * BALANCE, False)):
             receivers = list(found.receivers)
             receivers[number] = receivers[number].model_copy(update={"balance_error": error})
             balance = stray_criteria(found.model_copy(update={"receivers": tuple(receivers)}))[0]
-            assert (balance.name, balance.passed) == ("stray_balance", passed)
+            assert (balance.key, balance.holds) == ("stray_balance", passed)
 
 
 def test_the_cover_glass_takes_of_stray_light_what_it_takes_of_all_light():

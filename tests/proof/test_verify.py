@@ -48,7 +48,7 @@ MADE_FROM = dict.fromkeys(("lens", "export", "evaluate"), "0" * 64)
 
 
 def failed(result):
-    return {criterion.name for criterion in result.criteria if not criterion.passed}
+    return {criterion.key for criterion in result.criteria if not criterion.holds}
 
 
 def test_the_right_lens_passes_and_is_the_same_when_read_back(verify, tmp_path, design_irradiance):
@@ -99,12 +99,12 @@ def test_a_lens_exported_wrongly_fails(verify, name):
 def test_facets_that_face_inwards_are_named(verify):
     mesh = right()
     mesh.invert()
-    missed = [criterion for criterion in verify(mesh, plain_rays=1).criteria if not criterion.passed]
+    missed = [criterion for criterion in verify(mesh, plain_rays=1).criteria if not criterion.holds]
     assert missed and any("facets face inwards" in str(criterion) for criterion in missed)
 
 
 def test_a_mesh_too_coarse_for_the_light_is_told_of_a_finer_one(verify):
-    missed = [str(criterion) for criterion in verify(right(rings=8), plain_rays=1).criteria if not criterion.passed]
+    missed = [str(criterion) for criterion in verify(right(rings=8), plain_rays=1).criteria if not criterion.holds]
     assert any("finer mesh (--rings N)" in words for words in missed)
 
 
@@ -139,13 +139,13 @@ def test_gaps_of_directions_are_mm_at_one_metre(verify):
     assert found.against_design.max == pytest.approx(gaps.max(), rel=0.1)
     assert found.deviation_limit_mm == pytest.approx(0.1) and 0.05 < found.against_design.rms < 0.1
     cast = BrepCast(rays=1024, seconds=1.0, against_design=found.against_design, against_mesh=found.against_design)
-    limits = {each.name: (each.limit, each.passed) for each in brep_criteria(cast, 1000.0)}
+    limits = {each.key: (each.limit, each.holds) for each in brep_criteria(cast, 1000.0)}
     assert limits["brep_deviation_rms"] == (pytest.approx(0.05), False), "half of the mesh's"
 
 
 def test_limits_follow_from_the_way_of_the_light_and_from_the_noise_of_the_rays(verify):
     result = verify(right(), plain_rays=1)
-    limits, floor = {each.name: each.limit for each in result.criteria}, result.noise_floor_nmse
+    limits, floor = {each.key: each.limit for each in result.criteria}, result.noise_floor_nmse
     seen = SCREEN.on_pixels(HITS)
     reach = (HITS[seen] ** 2).sum(axis=1) / DISTANCE + DISTANCE  # L / cos: L^2 = x^2 + y^2 + d^2, cos = d / L
     assert limits["deviation_rms"] == pytest.approx(

@@ -125,7 +125,7 @@ def refusal(command: Any, folder: Path) -> str:
 
 def test_every_criterion_is_judged_by_its_own_value_and_limit(whole_run: lf.Run) -> None:
     for stem, criterion in whole_run.criteria():
-        source, sense, limit = VALUES[criterion.name]
+        source, sense, limit = VALUES[criterion.key]
         assert criterion.sense == sense, criterion
         bound = criterion.limit + (criterion.tolerance if sense == "<=" else -criterion.tolerance)
         if limit is not None:
@@ -133,7 +133,7 @@ def test_every_criterion_is_judged_by_its_own_value_and_limit(whole_run: lf.Run)
         if source is not None:
             assert criterion.value == at(record_in(whole_run.folder, stem), way_of(source)), criterion
         within = criterion.value <= bound if sense == "<=" else criterion.value >= bound
-        assert criterion.passed is within, criterion
+        assert criterion.holds is within, criterion
 
 
 @pytest.mark.parametrize("stem", first_by_day(5, RECORDS))
@@ -156,7 +156,7 @@ def test_an_outcome_is_that_of_its_value_and_the_value_that_of_its_record(folder
     assert "criteria.0: passed: not as it follows" in refusal(lf.load, folder)
     content["criteria"][0]["passed"] = False
     write(folder, "export", content)
-    assert "criteria.0.value = 1e+09: the other entries make it" in refusal(lf.load, folder)
+    assert "criteria: form_error: not as it follows from the other entries" in refusal(lf.load, folder)
     content["form_error_nm"]["max"] = 1e9
     write(folder, "export", content)
     for command in (write_report, handed_over, lf.load):
@@ -183,6 +183,12 @@ FORGED: list[tuple[str, str, Any]] = [
     ("export", "watertight", False),
     ("check", "min_wall_mm", 3.0),
     ("check", "verdicts.0.holds", None),
+    ("check", "verdicts.0.limit", 0.75),
+    ("check", "criteria.0.limit", 0.75),
+    ("check", "criteria.0.passed", None),
+    ("export", "criteria.0.limit", 0.75),
+    ("export", "criteria.2.passed", None),
+    ("design", "criteria.0.limit", -0.75),
     ("verify", "nmse_vs_design", 1e-9),
     ("verify", "deviation_mm.rms", 1e-9),
     ("stray", "efficiency", 0.9),
@@ -195,6 +201,10 @@ FORGED: list[tuple[str, str, Any]] = [
     ("evaluate", "criteria.0.limit", 0.75),
     ("photometry", "criteria.1.limit", 0.75),
     ("compare", "clipped", 0.5),
+    ("compare", "criteria.0.limit", 0.75),
+    ("compare", "criteria.0.passed", None),
+    ("compare_inner", "criteria.1.limit", 0.25),
+    ("compare_inner", "criteria.0.passed", None),
     ("compare_inner", "used_share", 0.25),
 ]
 

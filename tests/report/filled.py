@@ -1,11 +1,12 @@
 """Records for tests: filled where numbers do not matter, and with no two numbers alike where each has one source."""
 
+from dataclasses import replace
 from itertools import count
 from types import UnionType
 from typing import Annotated, Literal, Union, get_args, get_origin
 from zlib import crc32
 
-from lensforge.results import Metric, Record
+from lensforge.results import Fact, Metric, Record
 from lensforge.results.record import values_of
 
 
@@ -53,6 +54,9 @@ def _changed(value, numbers):
     if isinstance(value, Record):
         fields = {name: each for name, each in values_of(value).items() if name not in _KEPT}
         return value.model_copy(update={name: _changed(each, numbers) for name, each in fields.items()})
+    if isinstance(value, Fact):
+        numbers_of = {name: _changed(getattr(value, name), numbers) for name in ("value", "limit", "tolerance")}
+        return replace(value, **numbers_of).judged()
     if isinstance(value, dict):
         return {key: _changed(each, numbers) for key, each in value.items()}
     if isinstance(value, tuple):

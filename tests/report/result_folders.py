@@ -7,7 +7,7 @@ from made_photometry import make_photometry
 from undrawn import without_views
 
 from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, stamp_of
-from lensforge.light.evaluation_result import Light
+from lensforge.light.evaluation_result import Light, light_criteria
 from lensforge.light.metrics import nmse
 from lensforge.light.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight
 from lensforge.proof.acceptance import proof_criteria
@@ -22,9 +22,10 @@ from lensforge.proof.proof_result import (
     Sizes,
 )
 from lensforge.report.lens_page import render_report
+from lensforge.report.own_judgements import judged_again
 from lensforge.report.results import Results
-from lensforge.results import BodySize, Extent, Metric
-from lensforge.results.criteria import Criterion
+from lensforge.results import BodySize, Extent, Fact, Metric
+from lensforge.results.criteria import at_least, at_most
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import build_receiver
 from lensforge.search.design_result import Design, Level, Margins
@@ -35,9 +36,9 @@ from lensforge.shop.check_result import (
     Cutter,
     Draft,
     FaceResult,
-    Finding,
     Wall,
     Walls,
+    as_finding,
 )
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import parse_spec
@@ -77,11 +78,11 @@ def text_target(text, uniform_mm=None):
 
 def finding(name, surface, holds, reason):
     """A finding that holds or does not; its numbers are of no matter."""
-    return Finding(name=name, surface=surface, value=1.0, sense="<=", limit=2.0 * holds, unit="mm", reason=reason)
+    return as_finding(Fact(name, "", 1.0, "mm", limit=2.0 * holds, note=reason, place=surface))
 
 
 def criterion(name, value, limit, sense="<="):
-    return Criterion(name=name, value=value, sense=sense, limit=limit, unit="mm", remedy="try something else")
+    return {"<=": at_most, ">=": at_least}[sense](name, value, limit, "mm", "try something else")
 
 
 def make_results(stages=STAGES, lens=None, outdated=None, **records):
@@ -105,7 +106,8 @@ def make_folder(folder, stages=STAGES, lens=None, **records):
     results = make_results(stages, lens, **records)
     results.lens.save(folder / "lens.json")
     for stem, result in results.found.items():
-        result.write(folder, stem)
+        own = dict(judged_again(result, results.lens))  # a folder with others is refused
+        result.model_copy(update=own).write(folder, stem)
     return folder
 
 
@@ -230,7 +232,7 @@ def make_light(lens, **changes):
         "filter": "3x3 Gaussian, variance 1 pixel^2",
         "lumens_per_watt": lens.spec.source.luminous_efficacy_lm_per_w,
         "table_error_nm": {"inner": 0.75, "outer": 1.75},
-        "criteria": (criterion("flux not converged", 0.0, 0.0),),
+        "criteria": light_criteria(receivers[0].flux),
     }
     return filled(Light, **{**content, **of_record})
 

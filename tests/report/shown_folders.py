@@ -1,6 +1,7 @@
 """Result folders of every kind, with numbers told apart, for tests of what is shown of them."""
 
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 
 from filled import told_apart
@@ -9,13 +10,12 @@ from part_files import EXTRAS, make_correction, make_surface, verified
 from result_folders import STAGES, criterion, finding, make_light, make_proof, make_results, small_lens, text_target
 
 from lensforge.cad.part import KeepOutDistance
-from lensforge.light.evaluation_result import FittedLight, LightMetrics, LimitResult, PresetError, TableError
+from lensforge.light.evaluation_result import FittedLight, LightMetrics, PresetError, TableError
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, RegionLight
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.report.results import Results
-from lensforge.results import Conditions, Metric
-from lensforge.results.criteria import Criterion
+from lensforge.results import Conditions, Fact, Metric
 from lensforge.scene.lens import Lens
 from lensforge.shop.findings import check_findings
 from lensforge.sources.source_summary import SourceSummary
@@ -113,13 +113,10 @@ def limits_missed():
         {**named, "name": "off", "unit": "w_per_m2", "at_most": 90.0},
     ]
     found = tuple(
-        LimitResult(
-            name=name, receiver="light", quantity="light", sense=sense, bound=bound, unit="W/m²",
-            value=Metric(value=value, unit="W/m²", standard_error=0.5),
-        )
+        Fact("limit", name, value, "W/m²", 0.5, sense, bound, note="light", place="light").judged(0.5)
         for name, sense, bound, value in (("HV", ">=", 60.0, 41.0), ("off", "<=", 90.0, 71.5))
-    )  # fmt: skip
-    unknown = Criterion(name="thinnest wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="give more")
+    )
+    unknown = criterion("thinnest wall", nan, 1.0, ">=")
     wall = finding("wall", "body", False, "the thinnest wall is 0.7 mm")
     results = make_results(
         ("design", "evaluate", "export", "check"),

@@ -1,11 +1,16 @@
 """Facts against the records that they are of: label, value, unit, limit and state; and what a fact says of itself."""
 
+from contextlib import nullcontext
+
 import pytest
+from pydantic import TypeAdapter, ValidationError
 from shown_folders import FOLDERS, folder_of
 
-from lensforge.results import Bound, Fact, Group, Metric, Record
+from lensforge.errors import CriterionMissed
+from lensforge.results import Fact, Group, Metric, Record
+from lensforge.results.criteria import Criteria, at_least, at_most, missed, require
 from lensforge.results.record import values_of
-from lensforge.results.verdict import judge, worst
+from lensforge.results.verdict import Verdict, judge, worst
 
 
 def numbers_of(value):
@@ -14,8 +19,8 @@ def numbers_of(value):
         for name in type(value).model_computed_fields:
             yield from numbers_of(getattr(value, name))
         yield from numbers_of(values_of(value))
-    elif isinstance(value, dict):
-        for entry in value.values():
+    elif isinstance(value, dict | Fact):
+        for entry in (vars(value) if isinstance(value, Fact) else value).values():
             yield from numbers_of(entry)
     elif isinstance(value, tuple | list):
         yield len(value)
@@ -41,7 +46,7 @@ def test_the_value_of_every_fact_is_one_of_its_record(name):
         for group in results.facts(result):
             for fact in group.facts:
                 limit = None if fact.key == "share_in_target" else fact.limit  # a part of what is possible
-                for value in (fact.value, fact.standard_error, limit and limit.value):
+                for value in (fact.value, fact.standard_error, limit):
                     if isinstance(value, int | float):
                         assert any(value == pytest.approx(each, rel=1e-12) for each in known), (group.title, fact)
 
@@ -122,7 +127,7 @@ def test_a_failure_outweighs_a_doubt():
 
 def test_a_fact_says_value_limit_and_reason():
     metric = Metric(value=0.123, standard_error=0.004)
-    fact = Fact.measured("nmse", "NMSE", metric, "a note", limit=Bound("<=", 0.1), state="fail", remedy="try this")
+    fact = Fact.measured("nmse", "NMSE", metric, "a note", limit=0.1, remedy="try this")
     assert (fact.text, fact.asked, fact.bounded_by) == ("0.1230 ± 0.0040", "≤ 0.1", "–")
     assert fact.sentence == "0.1230 ± 0.0040 (asked ≤ 0.1); a note"
     assert fact.reason == "NMSE = 0.1230 ± 0.0040, must be ≤ 0.1: try this"
@@ -130,8 +135,53 @@ def test_a_fact_says_value_limit_and_reason():
         "key": "nmse", "label": "NMSE", "value": 0.123, "unit": "", "standard_error": 0.004, "limit": "<= 0.1",
         "state": "fail", "note": "a note",
     }  # fmt: skip
-    assert Fact.share("a", "A", 0.8765, limit=Bound(">=", 90.0)).sentence == "87.65\u2009% (asked ≥ 90\u2009%)"
-    assert Fact("a", "A", None, "mm", limit=Bound("<=", 1.0)).text == "not measured"
+    assert Fact.share("a", "A", 0.8765, sense=">=", limit=0.9).sentence == "87.65\u2009% (asked ≥ 90\u2009%)"
+    assert Fact("a", "A", None, "mm", limit=1.0).text == "not measured"
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "state"),
+    [
+        (0.79, 0.1, "pass"),
+        (0.81, 0.1, "undecided"),
+        (1.19, 0.1, "undecided"),
+        (1.21, 0.1, "fail"),
+        (1.19, None, "fail"),
+    ],
+)
+def test_a_criterion_with_a_standard_error_can_be_undecided(value, error, state):
+    """Which is no failure: nothing is required of it, and the verdict on its files is undecided."""
+    judged = [at_most("gap", value, 1.0, "mm", "look again", error=error),
+              at_least("gap", -value, -1.0, "mm", "look again", error=error)]  # fmt: skip
+    assert [each.state for each in judged] == [state] * 2
+    assert [found for found, _ in missed(judged)] == [state] * 2 * (state != "pass")
+    with nullcontext() if state != "fail" else pytest.raises(CriterionMissed, match=r"missed by .* mm; look again"):
+        require(judged)
+    assert ("too close to tell" in str(judged[0])) == (state == "undecided")
+    assert Verdict.of([], list(missed(judged)), []).files == state
+    records = TypeAdapter(Criteria)
+    stored = records.dump_python(tuple(judged), mode="json")
+    assert [("standard_error" in each, each["passed"]) for each in stored] == [(error is not None, state == "pass")] * 2
+    assert records.validate_python(stored) == tuple(judged)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"passed": False}, "passed: not as it follows"),
+        ({"limit": None}, "limit: must be a number"),
+        ({"value": "0.5"}, "value: must be a number"),
+        ({"held": True}, "held: no such entry"),
+        ({"unit": ...}, "unit: missing"),
+        ({"sense": "<"}, "should be '<=' or '>='"),
+    ],
+)
+def test_a_stored_criterion_is_what_its_entries_make(changes, words):
+    records = TypeAdapter(Criteria)
+    (stored,) = records.dump_python((at_most("gap", 0.5, 1.0, "mm", "look again"),), mode="json")
+    forged = {name: entry for name, entry in {**stored, **changes}.items() if entry is not ...}
+    with pytest.raises(ValidationError, match=words):
+        records.validate_python([forged])
 
 
 def test_a_group_selects_in_order_and_fits_in_a_line():

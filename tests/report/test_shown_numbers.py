@@ -26,6 +26,7 @@ from lensforge.report.results import Results
 from lensforge.report.tradeoff import Tradeoff, TradeoffRow
 from lensforge.report.tradeoff_study import tradeoff_page
 from lensforge.results import Fact, Group, Metric
+from lensforge.results.criteria import shown
 from lensforge.shop import shop_files
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.point_tables import GridRequest
@@ -57,7 +58,7 @@ def texts_of(groups: Iterable[Group]) -> Iterator[str]:
 
 def said_by(fact: Fact) -> Iterator[str]:
     yield from (fact.label, fact.text, fact.asked, fact.bounded_by, fact.note, fact.remedy)
-    yield from (bound.note for bound in (fact.limit, fact.possible) if bound is not None)
+    yield from (fact.limit_note, fact.possible_note)
 
 
 def known_of(results: Results) -> set[str]:
@@ -155,7 +156,7 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
         made = shop_files.make_handover(results.part, results.check, results.yield_facts, GridRequest(spacing_mm=1.0))
     _, _, drawn, tolerances, grids, hashes = kept["given"]
     lens, part, check = results.lens, results.part, results.check
-    criteria = [each.fact for each in (*part.criteria, *check.criteria)]
+    criteria = [shown(each) for each in (*part.criteria, *check.criteria)]
     groups = [shop_facts(lens, part, check), *face_groups(lens, check), *finding_groups(check)]
     texts = [*texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]), *hashes, *drawn.notes]
     texts += [

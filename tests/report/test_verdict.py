@@ -10,15 +10,13 @@ from shown_folders import SKY, WALL, lens_of
 
 from lensforge.cli.conclusion import _limit_rows
 from lensforge.errors import CriterionMissed
-from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.light_facts import light_facts
 from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
 from lensforge.report.results import Results
-from lensforge.results import Metric
+from lensforge.results import Fact, Metric
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_result import Finding
 
 TRANSMITTED = (1.0 - (0.4936 / 2.4936) ** 2) ** 2  # of PMMA's two faces at normal incidence: 0.9232
 FLAT = np.ones((PIXELS, PIXELS))
@@ -32,6 +30,11 @@ def lit(nmse: Metric | None = None, share: Metric | None = None, target: np.ndar
     """The verdict on a lens with these figures of its light."""
     light = {"nmse": nmse or metric(0.01), "share_in_target": share or metric(0.85), "target_map": target}
     return make_results(evaluate=light).verdict
+
+
+def limit_of(name: str, value: float) -> Fact:
+    """A limit of the spec that asks for 1 W/m² at least, judged."""
+    return Fact("limit", name, value, "W/m²", 0.1, ">=", 1.0, note="light", place="light").judged(0.1)
 
 
 def with_manufacture(**fields: object) -> Lens:
@@ -82,9 +85,8 @@ def test_limits_decide_alone_where_a_spec_has_them() -> None:
     """The pattern is hopeless; what counts is that the one limit is held, missed, or too close to call."""
     axis = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}
     lens = lens_of(limits=[axis])
-    content = {"name": "axis", "receiver": "light", "quantity": "light", "sense": ">=", "bound": 1.0, "unit": "W/m²"}
     for value, state in ((1.3, "pass"), (1.1, "undecided"), (0.5, "fail")):
-        limit = LimitResult(value=Metric(value=value, unit="W/m²", standard_error=0.1), **content)
+        limit = limit_of("axis", value)
         verdict = make_results(lens=lens, evaluate={"nmse": metric(0.9), "limits": (limit,)}).verdict
         assert verdict.light == state
         assert all("axis = " in reason and "≥ 1 W/m²".replace(" ", " ") in reason for reason in verdict.reasons.light)
@@ -141,11 +143,11 @@ def test_a_changed_file_fails_until_the_verification_has_judged_it_as_it_is() ->
         assert after.files == "pass"
 
 
-def cut(lens: Lens, *findings: Finding) -> Results:
+def cut(lens: Lens, *findings: Fact) -> Results:
     return make_results(lens=lens, check={"verdicts": findings})
 
 
-def finding(name: str, surface: str = "inner", holds: bool = False) -> Finding:
+def finding(name: str, surface: str = "inner", holds: bool = False) -> Fact:
     return any_finding(name, surface, holds, f"{name} of {surface}")
 
 
@@ -190,11 +192,7 @@ def test_a_face_needs_one_tool_of_the_shop_not_all() -> None:
 
 def test_limits_that_are_undecided_are_not_counted_as_held_on_the_screen() -> None:
     axis = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}
-    content = {"receiver": "light", "quantity": "light", "sense": ">=", "bound": 1.0, "unit": "W/m²"}
-    limits = tuple(
-        LimitResult(name=name, value=Metric(value=value, unit="W/m²", standard_error=0.1), **content)
-        for name, value in (("near", 1.1), ("well", 1.3), ("far", 0.5))
-    )
+    limits = tuple(limit_of(name, value) for name, value in (("near", 1.1), ("well", 1.3), ("far", 0.5)))
     results = make_results(lens=lens_of(limits=[axis]), evaluate={"limits": limits})
     (group,) = (group for group in light_facts(results.light, results.lens) if group.key == "limits")
     (_, held), *others = _limit_rows(group)

@@ -13,7 +13,7 @@ from lensforge.cli.cli import cli
 from lensforge.cli.conclusion import document, rows_of, summary
 from lensforge.cli.output import Block, print_screen
 from lensforge.cli.progress import duration
-from lensforge.results import Bound, Fact, Group
+from lensforge.results import Fact, Group
 from lensforge.search import searches
 
 
@@ -59,7 +59,7 @@ def test_the_same_numbers_as_json_with_all_digits(small_run: lf.Run) -> None:
 
 
 def test_limits_that_are_not_held_are_told_with_their_state_and_all_are_counted() -> None:
-    limit = partial(Fact, unit="lx", limit=Bound(">=", 40.0))
+    limit = partial(Fact, unit="lx", sense=">=", limit=40.0)
     facts = [limit("a", "One", 43.7, state="pass"), limit("b", "Two", 39.1, standard_error=0.9, state="undecided")]
     facts += [limit(f"c{k}", f"Dark {k}", 12.5 + k, state="fail") for k in range(2)]
     first, *others = rows_of([Group("limits", "Limits", tuple(facts))])

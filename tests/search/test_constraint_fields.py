@@ -143,11 +143,11 @@ def test_each_limit_may_be_missed_by_its_tolerance(excess: float, passed: bool) 
     limits = limits_of(spec)
     margins = Margins.of({each: -excess * each.tolerance for each in limits})
     criteria = constraint_criteria(spec, margins)
-    assert [each.passed for each in criteria] == [passed] * 9
+    assert [each.holds for each in criteria] == [passed] * 9
     assert [each.name for each in criteria] == [each.name for each in limits]
     assert {each.name for each in limits} >= {"inner curvature margin", "outer draft margin", "height margin"}
     unknown = Margins(cavity_clearance_mm=0.0, wall_margin_mm=0.0, radius_margin_mm=0.0)
-    assert [each.passed for each in constraint_criteria(spec, unknown)] == [True] * 3 + [False] * 6
+    assert [each.holds for each in constraint_criteria(spec, unknown)] == [True] * 3 + [False] * 6
 
 
 def known(fields: int = 2) -> tuple[AugmentedLagrangian, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -217,7 +217,7 @@ def test_spheres_have_the_constraints_that_geometry_gives() -> None:
     assert found.cavity_clearance_mm == pytest.approx(min(a / b**2 * 9.0 - a, 3.0 - a), abs=1e-4)
     assert found.wall_margin_mm == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=2e-6)
     assert found.radius_margin_mm == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
-    assert all(criterion.passed for criterion in constraint_criteria(spec, found))
+    assert all(criterion.holds for criterion in constraint_criteria(spec, found))
 
 
 def test_the_term_is_a_mean_over_the_solid_angle() -> None:

@@ -42,7 +42,7 @@ def problem_of(spec: Spec, levels: tuple[int, ...]) -> Problem:
 
 def failing(parametrisation: SphereParameters, spec: Spec, weights: torch.Tensor, offsets: torch.Tensor) -> set[str]:
     criteria = constraint_criteria(spec, measure_constraints(parametrisation.lens(weights, offsets, spec, 0, "draft")))
-    return {criterion.name for criterion in criteria if not criterion.passed}
+    return {criterion.key for criterion in criteria if not criterion.holds}
 
 
 def test_a_feasible_lens_is_left_to_the_bit() -> None:

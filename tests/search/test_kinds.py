@@ -101,7 +101,7 @@ def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
     one, kinds = found.history
     assert (found.steps, one.level, kinds.level) == (28, 0, 1)
     assert np.mean(kinds.nmse[-3:]) < 0.9 * np.mean(one.nmse[-3:])
-    assert all(criterion.passed for criterion in found.criteria)
+    assert all(criterion.holds for criterion in found.criteria)
 
 
 def test_the_margins_are_the_least_of_all_kinds() -> None:

@@ -12,7 +12,6 @@ from scenes import small_spec
 from search_scenes import require_same_bits_after
 
 import lensforge as lf
-from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.lens_light import searched_source, source_of
 from lensforge.light.light_facts import light_reasons
 from lensforge.search.constraints import AugmentedLagrangian
@@ -194,14 +193,10 @@ def test_the_light_of_every_led_is_its_own_evaluation_and_is_judged() -> None:
         assert np.array_equal(own.map, alone.map)
     assert light.by_led["right"].nmse != light.nmse and str(light).count("with right") == 1
     assert list(light_reasons(light, made.lens)) == []
-    missed = LimitResult.model_validate({**_fields(light.others[0].limits[0]), "bound": 0.999})
+    missed = replace(light.others[0].limits[0], limit=0.999).judged()
     other = light.others[0].model_copy(update={"limits": (missed,)})
     ((state, words),) = light_reasons(light.model_copy(update={"others": (other,)}), made.lens)
     assert state == "fail" and "with right" in words
-
-
-def _fields(limit: LimitResult) -> dict[str, Any]:
-    return {name: getattr(limit, name) for name in type(limit).model_fields}
 
 
 def test_the_cavity_has_room_for_the_largest_and_an_led_that_cannot_be_is_named() -> None:

@@ -65,7 +65,7 @@ def test_the_manufacturing_check_finds_the_same_curvature_and_draft(make: str) -
 def test_a_cavity_tighter_than_the_cutter_fails_its_criterion() -> None:
     spec = small_spec(lens__inner__concave_radius_mm=3.5, lens__inner__draft_deg=0.5)
     criteria = constraint_criteria(spec, measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")))
-    failed = {criterion.name: criterion for criterion in criteria if not criterion.passed}
+    failed = {criterion.key: criterion for criterion in criteria if not criterion.holds}
     assert set(failed) == {"inner curvature margin", "inner draft margin"}
     assert failed["inner curvature margin"].value == pytest.approx(1.0 / 3.5 - 1.0 / 3.0, abs=1e-9)
     assert failed["inner draft margin"].value == pytest.approx(-0.5, abs=1e-9)
@@ -86,7 +86,7 @@ def test_a_design_for_a_cutter_passes_the_check_of_the_shop() -> None:
     )
     found = search(spec, build_source(spec.source), accuracy=FAR)
     inner = sample_face(OpticalFace(fit_patch(found.lens.inner), AirSide.INSIDE), SAMPLE_NODES)
-    assert all(criterion.passed for criterion in found.criteria), [str(criterion) for criterion in found.criteria]
+    assert all(criterion.holds for criterion in found.criteria), [str(criterion) for criterion in found.criteria]
     assert -1.0 / inner.lowest_curvature() >= 3.5 * (1.0 - 1e-3)
     assert np.degrees(least_draft_rad(inner)) >= 1.0 - 0.01
     assert np.abs(found.lens.inner.weights_mm).max() > 1e-3, "it is a freeform"

@@ -231,7 +231,7 @@ def test_notes_begin_beside_the_top_of_the_table(drawings):
     content, sheet = drawings["full"]
     rows = {words.text: words.at[1] for words in sheet.marks.words}
     first = next(row for text, row in rows.items() if text.startswith(f"1. {content.notes[0][:20]}"))
-    assert first == pytest.approx(rows[content.table[0][0]], abs=1.0)
+    assert first == pytest.approx(rows[content.table.columns["outer"]["title"]], abs=1.0)
 
 
 def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
@@ -241,7 +241,7 @@ def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
     content, _ = content_of(lens, part, parts["full"][2])
     plane = content.views.datums.find("A")
     assert plane.z_mm == 0.0 and all(face in plane.words for face in part.form_tolerances[0].datum_faces)
-    assert content.table[4][0] == "Profile of the surface: 0.002 | A"
+    assert content.table.columns["outer"]["profile"] == "Profile of the surface: 0.002 | A"
 
 
 def test_sizes_of_freeform_faces_are_auxiliary_and_the_others_bare(drawings):

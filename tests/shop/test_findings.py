@@ -13,7 +13,6 @@ from lensforge.shop.check_result import (
     Cutter,
     Draft,
     FaceResult,
-    Finding,
     StepClearance,
     ToolReach,
     ToolResult,
@@ -51,9 +50,9 @@ def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) 
 )
 def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, largest_mm, holds, words) -> None:
     found = cutter_finding("inner", cutter(radius_mm, largest_mm), NO_BASE, small_spec())
-    assert "base" not in found.reason
-    assert found.holds == holds and words in plain(found.reason)
-    assert (found.name, found.surface, found.sense, found.unit, found.value) == (
+    assert "base" not in found.note
+    assert found.holds == holds and words in plain(found.note)
+    assert (found.key, found.place, found.sense, found.unit, found.value) == (
         "cutter",
         "inner",
         "<=",
@@ -70,12 +69,12 @@ def test_tilt_has_the_tolerance_of_angles_and_the_wall_that_of_the_search() -> N
         tilt_finding("outer", 90.0 + 0.99 * degrees, spec),
         tilt_finding("outer", 90.0 + 1.01 * degrees, spec),
     )
-    assert within.holds and "stays within manufacture.max_tilt_deg = 90" in within.reason
-    assert not beyond.holds and "would exceed" in beyond.reason and "the outer face is up to 90.02 deg" in beyond.reason
-    assert (within.surface, within.sense, within.unit) == ("outer", "<=", "deg")
+    assert within.holds and "stays within manufacture.max_tilt_deg = 90" in within.note
+    assert not beyond.holds and "would exceed" in beyond.note and "the outer face is up to 90.02 deg" in beyond.note
+    assert (within.place, within.sense, within.unit) == ("outer", "<=", "deg")
     thin, enough = wall_finding(2.0 - 1.01 * mm, spec), wall_finding(2.0 - 0.99 * mm, spec)
-    assert not thin.holds and "less than constraints.min_thickness_mm = 2" in thin.reason
-    assert enough.holds and "at least constraints" in enough.reason and enough.sense == ">="
+    assert not thin.holds and "less than constraints.min_thickness_mm = 2" in thin.note
+    assert enough.holds and "at least constraints" in enough.note and enough.sense == ">="
 
 
 @pytest.mark.parametrize(("largest_mm", "larger"), [(None, True), (0.51, True), (0.5, False), (0.3, False)])
@@ -85,7 +84,7 @@ def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_check
         ("outer", BallClearance(faces={"outer": outer()})),
         ("inner", BallClearance(faces={"inner": inner(0.0, 0.0)})),
     ):
-        assert cutter_finding(surface, ball, relief, small_spec()).reason.endswith(words) == larger
+        assert cutter_finding(surface, ball, relief, small_spec()).note.endswith(words) == larger
 
 
 WALL = Wall(thickness_mm=1.5, cavity_point_mm=(1.0, -1e-9, 0.123456), envelope_point_mm=(0.0, 0.0, 2.0))
@@ -98,12 +97,12 @@ def test_both_walls_have_the_tolerance_of_the_search() -> None:
     (least,) = wall_criteria(spec, walls)
     assert (
         (least.limit, least.tolerance) == (1.5, allowed)
-        and least.passed
+        and least.holds
         and "thinnest at (1, 0, 0.1235) mm" in least.remedy
     )
     for limit, passed in ((2.5 - 0.99 * allowed, True), (2.5 - 1.01 * allowed, False)):
         _, most = wall_criteria(spec.replace({"constraints.max_wall_mm": limit}), walls)
-        assert (most.limit, most.tolerance) == (limit, allowed) and most.value == 2.5 and most.passed == passed
+        assert (most.limit, most.tolerance) == (limit, allowed) and most.value == 2.5 and most.holds == passed
         assert "raise lens.inner.offset_mm" in most.remedy and "thickest at (0, 1, 0) mm" in most.remedy
 
 
@@ -118,12 +117,12 @@ def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of
     mould = small_spec(manufacture__make="insert")
     for least_deg, holds in ((2.0, True), (1.99998, True), (1.981, True), (1.979, False)):  # the second: a cone of 2
         assert draft_finding("inner", face(least_deg), mould).holds == holds
-    assert "a mould needs 2 deg" in draft_finding("inner", face(1.0), mould).reason
+    assert "a mould needs 2 deg" in draft_finding("inner", face(1.0), mould).note
     for make in ("part", "insert"):
         asked = small_spec(manufacture__make=make, lens__inner__draft_deg=3.0)
         assert draft_finding("inner", face(2.981), asked).holds
         low = draft_finding("inner", face(2.979), asked)
-        assert not low.holds and "the spec asks for 3 deg" in low.reason
+        assert not low.holds and "the spec asks for 3 deg" in low.note
 
 
 @pytest.mark.parametrize(
@@ -136,7 +135,7 @@ def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of
 )
 def test_a_vertical_rim_is_no_undercut(least_deg, undercut, value, words) -> None:
     found = draft_finding("outer", face(least_deg, undercut), small_spec(manufacture__make="insert"))
-    assert found.value == value and plain(found.reason).startswith(words)
+    assert found.value == value and plain(found.note).startswith(words)
 
 
 def plain(text: str) -> str:
@@ -177,10 +176,10 @@ FLANGED = BaseSection(height_mm=3.0, flange_diameter_mm=40.0, flange_height_mm=1
 )
 def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, value, words) -> None:
     (found,) = clearance_findings(BallClearance(faces={"outer": relief}), base)
-    assert found.value == value and found.holds == (value == 0.0) and words in plain(found.reason)
-    assert (found.name, found.surface, found.sense, found.limit) == ("relief", "outer", "<=", 0.0)
-    assert ("smaller base.flange_diameter_mm" in found.reason) == bool(relief.flange_clearance_mm)
-    assert ("setback" in found.reason) == bool(relief.step_clearance_mm)
+    assert found.value == value and found.holds == (value == 0.0) and words in plain(found.note)
+    assert (found.key, found.place, found.sense, found.limit) == ("relief", "outer", "<=", 0.0)
+    assert ("smaller base.flange_diameter_mm" in found.note) == bool(relief.flange_clearance_mm)
+    assert ("setback" in found.note) == bool(relief.step_clearance_mm)
 
 
 @pytest.mark.parametrize(
@@ -197,8 +196,8 @@ def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, val
 )
 def test_a_base_in_the_way_in_the_cavity_is_told_how_to_clear_it(relief, value, words) -> None:
     (found,) = clearance_findings(BallClearance(faces={"inner": relief}), BASE)
-    assert found.value == value and found.holds == (value == 0.0) and words in plain(found.reason)
-    assert found.surface == "inner"
+    assert found.value == value and found.holds == (value == 0.0) and words in plain(found.note)
+    assert found.place == "inner"
 
 
 def tool(ball: float, whole: float, name: str = "mill") -> ToolResult:
@@ -228,12 +227,12 @@ def tool(ball: float, whole: float, name: str = "mill") -> ToolResult:
 def test_what_limits_a_tool_is_its_ball_or_its_shank(ball, whole, holds, collides, largest) -> None:
     mill = tool(ball, whole)
     found, other = (tool_finding(mill, name, reach, 0.456789) for name, reach in mill.faces.items())
-    assert (found.surface, found.value, found.holds) == ("inner", whole, holds)
-    assert plain(found.reason).startswith(f"mill reaches {100.0 * whole:.0f} % of the inner face")
-    assert (f"its ball alone reaches {100.0 * ball:.0f} %" in plain(found.reason)) == collides
-    assert ("has 0.4568 mm radius" in found.reason) == largest
-    assert (other.surface, other.holds, plain(other.reason)) == ("outer", True, "mill reaches 100 % of the outer face")
-    assert "has" not in tool_finding(tool(0.8, 0.8), "inner", tool(0.8, 0.8).faces["inner"], None).reason
+    assert (found.place, found.value, found.holds) == ("inner", whole, holds)
+    assert plain(found.note).startswith(f"mill reaches {100.0 * whole:.0f} % of the inner face")
+    assert (f"its ball alone reaches {100.0 * ball:.0f} %" in plain(found.note)) == collides
+    assert ("has 0.4568 mm radius" in found.note) == largest
+    assert (other.place, other.holds, plain(other.note)) == ("outer", True, "mill reaches 100 % of the outer face")
+    assert "has" not in tool_finding(tool(0.8, 0.8), "inner", tool(0.8, 0.8).faces["inner"], None).note
 
 
 def test_all_findings_are_there_and_each_has_its_own_numbers() -> None:
@@ -244,10 +243,10 @@ def test_all_findings_are_there_and_each_has_its_own_numbers() -> None:
     found = check_findings(spec, faces, 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")))
     subjects = ["cutter inner", "cutter outer", "relief inner", "relief outer", "tilt inner", "tilt outer", "wall body"]
     subjects += ["draft inner", "draft outer", "tool inner", "tool outer", "tool inner", "tool outer"]
-    assert [f"{each.name} {each.surface}" for each in found] == subjects
+    assert [f"{each.key} {each.place}" for each in found] == subjects
     assert [each.value for each in found[2:]] == [0.1, 0.5, 89.0, 85.0, 1.25, 1.0, 5.0, 1.0, 1.0, 0.5, 1.0]
     part = check_findings(small_spec(lens__outer__draft_deg=1.0), faces, 1.25, relief, ())
-    assert [each.surface for each in part if each.name == "draft"] == ["outer"], "where a part that is cut needs one"
+    assert [each.place for each in part if each.key == "draft"] == ["outer"], "where a part that is cut needs one"
 
 
 WIDER = "lens.outer.concave_radius_mm = 1 and design again"
@@ -324,9 +323,9 @@ def test_each_tool_is_judged_by_the_face_that_it_is_to_reach() -> None:
     spec = small_spec()
     hollow = face(90.0).model_copy(update={"cutter": cutter(0.1, 0.3)})
     found = check_findings(spec, {"inner": hollow, "outer": face(90.0)}, 1.0, NO_BASE, (tool(0.8, 0.8),))
-    inner, outside = (each for each in found if each.name == "tool")
-    assert isinstance(inner, Finding) and "radius_mm = 0.3 or less" in inner.remedy and not inner.holds
-    assert outside.holds and outside.surface == "outer"
+    inner, outside = (each for each in found if each.key == "tool")
+    assert "radius_mm = 0.3 or less" in inner.remedy and not inner.holds
+    assert outside.holds and outside.place == "outer"
 
 
 @pytest.mark.parametrize(("beyond", "holds"), [(-0.99, True), (0.0, True), (0.99, True), (1.01, False)])

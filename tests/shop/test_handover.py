@@ -3,6 +3,7 @@ import hashlib
 import io
 import re
 from html import unescape
+from math import nan
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ from shop_lenses import small_lens
 from lensforge.cad.part_export import build_part
 from lensforge.errors import InputError
 from lensforge.report.results import Results
-from lensforge.results.criteria import Criterion
+from lensforge.results import Fact
+from lensforge.results.criteria import at_least
 from lensforge.shop.check import check_part
 from lensforge.shop.check_facts import finding_groups
-from lensforge.shop.check_result import Finding
+from lensforge.shop.check_result import as_finding
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.shop_files import make_handover
 
@@ -102,13 +104,13 @@ def test_the_page_of_another_program_is_kept(handed, name, tmp_path):
 
 def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results):
     verdicts = (
-        Finding(name="cutter", surface="inner", value=1.0, sense="<=", limit=0.5, unit="mm", reason="no ball fits"),
-        Finding(name="wall", surface="body", value=1.0, sense=">=", limit=0.5, unit="mm", reason="it is thick"),
+        as_finding(Fact("cutter", "", 1.0, "mm", limit=0.5, note="no ball fits", place="inner")),
+        as_finding(Fact("wall", "", 1.0, "mm", sense=">=", limit=0.5, note="it is thick", place="body")),
     )
-    unknown = Criterion(name="thinnest wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="more")
+    unknown = at_least("thinnest wall", nan, 1.0, "mm", "more")
     check = results.check.model_copy(update={"verdicts": verdicts, "criteria": (unknown,)})
     handed = make_handover(results.part, check, [], COARSE)
-    assert [verdict.reason for verdict in handed.refused] == ["no ball fits"]
+    assert [verdict.note for verdict in handed.refused] == ["no ball fits"]
     page = handed.html.decode("utf-8")
     assert '<td class="no">no</td><td>no ball fits</td>' in page
     assert '<td>not measured</td><td>≥ 1 mm</td><td class="no">fail</td>' in page

@@ -144,11 +144,11 @@ def test_every_tool_has_its_verdict():
     small, large = found.tools
     assert small.faces["inner"].reachable_fraction == 1.0
     assert large.faces["inner"].reachable_fraction == 0.0
-    verdicts = [v for v in found.verdicts if v.name == "tool"]
-    assert [v.holds for v in verdicts if v.surface == "inner"] == [True, False]
-    tilt = next(v for v in found.verdicts if (v.name, v.surface) == ("tilt", "outer"))
+    verdicts = [v for v in found.verdicts if v.key == "tool"]
+    assert [v.holds for v in verdicts if v.place == "inner"] == [True, False]
+    tilt = next(v for v in found.verdicts if (v.key, v.place) == ("tilt", "outer"))
     assert not tilt.holds
-    assert "90 deg" in tilt.reason
+    assert "90 deg" in tilt.note
 
 
 def test_a_mould_insert_swaps_hollow_and_bump():

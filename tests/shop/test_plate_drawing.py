@@ -136,7 +136,7 @@ def test_no_text_meets_another_or_the_frame(part: Part, kind: str) -> None:
     drawn = {each.name for each in sheet.marks.dimensions}
     assert ("circle of the axes" in drawn) == (kind == "ring")
     rows = place_rows(layout_of(lens_on(kind)))  # type: ignore[arg-type]
-    assert [row[0] for row in rows] == {
+    assert [row.label for row in rows] == {
         "grid": ["H1", "P1", "B1", "G"], "ring": ["L1", "L2", "L3", "L4", "L5"], "table": ["L1", "L2", "L3"],
         "drawn": ["L1", "L2", "L3", "H1"]
     }.get(kind, [])  # fmt: skip

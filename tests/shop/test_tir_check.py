@@ -62,10 +62,10 @@ def test_what_lies_over_the_base_is_undercut_and_a_mould_says_so() -> None:
     found, _ = checked(OPEN, base=base, manufacture={"make": "insert", "shrinkage": 0.01})
     wall = found.faces["wall"]
     assert wall.undercut_fraction == pytest.approx(over / OPEN_MM, abs=1e-4) and wall.draft_deg.min > 10.0
-    finding = next(each for each in found.verdicts if (each.name, each.surface) == ("draft", "wall"))
+    finding = next(each for each in found.verdicts if (each.key, each.place) == ("draft", "wall"))
     assert not finding.holds and 'base.kind = "none"' in finding.remedy
-    assert "of the wall face lies over the base: its half of the mould cannot be drawn" in finding.reason
-    others = [each for each in found.verdicts if each.name == "draft" and each.surface in ("cap", "exit")]
+    assert "of the wall face lies over the base: its half of the mould cannot be drawn" in finding.note
+    others = [each for each in found.verdicts if each.key == "draft" and each.place in ("cap", "exit")]
     assert len(others) == 2 and all(each.holds for each in others)
 
 
@@ -101,14 +101,14 @@ def test_the_search_keeps_the_draft_of_the_wall_from_below() -> None:
 
 def test_edges_sharper_than_asked_miss_their_criterion() -> None:
     found, lens = checked(OPEN, base={"kind": "none"}, constraints={"min_edge_angle_deg": 150.0})
-    own = {each.name: each for each in found.criteria if each.name.startswith("edge")}
+    own = {each.key: each for each in found.criteria if each.key.startswith("edge")}
     assert set(own) == {"edge of cap and side", "edge of exit and wall"}
     assert [each.value for each in own.values()] == [edge.angle_deg for edge in found.edges]
-    assert [each.passed for each in own.values()] == [True, False], "the cavity's is nearly flat"
+    assert [each.holds for each in own.values()] == [True, False], "the cavity's is nearly flat"
     facts = next(group for group in check_facts(found, lens.spec) if group.key == "edges").facts
     assert [(fact.limit.value, fact.state) for fact in facts] == [(150.0, "pass"), (150.0, "fail")]
     blunt = lens.spec.replace(constraints={"min_edge_angle_deg": 10.0})
-    assert [each.passed for each in edge_criteria(blunt, found.edges)] == [True, True]
+    assert [each.holds for each in edge_criteria(blunt, found.edges)] == [True, True]
 
 
 def test_a_flat_face_has_no_radius() -> None:

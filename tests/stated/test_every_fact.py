@@ -23,7 +23,7 @@ import record_export
 import record_verify
 from crooked import NAMES, Case, Expected, Place
 
-from lensforge.results.fact import Bound, Fact
+from lensforge.results.fact import Fact
 
 MODULES = (
     oracle_search,
@@ -85,19 +85,20 @@ def differences(fact: Fact, expected: Expected) -> Iterator[str]:
         yield f"standard error {errors[0]!r}, must be {errors[1]!r}"
     if fact.state != expected.state:
         yield f"state {fact.state!r}, must be {expected.state!r}"
-    yield from bounds_differ("limit", fact.limit, expected.limit, expected.within)
-    yield from bounds_differ("possible", fact.possible, expected.possible, expected.possible_within)
+    yield from bounds_differ("limit", fact.sense, fact.limit, expected.limit, expected.within)
+    best = {"<=": ">=", ">=": "<="}[fact.sense]  # physics sets the other side
+    yield from bounds_differ("possible", best, fact.possible, expected.possible, expected.possible_within)
 
 
-def bounds_differ(what: str, bound: Bound | None, expected: Any, within: float) -> Iterator[str]:
+def bounds_differ(what: str, sense: str, bound: float | None, expected: Any, within: float) -> Iterator[str]:
     if expected is ...:
         return
     if (bound is None) != (expected is None):
         yield f"{what} {bound}, must be {expected}"
     elif bound is not None and expected is not None:
-        near = isclose(bound.value, expected[1], rel_tol=1e-9, abs_tol=within if what == "possible" else 0.0)
-        if bound.sense != expected[0] or not near:
-            yield f"{what} {bound.sense} {bound.value!r}, must be {expected}"
+        near = isclose(bound, expected[1], rel_tol=1e-9, abs_tol=within if what == "possible" else 0.0)
+        if sense != expected[0] or not near:
+            yield f"{what} {sense} {bound!r}, must be {expected}"
 
 
 def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:

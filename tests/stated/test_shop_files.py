@@ -82,11 +82,11 @@ def test_faces_on_the_drawing(case: Callable[[str], Case], name: str) -> None:
     own = case(name)
     check, part, lens = own.results["check"], own.results["export"], lf.load_lens(own.folder / "lens.json")
     body, told = PageBody(own.lens), 0
-    for column in zip(*optical_table(lens, part, check, lens.spec.drawing), strict=True):
-        face = column[0].split(" face")[0].lower()
+    for face, column in optical_table(lens, part, check, lens.spec.drawing).columns.items():
         if face not in body.parts:
             continue
-        told, words = told + 1, " ".join(column)
+        told, words = told + 1, " ".join(column.values())
+        assert column["title"].lower().startswith(f"{face} face")
         stated = {key: float(re.search(rf"{key} ?(-?[\d.]+)", words)[1]) for key in ("best-fit R", "PV", "aperture: ⌀")}
         record = own.json("check")[face]
         assert stated["best-fit R"] == pytest.approx(record["best_fit_sphere"]["radius_mm"], abs=6e-4)

@@ -234,7 +234,7 @@ def test_criteria_are_named_by_their_design(tmp_path):
             check(part).write(folder)
 
     content = run_sweep(SPEC, parse_variation("constraints.max_radius_mm=7,8", SCALED), tmp_path, whole, **SETTINGS)
-    assert {criterion.name.split(": ")[0] for criterion in content.criteria} == {"small-7", "small-8"}
+    assert {criterion.key.split(": ")[0] for criterion in content.criteria} == {"small-7", "small-8"}
     assert len(content.criteria) == sum(len(row.criteria) for row in content.designs) > 10
     require(content.criteria)
 

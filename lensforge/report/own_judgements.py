@@ -1,0 +1,130 @@
+"""Judgements of a record made again from its other entries, and those that its file states held against them.
+
+A file that somebody edited may state right hashes of wrong content. Its criteria and findings follow from what else it
+states and from the lens, so that neither a value nor a limit nor a state can be changed alone.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import zip_longest
+from math import nan
+from pathlib import Path
+from typing import Any
+
+from lensforge.cad.keep_out import keep_out_criteria
+from lensforge.cad.part import Part
+from lensforge.cad.part_export import untrimmed_criteria
+from lensforge.cad.part_limits import mesh_volume_limit, part_criteria, plate_criteria
+from lensforge.cad.plate_layout import PlateWall
+from lensforge.cad.plate_result import Plate
+from lensforge.errors import InputError
+from lensforge.light.evaluation_result import Light, light_criteria
+from lensforge.light.photometry_result import Photometry, photometry_criteria
+from lensforge.made.measurement_result import (
+    Correction,
+    PhotoComparison,
+    SurfaceComparison,
+    correction_criteria,
+    photo_criteria,
+    surface_criteria,
+)
+from lensforge.proof.acceptance import proof_criteria, stray_criteria
+from lensforge.proof.proof_result import Proof, StrayLight
+from lensforge.results import Fact, StageResult
+from lensforge.results.criteria import named
+from lensforge.results.record import agree
+from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Design, constraint_criteria
+from lensforge.shop.check_result import Check
+from lensforge.shop.findings import check_findings, edge_criteria, plate_findings, wall_criteria
+
+Judge = Callable[[Any, Lens], Iterable[Fact]]
+
+
+def _of_part(part: Part, lens: Lens) -> Iterator[Fact]:
+    """Criteria of an export; what was read back of the files alone is taken as stated."""
+    chord_mm = 1e-3 * part.triangulation.chord_error_um
+    most, angle = mesh_volume_limit(part.area_mesh_mm2, chord_mm, part.volume_mm3), part.normal_error_mrad.max
+    yield from part_criteria({**_measured(part, "", part, part.form_error_nm.max), "normal_error": angle}, most)
+    yield from untrimmed_criteria(part.untrimmed_surfaces)
+    yield from keep_out_criteria(lens.spec, part.keep_out)
+    if part.plate is not None:  # whose mesh has an area that no record has
+        limited = named(part.criteria, "plate_mesh_volume_change")
+        measured = _measured(part, "plate_", part.plate, part.plate.form_error_nm)
+        yield from plate_criteria(measured, nan if limited is None else limited.bound)
+
+
+_READ_BACK = ("step_valid", "step_volume_change", "watertight_3mf", "genus_difference")
+
+
+def _measured(part: Part, start: str, body: Part | Plate, form_nm: float) -> dict[str, float]:
+    """Figures of ``body`` by the names of their criteria, which begin with ``start``; NaN where none is stated."""
+    names = _READ_BACK if body is part else (*_READ_BACK, "volume_error")
+    stated = {name: named(part.criteria, f"{start}{name}") for name in names}
+    return {
+        **{name: nan if fact is None or fact.value is None else float(fact.value) for name, fact in stated.items()},
+        "form_error": form_nm,
+        "watertight": float(body.watertight),
+        "mesh_volume_change": abs(body.volume_mesh_mm3 / body.volume_mm3 - 1.0),
+    }
+
+
+def _of_correction(made: Correction, _: Lens) -> Iterable[Fact]:
+    form, normal = made.form_error_nm.max, made.normal_error_mrad.max
+    return correction_criteria(made.used_share, made.covered_share, form, normal, made.step_volume_change, made.cutter)
+
+
+def _of_check(check: Check, lens: Lens) -> Iterable[Fact]:
+    return *wall_criteria(lens.spec, check.walls), *edge_criteria(lens.spec, check.edges)
+
+
+def _findings(check: Check, lens: Lens) -> Iterator[Fact]:
+    """Findings on faces, base, wall and tools, and on the room of a plate, which is taken as stated."""
+    yield from check_findings(lens.spec, check.faces, check.min_wall_mm, check.relief, check.tools)
+    gap, wall = named(check.verdicts, "gap"), named(check.verdicts, "plate")
+    thinnest = PlateWall(wall.value, "") if wall is not None and isinstance(wall.value, float) else None
+    yield from plate_findings(lens.spec, None if gap is None else gap.limit, thinnest)
+
+
+# By the field of a record that holds them.
+_AGAIN: dict[type[StageResult], dict[str, Judge]] = {
+    Design: {"criteria": lambda design, lens: constraint_criteria(lens.spec, design.constraints)},
+    Light: {"criteria": lambda light, _: light_criteria(light.first.flux)},
+    Part: {"criteria": _of_part},
+    Check: {"criteria": _of_check, "verdicts": _findings},
+    Proof: {"criteria": lambda proof, _: proof_criteria(proof)},
+    StrayLight: {"criteria": lambda stray, _: stray_criteria(stray)},
+    Photometry: {"criteria": lambda photometry, _: photometry_criteria(photometry.files)},
+    PhotoComparison: {"criteria": lambda photo, _: photo_criteria(photo.clipped)},
+    SurfaceComparison: {"criteria": lambda measured, _: surface_criteria(measured.used_share, measured.covered_share)},
+    Correction: {"criteria": _of_correction},
+}
+
+
+def judged_again(result: StageResult, lens: Lens) -> Mapping[str, tuple[Fact, ...]]:
+    """The judgements of ``result`` on ``lens`` as its figures make them, by the field that holds them."""
+    return {field: tuple(judge(result, lens)) for field, judge in _AGAIN.get(type(result), {}).items()}
+
+
+def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
+    """Raise :class:`InputError` where judgements in the file at ``path`` are not those that its figures make.
+
+    Those on another lens count nowhere, and are not judged by the limits of this one.
+    """
+    if result.inputs.get("lens") != lens.sha256:
+        return
+    try:
+        again = judged_again(result, lens)
+    except ArithmeticError:
+        raise InputError(f"{path}: a volume or a size is 0; {type(result).again()}") from None
+    for field, made in again.items():
+        for stated, follows in zip_longest(getattr(result, field), made):
+            if not agree(_compared(stated), _compared(follows)):
+                why = f"{field}: {(stated or follows).key}: not as it follows from the other entries"
+                raise InputError(f"{path}: {why}; {type(result).again()}")
+
+
+def _compared(fact: Fact | None) -> tuple[object, ...]:
+    """Entries that must agree: all but words."""
+    if fact is None:
+        return ()
+    return fact.key, fact.place, fact.value, fact.standard_error, fact.sense, fact.limit, fact.unit, fact.tolerance

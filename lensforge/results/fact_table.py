@@ -1,0 +1,93 @@
+"""Tables of facts: a row says where in a record the value of a fact stands, what limits it, and how it is told."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from string import Formatter
+from typing import Any
+
+from lensforge.results.criteria import named, state_of
+from lensforge.results.fact import Fact
+from lensforge.results.numerals import quantity, unit_of
+from lensforge.results.record import Metric, Sense
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: the fact called ``key`` on what stands at ``source`` in a record, dotted.
+
+    Texts may have {words}, and figures of the record in its units, to so many digits: {form_error_nm.rms:2}. ``unit``:
+    by default that of the source's name; a share is shown in "%". ``limit``: where in the spec its limit stands, and
+    ``by`` the name of the criterion that has its state; ``like``: of a criterion on the same value, which has
+    both. ``factor``: from the unit of the source to ``unit``. ``none``: shown where nothing stands there; without it
+    the row is left out.
+    """
+
+    key: str
+    label: str
+    source: str
+    note: str = ""
+    unit: str | None = None
+    digits: int = 4
+    like: str = ""
+    limit: str = ""
+    sense: Sense = "<="
+    by: str = ""
+    factor: float = 1.0
+    none: str | None = None
+
+    def fact(self, record: object, spec: object, judged: Sequence[Fact], words: Mapping[str, str]) -> Fact | None:
+        """The fact of ``record``; None where the row is left out."""
+        value: Any = _at(record, self.source)
+        value = self.none if value is None else value
+        if value is None:
+            return None
+        key, label, note = (_TEXTS.vformat(text, [record], words) for text in (self.key, self.label, self.note))
+        if self.unit == "%":
+            told = Fact.share(key, label, value, note)
+        elif isinstance(value, Metric):
+            told = Fact.measured(key, label, value, note)
+        else:
+            unit = unit_of(self.source.split(".")) if self.unit is None else self.unit
+            told = Fact(key, label, value if self.factor == 1.0 else self.factor * value, unit, note=note)
+        told = replace(told, digits=self.digits)
+        if self.like:
+            return told.judged_as(named(judged, self.like))
+        limit = _at(spec, self.limit.format_map(words)) if self.limit else None
+        asked = limit is not None or not self.limit
+        return replace(told, sense=self.sense, limit=limit, state=state_of(judged, self.by) if asked else "")
+
+
+def facts_of(
+    record: object, rows: Iterable[Row], *, spec: object = None, judged: Iterable[Fact] = (), **words: str
+) -> Iterator[Fact]:
+    """The facts of ``record`` by its table; ``judged``: criteria or findings on it, ``words``: for its texts."""
+    judged = tuple(judged)
+    return (fact for row in rows if (fact := row.fact(record, spec, judged, words)) is not None)
+
+
+def _at(record: Any, place: str) -> Any:
+    """The entry at the dotted ``place``; None where an entry on the way is."""
+    for step in place.split("."):
+        if record is not None:
+            record = record[step] if isinstance(record, Mapping) else getattr(record, step)
+    return record
+
+
+class _Texts(Formatter):
+    """Formats with words, and figures of a record."""
+
+    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        """The word of this name, or the figure at this place of the record."""
+        if field_name in kwargs:
+            return kwargs[field_name], field_name
+        return (_at(args[0], field_name), unit_of(field_name.split("."))), field_name
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        """A word as it is, a figure to as many digits as ``format_spec`` says."""
+        if isinstance(value, str):
+            return value
+        figure, unit = value
+        return quantity(figure, unit, digits=int(format_spec or 6))
+
+
+_TEXTS = _Texts()
