@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.cad.part_limits import FormTolerance, Signature
+from lensforge.cad.part_limits import FormTolerance, KeepOutDistance, Signature, UntrimmedSurfaces
 from lensforge.cad.plate_result import (
     PLATE_FILES,
     PLATE_STEP_FILE,
@@ -31,8 +31,6 @@ from lensforge.results import (
     InFile,
     NotNegative,
     Number,
-    Point,
-    Positive,
     Record,
     Sha256,
     StageResult,
@@ -82,32 +80,6 @@ class Triangulation(Record):
     vertices: Count
     rings: Count
     chord_error_um: NotNegative
-
-
-class UntrimmedSurfaces(Record):
-    """The optical faces extended beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back.
-
-    ``scale``: of these faces against the lens's, 1 + shrinkage for a mould insert.
-    """
-
-    extension_deg: Positive
-    scale: Positive
-    form_error_nm: NotNegative
-    normal_error_mrad: NotNegative
-
-
-class KeepOutDistance(Record):
-    """Smallest distance between the body and the keep-out of the spec, and where: a place on each, to a facet's size.
-
-    ``distance_mm``: of their meshes; below 0 where they overlap, less the mean thickness of what they have in common,
-    twice its volume over its surface; the places are then the lowest vertex of that, and its outermost one lifted
-    to the height of its highest. ``error_mm``: of both meshes' facets.
-    """
-
-    distance_mm: Number
-    body_point_mm: Point
-    keep_out_point_mm: Point
-    error_mm: NotNegative
 
 
 class Part(StageResult):

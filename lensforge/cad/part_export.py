@@ -13,7 +13,7 @@ from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import FormError, face_error, fit_lens, worst
-from lensforge.cad.keep_out import keep_out_criteria, keep_out_distance, mesh_error_mm, read_keep_out
+from lensforge.cad.keep_out import keep_out_distance, mesh_error_mm, read_keep_out
 from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
 from lensforge.cad.part import (
     STEP_FILE,
@@ -21,19 +21,19 @@ from lensforge.cad.part import (
     SURFACES_FILE,
     THREEMF_FILE,
     Faces,
-    KeepOutDistance,
     Part,
     Triangulation,
-    UntrimmedSurfaces,
     stamp_of,
 )
 from lensforge.cad.part_limits import (
-    FORM_LIMIT_NM,
-    NORMAL_LIMIT_MRAD,
+    KeepOutDistance,
     Signature,
+    UntrimmedSurfaces,
+    keep_out_criteria,
     mass_g,
     mesh_volume_limit,
     part_criteria,
+    untrimmed_criteria,
 )
 from lensforge.cad.patch import Patch, fit_extended
 from lensforge.cad.plan import Plan
@@ -48,22 +48,11 @@ from lensforge.cad.step import (
 )
 from lensforge.optics.media import FLANGE
 from lensforge.results import Extent
-from lensforge.results.criteria import Criteria, at_most
+from lensforge.results.criteria import Criteria
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
 from lensforge.surfaces.step_file import Schema, parts_of
 from lensforge.surfaces.surface import scaled
-
-
-def untrimmed_criteria(untrimmed: UntrimmedSurfaces | None) -> Criteria:
-    """The criteria on the faces of ``lens_surfaces.step``; none where there is no such file."""
-    if untrimmed is None:
-        return ()
-    finer = "raise the number of nodes, or lower the extension"
-    return (
-        at_most("surfaces_form_error", untrimmed.form_error_nm, FORM_LIMIT_NM, "nm", finer),
-        at_most("surfaces_normal_error", untrimmed.normal_error_mrad, NORMAL_LIMIT_MRAD, "mrad", finer),
-    )
 
 
 def build_part(

@@ -37,19 +37,8 @@ def _completed(limit: Fact) -> Fact:
     return replace(limit, key="limit").judged(limit.standard_error)
 
 
-_STORED = StoredAs(
-    {
-        "name": "label",
-        "receiver": "place",
-        "quantity": "note",
-        "value": "metric",
-        "sense": "sense",
-        "bound": "limit",
-        "unit": "unit",
-        "state": "outcome",
-    },
-    _completed,
-)
+_NAMES = {"name": "label", "receiver": "place", "quantity": "note", "value": "metric", "sense": "sense"}
+_STORED = StoredAs(_NAMES | {"bound": "limit", "unit": "unit", "state": "outcome"}, _completed)
 JudgedLimits = tuple[Annotated[Fact, _STORED], ...]
 
 

@@ -7,7 +7,7 @@ from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.light_facts import change_facts, metric_facts
 from lensforge.light.receiver_light import METRICS
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
-from lensforge.results import Extent, Fact, Group
+from lensforge.results import Fact, Group
 from lensforge.results.criteria import state_of
 from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import percent, quantity
@@ -68,9 +68,8 @@ def _corners(photo: PhotoComparison) -> str:
 
 def _points(surface: SurfaceComparison) -> Iterator[Fact]:
     form = surface.form_deviation_um
-    on = f"{percent(surface.used_share)} of them on the face"
     state = state_of(surface.criteria, "points_used", "surface_covered")
-    yield Fact("points", "Points", surface.point_count, note=on)
+    yield Fact("points", "Points", surface.point_count, note=f"{percent(surface.used_share)} of them on the face")
     yield Fact.share("covered", "Face measured", surface.covered_share, digits=3)
     rms = quantity(form.rms, "µm", digits=3)
     yield Fact("form", "Form deviation", form.pv, "µm", state=state, note=f"PV of the smooth form; {rms} rms", digits=3)
@@ -78,24 +77,34 @@ def _points(surface: SurfaceComparison) -> Iterator[Fact]:
     yield Fact("registration", "Registration", _registration(surface.registration))
 
 
+_CUT = (
+    Row("first_cut", "Deviation, first cut", "deviation_um.rms", "rms, {deviation_um.max:3} at most", digits=3),
+    Row("correction", "Correction", "correction_um.rms", "rms, {correction_um.max:3} at most; gain {gain:3}", digits=3),
+    Row("second_cut", "Expected, second cut", "expected_um.rms", "rms, {expected_um.max:3} at most", digits=3),
+    Row("filter", "Filter", "wavelength_mm", "longer waves pass; {chosen}", digits=3),
+    Row("left_out", "Left out by the filter", "residual_rms_um", "rms; noise of the points {noise_rms_um:2}", digits=2),
+)
+_OF_CUTTER = (
+    Row(
+        "concave",
+        "Smallest hollow",
+        "concave_radius_mm",
+        "radius, designed {before}, cutter {cutter_radius_mm:3}",
+        none="none",
+    ),
+    Row("cut_back", "Cut back for the ball", "cut_back_um.rms", "rms, {cut_back_um.max:3} at most; {on}", digits=3),
+)
+
+
 def _cut(made: Correction) -> Iterator[Fact]:
     cutter, chosen = made.cutter, "given" if made.wavelength_given else "by the noise of the points"
     yield _file(made)
-    yield _extent("first_cut", "Deviation, first cut", made.deviation_um)
-    yield _extent("correction", "Correction", made.correction_um, f"gain {quantity(made.gain, digits=3)}")
-    yield _extent("second_cut", "Expected, second cut", made.expected_um)
-    yield Fact("filter", "Filter", made.wavelength_mm, "mm", note=f"longer waves pass; {chosen}", digits=3)
-    noise = f"rms; noise of the points {quantity(made.noise_rms_um, 'µm', digits=2)}"
-    yield Fact("left_out", "Left out by the filter", made.residual_rms_um, "µm", note=noise, digits=2)
+    yield from facts_of(made, _CUT, chosen=chosen)
     yield Fact("registration", "Registration", _registration(made.registration), note="no part of the correction")
-    concave, before = cutter.concave_radius_mm, cutter.concave_radius_before_mm
+    before, on = cutter.concave_radius_before_mm, f"on {percent(cutter.smoothed_more_share)} of the face"
     designed = "none" if before is None else quantity(before, "mm", digits=4)
-    ball = quantity(cutter.cutter_radius_mm, "mm", digits=3)
-    note = f"radius, designed {designed}, cutter {ball}"
-    yield Fact("concave", "Smallest hollow", "none" if concave is None else concave, "mm", note=note)
-    if cutter.smoothed_more_share > 0.0:
-        on = f"on {percent(cutter.smoothed_more_share)} of the face"
-        yield _extent("cut_back", "Cut back for the ball", cutter.cut_back_um, on)
+    rows = _OF_CUTTER if cutter.smoothed_more_share > 0.0 else _OF_CUTTER[:1]
+    yield from facts_of(cutter, rows, before=designed, on=on)
 
 
 def _file(made: Correction) -> Fact:
@@ -105,11 +114,6 @@ def _file(made: Correction) -> Fact:
     scaled = f"; it is the lens, to be scaled by {quantity(made.scale, digits=12)} for the mould"
     note = error if made.scale == 1.0 else f"{error}{scaled}"
     return Fact("file", "File", f"lens_corrected_{made.surface}{under}.step", note=note)
-
-
-def _extent(key: str, label: str, extent: Extent, more: str = "") -> Fact:
-    note = f"rms, {quantity(extent.max, 'µm', digits=3)} at most"
-    return Fact(key, label, extent.rms, "µm", note=f"{note}; {more}" if more else note, digits=3)
 
 
 def _registration(kind: str) -> str:

@@ -10,10 +10,14 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from lensforge.cad.keep_out import keep_out_criteria
 from lensforge.cad.part import Part
-from lensforge.cad.part_export import untrimmed_criteria
-from lensforge.cad.part_limits import mesh_volume_limit, part_criteria, plate_criteria
+from lensforge.cad.part_limits import (
+    keep_out_criteria,
+    mesh_volume_limit,
+    part_criteria,
+    plate_criteria,
+    untrimmed_criteria,
+)
 from lensforge.cad.plate_layout import PlateWall
 from lensforge.cad.plate_result import Plate
 from lensforge.errors import InputError
@@ -73,10 +77,6 @@ def _of_correction(made: Correction, _: Lens) -> Iterable[Fact]:
     return correction_criteria(made.used_share, made.covered_share, form, normal, made.step_volume_change, made.cutter)
 
 
-def _of_check(check: Check, lens: Lens) -> Iterable[Fact]:
-    return *wall_criteria(lens.spec, check.walls), *edge_criteria(lens.spec, check.edges)
-
-
 def _findings(check: Check, lens: Lens) -> Iterator[Fact]:
     """Findings on faces, base, wall and tools, and on the room of a plate, which is taken as stated."""
     yield from check_findings(lens.spec, check.faces, check.min_wall_mm, check.relief, check.tools)
@@ -90,7 +90,10 @@ _AGAIN: dict[type[StageResult], dict[str, Judge]] = {
     Design: {"criteria": lambda design, lens: constraint_criteria(lens.spec, design.constraints)},
     Light: {"criteria": lambda light, _: light_criteria(light.first.flux)},
     Part: {"criteria": _of_part},
-    Check: {"criteria": _of_check, "verdicts": _findings},
+    Check: {
+        "criteria": lambda check, lens: wall_criteria(lens.spec, check.walls) + edge_criteria(lens.spec, check.edges),
+        "verdicts": _findings,
+    },
     Proof: {"criteria": lambda proof, _: proof_criteria(proof)},
     StrayLight: {"criteria": lambda stray, _: stray_criteria(stray)},
     Photometry: {"criteria": lambda photometry, _: photometry_criteria(photometry.files)},
@@ -114,8 +117,8 @@ def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
         return
     try:
         again = judged_again(result, lens)
-    except ArithmeticError:
-        raise InputError(f"{path}: a volume or a size is 0; {type(result).again()}") from None
+    except (ArithmeticError, LookupError):  # a volume of 0, a face that the lens has not
+        raise InputError(f"{path}: not what a {result.stage} of this lens can be; {type(result).again()}") from None
     for field, made in again.items():
         for stated, follows in zip_longest(getattr(result, field), made):
             if not agree(_compared(stated), _compared(follows)):

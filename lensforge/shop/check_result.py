@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import ConfigDict, model_validator
 
-from lensforge.results import Array, Fact, NotNegative, Number, Point, Positive, Record, Share, StageResult, Text
+from lensforge.results import Array, Fact, NotNegative, Number, Point, Positive, Record, Sense, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria
 from lensforge.results.fact import StoredAs
@@ -84,18 +84,19 @@ class BallClearance(Record):
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
 FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool", "gap", "plate"]
-_QUESTIONS: dict[str, str] = {
-    "cutter": "Ball reaches it",
-    "relief": "Base is clear",
-    "tilt": "Tilt is allowed",
-    "tool": "Tool reaches it",
-    "draft": "Draft suffices",
-    "wall": "Wall suffices",
-    "gap": "Ball fits between lenses",
-    "plate": "Walls of the plate suffice",
-}
-FLAT_MM = 1e6  # a radius beyond it is that of a plane
 BODY = "body"  # the place of a finding on none of the faces
+FLAT_MM = 1e6  # a radius beyond it is that of a plane
+# Question, sense and unit of each finding.
+FINDINGS: dict[str, tuple[str, Sense, str]] = {
+    "cutter": ("Ball reaches it", "<=", "mm"),
+    "relief": ("Base is clear", "<=", "mm"),
+    "tilt": ("Tilt is allowed", "<=", "deg"),
+    "wall": ("Wall suffices", ">=", "mm"),
+    "draft": ("Draft suffices", ">=", "deg"),
+    "tool": ("Tool reaches it", ">=", "of the face"),
+    "gap": ("Ball fits between lenses", "<=", "mm"),
+    "plate": ("Walls of the plate suffice", ">=", "mm"),
+}
 
 
 def as_finding(fact: Fact) -> Fact:
@@ -104,9 +105,10 @@ def as_finding(fact: Fact) -> Fact:
     Its key is a :data:`FindingName`, its place a face or :data:`BODY`. Without a value the ball reaches nothing;
     without a limit there is none, as for a face that any ball reaches.
     """
-    if fact.key not in _QUESTIONS:
-        raise ValueError(f"name: must be one of {', '.join(_QUESTIONS)}")
-    return replace(fact, label=_QUESTIONS[fact.key]).judged()
+    if fact.key not in FINDINGS:
+        raise ValueError(f"name: must be one of {', '.join(FINDINGS)}")
+    question, _, _ = FINDINGS[fact.key]
+    return replace(fact, label=question).judged()
 
 
 _NAMES = {name: name for name in ("value", "sense", "limit", "unit", "tolerance")}

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
 from lensforge.optics.media import FROM_BELOW
-from lensforge.results import Fact, Sense
+from lensforge.results import Fact
 from lensforge.results.criteria import Criteria, at_least, at_most
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
 from lensforge.shop.check_result import (
     BODY,
+    FINDINGS,
     AnyClearance,
     BallClearance,
     BoreClearance,
@@ -40,17 +41,6 @@ GOOD_DRAFT_DEG = 2.0
 _SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
 _MOST_TILT_DEG, _MOST_DRAFT_DEG = 120.0, 25.0  # of manufacture.max_tilt_deg and of the draft_deg of a face
-# Sense and unit of each finding.
-_KINDS: dict[FindingName, tuple[Sense, str]] = {
-    "cutter": ("<=", "mm"),
-    "relief": ("<=", "mm"),
-    "tilt": ("<=", "deg"),
-    "wall": (">=", "mm"),
-    "draft": (">=", "deg"),
-    "tool": (">=", "of the face"),
-    "gap": ("<=", "mm"),
-    "plate": (">=", "mm"),
-}
 
 
 def check_findings(
@@ -81,7 +71,7 @@ def _finding(
     tolerance: float = 0.0,
 ) -> Fact:
     """The finding; of the ``changes`` of the spec that would help, an empty one is left out."""
-    sense, unit = _KINDS[name]
+    _, sense, unit = FINDINGS[name]
     fact = Fact(name, "", value, unit, sense=sense, limit=limit, note=reason, tolerance=tolerance, place=surface)
     finding = as_finding(fact)
     return finding if finding.holds else replace(finding, remedy=", or ".join(filter(None, changes)))
