@@ -56,7 +56,7 @@ def rows(folder: Path) -> Iterator[tuple[str, ...]]:
             f"{run.design.seconds:.0f} s",
         )
     for limit in run.light.limits:
-        words = f"{limit.label}: {limit.note} {limit.text}, must be {limit.asked}"
+        words = f"{limit.label}: {limit.note} {limit.text}, must be {limit.required}"
         yield (folder.name, limit.place, words, limit.outcome, "", "", "", "")
 
 

@@ -66,7 +66,7 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
 
 
 def _words(limit: Fact) -> str:
-    return f"{limit.label}: {limit.note} {limit.text}, must be {limit.asked}"
+    return f"{limit.label}: {limit.note} {limit.text}, must be {limit.required}"
 
 
 def _document(file: Path, groups: list[Group], found: list[RoadJudgement]) -> dict[str, object]:

@@ -114,7 +114,7 @@ def _receiver(proof: Proof, index: int, designed: float | None) -> Iterator[Fact
     at = "at 1 m, " if receiver.far_field else ""
     yield Fact(
         "landing",
-        "Rays land apart by",
+        "Ray displacement",
         *_length(gap.rms),
         state=_state(proof.criteria, receiver, index, "deviation_rms"),
         note=f"rms, {at}part against design; at most {quantity(*_length(gap.max), digits=2)}",

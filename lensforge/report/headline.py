@@ -134,7 +134,8 @@ def _waiting(results: Results) -> str:
 def outdated(results: Results) -> list[str]:
     """A sentence for each file that belongs to another lens, part or version: its name, and the reason."""
     return [
-        f"{stem}.json does not count: {why.rpartition(f'{stem}.json: ')[2]}." for stem, why in results.outdated.items()
+        f"{stem}.json is out of date and ignored: {why.rpartition(f'{stem}.json: ')[2]}."
+        for stem, why in results.outdated.items()
     ]
 
 

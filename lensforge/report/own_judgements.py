@@ -118,12 +118,14 @@ def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
     try:
         again = judged_again(result, lens)
     except (ArithmeticError, LookupError):  # a volume of 0, a face that the lens has not
-        raise InputError(f"{path}: not what a {result.stage} of this lens can be; {type(result).again()}") from None
+        raise InputError(
+            f"{path}: not what a {result.stage} of this lens can be; {type(result).rebuild_command()}"
+        ) from None
     for field, made in again.items():
         for stated, follows in zip_longest(getattr(result, field), made):
             if not agree(_compared(stated), _compared(follows)):
                 why = f"{field}: {(stated or follows).key}: not as it follows from the other entries"
-                raise InputError(f"{path}: {why}; {type(result).again()}")
+                raise InputError(f"{path}: {why}; {type(result).rebuild_command()}")
 
 
 def _compared(fact: Fact | None) -> tuple[object, ...]:

@@ -75,7 +75,7 @@ class Stored:
             why = _mismatch(result, self.lens, accepted, outdated) or _foreign_conditions(result, stem, own)
             why = why or doubt(stem, result)
             if why:
-                outdated[stem] = f"{why}; {type(result).again()}"
+                outdated[stem] = f"{why}; {type(result).rebuild_command()}"
             elif own:
                 accepted[stem] = result
             elif isinstance(result, SimulatedResult):
@@ -128,7 +128,7 @@ def _mismatch(result: StageResult, lens: Lens, accepted: Mapping[str, StageResul
         if name == "lens" and lens.sha256 != result.inputs[name]:
             return "it was made from another lens"
         if name in ("export", "evaluate") and name not in accepted:
-            return f"the {name} that it was made from {'does not count' if name in outdated else 'is missing'}"
+            return f"the {name} that it was made from {'is out of date' if name in outdated else 'is missing'}"
     return ""
 
 
@@ -226,16 +226,18 @@ def require_recorded(results: Results, record: RunRecord | None, folder: Path) -
     unjudged = () if part is None else unjudged_files(part, results.find(Proof))
     if unjudged:
         verify = ", or `lensforge verify` to have it judged as it is"
-        raise InputError(f"{folder / unjudged[0]}: not the file that export.json describes; {Part.again()}{verify}")
+        raise InputError(
+            f"{folder / unjudged[0]}: not the file that export.json describes; {Part.rebuild_command()}{verify}"
+        )
     if record is None:
         return
     for stem, result in {**results.found, **results.others}.items():
         if why := unrecorded(record.hashes, stem, result):
-            raise InputError(f"{folder / stem}.json: {why}; {type(result).again()}")
+            raise InputError(f"{folder / stem}.json: {why}; {type(result).rebuild_command()}")
 
 
 def require_none_lost(results: Results, record: RunRecord | None, folder: Path) -> None:
-    """Raise :class:`InputError` where a result that ``run.json`` states does not count any more.
+    """Raise :class:`InputError` where a result that ``run.json`` states is out of date.
 
     Every command renews ``run.json``, and with it the reasons for what is outdated: another reason comes from outside.
     """
@@ -243,4 +245,4 @@ def require_none_lost(results: Results, record: RunRecord | None, folder: Path) 
         return
     for stem, why in results.outdated.items():
         if stem in record.hashes and stem not in record.outdated:
-            raise InputError(f"{folder}: run.json states the result of {stem}, which does not count any more: {why}")
+            raise InputError(f"{folder}: run.json states the result of {stem}, which is out of date and ignored: {why}")

@@ -17,6 +17,7 @@ from lensforge.results.verdict import judge
 
 FactState = State | Literal[""]  # "": nothing was asked, or nobody has judged it
 _OPPOSITE: dict[Sense, Sense] = {"<=": ">=", ">=": "<="}
+_BOUNDS: dict[Sense, str] = {"<=": "lower bound", ">=": "upper bound"}  # that physics sets on the other side
 _DIGITS = 4  # significant digits of a number without standard error
 _ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
 _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
@@ -117,7 +118,7 @@ class Fact:
         return quantity(self.value, self.unit, self.standard_error, self.digits)
 
     @property
-    def asked(self) -> str:
+    def required(self) -> str:
         """The limit as text."""
         return NOTHING if self.limit is None else limit_text(self.sense, self.limit, self.unit, self.digits)
 
@@ -129,8 +130,12 @@ class Fact:
     @property
     def sentence(self) -> str:
         """Value, limit, what is possible, and note in one line, as a screen shows them behind the label."""
-        beside = [f"asked {self.asked}"] if self.limit is not None else []
-        beside += [f"possible {self.bounded_by}"] if self.possible is not None else []
+        beside = [f"required {self.required}"] if self.limit is not None else []
+        beside += (
+            [f"{_BOUNDS[self.sense]} {quantity(self.possible, self.unit, digits=self.digits)}"]
+            if self.possible is not None
+            else []
+        )
         words = f"{self.text} ({', '.join(beside)})" if beside else self.text
         return f"{words}; {self.note}" if self.note else words
 
@@ -140,16 +145,16 @@ class Fact:
         if self.state in ("pass", ""):
             return ""
         ends = f": {self.remedy}" if self.remedy else ""
-        return f"{self.label} = {self.text}, must be {self.asked}{self._doubt}{ends}"
+        return f"{self.label} = {self.text}, must be {self.required}{self._doubt}{ends}"
 
     def __str__(self) -> str:
         """The judgement in one line, by the name that scripts know: by how much a limit is missed, and what to try."""
-        asked = f"(must be {self.asked})"
+        required = f"(must be {self.required})"
         if self.value is None or self.limit is None or isinstance(self.value, str):
-            return f"{self.key} could not be measured {asked}; {self.remedy}"
+            return f"{self.key} could not be measured {required}; {self.remedy}"
         missed = f"missed by {quantity(abs(self.value - self.limit), self.unit, digits=3)}"
         judgement = {"pass": "met", "fail": f"{missed}; {self.remedy}"}.get(self.state, f"undecided{self._doubt}")
-        return f"{self.key} = {quantity(self.value, self.unit, self.standard_error)} {asked}: {judgement}"
+        return f"{self.key} = {quantity(self.value, self.unit, self.standard_error)} {required}: {judgement}"
 
     def plain(self) -> dict[str, object]:
         """The fact as JSON holds it, without what it lacks."""

@@ -141,7 +141,7 @@ class StageResult(Record):
         return f"lensforge-{cls.stage}-{SCHEMA_VERSION}"
 
     @classmethod
-    def again(cls) -> str:
+    def rebuild_command(cls) -> str:
         """The remedy for damaged or outdated files: the command that makes them again."""
         return f"run `lensforge {cls.command or cls.stage}` again"
 
@@ -270,25 +270,27 @@ class StageResult(Record):
         folder, name = Path(folder), stem or cls.stage
         path = folder / f"{name}.json"
         first = f"run `lensforge {cls.command or cls.stage}` first"
-        content = read_object(path, cls.schema_name(), cls.again(), first) | given
+        content = read_object(path, cls.schema_name(), cls.rebuild_command(), first) | given
         if _keeps_arrays(cls):
-            arrays = read_arrays(folder / f"{name}.npz", content.pop(_ARRAYS, None), cls.again())
+            arrays = read_arrays(folder / f"{name}.npz", content.pop(_ARRAYS, None), cls.rebuild_command())
             try:
                 put_arrays(content, arrays)
             except ValueError as error:
-                raise InputError(f"{path}: {error}; {cls.again()}") from None
+                raise InputError(f"{path}: {error}; {cls.rebuild_command()}") from None
         for field, own, file_name in cls._files(name):
             file = folder / file_name
             there = cls.model_fields[field].is_required() or file.is_symlink() or file.exists()
-            content[field] = read_file(file, missing=cls.again(), most_bytes=own.most_bytes) if there else None
-        result = validated(cls, content, path, cls.again())
+            content[field] = (
+                read_file(file, missing=cls.rebuild_command(), most_bytes=own.most_bytes) if there else None
+            )
+        result = validated(cls, content, path, cls.rebuild_command())
         try:
             require_what_follows(result)
         except ValueError as error:
-            raise InputError(f"{path}: {error}; {cls.again()}") from None
+            raise InputError(f"{path}: {error}; {cls.rebuild_command()}") from None
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
-            raise InputError(f"{path}: {missing}: missing; {cls.again()}")
+            raise InputError(f"{path}: {missing}: missing; {cls.rebuild_command()}")
         return result
 
 

@@ -91,14 +91,14 @@ def _ball(name: str, face: FaceResult, check: Check, state: FactState) -> Fact:
     largest, shop_mm = face.cutter.largest_radius_mm, face.cutter.radius_mm
     return Fact(
         f"{name}_ball",
-        f"Ball mill, {name} face",
+        f"Largest ball, {name} face",
         "any" if largest is None else largest,
         "mm",
         sense=">=",
         limit=shop_mm,
         limit_note="the shop's",
         state=state,
-        note=f"largest radius that reaches all of it{check.relief.beyond_shop(largest, shop_mm, name)}",
+        note=f"radius that still reaches all of the face{check.relief.beyond_shop(largest, shop_mm, name)}",
         digits=3,
     )
 

@@ -115,7 +115,7 @@ def _tables(
         for fact in group.facts
     ]
     criteria = [shown_criterion(each) for each in (*part.criteria, *check.criteria)]
-    judged = [(fact.label, fact.text, fact.asked, fact.state) for fact in criteria]
+    judged = [(fact.label, fact.text, fact.required, fact.state) for fact in criteria]
     dense = table_facts(grids)
     return [
         Table("Part", _rows(shop_facts(lens, part, check))),

@@ -37,9 +37,9 @@ def expected(design: dict[str, Any]) -> dict[str, float]:
         r"Pattern error \(NMSE\) +[\d.]+ ± ": design["nmse"]["standard_error"],
         r"Efficiency +": 100 * design["efficiency"]["value"],
         r"Efficiency +[\d.]+ ± ": 100 * design["efficiency"]["standard_error"],
-        r"\(possible ≤ ": 100 * design["possible_efficiency"],
+        r"\(upper bound ": 100 * design["possible_efficiency"],
         r"Form error +": design["form_error_nm"],
-        r"Rays land apart by +": 1e3 * design["deviation_mm"],
+        r"Ray displacement +": 1e3 * design["deviation_mm"],
     }
 
 

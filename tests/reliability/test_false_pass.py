@@ -145,7 +145,7 @@ def test_a_changed_record_is_refused_where_run_json_knows_it(folder: Path, stem:
     commands = (write_report, handed_over)
     for command in commands:
         message = refusal(command, folder)
-        assert (stem in message and "again" in message) or "does not count any more" in message, message
+        assert (stem in message and "again" in message) or "is out of date and ignored" in message, message
 
 
 def test_an_outcome_is_that_of_its_value_and_the_value_that_of_its_record(folder: Path) -> None:

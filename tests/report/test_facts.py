@@ -62,8 +62,8 @@ TOLD = (
     ("form_error", "Form error", "nm", lambda r: r.part.form_error_nm.max),
     ("normal_error", "Error of the normals", "mrad", lambda r: r.part.normal_error_mrad.max),
     ("volume", "Volume", "mm³", lambda r: r.part.volume_mm3),
-    ("inner_ball", "Ball mill, inner face", "mm", lambda r: r.check.inner.cutter.largest_radius_mm),
-    ("outer_ball", "Ball mill, outer face", "mm", lambda r: r.check.outer.cutter.largest_radius_mm),
+    ("inner_ball", "Largest ball, inner face", "mm", lambda r: r.check.inner.cutter.largest_radius_mm),
+    ("outer_ball", "Largest ball, outer face", "mm", lambda r: r.check.outer.cutter.largest_radius_mm),
     ("inner_reached", "Ball reaches", "%", lambda r: 100.0 * r.check.inner.cutter.reachable_fraction),
     ("inner_concave", "Smallest hollow", "mm", lambda r: r.check.inner.curvature.smallest_concave_radius_mm),
     ("outer_tilt", "Largest tilt", "°", lambda r: r.check.outer.largest_tilt_deg),
@@ -73,7 +73,7 @@ TOLD = (
     ("outer_departure_rms", "Departure, rms", "µm", lambda r: 1e3 * r.check.outer.best_fit_sphere.rms_mm),
     ("thinnest", "Thinnest wall", "mm", lambda r: r.check.min_wall_mm),
     ("thickest", "Thickest wall", "mm", lambda r: r.check.walls.thickest.thickness_mm),
-    ("landing", "Rays land apart by", "µm", lambda r: 1e3 * r.proof.deviation_mm.rms),
+    ("landing", "Ray displacement", "µm", lambda r: 1e3 * r.proof.deviation_mm.rms),
     ("nmse_vs_design", "NMSE against the design", "", lambda r: r.proof.first.nmse_vs_design),
     ("nmse_same_rays", "NMSE with the same rays", "", lambda r: r.proof.first.nmse_same_rays),
     ("part_efficiency", "Efficiency of the part", "%", lambda r: 100.0 * r.proof.first.efficiency),
@@ -128,14 +128,14 @@ def test_a_failure_outweighs_a_doubt():
 def test_a_fact_says_value_limit_and_reason():
     metric = Metric(value=0.123, standard_error=0.004)
     fact = Fact.measured("nmse", "NMSE", metric, "a note", limit=0.1, remedy="try this")
-    assert (fact.text, fact.asked, fact.bounded_by) == ("0.1230 ± 0.0040", "≤ 0.1", "–")
-    assert fact.sentence == "0.1230 ± 0.0040 (asked ≤ 0.1); a note"
+    assert (fact.text, fact.required, fact.bounded_by) == ("0.1230 ± 0.0040", "≤ 0.1", "–")
+    assert fact.sentence == "0.1230 ± 0.0040 (required ≤ 0.1); a note"
     assert fact.reason == "NMSE = 0.1230 ± 0.0040, must be ≤ 0.1: try this"
     assert fact.plain() == {
         "key": "nmse", "label": "NMSE", "value": 0.123, "unit": "", "standard_error": 0.004, "limit": "<= 0.1",
         "state": "fail", "note": "a note",
     }  # fmt: skip
-    assert Fact.share("a", "A", 0.8765, sense=">=", limit=0.9).sentence == "87.65\u2009% (asked ≥ 90\u2009%)"
+    assert Fact.share("a", "A", 0.8765, sense=">=", limit=0.9).sentence == "87.65\u2009% (required ≥ 90\u2009%)"
     assert Fact("a", "A", None, "mm", limit=1.0).text == "not measured"
 
 

@@ -28,7 +28,9 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
     assert "Light: Pattern error (NMSE) = 0.3000 ± 0.0010, must be ≤ 0.1: a larger lens" in text
     assert "✗ Cutting: fail" in text
     sentence = "A ball of 1 mm radius reaches 75.0 % of the inner face."
-    assert text.index("Asked, got, possible") < text.index(f"Cutting: fail {sentence}") < text.index("Peak irradiance")
+    assert (
+        text.index("Required, got, possible") < text.index(f"Cutting: fail {sentence}") < text.index("Peak irradiance")
+    )
     assert "All 30 criteria on light and files are met." in text, "they are another matter"
     assert "✓ Files: pass" in text
 
@@ -50,8 +52,8 @@ def test_what_was_asked_for_says_whether_it_came_out():
         "Height above the LED": "",
         "Free space over the LED": "pass",
         "Thinnest wall": "pass",
-        "Ball mill, inner face": "fail",
-        "Ball mill, outer face": "",
+        "Largest ball, inner face": "fail",
+        "Largest ball, outer face": "",
     }
     text = text_of(results)
     assert text.index("radius marginTry") < text.index("Farthest from the LED"), "what fails comes first"
@@ -75,7 +77,7 @@ def test_light_is_in_watts_or_by_the_efficacy_in_lux(efficacy, peak):
 def test_an_outdated_stage_is_named_with_its_reason():
     why = "it was made from another lens; run `lensforge evaluate` again"
     text = text_of(make_results(("design", "export", "check", "verify", "photometry"), outdated={"evaluate": why}))
-    assert f"evaluate.json does not count: {why}." in text
+    assert f"evaluate.json is out of date and ignored: {why}." in text
     assert "Out of date: evaluate." in text
     assert "Not run yet" not in text
     assert "There is no evaluate.json" not in text
@@ -86,7 +88,7 @@ def test_a_record_of_an_earlier_version_is_named_without_the_path_of_its_folder(
     path = tmp_path / "evaluate.json"
     path.write_text(path.read_text(encoding="utf-8").replace("lensforge-evaluate-3", "lensforge-evaluate-2"))
     text = text_of(load_results(tmp_path), tmp_path)
-    assert 'evaluate.json does not count: schema = "lensforge-evaluate-2"' in text
+    assert 'evaluate.json is out of date and ignored: schema = "lensforge-evaluate-2"' in text
     assert str(tmp_path) not in text
 
 

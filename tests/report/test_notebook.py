@@ -41,7 +41,7 @@ def test_results_show_verdicts_numbers_and_pictures(results):
     text = "".join(root.itertext())
     assert "small: Light, files and cutting pass." in text
     assert len([node for node in root.iter() if node.tag.endswith("svg")]) == 2
-    for label in ("Pattern error (NMSE)", "Farthest from the LED", "Form error", "Ball mill", "NMSE against"):
+    for label in ("Pattern error (NMSE)", "Farthest from the LED", "Form error", "Largest ball", "NMSE against"):
         assert label in text
 
 
