@@ -13,8 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.light.exact_trace import FixedSurface, TableScan
-from lensforge.light.sequential_trace import EnteringRays, trace_sequence
+from lensforge.light.reference_bodies import ReferenceBody
+from lensforge.light.reference_trace import as_arrays, trace_reference
+from lensforge.light.table_trace import Scene
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Medium
 from lensforge.scene.lens import load_lens
@@ -23,7 +24,7 @@ from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.surfaces.bicubic_table import grid_for, tabulate
 
-NODES_PER_SIGMA = 6.0  # the table only brackets the crossing: a step on the exact surface follows
+NODES_PER_SIGMA = 6.0  # the table only leads to the crossing: steps on the exact surface follow
 
 
 def shift(one, other, whole):
@@ -48,14 +49,14 @@ def main():
     dispersive = Medium(lens.refractive_index, material=MATERIALS[given.material])
     each = dispersive.indices(rays.wavelengths_nm, len(rays))
     grid = grid_for(lens.detail_rad, NODES_PER_SIGMA)
-    surfaces = [FixedSurface(each, TableScan(grid, tabulate(grid, each))) for each in (lens.inner, lens.outer)]
+    guides = np.stack([tabulate(grid, surface) for surface in lens.surfaces.values()])
     mean = float(np.average(each, weights=rays.flux))
     receiver = receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     whole = Window(*receiver.grid.size)
     landed = {}
     for name, body in (("each", dispersive), ("mean", Medium(mean)), ("design", Medium(lens.refractive_index))):
-        entering = EnteringRays.of(rays, replace(lens.media, body=body))
-        landed[name] = receiver.land(trace_sequence(*surfaces, entering))
+        bodies = ReferenceBody.exact(lens.surfaces, Scene(replace(lens.media, body=body), grid), guides)
+        landed[name] = receiver.land(as_arrays(trace_reference(bodies, rays)))
     inside = {name: whole.contains(light.hits) for name, light in landed.items()}
     report = {
         "rays": len(rays),

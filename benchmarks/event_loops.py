@@ -11,9 +11,8 @@ import numpy as np
 import torch
 
 import lensforge as lf
-from lensforge.light.chain_trace import TracedFaces, trace_chain
-from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan
-from lensforge.light.sequential_trace import EnteringRays, trace_sequence
+from lensforge.light.reference_bodies import ReferenceBody
+from lensforge.light.reference_trace import as_arrays, trace_reference
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.body import Chain
@@ -46,20 +45,21 @@ def main() -> None:
     lens = parameters.lens(weights, offsets, spec, 0, "draft")
     traced, source = TracedLens.of(lens, 6.0), build_source(spec.source, None)
     few, many, grid = source.sample(READABLE, 0), source.sample(COMPILED, 0), traced.scene.grid
-    scans = (TableScan(grid, table) for table in traced.tables)
-    scanned = list(map(FixedSurface, (lens.inner, lens.outer), scans))
-    exact = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
-    faces = TracedFaces(exact, CHAIN, 2.0 * lens.body.largest_mm)
+    usual, chain = Scene(lens.media, grid), Scene(lens.media, grid, chain=CHAIN)
+    guided = ReferenceBody.exact(lens.surfaces, usual, traced.tables)
+    scanned, scanned_chain = (ReferenceBody.exact(lens.surfaces, scene) for scene in (usual, chain))
+    tabled = ReferenceBody.by_tables(torch.from_numpy(traced.tables), usual)
     runs: dict[str, Callable[[], ExitRays]] = {
-        "sequential_trace, scans of tables": lambda: trace_sequence(*scanned, EnteringRays.of(few, lens.media)),
-        "sequential_trace, dense scans": lambda: trace_sequence(*exact.values(), EnteringRays.of(few, lens.media)),
-        "chain_trace": lambda: trace_chain(faces, EnteringRays.of(few, lens.media)),
-        "kernels, the usual lens": lambda: TracedBundle.of(traced.tables, Scene(lens.media, grid), many).exits,
-        "kernels, as a chain": lambda: TracedBundle.of(traced.tables, Scene(lens.media, grid, chain=CHAIN), many).exits,
+        "reference, guided by tables": lambda: as_arrays(trace_reference(guided, few)),
+        "reference, dense scans": lambda: as_arrays(trace_reference(scanned, few)),
+        "reference, dense scans, as a chain": lambda: as_arrays(trace_reference(scanned_chain, few)),
+        "kernels, the usual lens": lambda: TracedBundle.of(traced.tables, usual, many).exits,
+        "kernels, as a chain": lambda: TracedBundle.of(traced.tables, chain, many).exits,
+        "reference, on the tables": lambda: as_arrays(trace_reference(tabled, many)),
     }
     first: dict[int, ExitRays] = {}
     for name, trace in runs.items():
-        found, taken = seconds(trace, 1 if name in ("sequential_trace, dense scans", "chain_trace") else 5)
+        found, taken = seconds(trace, 1 if name.startswith("reference") else 5)
         base = first.setdefault(len(found.flux), found)
         apart = np.abs(found.points - base.points)[found.left_lens & base.left_lens].max()
         fates = int((found.fates != base.fates).sum())

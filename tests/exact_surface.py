@@ -1,4 +1,4 @@
-"""A sum of SRBFs in plain torch: differentiable, in either precision, and with none of the program's compiled sums."""
+"""A sum of SRBFs in plain torch: differentiable, and with none of the program's compiled sums."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,40 +7,29 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.light.exact_trace import DenseScan, TableScan
-from lensforge.light.sequential_trace import Crossing
+from lensforge.light.reference_hits import ExactFace, TracedFace
 from lensforge.surfaces.mirror_group import group
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 _CHUNK_VALUES = 2**22  # rays times basis functions at a time: some 300 MB
-_DENSE = DenseScan()
 
 
 @dataclass(frozen=True)
 class ExactSurface:
-    """``rho(u) = h + sum_j w_j exp(-g^2/sigma_j^2)``, Eq. (2), differentiable in ``weights_mm`` and ``offset_mm``.
-
-    The precision is that of ``weights_mm``.
-    """
+    """``rho(u) = h + sum_j w_j exp(-g^2/sigma_j^2)``, Eq. (2), differentiable in ``weights_mm`` and ``offset_mm``."""
 
     basis: SrbfBasis
     weights_mm: Float[Tensor, " m"]
     offset_mm: Float[Tensor, ""]
-    scan: DenseScan | TableScan = _DENSE
 
     @staticmethod
-    def of(
-        surface: SrbfSurface,
-        scan: DenseScan | TableScan = _DENSE,
-        dtype: torch.dtype = torch.float64,
-        requires_grad: bool = False,
-    ) -> "ExactSurface":
+    def of(surface: SrbfSurface, requires_grad: bool = False) -> "ExactSurface":
         """The same sum; its parameters as leaves where a gradient is wanted."""
         weights, offset = (
-            torch.tensor(value, dtype=dtype, requires_grad=requires_grad)
+            torch.tensor(value, dtype=torch.float64, requires_grad=requires_grad)
             for value in (surface.weights_mm, surface.offset_mm)
         )
-        return ExactSurface(surface.basis, weights, offset, scan)
+        return ExactSurface(surface.basis, weights, offset)
 
     @cached_property
     def _constants(self) -> tuple[Tensor, Tensor, list[Tensor]]:
@@ -85,24 +74,7 @@ class ExactSurface:
             total = total + torch.einsum("nm,nmk->nk", slope, tangent) @ image.T / len(images)
         return total
 
-    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-        """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
-        distance = torch.linalg.norm(points, dim=1, keepdim=True)
-        directions = points / distance
-        normal: Tensor = directions - self.gradient(directions) / distance
-        return normal
-
-    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
-        distance = torch.linalg.norm(points, dim=1)
-        gap: Tensor = self.radius(points / distance.clamp(min=torch.finfo(points.dtype).tiny)[:, None]) - distance
-        return gap
-
-    def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
-        """First crossing by ``scan``."""
-        return self.scan.first_crossing(self, origins, directions)
-
-    @property
-    def reach_mm(self) -> float:
-        """Twice the largest radius that the sum can have: a ray from inside has left the surface by then."""
-        return 2.0 * float((self.offset_mm + self.weights_mm.abs().sum()).detach())
+    def face(self, guide: TracedFace | None = None) -> ExactFace:
+        """The face of the reference tracer; twice the largest radius that the sum can have is its reach."""
+        reach = 2.0 * float((self.offset_mm + self.weights_mm.abs().sum()).detach())
+        return ExactFace(self.radius, self.gradient, reach, guide)

@@ -1,11 +1,16 @@
 """Rays through a lens and onto a plane: what most tests of the tracers look at, all in torch."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
+import numpy as np
 import torch
+from exact_surface import ExactSurface
 
-from lensforge.light.device_trace import tables_on
-from lensforge.light.sequential_trace import EnteringRays, TracedSurface, trace_sequence
+from lensforge.light.further_bodies import TWO_FACES
+from lensforge.light.reference_bodies import ReferenceBody
+from lensforge.light.reference_hits import TracedFace
+from lensforge.light.reference_trace import as_arrays, trace_reference
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade
@@ -13,8 +18,9 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import Landings, ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
-from lensforge.search.light_path import TableSurface, landed_through
+from lensforge.search.light_path import landed_through
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.surface import Surface
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,12 @@ class Landed:
         """Flux (W) that reached the last surface met, without a gradient where the kernels traced."""
         return self.exits.flux
 
+    def mixed(self, distance: float) -> torch.Tensor:
+        """A scalar in which every output has a random say; far hits have a bounded one."""
+        by_hits, by_flux, by_sin2 = torch.from_numpy(np.random.default_rng(2).normal(size=(3, len(self.fates))))
+        hits = torch.tanh(self.hits[self.landed] / distance) * by_hits[self.landed, None]
+        return hits.sum() + (100.0 * by_flux * self.flux).sum() + (by_sin2 * self.sin2_exit).sum()
+
 
 def plane_at(distance: float) -> Plane:
     return Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance)), PixelGrid.square(2.0 * distance, 16))
@@ -72,24 +84,29 @@ def trace_tables(tables: list[torch.Tensor], scene: Scene, rays: RayBundle) -> E
 
 
 def trace_exact(
-    inner: TracedSurface,
-    outer: TracedSurface,
+    inner: ExactSurface | TracedFace,
+    outer: ExactSurface | TracedFace,
     media: Media,
     rays: RayBundle,
     made: AsMade | None = None,
-    dtype: torch.dtype = torch.float64,
-    device: str = "cpu",
-    fresnel: bool = True,
 ) -> ExitRays:
-    """Through surfaces that take tensors, differentiable in what these are differentiable in."""
-    entering = EnteringRays.of(rays, media, made, lambda array: torch.as_tensor(array).to(torch.device(device), dtype))
-    return trace_sequence(inner, outer, entering, fresnel)
+    """Through two surfaces that take tensors, differentiable in what these are differentiable in."""
+    faces = tuple(face if isinstance(face, TracedFace) else face.face() for face in (inner, outer))
+    return trace_reference([ReferenceBody(faces, TWO_FACES, media, True, made)], rays)
 
 
-def on_device(tables: list[torch.Tensor], scene: Scene, rays: RayBundle, device: str = "cpu") -> ExitRays:
-    """Through two tables by the tracer in torch on ``device``, differentiable in them; copied back."""
-    surfaces = (TableSurface(table) for table in tables_on(torch.device(device), *tables, scene))
-    return as_tensors(trace_exact(*surfaces, scene.media, rays, scene.made, device=device, fresnel=scene.fresnel))
+def on_device(
+    tables: Sequence[torch.Tensor] | torch.Tensor, scene: Scene, rays: RayBundle, device: str = "cpu"
+) -> ExitRays:
+    """Through tables by the reference tracer on ``device``, differentiable in them; copied back."""
+    there = torch.device(device)
+    bodies = ReferenceBody.by_tables(torch.stack(list(tables)), scene, there)
+    return as_tensors(trace_reference(bodies, rays, scene.fresnel, there))
+
+
+def exactly(surfaces: Mapping[str, Surface], scene: Scene, rays: RayBundle) -> ExitRays:
+    """Through surfaces themselves, by name, in NumPy."""
+    return as_arrays(trace_reference(ReferenceBody.exact(surfaces, scene), rays, scene.fresnel))
 
 
 def by_kernels(tables: list[torch.Tensor], scene: Scene, rays: RayBundle, distance: float) -> Landed:

@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from convergence.study import Errors, Meter, RefinementLevel, reference_level
-from lensforge.light.exact_trace import FixedSurface, TableScan
 from lensforge.light.metrics import jackknife_error, jackknife_metric, relative_square
-from lensforge.light.sequential_trace import EnteringRays, trace_sequence
+from lensforge.light.reference_bodies import ReferenceBody
+from lensforge.light.reference_trace import as_arrays, trace_reference
+from lensforge.light.table_trace import Scene
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import splat_flux
@@ -44,7 +45,7 @@ class ExactReference:
 
     @staticmethod
     def of(lens: Lens, source: Source, grid: TableGrid, tables: Tables) -> "ExactReference":
-        """Trace rays of ``source`` through the exact surfaces; ``tables``, fine ones, bracket the crossings."""
+        """Trace rays of ``source`` through the exact surfaces; ``tables``, fine ones, lead to the crossings."""
         each = max(1, min(RAYS, source.ray_count or RAYS) // SCRAMBLES)
         rays = RayBundle.joined([source.sample(each, _SEED + k) for k in range(SCRAMBLES)])
         with Meter() as cost:
@@ -94,14 +95,14 @@ class ExactReference:
 
 
 def landed_exactly(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle, newton_steps: int = 0) -> Landings:
-    """Hits of ``rays`` on the lens's own first receiver through its exact surfaces; ``tables`` bracket the crossings.
+    """Hits of ``rays`` on the lens's own first receiver through its exact surfaces; ``tables`` lead to the crossings.
 
     ``newton_steps``: additional to the one that ends every search, for tables that are far from the surfaces.
     """
-    scans = {name: TableScan(grid, tables[name], newton_steps) for name in SURFACES}
-    surfaces = (FixedSurface(getattr(lens, name), scan) for name, scan in scans.items())
-    exits = trace_sequence(*surfaces, EnteringRays.of(rays, lens.media))
-    return design_receiver(lens).land(exits)
+    guides, scene = np.stack([tables[name] for name in SURFACES]), Scene(lens.media, grid)
+    body, *further = ReferenceBody.exact(lens.surfaces, scene, guides)
+    faces = tuple(replace(face, newton_steps=1 + newton_steps) for face in body.faces)
+    return design_receiver(lens).land(as_arrays(trace_reference([replace(body, faces=faces), *further], rays)))
 
 
 def design_receiver(lens: Lens) -> PosedReceiver:

@@ -4,8 +4,8 @@
 - ``evaluation_result.Light``: its result
 - ``simulation.TracedLens``: a lens ready for rays
 - ``table_trace.trace_tables``: rays through tables, by the kernels
-- ``sequential_trace.trace_sequence``: rays through both faces in arrays: to read, and for devices
-- ``exact_trace``: rays through exact surfaces, the reference
+- ``reference_trace.trace_reference``: rays through any bodies in torch: to read, to test by, and for devices
+- ``reference_hits``: the hits of rays on exact faces and on tables
 - ``receiver_light.ReceiverLight``: the figures of one receiver
 - ``metrics.jackknife_error``: standard errors
 - ``photometry_result.Photometry``: lumens, candela, beam angles

@@ -16,14 +16,13 @@ from jaxtyping import Float, Int
 from lensforge.errors import InputError
 from lensforge.kernels.fresnel import behind_plate, behind_plate_adjoint
 from lensforge.kernels.parallel import in_chunks, part_of
-from lensforge.optics.arrays import Array, like, module_of
+from lensforge.optics.arrays import Array, like
 from lensforge.optics.coatings import GLASS, coated_faces, coating_tables, whole_span
 from lensforge.optics.dielectric import (
     Ratio,
     Transmittances,
     coated_transmittances,
     fresnel_transmittances,
-    transmitted_cosine_squared,
 )
 from lensforge.optics.media import Media
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
@@ -190,31 +189,6 @@ def _packed(media: Media, fresnel: bool) -> _Plate:
     glass = media.cover_glass
     assert glass is not None
     return fresnel, media.outside_index / glass.refractive_index, glass.thickness_mm, glass.absorption_per_mm
-
-
-def behind_glass_by_arrays(
-    rays: ExitRays, media: Media, fresnel: bool = True, coatings: RayCoatings = NO_COATINGS
-) -> ExitRays:
-    """:func:`behind_glass` in NumPy or in torch, on any device and in any precision; there differentiable."""
-    glass = media.cover_glass
-    if glass is None:
-        return rays
-    xp = module_of(rays.flux)
-    meets = (rays.directions[:, 2] > 0.0) & rays.left_lens
-    outside = xp.where(meets, rays.directions[:, 2], 1.0)
-    ratio = media.outside_index / glass.refractive_index
-    inside = xp.sqrt(transmitted_cosine_squared(outside, ratio))
-    nearer = glass.thickness_mm * (1.0 - ratio * outside / inside)
-    passed = rays.flux * xp.exp(-glass.absorption_per_mm * glass.thickness_mm / inside)
-    if fresnel:
-        t_s, t_p, excess = face_transmittances(outside, ratio, coatings.faces.get(GLASS), coatings.rows)
-        assert rays.axial is not None
-        in_plane = rays.axial / xp.where(rays.flux > 0.0, rays.flux, 1.0)
-        passed = passed * (t_s**2 + (t_s + t_p) * excess * in_plane)
-    flux = xp.where(meets, passed, rays.flux)
-    up = like(rays.points, np.array([0.0, 0.0, 1.0]))
-    points = rays.points + xp.where(meets, nearer, 0.0)[:, None] * up
-    return replace(rays, points=points, flux=flux, lost_in_glass=rays.flux - flux)
 
 
 def face_transmittances(

@@ -14,10 +14,7 @@ from jaxtyping import Bool, Float
 
 from lensforge import seeds
 from lensforge.light.beam_colour import BeamColour
-from lensforge.light.chain_trace import TracedFaces, trace_chain
 from lensforge.light.evaluation_result import FittedLight, Light, PresetError, TableError, light_criteria
-from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan
-from lensforge.light.further_bodies import polarised, through_bodies
 from lensforge.light.judged_limits import colour_limits, judged_limits
 from lensforge.light.metrics import (
     Images,
@@ -38,7 +35,6 @@ from lensforge.light.receiver_light import (
     RegionLight,
     WindowSize,
 )
-from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.light.simulation import ReplicateMetrics, TracedLens, lit_mask, simulate, traced_light
 from lensforge.optics.media import Media
 from lensforge.results import Metric
@@ -57,7 +53,6 @@ from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.accuracy import Preset
 from lensforge.spec.light_limits import ColourSection
 
-_ACROSS = 2.1  # a ray crosses a body within twice its radius
 _SCRAMBLES, _RAYS = 8, 2**8  # few: each is traced through the exact surfaces, which is slow
 
 
@@ -82,16 +77,12 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
 
 
 def _through_exact(lens: Lens, traced: TracedLens, rays: RayBundle) -> ExitRays:
-    """``rays`` through the exact surfaces of ``lens``; the tables of ``traced`` bracket the crossings of two faces."""
-    chain, entering = traced.scene.chain, EnteringRays.of(rays, lens.media)
-    if chain is None:
-        scans = (TableScan(traced.scene.grid, table) for table in traced.tables)
-        inner, outer = map(FixedSurface, (lens.inner, lens.outer), scans)
-        exits = trace_sequence(inner, outer, entering)
-    else:
-        surfaces = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
-        exits = trace_chain(TracedFaces(surfaces, chain, _ACROSS * lens.body.largest_mm), entering)
-    return through_bodies(polarised(exits, exits.fields), lens.media, rays)[0]
+    """``rays`` through the exact surfaces of ``lens``; the tables of ``traced`` lead to the hits of two faces."""
+    from lensforge.light.reference_bodies import ReferenceBody
+    from lensforge.light.reference_trace import as_arrays, trace_reference
+
+    guides = traced.tables if traced.scene.chain is None else None
+    return as_arrays(trace_reference(ReferenceBody.exact(lens.surfaces, traced.scene, guides), rays))
 
 
 def _stage(

@@ -4,11 +4,10 @@ Laws of light are written once, in functions that both modules have. What differ
 """
 
 import sys
-from contextlib import AbstractContextManager, nullcontext
 from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Float, Inexact, Int, Int8
+from jaxtyping import Float, Inexact, Int
 
 Array: TypeAlias = Any
 """A NumPy array or a torch tensor, with jaxtyping's shapes: ``Float[Array, "n 3"]``."""
@@ -24,16 +23,6 @@ def like(array: Array, values: Array) -> Array:
     if isinstance(array, np.ndarray):
         return np.asarray(values, dtype=array.dtype)
     return sys.modules["torch"].as_tensor(values, dtype=array.dtype, device=array.device)
-
-
-def constant(array: Array) -> Array:
-    """``array`` without its gradient."""
-    return array if isinstance(array, np.ndarray) else array.detach()
-
-
-def without_gradient(array: Array) -> AbstractContextManager[Any]:
-    """A block in which nothing is recorded for the gradients of ``array``."""
-    return nullcontext() if isinstance(array, np.ndarray) else sys.modules["torch"].no_grad()
 
 
 def replaced(array: Array, rows: Int[Array, " k"], values: Inexact[Array, "k *shape"]) -> Array:
@@ -58,8 +47,3 @@ def rows_of(flags: Array) -> Array:
 def whole(array: Array) -> Array:
     """``array`` without its fractions, as indices; no gradient passes."""
     return array.astype(np.int64) if isinstance(array, np.ndarray) else array.detach().long()
-
-
-def codes(array: Array) -> Int8[Array, " n"]:
-    """``array`` as bytes."""
-    return array.astype(np.int8) if isinstance(array, np.ndarray) else array.to(sys.modules["torch"].int8)

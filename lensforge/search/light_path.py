@@ -6,7 +6,7 @@ ray noise.
 
 On the CPU the compiled kernels trace and sum, and the whole path is one torch operation: the backward pass recomputes
 each exit ray from its path lengths. On another device torch does all, in chunks of rays whose graph is built again in
-the backward pass: only the start and the two crossings of each ray are kept, 84 bytes.
+the backward pass: only the hits of each ray are kept, 17 bytes at each event.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,9 +21,9 @@ from torch.utils.checkpoint import checkpoint
 
 from lensforge import seeds
 from lensforge.light.crease import crease_gradients, worth_on
-from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.later_creases import later_crease_gradients
-from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
+from lensforge.light.reference_bodies import ReferenceBody
+from lensforge.light.reference_trace import HitMemory, trace_reference
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.lamp_pictures import LampPictures
@@ -63,31 +63,6 @@ class _AtCreases(torch.autograd.Function):
 
 
 _CHUNK = 2**19  # rays; their graph takes 2.5 GiB
-
-
-@dataclass
-class TableSurface:
-    """A table as a surface for :func:`trace_sequence`, for one set of rays.
-
-    Crossings are searched once, not again when the graph is rebuilt for the backward pass.
-    """
-
-    table: DeviceTable
-    found: Crossing | None = None
-
-    def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
-        """First crossings of rays from inside, at z >= 0; without a gradient."""
-        if self.found is None:
-            self.found = first_crossing(self.table, origins, directions)
-        return self.found
-
-    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
-        return self.table.gap(points)
-
-    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-        """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
-        return self.table.normal(points)
 
 
 @dataclass(frozen=True)
@@ -142,13 +117,14 @@ class LightPath:
                 collected(landings, sin2_exit, emitted, receiver.grid, receiver.window, weights)
                 for receiver, landings in zip(self.seen, landed, strict=True)
             )
-            return self._together(found if self.source is None else self._with_creases(tables, found))
-        there = tables_on(self.device, tables[0], tables[1], self.scene)
-        starts = range(0, len(rays), self.chunk)
-        parts = [self._part(there, rays.take(slice(start, start + self.chunk))) for start in starts]
-        sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
-        each = len(sums) // len(self.seen)
-        return self._together(tuple(Collected(*sums[first : first + each]) for first in range(0, len(sums), each)))
+        else:
+            bodies = ReferenceBody.by_tables(tables, self.scene, self.device)
+            starts = range(0, len(rays), self.chunk)
+            parts = [self._part(bodies, rays.take(slice(start, start + self.chunk)), self.device) for start in starts]
+            sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
+            each = len(sums) // len(self.seen)
+            found = tuple(Collected(*sums[first : first + each]) for first in range(0, len(sums), each))
+        return self._together(found if self.source is None else self._with_creases(tables, found))
 
     def _together(self, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
         rest = iter(found)
@@ -162,22 +138,19 @@ class LightPath:
         names = ("image", "in_window", "outside_receiver", "total_reflection")
         return tuple(replace(own, **{name: next(rest) for name in names}) for own in found)
 
-    def _part(self, tables: tuple[DeviceTable, DeviceTable], rays: RayBundle) -> tuple[Tensor, ...]:
-        inner, outer = (TableSurface(table) for table in tables)
-        device = tables[0].coefficients.device
-
+    def _part(self, bodies: tuple[ReferenceBody, ...], rays: RayBundle, device: torch.device) -> tuple[Tensor, ...]:
         def on_device(array: np.ndarray) -> Tensor:
             return torch.as_tensor(array).to(device, torch.float64)
 
-        entering = EnteringRays.of(rays, self.scene.media, self.scene.made, on_device)
+        emitted, memory = on_device(rays.flux), HitMemory()
         weights = None if self.colour is None else on_device(self.colour.weights(rays))
 
         def light() -> tuple[Tensor, ...]:
-            exit_rays = trace_sequence(inner, outer, entering, self.scene.fresnel)
+            exit_rays = trace_reference(bodies, rays, self.scene.fresnel, device, memory)
             sums: list[Tensor] = []
             for receiver in self.seen:
                 landings, places = receiver.land_by_arrays(exit_rays), (receiver.grid, receiver.window)
-                found = collected_on_device(landings, exit_rays.sin2_exit, entering.flux, *places, weights)
+                found = collected_on_device(landings, exit_rays.sin2_exit, emitted, *places, weights)
                 sums += (each for each in vars(found).values() if each is not None)
             return tuple(sums)
 

@@ -17,7 +17,6 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
-from lensforge.errors import InputError
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.body import Chain
@@ -292,10 +291,6 @@ class MeritFunction(Merit[SampledLight]):
         )
         single = single and not isinstance(spec.lamps, EndlessLamps)  # whose light comes from any distance
         scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens), single=single)
-        if device is not None and (scene.chain is not None or spec.bodies):
-            raise InputError(
-                f"device = '{device}': only a lens of two faces, without bodies behind it, is traced there; take cpu"
-            )
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
         limits = limit_terms(light_limits(spec, receivers, efficacy, source.flux_w))
         crossing = source if scene.chain is not None and aims(source) else None

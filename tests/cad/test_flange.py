@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from landed import exactly
 from nightly import first_by_day
 from tir_lenses import SPOT, margins_but_for_the_wall, spot, spot_lens
 
@@ -15,9 +16,6 @@ from lensforge.cad.flange import FlangeRing, ring_of
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.section import body_outlines
 from lensforge.kernels.fate import Fate
-from lensforge.light.chain_trace import TracedFaces, trace_chain
-from lensforge.light.exact_trace import DenseScan, FixedSurface
-from lensforge.light.sequential_trace import EnteringRays
 from lensforge.light.table_trace import TracedBundle
 from lensforge.optics.media import TIR
 from lensforge.proof.proof_inputs import optical_of
@@ -96,9 +94,7 @@ def test_light_that_meets_the_flange_has_a_fate_of_its_own(lit: lf.Light) -> Non
     ended = found.exits.fates == Fate.FLANGE
     assert 0.001 < ended.mean() < 0.02 and (found.exits.fates != Fate.NOT_CONVERGED).all()
     some = rays.take(np.flatnonzero(ended)[:20])
-    surfaces = {name: FixedSurface(each, DenseScan()) for name, each in lens.surfaces.items()}
-    faces = TracedFaces(surfaces, lens.body.chain(6), 1.2 * lens.body.largest_mm)
-    assert (trace_chain(faces, EnteringRays.of(some, scene.media, None), True).fates == Fate.FLANGE).mean() > 0.9
+    assert (exactly(lens.surfaces, scene, some).fates == Fate.FLANGE).mean() > 0.9
     assert lit.missed_by_cause.flange == pytest.approx(rays.flux[ended].sum() / rays.flux.sum(), rel=0.2)
     assert sum(vars(lit.flux).values()) == pytest.approx(1.0, abs=1e-12)
     assert not any("flange" in way.faces for way in lit.ways)

@@ -1,9 +1,11 @@
 """Rays that are hard to follow to their first crossing, and that crossing by the kernel."""
 
 import numpy as np
+import torch
 from scipy.ndimage import map_coordinates
 
 from lensforge.kernels.fate import Fate
+from lensforge.light.reference_hits import Approach
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import Media, Medium
 from lensforge.sources.ray_bundle import RayBundle
@@ -24,6 +26,13 @@ def all_hits(
     traced = TracedBundle.of(tables, Scene(Media(Medium(1.0)), grid), rays)
     fates = traced.exits.fates
     return traced.lengths[:, 0], ~np.isin(fates, _UNMET), fates == Fate.NOT_CONVERGED
+
+
+def approach(starts: np.ndarray, directions: np.ndarray, sense: float = 1.0, device: str = "cpu") -> Approach:
+    """These rays on their way to a face, from inside or, with a ``sense`` of -1, from outside."""
+    points, along = torch.from_numpy(starts).to(device), torch.from_numpy(directions).to(device)
+    one = torch.ones_like(points[:, 0])
+    return Approach(points, along, sense * one, one < 0.0, torch.inf * one)
 
 
 def gap(points: np.ndarray, table: np.ndarray, grid: TableGrid) -> np.ndarray:

@@ -13,7 +13,6 @@ from landed import trace_exact, trace_tables
 from scenes import random_surface, sphere, table_of
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
 from lensforge.scene.as_made import AsMade, Displacement
@@ -157,7 +156,7 @@ def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane
     along = np.array([[1.0, 0.0, 0.05], [1.0, 0.0, 0.3], [1.0, 0.0, 0.2]])
     along /= np.linalg.norm(along, axis=1)[:, None]
     rays, balls = RayBundle(np.zeros((3, 3)), along, np.ones(3)), [sphere(r) for r in (1.0, 2.0)]
-    in_torch = trace_sequence(*map(ExactSurface.of, balls), EnteringRays.of(rays, media, raised, torch.as_tensor))
+    in_torch = trace_exact(*map(ExactSurface.of, balls), media, rays, raised)
     in_kernels = trace_tables([table_of(ball, GRID) for ball in balls], _scene(raised, media), rays)
     for found in (in_kernels, in_torch):
         assert found.fates.tolist() == [Fate.BASE, Fate.LEFT_LENS, Fate.LEFT_LENS]

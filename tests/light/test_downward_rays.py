@@ -1,26 +1,25 @@
 """Rays that start high in the cavity and go down: closed forms, three tracers, finite differences, conservation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from downward_rays import INDEX, downward_rays, through_spheres
 from exact_surface import ExactSurface
-from hard_rays import all_hits, gap
+from hard_rays import all_hits, approach, gap
 from landed import on_device, trace_exact, trace_tables
 from scenes import random_surface, sphere, table_of
 
 from lensforge.kernels.bicubic import surface_bounds
 from lensforge.kernels.fate import Fate
-from lensforge.light.device_trace import DeviceTable, first_crossing
-from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan
+from lensforge.light.reference_hits import ExactFace, TableFace
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 from lensforge.surfaces.surface import Surface
-
-CPU = torch.device("cpu")
 
 
 def _by_tracer(tracer: str, surfaces, rays: RayBundle, nodes: int) -> ExitRays:
@@ -30,11 +29,12 @@ def _by_tracer(tracer: str, surfaces, rays: RayBundle, nodes: int) -> ExitRays:
         return trace_tables(tables, Scene(Media(Medium(INDEX)), grid), rays)
     if tracer == "device":
         return on_device(tables, Scene(Media(Medium(INDEX)), grid), rays)
-    scans = [DenseScan(96, 44) if tracer == "exact" else TableScan(grid, table.numpy()) for table in tables]
-    return trace_exact(*map(ExactSurface.of, surfaces, scans), Media(Medium(INDEX)), rays)
+    guides = [None if tracer == "exact" else TableFace.of(table, grid) for table in tables]
+    faces = [ExactSurface.of(each).face(guide) for each, guide in zip(surfaces, guides, strict=True)]
+    return trace_exact(*(replace(face, steps=96, bisections=44) for face in faces), Media(Medium(INDEX)), rays)
 
 
-TRACERS = ["kernels", "device", "exact", "table scan"]
+TRACERS = ["kernels", "device", "exact", "guided by tables"]
 
 
 @pytest.mark.parametrize("tracer", TRACERS)
@@ -77,11 +77,10 @@ def test_no_crossing_near_the_rim_is_missed(seed: int) -> None:
     assert 200 < found.sum() < count - 200
     assert not (~found & np.isfinite(first)).any()
     assert (lengths <= first + 1e-9)[found].all()
-    table_there = DeviceTable.of(torch.from_numpy(table), grid, bounds, CPU)
-    crossing = first_crossing(table_there, torch.from_numpy(starts), torch.from_numpy(directions))
-    above = starts[:, 2] + crossing.lengths.numpy() * directions[:, 2] >= 0.0
+    crossing = TableFace.of(torch.from_numpy(table), grid, bounds).next_crossing(approach(starts, directions))
+    above = starts[:, 2] + crossing.paths_mm.numpy() * directions[:, 2] >= 0.0
     assert np.array_equal(crossing.found.numpy() & above, found)
-    assert np.abs(crossing.lengths.numpy() - lengths)[found].max() < 1e-9
+    assert np.abs(crossing.paths_mm.numpy() - lengths)[found].max() < 1e-9
 
 
 class Flared(Surface):
@@ -99,10 +98,10 @@ class Flared(Surface):
 def test_a_scan_ends_at_the_plane() -> None:
     """Across the wall at z = 0.01, a step later below the plane and inside of what is no wall any more."""
     way = np.array([[1.0, 0.0, -0.19]]) / np.hypot(1.0, 0.19)
-    start, scan = np.array([[0.0, 0.0, 0.2]]), DenseScan(8, 50)
-    crossing = scan.first_crossing(FixedSurface(Flared(), scan), start, way)
+    start, face = np.array([[0.0, 0.0, 0.2]]), replace(ExactFace.of(Flared()), steps=8, bisections=50)
+    crossing = face.next_crossing(approach(start, way))
     assert crossing.found.tolist() == [True]
-    assert np.linalg.norm(start + crossing.lengths * way) == pytest.approx(1.0, abs=1e-12)
+    assert np.linalg.norm(start + crossing.paths_mm.numpy() * way) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("tracer", TRACERS)

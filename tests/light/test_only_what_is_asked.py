@@ -40,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_help_loads_nothing_and_a_plain_scene_no_file_reader_no_cad_and_no_pictures(folder: Path) -> None:
     evaluate = (
         ["evaluate", str(folder), "--rays", "64"],
-        ["torch", "scipy.stats", *COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS],
+        ["scipy.stats", *COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS],
     )
     check = (["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES])
     shown = (["design", "--help"], [*COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"])

@@ -3,6 +3,8 @@
 The way back is walked here: from outside of the lens, where neither tracer ever starts.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -11,7 +13,6 @@ from landed import plane_at, trace_exact, trace_tables
 from scenes import random_surface, table_of
 from scipy.interpolate import NdBSpline
 
-from lensforge.light.exact_trace import DenseScan
 from lensforge.light.table_trace import Scene
 from lensforge.optics import dielectric
 from lensforge.optics.media import Media, Medium
@@ -100,7 +101,7 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
         surfaces: tuple[Surface, Surface] = tuple(Tabulated(table.numpy()) for table in tables)
         kept, hits, out, carried = _forth(trace_tables(tables, Scene(Media(Medium(N)), GRID), rays))
     else:
-        exact = [ExactSurface.of(s, DenseScan(64, 50)) for s in LENS]
+        exact = [replace(ExactSurface.of(s).face(), steps=64, bisections=50) for s in LENS]
         surfaces = LENS
         kept, hits, out, carried = _forth(trace_exact(*exact, Media(Medium(N)), rays))
     assert kept.sum() > 100

@@ -19,29 +19,16 @@ from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 N, Z = 1.4936, 1000.0
 
 
-def _exact(surface) -> ExactSurface:
-    return ExactSurface.of(surface, requires_grad=True)
-
-
 def _fused(surfaces, rays: RayBundle, nodes: int, index: float = N, distance: float = Z) -> Landed:
     grid = TableGrid(nodes)
     return by_kernels([table_of(s, grid) for s in surfaces], Scene(Media(Medium(index)), grid), rays, distance)
-
-
-def _mixed(found: Landed, seed: int = 0) -> torch.Tensor:
-    """A scalar in which every output has a random say."""
-    count = len(found.fates)
-    rng = np.random.default_rng(seed)
-    by_hits, by_flux, by_sin2 = (torch.from_numpy(rng.normal(size=shape)) for shape in ((count, 2), count, count))
-    hits = (found.hits / Z * by_hits).sum()
-    return hits + 100 * (found.flux * by_flux).sum() + (found.sin2_exit * by_sin2).sum()
 
 
 @pytest.mark.parametrize("symmetry", ["none", "square"])
 def test_table_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
     surfaces = random_surface(1, 0.8, 0.01, symmetry=symmetry), random_surface(2, 2.45, 0.008, symmetry=symmetry)
     rays = SquareEmitter(0.8).sample(128, 0)
-    exact = in_torch(trace_exact(*(_exact(s) for s in surfaces), Media(Medium(N)), rays), Z)
+    exact = in_torch(trace_exact(*map(ExactSurface.of, surfaces), Media(Medium(N)), rays), Z)
     errors = []
     for nodes in (61, 121):
         fused = _fused(surfaces, rays, nodes)
@@ -79,13 +66,13 @@ def test_sensitivities_to_a_point_and_to_a_direction_are_those_of_differences() 
 def test_gradients_reach_weights_and_offsets_as_in_the_exact_tracer() -> None:
     surfaces = random_surface(6, 0.8, 0.01), random_surface(7, 2.45, 0.008)
     rays = SquareEmitter(0.6).sample(256, 2)
-    exact = [_exact(s) for s in surfaces]
+    exact = [ExactSurface.of(s, requires_grad=True) for s in surfaces]
     parameters = [p for e in exact for p in (e.weights_mm, e.offset_mm)]
-    expected = torch.autograd.grad(_mixed(in_torch(trace_exact(*exact, Media(Medium(N)), rays), Z)), parameters)
+    expected = torch.autograd.grad(in_torch(trace_exact(*exact, Media(Medium(N)), rays), Z).mixed(Z), parameters)
     grid = TableGrid(161)
     matrix = torch.from_numpy(weight_matrix(grid, surfaces[0].basis))
     tables = [(matrix @ e.weights_mm + e.offset_mm).reshape(grid.side, -1) for e in exact]
-    found = torch.autograd.grad(_mixed(by_kernels(tables, Scene(Media(Medium(N)), grid), rays, Z)), parameters)
+    found = torch.autograd.grad(by_kernels(tables, Scene(Media(Medium(N)), grid), rays, Z).mixed(Z), parameters)
     for a, b in zip(found, expected, strict=True):
         assert ((a - b).norm() / b.norm()).item() < 3e-3
 
@@ -109,7 +96,7 @@ def test_the_same_rays_give_the_same_bits_on_any_number_of_threads() -> None:
         torch.set_num_threads(count)
         tables = [table_of(s, grid).requires_grad_() for s in surfaces]
         found = by_kernels(tables, Scene(Media(Medium(N)), grid), rays, Z)
-        results.append((found.hits, *torch.autograd.grad(_mixed(found), tables)))
+        results.append((found.hits, *torch.autograd.grad(found.mixed(Z), tables)))
     torch.set_num_threads(threads)
     assert all(torch.equal(a, b) for a, b in zip(*results, strict=True))
 

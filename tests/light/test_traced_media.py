@@ -15,7 +15,7 @@ import pytest
 import torch
 from downward_rays import downward_rays
 from known_refraction import normal_transmittance
-from landed import Landed, as_tensors, by_kernels, in_torch, on_device, trace_bundle, trace_tables
+from landed import by_kernels, in_torch, on_device, trace_bundle, trace_tables
 from nightly import first_by_day
 from own_media import coatings, with_own
 from scenes import DEVICES, hemisphere_directions, random_surface, small_spec, sphere, table_of
@@ -24,9 +24,7 @@ from test_as_made import ODD
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation import evaluate_traced
-from lensforge.light.exact_trace import DenseScan, FixedSurface
 from lensforge.light.receiver_light import ReceiverLight
-from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
@@ -97,13 +95,6 @@ SCENES = {
 }
 
 
-def mixed(found: Landed) -> torch.Tensor:
-    """A scalar in which every output has a random say; far hits have a bounded one."""
-    by_hits, by_flux, by_sin2 = torch.from_numpy(np.random.default_rng(2).normal(size=(3, len(found.fates))))
-    hits = (torch.tanh(found.hits / Z) * by_hits[:, None]).sum()
-    return hits + (100.0 * by_flux * found.flux).sum() + (by_sin2 * found.sin2_exit).sum()
-
-
 def cases(scenes: Iterable[str], *by_day: tuple[str, bool]) -> list[Any]:
     """Scenes with Fresnel's losses and without."""
     return first_by_day(
@@ -132,7 +123,7 @@ def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: st
     ):
         assert (one is None) == (other is None)
         assert one is None or torch.allclose(one, other, rtol=1e-9, atol=1e-15)
-    for one, other in zip(*(torch.autograd.grad(mixed(each), tables) for each in (twin, kernels)), strict=True):
+    for one, other in zip(*(torch.autograd.grad(each.mixed(Z), tables) for each in (twin, kernels)), strict=True):
         assert torch.linalg.norm(one - other) < 1e-8 * torch.linalg.norm(other)
 
 
@@ -145,14 +136,14 @@ def test_gradients_are_those_of_finite_differences(name: str, fresnel: bool) -> 
     tables = [each.clone().requires_grad_() for each in TABLES]
     before = by_kernels(tables, scene, rays, Z)
     assert before.landed.sum() > 100
-    for which, gradient in enumerate(torch.autograd.grad(mixed(before), tables)):
+    for which, gradient in enumerate(torch.autograd.grad(before.mixed(Z), tables)):
         direction = torch.from_numpy(np.random.default_rng(5).normal(size=gradient.shape)) * (gradient != 0)
         values = []
         for sign in (1, -1):
             moved = [each + sign * 1e-7 * direction * (k == which) for k, each in enumerate(TABLES)]
             after = by_kernels(moved, scene, rays, Z)
             assert torch.equal(after.fates, before.fates)
-            values.append(mixed(after).item())
+            values.append(after.mixed(Z).item())
         assert (values[0] - values[1]) / 2e-7 == pytest.approx((gradient * direction).sum().item(), rel=1e-5)
 
 
@@ -163,17 +154,6 @@ GLASS_SPEC = {"refractive_index": 1.52, "thickness_mm": 3.0, "distance_mm": 20.0
 
 def lens_of(spec: Spec) -> Lens:
     return Lens.double(*(random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2)), spec, 0, "draft")
-
-
-def test_the_exact_tracer_loses_as_the_tables_do() -> None:
-    spec = small_spec(lens__absorption_per_mm=0.05, lens__inner__coating=MGF2, lens__outer__coating=MGF2)
-    lens, rays = lens_of(spec), SquareEmitter(1.0).sample(64, 1)
-    surfaces = (FixedSurface(each, DenseScan()) for each in (lens.inner, lens.outer))
-    exact = as_tensors(trace_sequence(*surfaces, EnteringRays.of(rays, lens.media)))
-    table = as_tensors(TracedLens.of(lens, 8.0).trace(rays))
-    assert exact.absorbed is not None and table.absorbed is not None
-    assert torch.allclose(exact.flux, table.flux, rtol=1e-6)
-    assert torch.allclose(exact.absorbed, table.absorbed, rtol=1e-6)
 
 
 def from_the_centre(media: Media, wavelength_nm: float | None = None) -> ExitRays:

@@ -1,5 +1,6 @@
 """A search whose rays are traced in torch on a device is the search by the kernels, to rounding."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,8 @@ import torch
 from presets import FEW
 from scenes import DEVICES, small_spec
 from test_bodies import COVER, spec_with
+from test_reflector import reflector
+from tir_lenses import spot
 
 from lensforge.errors import InputError
 from lensforge.search.checkpoint import CHECKPOINT as FILE_NAME
@@ -15,6 +18,7 @@ from lensforge.search.merit import MeritFunction
 from lensforge.search.optimiser import search
 from lensforge.search.problem import parameters_of
 from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
 
 CPU = torch.device("cpu")
 
@@ -39,8 +43,31 @@ def test_a_checkpoint_is_not_resumed_on_another_device(tmp_path: Path) -> None:
         search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, resume=True)
 
 
-@pytest.mark.parametrize("changes", [{"lens": {"kind": "tir"}, "bodies": []}, {"bodies": [COVER]}])
-def test_a_device_refuses_what_it_does_not_trace(changes: dict[str, object]) -> None:
-    spec = spec_with(**changes)
-    with pytest.raises(InputError, match="only a lens of two faces"):
-        MeritFunction.of(spec, build_source(spec.source), parameters_of(spec, 2.5), CPU)
+FLANGE = {"diameter_mm": 20.0, "thickness_mm": 1.0, "setback_mm": 0.15}
+WIDE = COVER | {"inner": {"fixed": {"kind": "sphere", "radius_mm": 20.0}},
+                "outer": {"fixed": {"kind": "sphere", "radius_mm": 23.0, "centre_z_mm": -1.0}}}  # fmt: skip
+BODIES: dict[str, Callable[[], Spec]] = {
+    "TIR, of levels, absorbing": lambda: spot(levels=[9], absorption_per_mm=0.02),
+    "TIR, with a flange": lambda: spot(flange=FLANGE).replace(base={"kind": "cylinder", "diameter_mm": 7.0}),
+    "reflector": reflector,
+    "two faces before a cover": spec_with,
+    "TIR before a cover": lambda: spot().replace(bodies=[WIDE]),
+}
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("name", BODIES)
+def test_a_step_of_any_body_is_that_of_the_kernels(name: str, device: str) -> None:
+    """Its merit and the gradient, light that crosses creases included."""
+    spec, rng = BODIES[name](), np.random.default_rng(5)
+    source, parameters = build_source(spec.source, spec.lens.dispersion), parameters_of(spec, 2.5)
+    weights, offsets = parameters.start()
+    own = [(weights + 0.003 * torch.from_numpy(rng.normal(size=weights.shape))).requires_grad_()]
+    own.append((offsets + 0.003).requires_grad_())
+    values = []
+    for place in (None, torch.device(device)):
+        merit = MeritFunction.of(spec, source, parameters, place)
+        loss = merit.assessed(merit.light_of(parameters.tables(*own), source.sample(2**10, 3)), uniform=False).loss
+        values.append((loss.detach(), *torch.autograd.grad(loss, own)))
+    for one, other in zip(*values, strict=True):
+        assert torch.linalg.norm(one - other) <= 1e-8 * torch.linalg.norm(other)

@@ -9,7 +9,7 @@ from nightly import first_by_day
 from scenes import DEVICES, tolerance_changes
 from search_scenes import LARGE, RECEIVERS, WHITE, Step
 
-from lensforge.search import light_path
+from lensforge.light.reference_hits import TableFace
 
 CPU = torch.device("cpu")
 LED = Path(__file__).parents[2] / "examples" / "led.tm25ray"
@@ -123,8 +123,8 @@ def test_chunks_add_up_and_search_for_each_crossing_once(monkeypatch: pytest.Mon
     step = Step({})
     whole = step.values(device=CPU)
     searched: list[int] = []
-    search = light_path.first_crossing
-    monkeypatch.setattr(light_path, "first_crossing", lambda t, o, d: (searched.append(len(o)), search(t, o, d))[1])
+    search = TableFace.next_crossing
+    monkeypatch.setattr(TableFace, "next_crossing", lambda own, rays: (searched.append(1), search(own, rays))[1])
     assert close(step.values(device=CPU, chunk=150), whole)
     assert len(searched) == 2 * 7, "seven chunks, two surfaces, and none again in the backward pass"
 

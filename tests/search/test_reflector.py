@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 import torch
 from chains import upwards
+from landed import exactly
 from PIL import Image
 from presets import FEW
 
 import lensforge as lf
 from lensforge.kernels.fate import Fate
-from lensforge.light.chain_trace import TracedFaces, trace_chain
-from lensforge.light.exact_trace import DenseScan, FixedSurface
-from lensforge.light.sequential_trace import EnteringRays
 from lensforge.light.simulation import TracedLens
+from lensforge.light.table_trace import Scene
 from lensforge.scene.body import Chain
 from lensforge.scene.lens import Lens
 from lensforge.search.constraints import AugmentedLagrangian
@@ -25,6 +24,7 @@ from lensforge.search.profiles import ProfileParameters
 from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
+from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.reciprocal import ConicFace
 from lensforge.surfaces.reflector_cup import best_cup, reflector_faces
 
@@ -54,10 +54,7 @@ def given(second_focus_mm: float | None = None, **changes: Any) -> Lens:
 
 
 def traced_exactly(lens: Lens, rays: Any) -> Any:
-    chain = Chain.of_lens(lens.spec.lens)
-    assert chain is not None
-    surfaces = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
-    return trace_chain(TracedFaces(surfaces, chain, 2.0 * lens.body.largest_mm), EnteringRays.of(rays, lens.media))
+    return exactly(lens.surfaces, Scene(lens.media, TableGrid(24), chain=Chain.of_lens(lens.spec.lens)), rays)
 
 
 def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from landed import exactly
 from own_media import with_own
 from scenes import small_spec, sphere
 
-from lensforge.light.exact_trace import DenseScan, FixedSurface
 from lensforge.light.received_flux import ReceivedFlux
-from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media, Medium
@@ -50,9 +49,8 @@ def bouguer(rays, index):
 
 
 def exact(rays, body):
-    scans = DenseScan(), DenseScan()
-    surfaces = map(FixedSurface, (sphere(INNER), sphere(OUTER)), scans)
-    return RECEIVER.land(trace_sequence(*surfaces, EnteringRays.of(rays, Media(body))))
+    surfaces = {"inner": sphere(INNER), "outer": sphere(OUTER)}
+    return RECEIVER.land(exactly(surfaces, Scene(Media(body), TableGrid(32)), rays))
 
 
 def fused(rays, body):

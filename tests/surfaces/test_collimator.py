@@ -1,16 +1,14 @@
-"""The lens for total internal reflection of a point: its light by tables and by the readable tracer, and of a chip."""
+"""The lens for total internal reflection of a point: its light by tables and by the reference tracer, and of a chip."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from chains import clear, tables_of, upwards
+from landed import exactly
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
-from lensforge.light.chain_trace import TracedFaces, trace_chain
-from lensforge.light.exact_trace import DenseScan, FixedSurface
-from lensforge.light.sequential_trace import EnteringRays
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE
@@ -62,8 +60,7 @@ def test_all_light_of_a_point_leaves_along_the_axis(name: str) -> None:
 def test_the_faces_themselves_turn_it_to_a_hundredth_of_a_milliradian() -> None:
     lens, media, rays = LENSES["wide"], clear(INDEX), upwards(300, 2)
     body = body_of(lens)
-    surfaces = {face.name: FixedSurface(face.surface, DenseScan()) for face in body.faces}
-    found = trace_chain(TracedFaces(surfaces, body.chain(4), 50.0), EnteringRays.of(rays, media, None), True)
+    found = exactly(lens.faces, Scene(media, TableGrid(24), chain=body.chain(4)), rays)
     assert (found.fates == Fate.LEFT_LENS).all()
     assert np.linalg.norm(found.directions[:, :2], axis=1).max() < 1e-5
 

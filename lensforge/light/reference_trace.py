@@ -1,0 +1,366 @@
+"""The reference tracer: light through bodies of any faces, event by event, in torch, in float64, on any device.
+
+It is written to be read, and the compiled kernels are tested against it: fates, rays, flux, and gradients, which here
+are torch's own. A ray in a medium meets the nearest of the faces that bound it, at most as many as its body has events;
+the faces find their hits themselves (``reference_hits``). The light that each event lets pass or reflects is followed
+as two complex fields. A ray that would meet another face, were a face moved, has no derivative.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from lensforge.kernels.fate import Fate
+from lensforge.light.coated_glass import RayCoatings, face_transmittances
+from lensforge.light.reference_bodies import RaysInBody, ReferenceBody
+from lensforge.light.reference_hits import CPU, Approach, Crossing
+from lensforge.optics.arrays import like
+from lensforge.optics.coatings import GLASS
+from lensforge.optics.dielectric import (
+    Amplitudes,
+    fields_behind,
+    passing_amplitudes,
+    reflecting_amplitudes,
+    refract,
+    transmitted_cosine_squared,
+)
+from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.sources.ray_bundle import RayBundle
+
+_PASSES = 8  # over the faces of a cavity, until a ray is in all of them
+_ENDED = "ended"  # beside the media in which rays go on
+
+
+class Hits(NamedTuple):
+    """Next faces that rays meet: path (mm), number of the face, below 0 for none, and whether a search gave up."""
+
+    paths_mm: Float[Tensor, " n"]
+    faces: Int[Tensor, " n"]
+    lost: Bool[Tensor, " n"]
+
+    def with_nearer(self, crossing: Crossing, faces: Int[Tensor, " n"] | int) -> "Hits":
+        """The crossings of other faces where they are nearer, or lost."""
+        nearer = crossing.lost | (crossing.found & (crossing.paths_mm < self.paths_mm))
+        paths = torch.where(nearer, crossing.paths_mm, self.paths_mm)
+        return Hits(paths, torch.where(nearer, faces, self.faces), self.lost | crossing.lost)
+
+
+@dataclass
+class HitMemory:
+    """Hits of one bundle of rays: searched once, and not again when a graph is built a second time."""
+
+    known: list[Hits] = field(default_factory=list)
+    used: int = 0
+
+    def recall(self, search: Callable[[], Hits]) -> Hits:
+        """The hits of the next event, by ``search`` where they are not known yet."""
+        if self.used == len(self.known):
+            with torch.no_grad():
+                self.known.append(search())
+        self.used += 1
+        return self.known[self.used - 1]
+
+
+class Incidence(NamedTuple):
+    """Rays at one face: unit normals along them, cosines before it, indices before over behind."""
+
+    normals: Float[Tensor, "n 3"]
+    cosine: Float[Tensor, " n"]
+    ratio: Float[Tensor, " n"]
+
+    def take(self, rows: Tensor) -> "Incidence":
+        """Some of the rays."""
+        return Incidence(*(each[rows] for each in self))
+
+
+def trace_reference(
+    bodies: Sequence[ReferenceBody],
+    rays: RayBundle,
+    fresnel: bool = True,
+    device: torch.device = CPU,
+    memory: HitMemory | None = None,
+) -> ExitRays:
+    """Trace ``rays`` through ``bodies``, the lens first, and the cover glass; tensors on ``device``.
+
+    Differentiable in what the faces are differentiable in. Without ``fresnel`` all faces let all light through that
+    they do not reflect totally, coated or not. ``memory``: of the hits of these rays, where they are traced again.
+    """
+    memory = HitMemory() if memory is None else memory
+    memory.used = 0
+    passages = [_Passage.of(body, rays, fresnel, device, memory) for body in bodies]
+    light = passages[0].through(RaysInBody.emitted(rays, device))
+    exits = passages[0].behind_glass(_exits(light, passages[0].absorbs), light)
+    flux, lost = exits.flux, []
+    for passage in passages[1:]:
+        came, light = light.left, passage.through(light)
+        behind = torch.where(came, torch.where(light.left, light.flux, 0.0), flux)
+        lost.append(flux - behind)
+        flux = behind
+    seen = _exits(light)
+    behind = replace(exits, points=seen.points, directions=seen.directions, flux=flux, fates=light.fates)
+    return replace(behind, lost_in_bodies=torch.stack(lost)) if lost else exits
+
+
+def as_arrays(exits: ExitRays) -> ExitRays:
+    """Exit rays, tensors, as NumPy arrays."""
+    tensors = {each.name: getattr(exits, each.name) for each in fields(exits)}
+    return ExitRays(**{name: each.detach().cpu().numpy() for name, each in tensors.items() if each is not None})
+
+
+def _exits(light: RaysInBody, absorbs: bool = False) -> ExitRays:
+    """Exit rays; points and directions of those that have not left are 0."""
+    points, directions = (torch.where(light.left[:, None], each, 0.0) for each in (light.points, light.directions))
+    absorbed = light.absorbed if absorbs else None
+    return ExitRays(points, directions, light.flux, light.sin2_exit, light.fates, absorbed)
+
+
+@dataclass(frozen=True)
+class _Passage:
+    """All rays of a bundle through one body, whose index and absorption (1/mm) each meets at its own wavelength."""
+
+    body: ReferenceBody
+    indices: Float[Tensor, " n"]
+    absorptions: Float[Tensor, " n"] | None
+    coatings: RayCoatings
+    rough: tuple[Float[Tensor, "n m"], Float[Tensor, " f"]] | None
+    fresnel: bool
+    memory: HitMemory
+
+    @staticmethod
+    def of(body: ReferenceBody, rays: RayBundle, fresnel: bool, device: torch.device, memory: HitMemory) -> "_Passage":
+        medium, made, waves = body.media.body, body.made, rays.wavelengths_nm
+
+        def there(array: np.ndarray) -> Tensor:
+            return torch.tensor(array, dtype=torch.float64, device=device)
+
+        absorptions = there(medium.absorptions(waves, len(rays))) if len(medium.absorption(waves)) else None
+        if absorptions is not None and made is not None:
+            absorptions = absorptions * made.scale  # paths are those in the lens as designed
+        rough = None if made is None else made.rough(len(rays))
+        return _Passage(
+            body,
+            there(medium.indices(waves, len(rays))),
+            absorptions,
+            RayCoatings.of(rays, body.media, fresnel),
+            None if rough is None else (there(rough[0]), there(rough[1])),
+            fresnel,
+            memory,
+        )
+
+    @property
+    def absorbs(self) -> bool:
+        """True where the body or its mirrors take light."""
+        mirrors = (self.body.mirror(number) for number in range(len(self.body.faces)))
+        return self.absorptions is not None or any(mirrors)
+
+    def through(self, light: RaysInBody) -> RaysInBody:
+        """Rays behind the body, in their order; those that had ended before stay as they are."""
+        frames, ended, going = self.body.frames, [light.take(~light.left)], light.take(light.left)
+        entered, outside = self._entered(going if frames is None else going.turned(*frames[0]))
+        ended += outside
+        media = {CAVITY: entered}
+        for event in range(self.body.chain.events):
+            onward = defaultdict[str, list[RaysInBody]](list)
+            for medium, rays in media.items():
+                for behind, some in self._met(rays, medium, event):
+                    onward[behind].append(some)
+            ended += onward.pop(_ENDED, []) + onward.pop(OUTSIDE, [])
+            media = {medium: RaysInBody.joined(parts) for medium, parts in onward.items()}
+        found = RaysInBody.joined(ended + [rays.ended(Fate.MORE_EVENTS) for rays in media.values()])
+        found = found.take(torch.argsort(found.numbers))
+        return found if frames is None else found.turned(*frames[1])
+
+    def _entered(self, light: RaysInBody) -> tuple[RaysInBody, list[RaysInBody]]:
+        """The rays that come into the cavity, at its opening if from below z = 0; and the others."""
+        raised, _ = _raised(light)
+        # in this form also where a number is NaN: such a ray is outside
+        comes = ~(light.directions[:, 2] <= 0.0) | (light.points[:, 2] > 0.0)
+        within = comes & self._inside(self.body.bounding(CAVITY)[: 1 if self.body.in_order else None], raised.points)
+        backward, outside = light.take(~comes), light.take(comes & ~within)
+        return raised.take(within), [backward.ended(Fate.BACKWARD), outside.ended(Fate.OUTSIDE_CAVITY)]
+
+    @torch.no_grad()
+    def _inside(self, numbers: Sequence[int], points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+        """True for points inside of all of these faces."""
+        return torch.stack([self.body.faces[number].gap(points) > 0.0 for number in numbers]).all(dim=0)
+
+    def _met(self, light: RaysInBody, medium: str, event: int) -> Iterator[tuple[str, RaysInBody]]:
+        """Rays in a medium behind the next face that each meets: in which they go on, and they themselves."""
+        hits = self.memory.recall(lambda: self._hits(light, medium, event))
+        height = (light.points[:, 2] + hits.paths_mm * light.directions[:, 2]).detach()
+        met = (hits.faces >= 0) & ~hits.lost & (height >= 0.0)
+        at_once = self.body.in_order & (medium == BODY) & (hits.paths_mm + light.gone_mm == 0.0)
+        given_up = torch.where(at_once, int(Fate.SURFACES_INTERSECT), int(Fate.NOT_CONVERGED))
+        through_opening = (light.directions[:, 2] <= 0.0) & (medium == CAVITY)
+        through_plane = torch.where(through_opening, int(Fate.BACKWARD), int(Fate.BASE))
+        fates = torch.where(hits.lost & ~(height < 0.0), given_up, through_plane).to(torch.int8)
+        yield _ENDED, light._replace(fates=fates).take(~met)
+        for number in range(len(self.body.faces)):
+            rows = met & (hits.faces == number)
+            if bool(rows.any()):
+                yield from self._at_face(light.take(rows), hits.paths_mm[rows], medium, number, event)
+
+    def _hits(self, light: RaysInBody, medium: str, event: int) -> Hits:
+        """First crossings of the faces that bound a medium, from inside; in the body also back into the cavity."""
+        infinite = torch.full_like(light.carried, torch.inf)
+        hits = Hits(infinite, torch.full_like(light.last, -1), torch.zeros_like(light.left))
+        rays = Approach(light.points, light.directions, torch.ones_like(infinite), hits.lost, infinite)
+        for number in [event] if self.body.in_order else self.body.bounding(medium):
+            nearer = rays._replace(on_face=light.last == number, limits_mm=hits.paths_mm)
+            hits = hits.with_nearer(self.body.faces[number].next_crossing(nearer), number)
+        back = medium == BODY and not self.body.in_order
+        return self._back_into_cavity(rays, light.last, hits) if back else hits
+
+    def _back_into_cavity(self, rays: Approach, last: Int[Tensor, " n"], hits: Hits) -> Hits:
+        """Hits on the way of rays in the body back into the cavity, the intersection of what its faces hold.
+
+        A ray outside of one of them is followed to where it enters that one, until it is in all: it cannot have been in
+        the cavity before.
+        """
+        paths, faces = torch.zeros_like(hits.paths_mm), torch.full_like(last, -1)
+        going, lost, moved = torch.ones_like(hits.lost), torch.zeros_like(hits.lost), True
+        for _ in range(_PASSES):
+            moved = False
+            for number in self.body.bounding(CAVITY, (BODY,)):
+                asked = torch.nonzero(going & (faces != number))[:, 0]
+                here, way = rays.take(asked), paths[asked]
+                on_face, points = (last[asked] == number) & (way == 0.0), here.at(way)
+                outside = on_face | (self.body.faces[number].gap(points) < 0.0)
+                here = Approach(points, here.directions, -here.sense, on_face, hits.paths_mm[asked] - way).take(outside)
+                crossing, some = self.body.faces[number].next_crossing(here), asked[outside]
+                paths[some] = paths[some] + crossing.paths_mm
+                faces[some] = torch.where(crossing.found, number, faces[some])
+                going[some], lost[some] = crossing.found, crossing.lost
+                moved |= len(some) > 0
+        entered = going & (faces >= 0)
+        return hits.with_nearer(Crossing(paths, entered, lost | (going & moved)), faces)
+
+    def _at_face(
+        self, light: RaysInBody, paths_mm: Float[Tensor, " n"], medium: str, number: int, event: int
+    ) -> Iterator[tuple[str, RaysInBody]]:
+        """Refract rays at one face, or reflect them there."""
+        face, mirror, before = self.body.faces[number], self.body.mirror(number), self.body.chain.before[number]
+        if mirror == 0.0:
+            yield _ENDED, light._replace(sin2_exit=torch.zeros_like(paths_mm)).ended(Fate.FLANGE)
+            return
+        sense, behind = (1.0, self.body.chain.behind[number]) if before == medium else (-1.0, before)
+        path, points = face.hit(light.points, light.directions, paths_mm, sense)
+        light = self._dimmed(light, path, medium)
+        normals = sense * self._roughened(face.normal(points), light.numbers, number, event)
+        cosine, ratio = (light.directions * normals).sum(dim=1), self._ratio(light.numbers, medium, behind)
+        squared = transmitted_cosine_squared(cosine, ratio)
+        is_exit, bends = number + 1 == len(self.body.faces), behind == OUTSIDE and mirror is None
+        sin2_exit = (1.0 - squared if is_exit else 1.0 + squared) if bends else 0.0 * squared
+        light = light._replace(
+            points=points, sin2_exit=sin2_exit, last=torch.full_like(light.last, number), gone_mm=0.0 * paths_mm
+        )
+        yield _ENDED, light.take(~(cosine > 0.0)).ended(Fate.TOTAL_REFLECTION)  # tangents
+        reflected = (squared <= 0.0) | (mirror is not None)
+        at = Incidence(normals, cosine, ratio)
+        for mirrored in (False, True):
+            rows = (cosine > 0.0) & (reflected == mirrored)
+            if bool(rows.any()):
+                some = self._turned(light.take(rows), at.take(rows), number, mirrored)
+                yield from self._onward(some, medium if mirrored else behind, mirrored and mirror is None, event)
+
+    def _dimmed(self, light: RaysInBody, path_mm: Float[Tensor, " n"], medium: str) -> RaysInBody:
+        """Rays after a way through a medium, of which the body may absorb light."""
+        if medium != BODY or self.absorptions is None:
+            return light
+        through = torch.exp(-self.absorptions[light.numbers] * (light.gone_mm + path_mm))
+        absorbed = light.absorbed + (1.0 - through) * light.flux
+        return light._replace(carried=through * light.carried, absorbed=absorbed)
+
+    def _roughened(
+        self, normals: Float[Tensor, "n 3"], numbers: Int[Tensor, " n"], face: int, event: int
+    ) -> Float[Tensor, "n 3"]:
+        """Unit normals, tilted by the roughness of the face."""
+        unit: Tensor = normalize(normals, dim=1)
+        if self.rough is not None:
+            noise, slopes = self.rough
+            first = 3 * event % noise.shape[1]
+            unit = normalize(unit + slopes[face] * noise[numbers, first : first + 3], dim=1)
+        return unit
+
+    def _ratio(self, numbers: Int[Tensor, " n"], before: str, behind: str) -> Float[Tensor, " n"]:
+        """Index before over index behind a face."""
+        own, media = self.indices[numbers], self.body.media
+        one, other = (own if medium == BODY else media.around(medium) + 0.0 * own for medium in (before, behind))
+        return one / other
+
+    def _turned(self, light: RaysInBody, at: Incidence, number: int, mirrored: bool) -> RaysInBody:
+        """Rays as one face lets them pass, or reflects them."""
+        mirror, before = self.body.mirror(number), light.directions
+        if mirror is not None:
+            light = light._replace(absorbed=light.absorbed + (1.0 - mirror) * light.flux)
+        reflected = before - 2.0 * at.cosine[:, None] * at.normals
+        behind = reflected if mirrored else refract(before, at.normals, at.ratio)
+        amplitudes = self._amplitudes(light.numbers, at, number, mirrored)
+        turned = fields_behind(light.fields, before, behind, at.normals, amplitudes, mirrored)
+        return light._replace(directions=behind, fields=turned)
+
+    def _amplitudes(self, numbers: Int[Tensor, " n"], at: Incidence, number: int, mirrored: bool) -> Amplitudes:
+        """Amplitudes behind a face; a mirror has one for both polarisations."""
+        mirror, equal = self.body.mirror(number), 0.0 * at.cosine
+        if mirror is not None:
+            return equal + mirror**0.5, equal
+        if mirrored:
+            return reflecting_amplitudes(at.cosine, at.ratio)
+        if not self.fresnel:
+            return equal + 1.0, equal
+        table, rows = self.coatings.faces.get(self.body.chain.names[number]), self.coatings.rows
+        return passing_amplitudes(face_transmittances(at.cosine, at.ratio, table, rows, numbers), at.ratio)
+
+    def _onward(
+        self, light: RaysInBody, medium: str, reflected_totally: bool, event: int
+    ) -> Iterator[tuple[str, RaysInBody]]:
+        """Rays on their way to the next face, in the frame of which they stand, where faces are met in their order."""
+        last, made = event + 1 == self.body.chain.events, self.body.made
+        if reflected_totally and (last or self.body.in_order):
+            yield _ENDED, light.ended(Fate.TOTAL_REFLECTION)
+        elif last or made is None or not self.body.in_order:
+            yield medium, light
+        else:
+            light = light.turned(made.placed[0][event + 1])
+            raised, path = _raised(light)
+            # at the rim, below the plane in which a lowered or tilted face ends: into the body through it, or the base
+            risen = (light.directions[:, 2] > 0.0) & self._inside([event + 1], raised.points)
+            within = (light.points[:, 2] >= 0.0) | risen
+            yield _ENDED, light.take(~within).ended(Fate.BASE)
+            yield medium, raised._replace(gone_mm=path).take(within)
+
+    def behind_glass(self, exits: ExitRays, light: RaysInBody) -> ExitRays:
+        """``exits`` of a body, whose fields ``light`` has, behind the cover glass; see ``light.coated_glass``."""
+        glass, media = self.body.media.cover_glass, self.body.media
+        if glass is None:
+            return exits
+        meets = (exits.directions[:, 2] > 0.0) & exits.left_lens
+        outside, ratio = torch.where(meets, exits.directions[:, 2], 1.0), media.outside_index / glass.refractive_index
+        inside = torch.sqrt(transmitted_cosine_squared(outside, ratio))
+        nearer = torch.where(meets, glass.thickness_mm * (1.0 - ratio * outside / inside), 0.0)
+        passed = exits.flux * torch.exp(-glass.absorption_per_mm * glass.thickness_mm / inside)
+        if self.fresnel:
+            t_s, t_p, excess = face_transmittances(outside, ratio, self.coatings.faces.get(GLASS), self.coatings.rows)
+            axial = torch.where(exits.left_lens, light.axial_flux, 0.0)
+            in_plane = axial / torch.where(exits.flux > 0.0, exits.flux, 1.0)
+            passed, exits = passed * (t_s**2 + (t_s + t_p) * excess * in_plane), replace(exits, axial=axial)
+        flux = torch.where(meets, passed, exits.flux)
+        points = exits.points + nearer[:, None] * like(exits.points, np.array([0.0, 0.0, 1.0]))
+        return replace(exits, points=points, flux=flux, lost_in_glass=exits.flux - flux)
+
+
+def _raised(light: RaysInBody) -> tuple[RaysInBody, Float[Tensor, " n"]]:
+    """Rays that rise from below the plane z = 0 taken to it, and the path (mm) there; 0 for the others."""
+    height, rise = light.points[:, 2], light.directions[:, 2]
+    rising = ~(rise <= 0.0)
+    path = torch.where((height < 0.0) & rising, -height / torch.where(rising, rise, 1.0), 0.0)
+    x, y, _ = (light.points + path[:, None] * light.directions).unbind(dim=1)
+    return light._replace(points=torch.stack([x, y, torch.where(height < 0.0, 0.0, height)], dim=1)), path
