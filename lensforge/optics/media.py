@@ -217,11 +217,14 @@ class FaceCoating:
 
 @runtime_checkable
 class FaceShape(Protocol):
-    """Shape of a face of a further body, about its own origin: a ``surfaces.surface.Surface``."""
+    """A star-shaped surface about its own origin; ``directions`` are unit vectors, also a little below z = 0.
+
+    ``surfaces.surface.Surface`` is the base of those of lensforge.
+    """
 
     @property
     def detail_rad(self) -> float:
-        """Sigma (rad) of its narrowest feature."""
+        """Sigma (rad) of a Gaussian as narrow as its narrowest feature: tables and splines choose nodes by it."""
         ...
 
     @property
@@ -230,11 +233,11 @@ class FaceShape(Protocol):
         ...
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Distance (mm) from the origin in unit ``directions``."""
+        """``rho`` (mm), the distance from the origin, exact in float64."""
         ...
 
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Tangential gradient of the radius (mm/rad)."""
+        """Tangential gradient of ``rho`` on the unit sphere (mm/rad), orthogonal to ``directions``."""
         ...
 
     def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:

@@ -21,6 +21,8 @@ from pydantic import Field, create_model
 from lensforge.results import Number, Record
 from lensforge.results.registered_kinds import OfSeveralKinds
 
+from lensforge.optics.media import FaceShape
+
 # The chart's square reaches a little past the rim, so that the rim is inside the splines' domain.
 HALF_WIDTH = 1.02
 
@@ -61,26 +63,13 @@ def grid(nodes: int, half_width: float = HALF_WIDTH) -> Float[np.ndarray, "n n 2
 
 
 @runtime_checkable
-class Surface(Protocol):
-    """A star-shaped surface; ``directions`` are unit vectors, also a little below z = 0, continued smoothly."""
-
-    @property
-    def detail_rad(self) -> float:
-        """The sigma (rad) of a Gaussian as narrow as its narrowest feature: tables and splines choose nodes by it."""
-        ...
+class Surface(FaceShape, Protocol):
+    """A surface by its radius and gradient alone: what else is asked of the shape of a face follows from them."""
 
     @property
     def symmetry(self) -> str:
         """Largest mirror group, a name of ``surfaces.symmetry``, that it is known to have."""
         return "none"
-
-    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """``rho`` (mm), the distance from the origin, exact in float64."""
-        ...
-
-    def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Tangential gradient of ``rho`` on the unit sphere (mm/rad), orthogonal to ``directions``."""
-        ...
 
     def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
         """``rho`` (mm) on a square chart grid centred on the axis; a surface with mirror images may use them."""
