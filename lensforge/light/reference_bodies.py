@@ -122,7 +122,8 @@ class RaysInBody(NamedTuple):
     def emitted(rays: RayBundle, device: torch.device) -> "RaysInBody":
         """Unpolarised rays as they leave a source."""
         points, directions, flux = (
-            torch.as_tensor(array).to(device, torch.float64) for array in (rays.origins, rays.directions, rays.flux)
+            torch.tensor(array, dtype=torch.float64, device=device)
+            for array in (rays.origins, rays.directions, rays.flux)
         )
         numbers, none = torch.arange(len(flux), device=device), torch.zeros_like(flux)
         known = torch.isfinite(directions).all(dim=1)[:, None]  # any other ray meets nothing, and keeps its flux

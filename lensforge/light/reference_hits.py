@@ -186,7 +186,7 @@ class ExactFace(TracedFace):
 
 def _in_torch(function: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n *k"]]) -> OfDirections:
     """A function of NumPy arrays for tensors, without derivatives."""
-    return lambda directions: torch.as_tensor(function(directions.detach().cpu().numpy())).to(directions)
+    return lambda directions: directions.new_tensor(function(directions.detach().cpu().numpy()))
 
 
 def _polar(points: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, "n 3"], Float[Tensor, " n"]]:

@@ -87,15 +87,17 @@ def trace_reference(
     fresnel: bool = True,
     device: torch.device = CPU,
     memory: HitMemory | None = None,
+    first: int = 0,
 ) -> ExitRays:
     """Trace ``rays`` through ``bodies``, the lens first, and the cover glass; tensors on ``device``.
 
     Differentiable in what the faces are differentiable in. Without ``fresnel`` all faces let all light through that
     they do not reflect totally, coated or not. ``memory``: of the hits of these rays, where they are traced again.
+    ``first``: number of the first ray, where these are some of many: each has its own noise at rough faces.
     """
     memory = HitMemory() if memory is None else memory
     memory.used = 0
-    passages = [_Passage.of(body, rays, fresnel, device, memory) for body in bodies]
+    passages = [_Passage.of(body, rays, fresnel, device, memory, first) for body in bodies]
     light = passages[0].through(RaysInBody.emitted(rays, device))
     exits = passages[0].behind_glass(_exits(light, passages[0].absorbs), light)
     flux, lost = exits.flux, []
@@ -135,7 +137,9 @@ class _Passage:
     memory: HitMemory
 
     @staticmethod
-    def of(body: ReferenceBody, rays: RayBundle, fresnel: bool, device: torch.device, memory: HitMemory) -> "_Passage":
+    def of(
+        body: ReferenceBody, rays: RayBundle, fresnel: bool, device: torch.device, memory: HitMemory, first: int
+    ) -> "_Passage":
         medium, made, waves = body.media.body, body.made, rays.wavelengths_nm
 
         def there(array: np.ndarray) -> Tensor:
@@ -144,13 +148,13 @@ class _Passage:
         absorptions = there(medium.absorptions(waves, len(rays))) if len(medium.absorption(waves)) else None
         if absorptions is not None and made is not None:
             absorptions = absorptions * made.scale  # paths are those in the lens as designed
-        rough = None if made is None else made.rough(len(rays))
+        rough = None if made is None else made.rough(first + len(rays))
         return _Passage(
             body,
             there(medium.indices(waves, len(rays))),
             absorptions,
             RayCoatings.of(rays, body.media, fresnel),
-            None if rough is None else (there(rough[0]), there(rough[1])),
+            None if rough is None else (there(rough[0][first:]), there(rough[1])),
             fresnel,
             memory,
         )

@@ -119,8 +119,7 @@ class LightPath:
             )
         else:
             bodies = ReferenceBody.by_tables(tables, self.scene, self.device)
-            starts = range(0, len(rays), self.chunk)
-            parts = [self._part(bodies, rays.take(slice(start, start + self.chunk)), self.device) for start in starts]
+            parts = [self._part(bodies, rays, start, self.device) for start in range(0, len(rays), self.chunk)]
             sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
             each = len(sums) // len(self.seen)
             found = tuple(Collected(*sums[first : first + each]) for first in range(0, len(sums), each))
@@ -138,7 +137,12 @@ class LightPath:
         names = ("image", "in_window", "outside_receiver", "total_reflection")
         return tuple(replace(own, **{name: next(rest) for name in names}) for own in found)
 
-    def _part(self, bodies: tuple[ReferenceBody, ...], rays: RayBundle, device: torch.device) -> tuple[Tensor, ...]:
+    def _part(
+        self, bodies: tuple[ReferenceBody, ...], bundle: RayBundle, start: int, device: torch.device
+    ) -> tuple[Tensor, ...]:
+        """Sums of a chunk of ``bundle`` that begins at ``start``."""
+        rays = bundle.take(slice(start, start + self.chunk))
+
         def on_device(array: np.ndarray) -> Tensor:
             return torch.as_tensor(array).to(device, torch.float64)
 
@@ -146,7 +150,7 @@ class LightPath:
         weights = None if self.colour is None else on_device(self.colour.weights(rays))
 
         def light() -> tuple[Tensor, ...]:
-            exit_rays = trace_reference(bodies, rays, self.scene.fresnel, device, memory)
+            exit_rays = trace_reference(bodies, rays, self.scene.fresnel, device, memory, start)
             sums: list[Tensor] = []
             for receiver in self.seen:
                 landings, places = receiver.land_by_arrays(exit_rays), (receiver.grid, receiver.window)

@@ -129,6 +129,11 @@ def test_chunks_add_up_and_search_for_each_crossing_once(monkeypatch: pytest.Mon
     assert len(searched) == 2 * 7, "seven chunks, two surfaces, and none again in the backward pass"
 
 
+def test_every_ray_has_its_own_noise_at_a_rough_face_in_chunks_too() -> None:
+    step = Step(ROBUST | tolerance_changes(LARGE | {"outer_roughness_mrad": 20.0}))
+    assert close(step.values(device=CPU, chunk=150), step.values())
+
+
 def test_receivers_count_by_their_shares() -> None:
     """Each alone, and both together with shares of 3 to 1; the light near total reflection counts once."""
     first, second = RECEIVERS["far field"], RECEIVERS["sphere"]
