@@ -373,4 +373,5 @@ class TableFace(TracedFace):
 
 def _per_shift(points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
     """``1 / (r + z)``, which takes x and y to the chart."""
-    return 1.0 / (torch.linalg.norm(points, dim=1) + points[:, 2]).clamp(min=torch.finfo(points.dtype).tiny)
+    shift: Tensor = (torch.linalg.norm(points, dim=1) + points[:, 2]).clamp(min=torch.finfo(points.dtype).tiny)
+    return 1.0 / shift

@@ -103,9 +103,9 @@ def trace_reference(
     flux, lost = exits.flux, []
     for passage in passages[1:]:
         came, light = light.left, passage.through(light)
-        behind = torch.where(came, torch.where(light.left, light.flux, 0.0), flux)
-        lost.append(flux - behind)
-        flux = behind
+        left_w = torch.where(came, torch.where(light.left, light.flux, 0.0), flux)
+        lost.append(flux - left_w)
+        flux = left_w
     seen = _exits(light)
     behind = replace(exits, points=seen.points, directions=seen.directions, flux=flux, fates=light.fates)
     return replace(behind, lost_in_bodies=torch.stack(lost)) if lost else exits
