@@ -18,10 +18,9 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field, create_model
 
+from lensforge.optics.media import FaceShape
 from lensforge.results import Number, Record
 from lensforge.results.registered_kinds import OfSeveralKinds
-
-from lensforge.optics.media import FaceShape
 
 # The chart's square reaches a little past the rim, so that the rim is inside the splines' domain.
 HALF_WIDTH = 1.02
