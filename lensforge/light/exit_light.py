@@ -34,7 +34,7 @@ def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps 
 
     Rays are dealt to the lamps by chance, as many to each, and carry the flux of all.
     """
-    traced = lens.trace(rays) if lamps.alone else _of_lamps(lens, rays, lamps)
+    traced = lens.trace(rays) if lamps.is_single else _of_lamps(lens, rays, lamps)
     upwards = traced.left_lens & (traced.directions[:, 2] > 0.0)
     points, directions, flux = (each[upwards] for each in (traced.points, traced.directions, traced.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)

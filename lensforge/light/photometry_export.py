@@ -142,7 +142,7 @@ def measure_photometry(
     light = trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
-        shared_symmetry([source.symmetry, lens.symmetry], lamps.from_afar.has_mirrors),
+        shared_symmetry([source.symmetry, lens.symmetry], lamps.in_far_field.has_mirrors),
         rays=rays,
         by_itself=preset.photometry_rays,
         seed=lens.seed,

@@ -82,7 +82,7 @@ class ReceivedFlux:
                 picture[replicate] += bin_flux(hits, flux * per_watt, receiver.grid)
 
     @staticmethod
-    def together(
+    def mean_of_lamps(
         lamps: LampPictures, found: Sequence["ReceivedFlux"], targets: tuple[DrawnTarget, ...]
     ) -> "ReceivedFlux":
         """Mean flux of a lamp on their receiver, from that of one on each raster; in targets by the parts of pixels."""

@@ -164,7 +164,7 @@ def simulate(
     lamps, bodies = [LampPictures.of(receiver) for receiver in receivers], len(lens.scene.media.bodies)
     deposits = [
         [
-            ReceivedFlux.none_yet(each, replicates, own if board.alone else (), coloured=coloured, bodies=bodies)
+            ReceivedFlux.none_yet(each, replicates, own if board.is_single else (), coloured=coloured, bodies=bodies)
             for each in board.receivers
         ]
         for board, own in zip(lamps, drawn, strict=True)
@@ -178,7 +178,7 @@ def simulate(
                 deposit.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays), bundle.tristimulus)
         traced += len(bundle)
     received = tuple(
-        own[0] if board.alone else ReceivedFlux.together(board, own, wanted)
+        own[0] if board.is_single else ReceivedFlux.mean_of_lamps(board, own, wanted)
         for board, own, wanted in zip(lamps, deposits, drawn, strict=True)
     )
     return Simulation(received, source.flux_w, traced, by_way)

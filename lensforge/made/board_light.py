@@ -22,7 +22,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.image_sums import add_to_bins
 from lensforge.light.metrics import Images
 from lensforge.light.simulation import REPLICATES, TracedLens, bundles
-from lensforge.made.part_light import HeldLight, PartLight, ReceivedImages
+from lensforge.made.part_light import PartLight, ReceivedImages, ReplicateRays
 from lensforge.scene.lamp_pictures import LampPictures, patch_pictures, seen_by
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.made_part import MadePart
@@ -133,7 +133,7 @@ class BoardLight(PartLight):
         )
 
     @cached_property
-    def _shares(self) -> list[HeldLight]:
+    def _shares(self) -> list[ReplicateRays]:
         return self.held.shared_out(len(self.receivers[0].lamps))
 
     @cached_property

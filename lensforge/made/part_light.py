@@ -28,7 +28,7 @@ _SHARING = 7  # seed: any number
 
 
 @dataclass(frozen=True, eq=False)
-class HeldLight:
+class ReplicateRays:
     """Rays of all replicates in one bundle, and the number of the replicate of each."""
 
     rays: RayBundle
@@ -37,7 +37,7 @@ class HeldLight:
     emitted_w: float
 
     @staticmethod
-    def of(source: Source, rays: int, seed: int) -> "HeldLight":
+    def of(source: Source, rays: int, seed: int) -> "ReplicateRays":
         """The rays by which an evaluation of so many ``rays`` with ``seed`` simulates."""
         count = min(REPLICATES, rays, source.ray_count or rays)
         parts, numbers = [], []
@@ -47,12 +47,12 @@ class HeldLight:
         joined, replicate_of = RayBundle.joined(parts), np.concatenate(numbers)
         # neighbours use the same part of a table: in order of direction a trace takes a sixth less time
         order = np.lexsort((joined.directions[:, 1], np.floor(_COLUMNS * joined.directions[:, 0])))
-        return HeldLight(joined.take(order), replicate_of[order], count, source.flux_w)
+        return ReplicateRays(joined.take(order), replicate_of[order], count, source.flux_w)
 
     def __len__(self) -> int:
         return len(self.replicate)
 
-    def shared_out(self, lamps: int) -> "list[HeldLight]":
+    def shared_out(self, lamps: int) -> "list[ReplicateRays]":
         """Rays for each of several lamps: at random, from every replicate as many, and its share of the flux."""
         order = np.random.default_rng(_SHARING).permutation(len(self))
         order = order[np.argsort(self.replicate[order], kind="stable")]
@@ -65,7 +65,7 @@ class HeldLight:
             rays, replicate = self.rays.take(rows), self.replicate[rows]
             share = every / lamps / np.bincount(replicate, minlength=self.replicates)
             shared = replace(rays, flux=rays.flux * share[replicate])
-            found.append(HeldLight(shared, replicate, self.replicates, self.emitted_w / lamps))
+            found.append(ReplicateRays(shared, replicate, self.replicates, self.emitted_w / lamps))
         return found
 
 
@@ -90,7 +90,7 @@ class PartLight:
     nominal: TracedLens
     receivers: tuple[PosedReceiver, ...]
     limits: tuple[LightLimit, ...]
-    held: HeldLight
+    held: ReplicateRays
 
     def exit_rays(self, part: MadePart | None, rays: RayBundle | None = None) -> ExitRays:
         """Rays, by default all that are held, behind one part; None: behind the lens as designed."""

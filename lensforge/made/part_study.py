@@ -30,7 +30,7 @@ from lensforge.made.board_light import (
     periods_of,
     pictures_of,
 )
-from lensforge.made.part_light import HeldLight, MeasuredPart, PartLight
+from lensforge.made.part_light import MeasuredPart, PartLight, ReplicateRays
 from lensforge.made.tolerance_result import MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Metric
@@ -97,7 +97,7 @@ class PartStudy:
     @cached_property
     def designed_pictures(self) -> list[list[Images]]:
         """Pictures of one lamp as designed, by many rays, where several are drawn apart; none of one alone."""
-        if self.lamps.alone:
+        if self.lamps.is_single:
             return []
         rays, seed = self.recipe.designed_rays, self.recipe.seed
         return designed_pictures(self._nominal, held_back(self._source), self.boards, rays, seed)
@@ -123,9 +123,9 @@ class PartStudy:
     def light(self) -> PartLight:
         """Receivers, limits and rays."""
         recipe, spec = self.recipe, self.recipe.lens.spec
-        held = HeldLight.of(held_back(self._source), recipe.rays, recipe.seed)
+        held = ReplicateRays.of(held_back(self._source), recipe.rays, recipe.seed)
         light = PartLight(spec, self._nominal, receivers_of(spec, spec.evaluate.pixels), self.limits, held)
-        return light if self.lamps.alone else BoardLight.of(light, self.boards, self.designed_pictures)
+        return light if self.lamps.is_single else BoardLight.of(light, self.boards, self.designed_pictures)
 
     @cached_property
     def maker(self) -> PartMaker:
@@ -240,7 +240,7 @@ _OF_SOURCE = (
 )  # fmt: skip
 
 
-def require_bearable(lens: Lens, factors: Sequence[Factor]) -> None:
+def require_feasible_tolerances(lens: Lens, factors: Sequence[Factor]) -> None:
     """Refuse a tolerance that alone brings the faces together, or the source to the cavity.
 
     Raises :class:`InputError`, which names the tolerance and what is left for it.

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.made.part_study import PartStudy, Recipe, require_bearable
+from lensforge.made.part_study import PartStudy, Recipe, require_feasible_tolerances
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.scene.body import nearest
 from lensforge.scene.lens import Lens
@@ -40,7 +40,7 @@ def measure_sensitivity(lens: Lens, *, rays: int, progress: Callable[[int, int],
     """
     started, announce = time.perf_counter(), progress or (lambda done, total: None)
     study = PartStudy(Recipe(lens, 1, rays, lens.seed, rays))
-    require_bearable(lens, study.factors)
+    require_feasible_tolerances(lens, study.factors)
     errors = [error for factor in study.factors for error in single_errors(study, factor)]
     designed, count = study.designed.metrics[0], len(study.light.held)
     announce(1, len(errors) + 1)

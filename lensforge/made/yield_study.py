@@ -20,8 +20,8 @@ from lensforge.light.metrics import jackknife_error
 from lensforge.light.simulation import REPLICATES
 from lensforge.made.board_light import periods_of
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress, Workers, by_threads
-from lensforge.made.part_light import HeldLight
-from lensforge.made.part_study import PartStudy, Recipe, require_bearable
+from lensforge.made.part_light import ReplicateRays
+from lensforge.made.part_study import PartStudy, Recipe, require_feasible_tolerances
 from lensforge.made.tolerance_budget import budget
 from lensforge.made.tolerance_result import (
     CauseShare,
@@ -140,12 +140,12 @@ def measure_yield(
     :class:`InputError` for tolerances that the part cannot bear.
     """
     started, announce = time.perf_counter(), announce or (lambda _: None)
-    lamps = not lens.spec.all_lamps.alone
+    lamps = not lens.spec.all_lamps.is_single
     effort = preset_of(lens.accuracy).studies
     of_lamps = min(lens.spec.evaluate.rays or 0, _MOST_OF_LAMPS) if lamps else 0
     designed_rays = max(effort.designed_rays, of_lamps)
     study = PartStudy(Recipe(lens, parts, rays or effort.part_rays[0], seed, designed_rays))
-    require_bearable(lens, study.factors)
+    require_feasible_tolerances(lens, study.factors)
     found = MeasuredParts(study, workers, KeptParts.of(file, study), progress)
     if rays is None:
         announce("pilot parts")
@@ -286,7 +286,7 @@ def _worst_maps(study: PartStudy, worst: tuple[WorstPart, ...]) -> Float[np.ndar
     lens, light = study.recipe.lens, study.light
     source = held_back(build_source(lens.spec.source, lens.dispersion))
     rays = max(preset_of(lens.accuracy).studies.worst_rays, study.recipe.rays)
-    held = HeldLight.of(source, rays, study.recipe.seed)
+    held = ReplicateRays.of(source, rays, study.recipe.seed)
     finer = replace(light, held=held)  # of lamps, their share of the rays is new as well
     images = [finer.received(study.part(each.part))[0].images.mean(axis=0) for each in worst]
     return np.stack(images) / light.receivers[0].pixel_measure
@@ -316,7 +316,7 @@ def _of_lamps(study: PartStudy) -> str:
 
 def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:
     """Remarks on how the study was made."""
-    found = [] if study.lamps.alone else [_of_lamps(study)]
+    found = [] if study.lamps.is_single else [_of_lamps(study)]
     for name, error in study.maker.errors.items():
         if error.slope > 0.0:
             words = next(factor.words for factor in study.factors if factor.name == name)

@@ -97,7 +97,7 @@ def expected_of(lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFace
 
 def _of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:
     """The lens without other lamps, and its light: what a cast through one part can show."""
-    if lens.spec.all_lamps.alone:
+    if lens.spec.all_lamps.is_single:
         return lens, light
     alone = replace(lens, spec=_of_first_lamp(lens), others={})
     return alone, evaluate(alone, rays=light.rays, pixels=light.pixels)

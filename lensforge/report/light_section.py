@@ -22,7 +22,7 @@ from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import uniform_region
 from lensforge.search.design_result import Design
-from lensforge.search.scene_check import asked_light
+from lensforge.search.scene_check import light_requirements
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 
@@ -130,7 +130,7 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Attainable]:
     """
     if not spec.has_limits or spec.source.extent_mm is None:
         return {}
-    _, limits = asked_light(spec, build_source(spec.source))
+    _, limits = light_requirements(spec, build_source(spec.source))
     return {
         (each.name, each.asked): Attainable(each.possible, "étendue" if each.bounds is None else each.bounds.law)
         for each in limits

@@ -23,7 +23,7 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import WHOLE, Plane
-from lensforge.spec.lamp_places import Stand
+from lensforge.spec.lamp_places import LampPose
 from lensforge.spec.lamps_section import ALONE, Lamps
 
 _MOST_PIXELS = 2**22  # of a picture, of which an evaluation keeps sixteen: half a gigabyte
@@ -96,9 +96,9 @@ class LampPictures:
         return [raster.receiver for raster in self.rasters]
 
     @property
-    def alone(self) -> bool:
+    def is_single(self) -> bool:
         """True for one lamp at the origin: its picture is the whole."""
-        return self.receiver.lamps.alone
+        return self.receiver.lamps.is_single
 
     @property
     def widened(self) -> bool:
@@ -110,7 +110,7 @@ class LampPictures:
 
         ``fluxes``: of the lamps, relative to that of the pictures; all are 1 where it is None.
         """
-        if self.alone:
+        if self.is_single:
             return pictures[0]
         shape, weights = self.receiver.grid.shape, np.ones(len(self.receiver.lamps)) if fluxes is None else fluxes
         total = np.zeros((*pictures[0].shape[:-2], *shape))
@@ -147,19 +147,19 @@ class LampPictures:
         total = np.zeros((len(whole), *self.receiver.grid.shape))
         for (x, y), i, j in product(self.receiver.lamps.places_mm, around.tolist(), around.tolist()):
             place = x - i * period[0], y - j * period[1], 0.0
-            total += amounts(replace(self.receiver, pose=pose.seen_from(Stand(place)))) / count
+            total += amounts(replace(self.receiver, pose=pose.seen_from(LampPose(place)))) / count
         rest = np.maximum(whole - total.sum(axis=(1, 2)), 0.0)
         return np.asarray(total + rest[:, None, None] / total[0].size)
 
     def regions(self, pixels: Bool[np.ndarray, "_ _"]) -> list[Bool[np.ndarray, "_ _"]]:
         """Pixels of each raster that are one of ``pixels`` for one of its lamps at least."""
-        return [pixels] if self.alone else [each > 0.0 for each in self.spread(pixels.astype(np.float64))]
+        return [pixels] if self.is_single else [each > 0.0 for each in self.spread(pixels.astype(np.float64))]
 
 
 @lru_cache(maxsize=32)
 def _pictures(receiver: PosedReceiver) -> LampPictures:
     lamps, rasters = receiver.lamps, list[Raster]()
-    if lamps.alone:
+    if lamps.is_single:
         return LampPictures(receiver, (Raster(receiver, 1),))
     moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T / receiver.grid.pixel
     level = receiver.is_flat and not any(receiver.pose.rows[2][:2]) and not lamps.posed
@@ -169,7 +169,7 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
         elif level:
             rasters.append(_wider(receiver, own, moves[own]))
         else:
-            pose = receiver.pose.seen_from(lamps.stands[own[0]])
+            pose = receiver.pose.seen_from(lamps.poses[own[0]])
             seen = replace(receiver, pose=pose, lamps=ALONE)
             rasters.append(Raster(seen, len(own), ((0, 0),) * len(own), tuple(own)))
     return LampPictures(receiver, tuple(rasters))
@@ -181,7 +181,7 @@ def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool
     for number, turn in enumerate(lamps.turns_deg):
         key: object = number
         if receiver.is_far:
-            key = round(turn % 360.0, 9), *(round(along, 12) for along in lamps.stands[number].axis)
+            key = round(turn % 360.0, 9), *(round(along, 12) for along in lamps.poses[number].axis)
         elif level and lamps.period_mm is None:
             parts = np.round((moves[number] - np.round(moves[number])) / WHOLE).astype(int)
             key = (round(turn % 360.0, 9), *(parts % round(1.0 / WHOLE)).tolist())
@@ -202,7 +202,7 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
     x, y = (-0.5 * (high + low) * pixel).tolist()
     middle = np.array(receiver.pose.centre_mm) + np.array([x, y]) @ receiver.pose.axes[:2]
     centre = (float(middle[0]), float(middle[1]), float(middle[2]))
-    pose = replace(receiver.pose, centre_mm=centre).seen_from(Stand(turn_deg=receiver.lamps.turns_deg[own[0]]))
+    pose = replace(receiver.pose, centre_mm=centre).seen_from(LampPose(turn_deg=receiver.lamps.turns_deg[own[0]]))
     wide = PixelGrid(columns * float(pixel[0]), rows * float(pixel[1]), columns, rows)
     corners = np.round(high - moves).astype(int)
     return Raster(
@@ -216,7 +216,7 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
 def _period(receiver: PosedReceiver, number: int) -> Raster:
     """One period as lamp ``number`` of it sees it, and a pixel around it for the splat of rays near its edge."""
     pose, grid, (width, height) = (
-        receiver.pose.seen_from(receiver.lamps.stands[number]._replace(turn_deg=0.0)),
+        receiver.pose.seen_from(receiver.lamps.poses[number]._replace(turn_deg=0.0)),
         receiver.grid,
         receiver.grid.pixel,
     )
@@ -242,7 +242,7 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
     corners = tuple(((a - j) * height, (b - i) * width) for i, j, a, b in turns)
     rasters = tuple(
         Raster(
-            PeriodPlane(receiver.pose.seen_from(Stand((x, y, 0.0))), grid, Window(), lamps),
+            PeriodPlane(receiver.pose.seen_from(LampPose((x, y, 0.0))), grid, Window(), lamps),
             len(each),
             corners,
             tuple(number + kind * (i + columns * j) for i, j, _, _ in turns),
@@ -255,7 +255,7 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
 def seen_by(receiver: PosedReceiver, number: int) -> PosedReceiver:
     """The receiver as one of its lamps sees it, in whose frame rays start from the origin."""
     lamps = receiver.lamps
-    pose = receiver.pose.seen_from(lamps.stands[number])
+    pose = receiver.pose.seen_from(lamps.poses[number])
     if lamps.period_mm is not None:
         return PeriodPlane(pose, receiver.grid, Window(), lamps)
     return replace(receiver, pose=pose, lamps=ALONE)

@@ -18,7 +18,7 @@ from lensforge.kernels.parallel import in_pieces
 from lensforge.optics.arrays import Array, like, module_of, replaced, rows_of
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.spec.lamp_places import Stand
+from lensforge.spec.lamp_places import LampPose
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.spec.receiver_fields import ReceiverSection
 
@@ -73,10 +73,10 @@ class ReceiverPose:
         """The unit axes x, y, z as rows."""
         return np.array(self.rows)
 
-    def seen_from(self, stand: Stand) -> "ReceiverPose":
+    def seen_from(self, lamp: LampPose) -> "ReceiverPose":
         """The pose in the frame of a lamp: at its place, turned, and tilted to its axis."""
-        own = ReceiverPose.facing(stand.axis, stand.place_mm, stand.turn_deg).axes
-        centre, rows = own @ (np.array(self.centre_mm) - stand.place_mm), self.axes @ own.T
+        own = ReceiverPose.facing(lamp.axis, lamp.place_mm, lamp.turn_deg).axes
+        centre, rows = own @ (np.array(self.centre_mm) - lamp.place_mm), self.axes @ own.T
         x, y, z, w = ((float(each[0]), float(each[1]), float(each[2])) for each in (centre, *rows))
         return ReceiverPose(x, (y, z, w))
 

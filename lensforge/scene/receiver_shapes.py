@@ -36,7 +36,7 @@ from lensforge.scene.receiver import (
     posed_receiver,
 )
 from lensforge.spec import ReceiverSection, Spec
-from lensforge.spec.lamp_places import Stand
+from lensforge.spec.lamp_places import LampPose
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.receiver_fields import OF_RECEIVER
 from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
@@ -92,7 +92,7 @@ class Cylinder(PosedReceiver):
 
 
 @dataclass(frozen=True)
-class Dome(PosedReceiver):
+class SphericalReceiver(PosedReceiver):
     """The sphere of ``radius_mm`` about the pose's centre, charted (mm) about its z axis; the lens is inside."""
 
     radius_mm: float = field(kw_only=True)  # type: ignore[misc]  # of planes it has no meaning
@@ -173,8 +173,8 @@ def chart_radius(gamma_deg: float) -> float:
 def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     """The receivers of ``spec``, with ``pixels`` along the longer side of each."""
     built = [build_receiver(section, pixels) for section in spec.all_receivers]
-    if not spec.all_lamps.alone:
-        built = [together(each, spec.all_lamps) for each in built]
+    if not spec.all_lamps.is_single:
+        built = [with_all_lamps(each, spec.all_lamps) for each in built]
     side = spec.evaluate.window_mm
     if side is not None and spec.target is not None:
         built = [replace(built[0], window=Window(side, side))]
@@ -185,12 +185,12 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
 
 def seen_by_lamp(spec: Spec, number: int) -> Spec:
     """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
-    sections = tuple(_seen_from(spec.all_lamps.stands[number], each) for each in spec.all_receivers)
+    sections = tuple(_seen_from(spec.all_lamps.poses[number], each) for each in spec.all_receivers)
     return spec.of_one_lamp.model_copy(update={"target": None, "receivers": sections})
 
 
-def _seen_from(stand: Stand, section: ReceiverSection) -> ReceiverSection:
-    pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg).seen_from(stand)
+def _seen_from(lamp: LampPose, section: ReceiverSection) -> ReceiverSection:
+    pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg).seen_from(lamp)
     turned = pose.axes @ ReceiverPose.facing(pose.rows[2], section.centre_mm).axes.T
     targets = tuple(target.model_copy(update=dict.fromkeys(OF_RECEIVER)) for target in section.targets)
     rotation_deg = float(np.degrees(np.arctan2(turned[0, 1], turned[0, 0])))
@@ -200,7 +200,7 @@ def _seen_from(stand: Stand, section: ReceiverSection) -> ReceiverSection:
 _FEWER, _MORE = 0.75, 1.3  # pixels over those asked for, so that lamps may lie alike on them
 
 
-def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
+def with_all_lamps(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
     """The receiver in the light of ``lamps``.
 
     A plane has pixels so many, near those asked for, that as many of the lamps as can be lie alike on them: their light
@@ -211,7 +211,7 @@ def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
         moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T
         columns, rows = _alike(grid.columns, moves[:, 0] / grid.width), _alike(grid.rows, moves[:, 1] / grid.height)
         grid = replace(grid, columns=columns, rows=rows)
-    return replace(receiver, grid=grid, lamps=lamps.from_afar if receiver.is_far else lamps)
+    return replace(receiver, grid=grid, lamps=lamps.in_far_field if receiver.is_far else lamps)
 
 
 def _alike(asked: int, moves: Float[np.ndarray, " n"]) -> int:
@@ -278,4 +278,4 @@ def _(section: FarFieldReceiver, pose: ReceiverPose, grid: PixelGrid) -> PosedRe
 @posed_receiver.register
 def _(section: SphereReceiver, pose: ReceiverPose, grid: PixelGrid) -> PosedReceiver:
     radius = section.radius_mm * chart_radius(section.half_angle_deg)
-    return Dome(pose, grid, Window(radius=radius), radius_mm=section.radius_mm)
+    return SphericalReceiver(pose, grid, Window(radius=radius), radius_mm=section.radius_mm)

@@ -153,12 +153,12 @@ class _Added(torch.autograd.Function):
         return None, *map(torch.from_numpy, ctx.lamps.spread(by_image.numpy()))
 
 
-def together(lamps: LampPictures, by_raster: Sequence[Collected]) -> Collected:
+def mean_of_lamps(lamps: LampPictures, by_raster: Sequence[Collected]) -> Collected:
     """Mean light of a lamp on their receiver, from that of one on each raster.
 
     Where a raster is wider than the receiver, light is in the window by its pixels, and outside off the raster.
     """
-    if lamps.alone:
+    if lamps.is_single:
         return by_raster[0]
     image, colours = _added(lamps, [each.image for each in by_raster]), None
     if by_raster[0].colours is not None:

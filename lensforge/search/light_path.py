@@ -30,7 +30,7 @@ from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
 from lensforge.scene.receiver import Landings, PosedReceiver
-from lensforge.search.collected_light import Collected, collected, collected_on_device, together
+from lensforge.search.collected_light import Collected, collected, collected_on_device, mean_of_lamps
 from lensforge.search.colour_term import SourceColour
 from lensforge.search.parameters import Parametrisation
 from lensforge.sources.ray_bundle import RayBundle, Source
@@ -127,7 +127,7 @@ class LightPath:
 
     def _together(self, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
         rest = iter(found)
-        return tuple(together(lamps, [next(rest) for _ in lamps.rasters]) for lamps in self.lamps)
+        return tuple(mean_of_lamps(lamps, [next(rest) for _ in lamps.rasters]) for lamps in self.lamps)
 
     def _with_creases(self, tables: Tensor, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
         sums = [each for own in found for each in list(vars(own).values())[:4]]

@@ -40,7 +40,7 @@ LEAST_POSSIBLE = 0.5  # of what is asked for: with less, no search comes near it
 
 
 @dataclass(frozen=True)
-class Asked:
+class Requirement:
     """Light that a target or a limit asks for, and the most that is ``possible`` there, in ``unit``.
 
     Of a target and of a limit on a share, the share of the source's flux and its ``bounds``, the unit "%"; a target
@@ -98,7 +98,7 @@ class Asked:
 _LEVELS = "lens.levels, such as [25]"
 
 
-def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[Asked, ...]]:
+def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, ...], tuple[Requirement, ...]]:
     """The light asked for by the targets of each receiver, and by the limits of ``spec``.
 
     Raises :class:`InputError` for limits whose unit the source does not have.
@@ -114,19 +114,19 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[As
     return targets, tuple(each for each in asked if each is not None)
 
 
-def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight, spec: Spec) -> Asked:
+def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight, spec: Spec) -> Requirement:
     region = in_target(wanted)
     return _share("target", physics.light.transmittance * float(wanted[region].sum()), region, physics, spec)
 
 
-def _share(name: str, asked: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight, spec: Spec) -> Asked:
+def _share(name: str, asked: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight, spec: Spec) -> Requirement:
     bounds, estimated = physics.in_region(region), physics.light.curve.estimated
     radius_mm = _least_radius_mm(spec, physics, asked, lambda larger: larger.by_etendue(region))
     beside = physics.beside_axis(region)
-    return Asked(name, asked, bounds.value, "%", radius_mm, estimated, bounds, beside)
+    return Requirement(name, asked, bounds.value, "%", radius_mm, estimated, bounds, beside)
 
 
-def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Spec) -> Asked | None:
+def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Spec) -> Requirement | None:
     """The share, or the light at the place at which least of it is possible; None for other limits, and upper ones."""
     if limit.sense != ">=" or limit.quantity not in ("light", "share"):
         return None
@@ -139,7 +139,7 @@ def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Sp
         return float(limit.of(larger.on_pixels[None] * flux_w).min())
 
     radius_mm = _least_radius_mm(spec, physics, limit.bound, least)
-    return Asked(limit.name, limit.bound, least(physics), limit.unit, radius_mm, physics.light.curve.estimated)
+    return Requirement(limit.name, limit.bound, least(physics), limit.unit, radius_mm, physics.light.curve.estimated)
 
 
 def _least_radius_mm(spec: Spec, physics: PossibleLight, asked: float, most: Callable[[PossibleLight], float]) -> float:
@@ -183,8 +183,8 @@ class SceneCheck:
     spec: Spec
     entering: float
     lost: dict[Fate, float]
-    targets: tuple[Asked, ...]
-    limits: tuple[Asked, ...]
+    targets: tuple[Requirement, ...]
+    limits: tuple[Requirement, ...]
     mean_direction: tuple[float, float, float]
 
     @staticmethod
@@ -194,7 +194,7 @@ class SceneCheck:
         by_fate = _shares_by_fate(spec, rays, start)
         lost = {fate: by_fate.pop(fate) for fate in _LOST}
         x, y, z = (rays.flux @ rays.directions / rays.flux.sum()).tolist()
-        return SceneCheck(spec, sum(by_fate.values()), lost, *asked_light(spec, source), (x, y, z))
+        return SceneCheck(spec, sum(by_fate.values()), lost, *light_requirements(spec, source), (x, y, z))
 
     def require_light(self, *, force: bool = False) -> None:
         """Raise :class:`InputError` where no light enters the lens or, unless ``force``, less than half can do.
@@ -226,7 +226,7 @@ class SceneCheck:
                 )
         return tuple(lines)
 
-    def _asked(self) -> Iterator[tuple[str, Asked]]:
+    def _asked(self) -> Iterator[tuple[str, Requirement]]:
         """Targets and limits by the names of their fields."""
         for receiver, target in zip(self.spec.all_receivers, self.targets, strict=True):
             yield "target" if self.spec.target is not None else f"receivers: target on {receiver.name}", target

@@ -135,7 +135,7 @@ class Source(Protocol):
 
 
 @runtime_checkable
-class Aims(Protocol):
+class DirectionalSource(Protocol):
     """A source that can say how much light goes into any direction."""
 
     def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
@@ -145,7 +145,7 @@ class Aims(Protocol):
 
 def towards(source: Source, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
     """Rays of ``source.towards(targets, seed)``. Raises :class:`InputError` for a source that does not have them."""
-    if not isinstance(source, Aims):
+    if not isinstance(source, DirectionalSource):
         raise InputError(f"{type(source).__name__}: the light into a direction is not known; turn its rays a little")
     return source.towards(targets, seed)
 
@@ -171,7 +171,7 @@ def aimed(
 
 
 @runtime_checkable
-class DrawsLater(Protocol):
+class LazySource(Protocol):
     """A source that can name the rays of a large sample before it reads them."""
 
     def drawn(self, count: int, seed: int) -> Rays:
@@ -181,7 +181,7 @@ class DrawsLater(Protocol):
 
 def drawn(source: Source, count: int, seed: int) -> Rays:
     """The rays of ``source.sample(count, seed)``, at most all; those of a large file are read when they are taken."""
-    return source.drawn(count, seed) if isinstance(source, DrawsLater) else source.sample(count, seed)
+    return source.drawn(count, seed) if isinstance(source, LazySource) else source.sample(count, seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +237,7 @@ def is_round(source: Source) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class UnreadRays:
+class LazyRays:
     """The rays of all ``parts``, one part after the other, read and changed when they are taken.
 
     ``numbers``: those chosen among them, in that order; None for all. ``change`` treats every ray by itself. A
@@ -278,20 +278,20 @@ def number_type(count: int) -> type[np.int32] | type[np.int64]:
 
 def changed(rays: Rays, change: Callable[[RayBundle], RayBundle]) -> Rays:
     """Change rays, each by itself: at once where they are in memory."""
-    return change(rays) if isinstance(rays, RayBundle) else UnreadRays([rays], change=change)
+    return change(rays) if isinstance(rays, RayBundle) else LazyRays([rays], change=change)
 
 
 def chosen(rays: Rays, numbers: Int[np.ndarray, " n"]) -> Rays:
     """Choose rays by their numbers: at once where they are in memory."""
     if isinstance(rays, RayBundle):
         return rays.take(numbers)
-    return UnreadRays([rays], numbers.astype(number_type(len(rays))))
+    return LazyRays([rays], numbers.astype(number_type(len(rays))))
 
 
 def joined(parts: Sequence[Rays]) -> Rays:
     """Join rays: at once where all are in memory."""
     loaded = [part for part in parts if isinstance(part, RayBundle)]
-    return RayBundle.joined(loaded) if len(loaded) == len(parts) else UnreadRays(parts)
+    return RayBundle.joined(loaded) if len(loaded) == len(parts) else LazyRays(parts)
 
 
 def blocks_of(rays: Rays) -> Iterator[RayBundle]:

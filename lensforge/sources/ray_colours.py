@@ -12,7 +12,7 @@ from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, blocks_
 from lensforge.sources.source_spectrum import Spectrum, spectrum_of
 from lensforge.spec.emitter_section import SpectrumSpec
 
-_LEAST_LM_PER_W = 1e-3  # X + Y + Z of light that nobody sees; of 400 nm it is 338, of 780 nm 0.04
+_LEAST_LM_PER_W = 1e-3  # X + Y + Z of light outside the visible range; of 400 nm it is 338, of 780 nm 0.04
 
 
 def tristimulus_of_spectrum(spec: SpectrumSpec | None, name: str) -> Float[np.ndarray, " 3"]:

@@ -193,7 +193,7 @@ class ColourSums:
         return self.flux_nm / self.coloured if self.coloured > 0.0 else None
 
     def luminous_efficacy(self, in_watts: bool) -> float | None:
-        """The lm/W of rays whose flux is in W, or in lm; None without wavelengths, and for lumens that nobody sees."""
+        """The lm/W of rays whose flux is in W, or in lm; None without wavelengths, and for invisible light in lm."""
         if not self.coloured > 0.0 or not (in_watts or np.isfinite(self.as_watts)):
             return None
         return self.as_lumens / self.coloured if in_watts else 1.0 / (self.as_watts / self.coloured)

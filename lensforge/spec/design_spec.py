@@ -233,7 +233,7 @@ class Spec(Section):
 
     @check
     def _lamps_have_room(self) -> None:
-        if self.lamps is not None and not self.all_lamps.alone:
+        if self.lamps is not None and not self.all_lamps.is_single:
             lenses, receivers = self.photometry.lenses, self.all_receivers
             base = BaseSection(kind="none") if self.plate is not None else self.base  # the plate holds the lenses
             require_together(self.all_lamps, self.constraints, base, receivers, lenses)

@@ -14,8 +14,8 @@ Vector = tuple[float, float, float]
 ALONG_Z: Vector = (0.0, 0.0, 1.0)
 
 
-class Stand(NamedTuple):
-    """Stand of a lamp: the place (mm) of its origin, the direction of its axis, and its turn (degrees).
+class LampPose(NamedTuple):
+    """LampPose of a lamp: the place (mm) of its origin, the direction of its axis, and its turn (degrees).
 
     It is turned about z, from x towards y, and then tilted the shortest way.
     """

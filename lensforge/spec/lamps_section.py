@@ -19,7 +19,7 @@ from lensforge.spec.lamp_places import (
     ALONG_Z,
     KindOfPlace,
     LampKind,
-    Stand,
+    LampPose,
     Vector,
     aimed_from,
     in_grid,
@@ -35,13 +35,13 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Lamps:
-    """Lamps with equal LEDs, each at its stand.
+    """Lamps with equal LEDs, each at its pose.
 
     ``period_mm``: width and height of the rectangle that a lattice without an end repeats; the lamps are those of one.
     ``kinds``: two or more that share the lamps out, each with a lens of its own; none where all have the same lens.
     """
 
-    stands: tuple[Stand, ...] = (Stand(),)
+    poses: tuple[LampPose, ...] = (LampPose(),)
     period_mm: tuple[float, float] | None = None
     kinds: tuple[LampKind, ...] = ()
 
@@ -53,54 +53,54 @@ class Lamps:
         places = tuple(places_mm)
         turns = tuple(turns_deg) or (0.0,) * len(places)
         return Lamps(
-            tuple(Stand((*each, 0.0), ALONG_Z, turn) for each, turn in zip(places, turns, strict=True)), period_mm
+            tuple(LampPose((*each, 0.0), ALONG_Z, turn) for each, turn in zip(places, turns, strict=True)), period_mm
         )
 
     def __len__(self) -> int:
-        return len(self.stands)
+        return len(self.poses)
 
     @property
     def places_mm(self) -> tuple[Place, ...]:
         """Places (x, y) of their origins."""
-        return tuple(stand.place_mm[:2] for stand in self.stands)
+        return tuple(pose.place_mm[:2] for pose in self.poses)
 
     @property
     def turns_deg(self) -> tuple[float, ...]:
         """Turns (degrees) about their axes, from x towards y."""
-        return tuple(stand.turn_deg for stand in self.stands)
+        return tuple(pose.turn_deg for pose in self.poses)
 
     @property
-    def alone(self) -> bool:
+    def is_single(self) -> bool:
         """True for one lamp at the origin, as designs without ``[lamps]`` have it."""
         return self == ALONE
 
     @property
     def posed(self) -> bool:
         """True where a lamp has a height of its own, or an axis that is not along z."""
-        return any(stand.place_mm[2] != 0.0 or stand.axis != ALONG_Z for stand in self.stands)
+        return any(pose.place_mm[2] != 0.0 or pose.axis != ALONG_Z for pose in self.poses)
 
     @property
     def words(self) -> str:
         """Number of lamps, after the receivers that they light; empty for one alone."""
         if self.period_mm is None:
             kinds = f" with lenses of {len(self.kinds)} kinds" if self.kinds else ""
-            return "" if self.alone else f", lit by {len(self)} lamps{kinds}"
+            return "" if self.is_single else f", lit by {len(self)} lamps{kinds}"
         return f", lit by a lattice without an end, {len(self)} in {self.period_mm[0]:g} × {self.period_mm[1]:.4g} mm"
 
     @property
     def reach_mm(self) -> float:
         """Distance of the farthest lamp from the origin."""
-        return max(hypot(*stand.place_mm) for stand in self.stands)
+        return max(hypot(*pose.place_mm) for pose in self.poses)
 
     @property
-    def from_afar(self) -> "Lamps":
-        """The same as they are seen from far away, where all stand at one place."""
-        together = tuple(stand._replace(place_mm=(0.0, 0.0, 0.0)) for stand in self.stands)
-        return self if self.alone else replace(self, stands=together, period_mm=None)
+    def in_far_field(self) -> "Lamps":
+        """The same as they are seen from far away, where all are at one place."""
+        together = tuple(pose._replace(place_mm=(0.0, 0.0, 0.0)) for pose in self.poses)
+        return self if self.is_single else replace(self, poses=together, period_mm=None)
 
     def of_kind(self, kind: LampKind) -> "Lamps":
         """The lamps that have one lens."""
-        return Lamps(tuple(self.stands[number] for number in kind.numbers))
+        return Lamps(tuple(self.poses[number] for number in kind.numbers))
 
     @property
     def shares_of_rays(self) -> tuple[float, ...]:
@@ -119,12 +119,12 @@ class Lamps:
         return all(self._is_mirrored(kind, group) for kind in self.kinds or (LampKind("", tuple(range(len(self)))),))
 
     def _is_mirrored(self, kind: LampKind, group: str) -> bool:
-        own = self.of_kind(kind).stands
-        places, axes = np.array([stand.place_mm for stand in own]), np.array([stand.axis for stand in own])
-        as_it_is = self._as_rows(places, axes, [stand.turn_deg for stand in own])
+        own = self.of_kind(kind).poses
+        places, axes = np.array([pose.place_mm for pose in own]), np.array([pose.axis for pose in own])
+        as_it_is = self._as_rows(places, axes, [pose.turn_deg for pose in own])
         for mirror in generators(group):
             axis_deg = 0.5 * degrees(atan2(mirror[1, 0], mirror[0, 0]))
-            turns = [kind.mirrored_deg(stand.turn_deg, axis_deg) for stand in own]
+            turns = [kind.mirrored_deg(pose.turn_deg, axis_deg) for pose in own]
             if not np.array_equal(self._as_rows(places @ mirror.T, axes @ mirror.T, turns), as_it_is):
                 return False
         return True
@@ -141,7 +141,7 @@ class Lamps:
 
     def _between(self) -> Float[np.ndarray, "m 3"]:
         """Ways (mm) from each lamp to every other one; in a lattice also to those around."""
-        places = np.array([stand.place_mm for stand in self.stands])
+        places = np.array([pose.place_mm for pose in self.poses])
         ways = (places[:, None] - places[None]).reshape(-1, 3)
         ways = ways[np.arange(len(ways)) % (len(places) + 1) != 0]  # not to itself
         if self.period_mm is None:
@@ -307,12 +307,12 @@ class TableLamps(LampsSection):
         places: list[Vector] = [(*place, 0.0)[:3] for place in self.places_mm]
         aims = self.aims_mm or [None] * len(places)
         turns = self.turns_deg or (0.0,) * len(places)
-        stands = []
+        poses = []
         for place, aim, turn in zip(places, aims, turns, strict=True):
             axis, side = (ALONG_Z, 0.0) if aim is None else aimed_from(place, aim)
-            stands.append(Stand(place, axis, turn + side))
+            poses.append(LampPose(place, axis, turn + side))
         flat = [place[:2] for place in places]
-        return Lamps(tuple(stands), kinds=kinds_of(flat, self.kinds, [""] * len(self.kinds)))
+        return Lamps(tuple(poses), kinds=kinds_of(flat, self.kinds, [""] * len(self.kinds)))
 
     @property
     def of_one_kind(self) -> Self:
@@ -339,7 +339,7 @@ class TableLamps(LampsSection):
 class EndlessLamps(LampsSection):
     """A lattice without an end, as of a large backlight; its receivers are planes above it of one period each.
 
-    A lamp stands on the origin. The period of a hexagonal lattice is ``pitch_mm`` wide, 1.732 times as high, and has
+    A lamp poses on the origin. The period of a hexagonal lattice is ``pitch_mm`` wide, 1.732 times as high, and has
     two lamps.
     """
 

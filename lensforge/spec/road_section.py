@@ -235,7 +235,7 @@ class RoadSection(Section):
         if self.pole_spacing_m > 12.0 * self.pole_height_m:
             raise ValueError(
                 f"pole_spacing_m = {self.pole_spacing_m:g} is above 12 pole heights, {12.0 * self.pole_height_m:g} m: "
-                "no table of a surface has light from so far; put the poles closer, or make them higher"
+                "the r-tables of road surfaces end there; put the poles closer, or make them higher"
             )
         least_m = _LEAST_SPACING * self.pole_height_m
         if self.pole_spacing_m < least_m:

@@ -37,7 +37,7 @@ def by_fate(rays: RayBundle) -> np.ndarray:
 @pytest.fixture(autouse=True)
 def half_transparent(monkeypatch: pytest.MonkeyPatch) -> None:
     def traced(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps) -> RaysOnSphere:
-        assert lens is LENS and sphere_mm == 7.0 and lamps.alone
+        assert lens is LENS and sphere_mm == 7.0 and lamps.is_single
         return RaysOnSphere(behind(rays), by_fate(rays))
 
     monkeypatch.setattr(exit_light, "exit_rays", traced)

@@ -11,7 +11,7 @@ from scenes import NO_TOLERANCES, small_spec, sphere, tolerance_changes
 from lensforge.errors import InputError
 from lensforge.light.lens_light import evaluate
 from lensforge.made.board_light import BoardLight, in_plate
-from lensforge.made.part_study import PartStudy, Recipe, require_bearable
+from lensforge.made.part_study import PartStudy, Recipe, require_feasible_tolerances
 from lensforge.made.sensitivity import measure_sensitivity
 from lensforge.made.yield_facts import pass_sentence
 from lensforge.made.yield_study import contributions, measure_yield
@@ -190,6 +190,6 @@ def test_yield_and_sensitivity_of_a_board() -> None:
 def test_a_tilted_or_shrunk_plate_is_refused_where_its_last_lens_would_meet_the_led() -> None:
     lens = study_of({"shrinkage": 0.09}, {**GRID, "pitch_mm": 40.0}, plate=PLATE).recipe.lens
     with pytest.raises(InputError, match=r"tolerances.shrinkage = 0.09: parts at its end move by 4.0\d mm"):
-        require_bearable(lens, PartStudy(Recipe(lens, 2, N, 0, N)).factors)
+        require_feasible_tolerances(lens, PartStudy(Recipe(lens, 2, N, 0, N)).factors)
     alone = lens_with({"shrinkage": 0.09})
-    require_bearable(alone, PartStudy(Recipe(alone, 2, N, 0, N)).factors)
+    require_feasible_tolerances(alone, PartStudy(Recipe(alone, 2, N, 0, N)).factors)

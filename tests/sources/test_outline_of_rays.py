@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lensforge.sources import ray_bundle
-from lensforge.sources.ray_bundle import RayBundle, UnreadRays
+from lensforge.sources.ray_bundle import LazyRays, RayBundle
 from lensforge.sources.ray_set import _around, _crossings, _value_at, outline_of
 from lensforge.sources.source_pose import SourcePose, rotation_about
 
@@ -62,7 +62,7 @@ def test_the_outline_is_around_the_nearest_of_the_crossings(
     monkeypatch.setattr(ray_bundle, "BLOCK_RAYS", 100)
     found = rays(900, down=down)
     assert (found.directions[:, 2] > 0.0).any() == forward
-    agrees(outline_of(UnreadRays([found]) if unread else found, None), by_loop(found, forward)[0])
+    agrees(outline_of(LazyRays([found]) if unread else found, None), by_loop(found, forward)[0])
 
 
 def test_the_outline_of_a_posed_source_is_that_of_the_source_posed() -> None:
@@ -102,10 +102,10 @@ def test_one_ray_of_many_that_has_the_light_of_many_is_in_the_outline() -> None:
     found.origins[:, :2] = np.random.default_rng(5).uniform(-1.0, 1.0, (count, 2))
     found.flux[:] = 1.0
     found.origins[70_003, :2], found.flux[70_003] = (-3.0, 10.0), 0.064 * count
-    outline = outline_of(UnreadRays([found]), None)
+    outline = outline_of(LazyRays([found]), None)
     assert [-3.0, 10.0, 0.0] in outline.tolist()
     found.flux[70_003] = 0.05 * count  # 4.8 %: left out, and all others are within
-    np.testing.assert_allclose(outline_of(UnreadRays([found]), None), outline_of(found, None), rtol=0.0, atol=0.0)
+    np.testing.assert_allclose(outline_of(LazyRays([found]), None), outline_of(found, None), rtol=0.0, atol=0.0)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.95])

@@ -9,8 +9,8 @@ from lensforge.search.problem import ValidationRays
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
 from lensforge.sources.ray_bundle import (
+    LazyRays,
     RayBundle,
-    UnreadRays,
     blocks_of,
     changed,
     chosen,
@@ -41,7 +41,7 @@ RAYS = bundle()
 @pytest.mark.parametrize("in_memory", [True, False])
 def test_a_sample_has_each_ray_as_often_as_the_count_goes_round(count: int, in_memory: bool) -> None:
     """The rest is drawn without replacement; the parts of a ray share its flux."""
-    rays = RAYS if in_memory else UnreadRays([RAYS])
+    rays = RAYS if in_memory else LazyRays([RAYS])
     emitter, times = RaySetEmitter(rays, 5.0), [count // COUNT] * COUNT
     for number in np.random.default_rng(9).choice(COUNT, count % COUNT, replace=False):
         times[number] += 1
@@ -110,7 +110,7 @@ def test_sums_over_rays() -> None:
 
 def test_rays_that_are_not_in_memory_are_those_that_are() -> None:
     """Changed, chosen, joined and scaled, taken by a slice or by numbers in any order."""
-    unread, double, numbers = UnreadRays([RAYS]), bundle(3), np.array([5, 0, 6, 2])
+    unread, double, numbers = LazyRays([RAYS]), bundle(3), np.array([5, 0, 6, 2])
 
     def twice(rays: RayBundle) -> RayBundle:
         return RayBundle(rays.origins, rays.directions, 2.0 * rays.flux)
@@ -121,7 +121,7 @@ def test_rays_that_are_not_in_memory_are_those_that_are() -> None:
         (joined([unread, double, unread]), joined([RAYS, double, RAYS])),
         (with_flux(unread, 3.0), with_flux(RAYS, 3.0)),
     ):
-        assert isinstance(left, UnreadRays) and isinstance(loaded, RayBundle) and len(left) == len(loaded)
+        assert isinstance(left, LazyRays) and isinstance(loaded, RayBundle) and len(left) == len(loaded)
         for rows in (slice(0, len(loaded)), slice(1, 4), np.array([3, 0, 2, 2])):
             np.testing.assert_array_equal(left.take(rows).origins, loaded.take(rows).origins)
             np.testing.assert_array_equal(left.take(rows).flux, loaded.take(rows).flux)
@@ -160,7 +160,7 @@ def test_each_ray_is_turned_by_a_normal_number_for_each_coordinate(posed: bool) 
 @pytest.mark.parametrize(("count", "sigma"), [(13_000, 0.15), (30_000, 0.1), (120_000, 0.05)])
 def test_rays_are_turned_by_an_angle_within_which_600_of_them_are(count: int, sigma: float) -> None:
     """600 / n = 2 sigma^2 for n rays over a hemisphere, at most 0.15 rad."""
-    few = RaySetEmitter(UnreadRays([RAYS], np.zeros(count, dtype=int)), 1.0)
+    few = RaySetEmitter(LazyRays([RAYS], np.zeros(count, dtype=int)), 1.0)
     turned = smoothed(few)
     assert turned.sigma_rad == pytest.approx(sigma) and turned.ray_count is None
     assert turned.flux_w == 1.0 and turned.symmetry == "none"

@@ -31,11 +31,11 @@ def test_lamps_on_poles_have_heights_and_aims() -> None:
     poles = lamps_of(
         {"kind": "table", "places_mm": [[0, 0, 5], [30, 0]], "aims_mm": [[0, -4, 8], [30, 0, 9]], "turns_deg": [5, 6]}
     )
-    assert poles.places_mm == ((0.0, 0.0), (30.0, 0.0)) and [each.place_mm[2] for each in poles.stands] == [5.0, 0.0]
+    assert poles.places_mm == ((0.0, 0.0), (30.0, 0.0)) and [each.place_mm[2] for each in poles.poses] == [5.0, 0.0]
     assert poles.posed and poles.turns_deg == (5.0 - 90.0, 6.0)
-    np.testing.assert_allclose([each.axis for each in poles.stands], [(0.0, -0.8, 0.6), (0.0, 0.0, 1.0)], atol=1e-15)
+    np.testing.assert_allclose([each.axis for each in poles.poses], [(0.0, -0.8, 0.6), (0.0, 0.0, 1.0)], atol=1e-15)
     assert poles.nearest_mm() == pytest.approx(925.0**0.5) and poles.reach_mm == 30.0
-    assert poles.from_afar.stands == tuple(each._replace(place_mm=(0.0, 0.0, 0.0)) for each in poles.stands)
+    assert poles.in_far_field.poses == tuple(each._replace(place_mm=(0.0, 0.0, 0.0)) for each in poles.poses)
     assert not lamps_of({"kind": "table", "places_mm": [[0, 0], [19, 0, 0]], "aims_mm": [[0, 0, 8], [19, 0, 1]]}).posed
 
 
@@ -49,7 +49,10 @@ def test_lamps_stand_about_the_origin() -> None:
     ring = lamps_of(RING)
     np.testing.assert_allclose(ring.places_mm, [(30.0, 0.0), (0.0, 30.0), (-30.0, 0.0), (0.0, -30.0)], atol=1e-12)
     assert ring.turns_deg == (0.0, 90.0, 180.0, 270.0) and lamps_of({**RING, "turned": False}).turns_deg == (0.0,) * 4
-    assert small_spec().all_lamps.alone and lamps_of({"kind": "grid", "columns": 1, "rows": 1, "pitch_mm": 9.0}).alone
+    assert (
+        small_spec().all_lamps.is_single
+        and lamps_of({"kind": "grid", "columns": 1, "rows": 1, "pitch_mm": 9.0}).is_single
+    )
     period = small_spec(lamps={"kind": "endless", "pitch_mm": 200.0}).all_lamps
     assert period.period_mm == (200.0, 200.0) and len(period) == 1 and period.nearest_mm() == 200.0
 
@@ -126,7 +129,7 @@ def test_a_written_spec_has_its_lamps() -> None:
     spec = small_spec(lamps=GRID, base={"kind": "none"})
     assert spec.lamps is not None and spec.replace({"lamps.rows": 3}).all_lamps.places_mm[0] == (-20.0, -30.0)
     assert isinstance(parse_spec(spec.model_dump(mode="json", exclude_unset=True), "again"), Spec)
-    assert spec.of_one_lamp.all_lamps.alone and "lamps" not in spec.of_one_lamp.to_toml()
+    assert spec.of_one_lamp.all_lamps.is_single and "lamps" not in spec.of_one_lamp.to_toml()
 
 
 BY_PLACE = {"kind": "grid", "columns": 6, "rows": 6, "pitch_mm": 20.0, "kinds": "place"}
