@@ -90,9 +90,9 @@ def limit_facts(light: Light, possible: LimitBounds | None = None, end: str = ""
     for limit in light.limits:
         on = f", on {limit.place}" if len(light.receivers) > 1 else ""
         quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
-        told = replace(limit, label=f"{limit.label}{end}", note=f"{quantity}{on}")
+        fact = replace(limit, label=f"{limit.label}{end}", note=f"{quantity}{on}")
         most = (possible or {}).get((limit.label, limit.bound))
-        yield told if most is None else replace(told, possible=most.value, possible_note=most.law)
+        yield fact if most is None else replace(fact, possible=most.value, possible_note=most.law)
 
 
 def metric_facts(metrics: LightMetrics, note: str = "") -> tuple[Fact, ...]:
@@ -164,9 +164,9 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
 def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
     """Error of the pattern; ``judged``: with its limit, where there is one."""
     possible = receiver.possible
-    told = judged or Fact.measured("nmse", METRICS["nmse"], receiver.nmse)
+    fact = judged or Fact.measured("nmse", METRICS["nmse"], receiver.nmse)
     return replace(
-        told,
+        fact,
         note=f"mean square deviation over the target’s mean square{_by_pixels(receiver)}",
         possible=possible.nmse if possible.nmse > 0.0 else None,
         possible_note=f"{_estimate(receiver)}étendue of each pixel, for the light that arrives",
@@ -177,9 +177,9 @@ def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
 def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
     """Light in the target; ``judged``: with its limit, where there is one."""
     possible = receiver.possible
-    told = judged or Fact.measured("share_in_target", METRICS["share_in_target"], receiver.share_in_target, sense=">=")
+    fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], receiver.share_in_target, sense=">=")
     return replace(
-        told,
+        fact,
         note="share of the LED’s flux that lands where the target is bright",
         possible=possible.share_in_target,
         possible_note=f"{_estimate(receiver)}{possible.law}",

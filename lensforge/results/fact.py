@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
-from pydantic import GetCoreSchemaHandler, ValidationError
+from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.results.numerals import NOTHING, anything, limit_text, quantity
@@ -219,31 +219,21 @@ class StoredAs:
         """The fact of ``content``. Raises :class:`ValueError` for one missing or unknown, or that does not follow."""
         if not isinstance(content, Mapping):
             return validated(content)
-        unknown = [f"{str(name)[:60]}: no such entry" for name in content if name not in self.names]
-        missing = [f"{name}: missing" for name, field in self.names.items() if field in _NEEDED and name not in content]
-        if unknown or missing:
-            raise ValueError((unknown + missing)[0])
-        entries = {field: content[name] for name, field in self.names.items() if name in content}
-        if "metric" in entries:
-            entries |= _numbers_of(entries["metric"])
-        if isinstance(entries["value"], str):
+        odd = [f"{str(name)[:60]}: no such entry" for name in content if name not in self.names]
+        odd += [f"{name}: missing" for name, field in self.names.items() if field in _NEEDED and name not in content]
+        if odd:
+            raise ValueError(odd[0])
+        entries = {"key": "", "label": "", **{self.names[name]: entry for name, entry in content.items()}}
+        if isinstance(metric := entries.get("metric"), Mapping):
+            entries |= {name: metric.get(name) for name in ("value", "standard_error")}
+        if isinstance(entries.get("value"), str):
             raise ValueError("value: must be a number")
-        own = {"key": "", "label": "", **{field: entry for field, entry in entries.items() if field in _FIELDS}}
-        fact = self.completed(validated(own))
+        fact = self.completed(validated({field: entry for field, entry in entries.items() if field in _FIELDS}))
         follows = self.plain(fact)
         for name, stated in content.items():
             if self.names[name] not in _FIELDS and not agree(stated, follows[name]):
                 raise ValueError(f"{name}: not as it follows from the other entries")
         return fact
-
-
-def _numbers_of(metric: object) -> dict[str, object]:
-    """Value and standard error of a metric as JSON has it."""
-    try:
-        read = Metric.model_validate(metric)
-    except ValidationError:
-        raise ValueError("value: must be an object with value, unit and standard_error") from None
-    return {"value": read.value, "standard_error": read.standard_error}
 
 
 @dataclass(frozen=True)

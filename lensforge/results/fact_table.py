@@ -43,18 +43,18 @@ class Row:
             return None
         key, label, note = (_TEXTS.vformat(text, [record], words) for text in (self.key, self.label, self.note))
         if self.unit == "%":
-            told = Fact.share(key, label, value, note)
+            fact = Fact.share(key, label, value, note)
         elif isinstance(value, Metric):
-            told = Fact.measured(key, label, value, note)
+            fact = Fact.measured(key, label, value, note)
         else:
             unit = unit_of(self.source.split(".")) if self.unit is None else self.unit
-            told = Fact(key, label, value if self.factor == 1.0 else self.factor * value, unit, note=note)
-        told = replace(told, digits=self.digits)
+            fact = Fact(key, label, value if self.factor == 1.0 else self.factor * value, unit, note=note)
+        fact = replace(fact, digits=self.digits)
         if self.like:
-            return told.judged_as(named(judged, self.like))
+            return fact.judged_as(named(judged, self.like))
         limit = _at(spec, self.limit.format_map(words)) if self.limit else None
         asked = limit is not None or not self.limit
-        return replace(told, sense=self.sense, limit=limit, state=state_of(judged, self.by) if asked else "")
+        return replace(fact, sense=self.sense, limit=limit, state=state_of(judged, self.by) if asked else "")
 
 
 def facts_of(

@@ -339,7 +339,7 @@ def test_the_largest_spacing_is_where_a_class_ceases_to_be_held(fields, tmp_path
     monkeypatch.setattr(road_judgement, "held_spacing", lambda *given: asked.append(given) or found)
     done = lensforge("road", path, "--road", roads, "--street-c", "270", "--json", "--spacing")
     (fact,) = (each for each in json.loads(done.stdout)["facts"][0]["facts"] if each["key"] == "largest_spacing")
-    assert fact["value"] == pytest.approx(found.largest, abs=0.05) and found.beyond.name in fact["note"]
+    assert fact["value"] == pytest.approx(found.largest, abs=0.05) and found.beyond.label in fact["note"]
     assert [each[0] for each in asked] == [road]
 
 

@@ -202,7 +202,7 @@ def test_each_figure_of_a_cast_is_judged_by_its_own_limit(prefix, beyond):
             **{**common, "rays": 4096, "against_design": seen.model_copy(update={"fates": 8})}, against_mesh=seen
         )
         assert brep_criteria(more, 2000.0)[-1].holds and brep_criteria(more, 2000.0)[-1].limit == 8.0
-    assert f"{prefix}deviation_rms" in {each.name for each in found} and len(found) == (3 if prefix == "brep_" else 4)
+    assert f"{prefix}deviation_rms" in {each.key for each in found} and len(found) == (3 if prefix == "brep_" else 4)
 
 
 def test_the_flux_budget_of_a_few_rays_by_hand():

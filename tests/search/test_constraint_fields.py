@@ -144,7 +144,7 @@ def test_each_limit_may_be_missed_by_its_tolerance(excess: float, passed: bool) 
     margins = Margins.of({each: -excess * each.tolerance for each in limits})
     criteria = constraint_criteria(spec, margins)
     assert [each.holds for each in criteria] == [passed] * 9
-    assert [each.name for each in criteria] == [each.name for each in limits]
+    assert [each.key for each in criteria] == [each.name for each in limits]
     assert {each.name for each in limits} >= {"inner curvature margin", "outer draft margin", "height margin"}
     unknown = Margins(cavity_clearance_mm=0.0, wall_margin_mm=0.0, radius_margin_mm=0.0)
     assert [each.holds for each in constraint_criteria(spec, unknown)] == [True] * 3 + [False] * 6

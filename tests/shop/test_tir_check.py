@@ -106,7 +106,7 @@ def test_edges_sharper_than_asked_miss_their_criterion() -> None:
     assert [each.value for each in own.values()] == [edge.angle_deg for edge in found.edges]
     assert [each.holds for each in own.values()] == [True, False], "the cavity's is nearly flat"
     facts = next(group for group in check_facts(found, lens.spec) if group.key == "edges").facts
-    assert [(fact.limit.value, fact.state) for fact in facts] == [(150.0, "pass"), (150.0, "fail")]
+    assert [(fact.limit, fact.state) for fact in facts] == [(150.0, "pass"), (150.0, "fail")]
     blunt = lens.spec.replace(constraints={"min_edge_angle_deg": 10.0})
     assert [each.holds for each in edge_criteria(blunt, found.edges)] == [True, True]
 
