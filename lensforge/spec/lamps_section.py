@@ -339,7 +339,7 @@ class TableLamps(LampsSection):
 class EndlessLamps(LampsSection):
     """A lattice without an end, as of a large backlight; its receivers are planes above it of one period each.
 
-    A lamp poses on the origin. The period of a hexagonal lattice is ``pitch_mm`` wide, 1.732 times as high, and has
+    A lamp stands on the origin. The period of a hexagonal lattice is ``pitch_mm`` wide, 1.732 times as high, and has
     two lamps.
     """
 
