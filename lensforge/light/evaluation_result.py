@@ -34,10 +34,10 @@ def _completed(limit: Fact) -> Fact:
     """The limit with its state: undecided within two standard errors of its bound, and without a standard error."""
     if limit.limit is None or limit.value is None:
         raise ValueError("value and bound: must be numbers")
-    return replace(limit, key="limit").judged(limit.standard_error)
+    return replace(limit, label=limit.key).judged(limit.standard_error)
 
 
-_NAMES = {"name": "label", "receiver": "place", "quantity": "note", "value": "metric", "sense": "sense"}
+_NAMES = {"name": "key", "receiver": "place", "quantity": "note", "value": "metric", "sense": "sense"}
 _STORED = StoredAs(_NAMES | {"bound": "limit", "unit": "unit", "state": "outcome"}, _completed)
 JudgedLimits = tuple[Annotated[Fact, _STORED], ...]
 

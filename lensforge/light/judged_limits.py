@@ -55,7 +55,7 @@ def judged(limit: LightLimit | Ask, receiver: str, value: Metric) -> Fact:
     ``value``: of the place that decides, that with the least light or the most.
     """
     asked, quantity = {"sense": limit.sense, "limit": float(limit.bound)}, _QUANTITIES[limit.quantity]
-    return replace(Fact.measured("limit", limit.name, value, quantity, place=receiver, **asked), unit=limit.unit)
+    return replace(Fact.measured(limit.name, limit.name, value, quantity, place=receiver, **asked), unit=limit.unit)
 
 
 def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -> Iterator[Fact]:
@@ -66,14 +66,10 @@ def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -
     for receiver in lit:
         for words, bound in bounds.items():
             if bound is not None:
-                yield Fact.measured(
-                    "limit",
-                    f"Δu′v′ {words} {BEAMS[section.within]}",
-                    _NO_COLOUR if receiver.colour is None else getattr(receiver.colour, words),
-                    "distance from the mean colour",
-                    limit=bound,
-                    place=receiver.name,
-                )
+                name = f"Δu′v′ {words} {BEAMS[section.within]}"
+                value = _NO_COLOUR if receiver.colour is None else getattr(receiver.colour, words)
+                quantity = "distance from the mean colour"
+                yield Fact.measured(name, name, value, quantity, limit=bound, place=receiver.name)
 
 
 BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak"}

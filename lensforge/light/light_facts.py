@@ -90,7 +90,7 @@ def limit_facts(light: Light, possible: LimitBounds | None = None, end: str = ""
     for limit in light.limits:
         on = f", on {limit.place}" if len(light.receivers) > 1 else ""
         quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
-        fact = replace(limit, label=f"{limit.label}{end}", note=f"{quantity}{on}")
+        fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")
         most = (possible or {}).get((limit.label, limit.bound))
         yield fact if most is None else replace(fact, possible=most.value, possible_note=most.law)
 

@@ -68,7 +68,7 @@ def test_a_limit_is_decided_beyond_two_standard_errors(
     value: float, error: float | None, state: str, sense: str
 ) -> None:
     signed = value if sense == ">=" else 2.0 - value
-    found = Fact("limit", "a", signed, "cd", error, sense, 1.0, note="light", place="sky").judged(error)
+    found = Fact("a", "a", signed, "cd", error, sense, 1.0, note="light", place="sky").judged(error)
     assert found.outcome == state
     records = TypeAdapter(JudgedLimits)
     (stored,) = records.dump_python((found,))

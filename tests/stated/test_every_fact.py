@@ -23,6 +23,7 @@ import record_export
 import record_verify
 from crooked import NAMES, Case, Expected, Place
 
+import lensforge as lf
 from lensforge.results.fact import Fact
 
 MODULES = (
@@ -69,6 +70,12 @@ def test_every_fact(case: Callable[[str], Case], name: str) -> None:
             f"{key} ({place.title}, {fact.label}): {words}" for words in differences(fact, ORACLES[key](own, place))
         ]
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_folder_is_read_back_with_every_judgement_made_again(case: Callable[[str], Case], name: str) -> None:
+    own = case(name)
+    assert lf.load(own.folder).found == {stage: result for stage, result in own.results.items() if stage != "warm"}
 
 
 def differences(fact: Fact, expected: Expected) -> Iterator[str]:
