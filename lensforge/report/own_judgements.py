@@ -5,6 +5,7 @@ states and from the lens, so that neither a value nor a limit nor a state can be
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from itertools import zip_longest
 from math import nan
 from pathlib import Path
@@ -33,15 +34,32 @@ from lensforge.made.measurement_result import (
 )
 from lensforge.proof.acceptance import proof_criteria, stray_criteria
 from lensforge.proof.proof_result import Proof, StrayLight
-from lensforge.results import Fact, StageResult
+from lensforge.results import Fact, Sense, StageResult
 from lensforge.results.criteria import named
 from lensforge.results.record import agree
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, constraint_criteria
 from lensforge.shop.check_result import Check
 from lensforge.shop.findings import check_findings, edge_criteria, plate_findings, wall_criteria
+from lensforge.spec import Spec
 
 Judge = Callable[[Any, Lens], Iterable[Fact]]
+
+
+def _bounds(spec: Spec) -> Iterator[tuple[str, Sense, float]]:
+    """Name, sense and bound of each limit of the spec, in the order in which light is judged; roads left out."""
+    for number, limit in enumerate(spec.limits):
+        for least, most in map(limit.bounds, limit.quantities()):
+            bounds: dict[Sense, float | None] = {">=": least, "<=": most}
+            name = limit.name or f"limits.{number}"
+            yield from ((name, sense, bound) for sense, bound in bounds.items() if bound is not None)
+
+
+def _limits(light: Light, lens: Lens) -> Iterator[Fact]:
+    """Limits of the spec with the bounds that it states; those of roads and colours are taken as stated."""
+    for stated, asked in zip_longest(light.limits, _bounds(lens.spec) if light.limits else ()):
+        name, sense, bound = asked or (stated.key, stated.sense, stated.limit)
+        yield replace(stated or Fact(name, name, None), key=name, sense=sense, limit=bound)
 
 
 def _of_part(part: Part, lens: Lens) -> Iterator[Fact]:
@@ -88,7 +106,7 @@ def _findings(check: Check, lens: Lens) -> Iterator[Fact]:
 # By the field of a record that holds them.
 _AGAIN: dict[type[StageResult], dict[str, Judge]] = {
     Design: {"criteria": lambda design, lens: constraint_criteria(lens.spec, design.constraints)},
-    Light: {"criteria": lambda light, _: light_criteria(light.first.flux)},
+    Light: {"criteria": lambda light, _: light_criteria(light.first.flux), "limits": _limits},
     Part: {"criteria": _of_part},
     Check: {
         "criteria": lambda check, lens: wall_criteria(lens.spec, check.walls) + edge_criteria(lens.spec, check.edges),

@@ -1,19 +1,22 @@
 """The verdict from the records of the stages: each bound from both sides, and what counts for an exit."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from result_folders import PIXELS, criterion, make_results
+from result_folders import PIXELS, criterion, make_folder, make_results
 from result_folders import finding as any_finding
 from shown_folders import SKY, WALL, lens_of
 
 from lensforge.cli.conclusion import _limit_rows
-from lensforge.errors import CriterionMissed
+from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.light_facts import light_facts
 from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
 from lensforge.report.results import Results
+from lensforge.report.stored import load_results
 from lensforge.results import Fact, Metric
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens
@@ -34,7 +37,7 @@ def lit(nmse: Metric | None = None, share: Metric | None = None, target: np.ndar
 
 def limit_of(name: str, value: float) -> Fact:
     """A limit of the spec that asks for 1 W/m² at least, judged."""
-    return Fact("limit", name, value, "W/m²", 0.1, ">=", 1.0, note="light", place="light").judged(0.1)
+    return Fact(name, name, value, "W/m²", 0.1, ">=", 1.0, note="light", place="light").judged(0.1)
 
 
 def with_manufacture(**fields: object) -> Lens:
@@ -90,6 +93,21 @@ def test_limits_decide_alone_where_a_spec_has_them() -> None:
         verdict = make_results(lens=lens, evaluate={"nmse": metric(0.9), "limits": (limit,)}).verdict
         assert verdict.light == state
         assert all("axis = " in reason and "≥ 1 W/m²".replace(" ", " ") in reason for reason in verdict.reasons.light)
+
+
+@pytest.mark.parametrize("forged", [{"limit": 0.5}, {"sense": "<="}, {"key": "other", "label": "other"}, None])
+def test_a_limit_that_the_spec_does_not_state_is_refused(tmp_path: Path, forged: dict[str, Any] | None) -> None:
+    """Also one that is left out: it would be held."""
+    axis = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}
+    lens = lens_of(limits=[axis, {**axis, "name": "beside", "at_most": 3.0}])
+    limits = (limit_of("axis", 0.7), limit_of("beside", 1.5), replace(limit_of("beside", 1.5), sense="<=", limit=3.0))
+    light = make_results(("evaluate",), lens, evaluate={"limits": limits}).light
+    folder = make_folder(tmp_path, ("evaluate",), lens, evaluate={"limits": limits})
+    assert load_results(folder).light == light and load_results(folder).verdict.light == "fail"
+    others = limits[1:] if forged is None else (replace(limits[0], **forged).judged(0.1), *limits[1:])
+    light.model_copy(update={"limits": others}).write(folder)
+    with pytest.raises(InputError, match=r"evaluate\.json: limits: \w+: not as it follows"):
+        load_results(folder)
 
 
 def test_a_picture_with_much_light_in_its_dark_parts_is_judged_by_its_bright_ones() -> None:
