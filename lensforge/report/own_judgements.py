@@ -104,7 +104,7 @@ def _findings(check: Check, lens: Lens) -> Iterator[Fact]:
 
 
 # By the field of a record that holds them.
-_AGAIN: dict[type[StageResult], dict[str, Judge]] = {
+JUDGES: dict[type[StageResult], dict[str, Judge]] = {
     Design: {"criteria": lambda design, lens: constraint_criteria(lens.spec, design.constraints)},
     Light: {"criteria": lambda light, _: light_criteria(light.first.flux), "limits": _limits},
     Part: {"criteria": _of_part},
@@ -123,7 +123,7 @@ _AGAIN: dict[type[StageResult], dict[str, Judge]] = {
 
 def judged_again(result: StageResult, lens: Lens) -> Mapping[str, tuple[Fact, ...]]:
     """The judgements of ``result`` on ``lens`` as its figures make them, by the field that holds them."""
-    return {field: tuple(judge(result, lens)) for field, judge in _AGAIN.get(type(result), {}).items()}
+    return {field: tuple(judge(result, lens)) for field, judge in JUDGES.get(type(result), {}).items()}
 
 
 def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:

@@ -17,9 +17,10 @@ from nightly import first_by_day
 
 import lensforge as lf
 from lensforge.optics.media import DOUBLE
+from lensforge.report import own_judgements
 from lensforge.report.folder import RunFolder
 from lensforge.report.pipeline import write_report
-from lensforge.report.results import own_stems
+from lensforge.report.results import EXTRAS, STAGES, own_stems
 from lensforge.report.stored import load_results
 from lensforge.results.stage_result import with_checksum
 
@@ -134,6 +135,12 @@ def test_every_criterion_is_judged_by_its_own_value_and_limit(whole_run: lf.Run)
             assert criterion.value == at(record_in(whole_run.folder, stem), way_of(source)), criterion
         within = criterion.value <= bound if sense == "<=" else criterion.value >= bound
         assert criterion.holds is within, criterion
+
+
+def test_every_list_of_judgements_is_made_again() -> None:
+    for kind in (*STAGES, *EXTRAS):
+        kept = {"criteria", "verdicts", "limits"} & set(kind.model_fields)
+        assert kept == set(own_judgements.JUDGES.get(kind, {})), kind
 
 
 @pytest.mark.parametrize("stem", first_by_day(5, RECORDS))
