@@ -2,6 +2,7 @@
 
 - ``record.Record``: a result: frozen, checked, written as JSON and npz
 - ``stage_result.StageResult``: the result of a stage
+- ``registered_kinds.OfSeveralKinds``: the base of records and sections of several kinds
 - ``record.Metric``: a value with its standard error
 - ``fact.Fact``: the one judged value: limit, state, label, note and remedy; page, screen and JSON show it
 - ``numerals.quantity``: the one formatter of numbers
