@@ -113,7 +113,7 @@ def _module_words(module: str) -> dict[str, dict[str, str]]:
     """Texts that stand directly below a field, by class and field; none of classes typed into a console."""
     try:
         tree = ast.parse(inspect.getsource(sys.modules[module]))
-    except (OSError, TypeError):
+    except (OSError, TypeError, KeyError):
         return {}
     classes = (node for node in tree.body if isinstance(node, ast.ClassDef))
     return {each.name: dict(_below_fields(each.body)) for each in classes}
