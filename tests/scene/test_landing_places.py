@@ -12,7 +12,7 @@ from lensforge.kernels.landing import LEAST_RISE
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, gaussian3, splat_flux
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
-from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane, chart_radius, receivers_of
+from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver, chart_radius, receivers_of
 
 AWRY, CENTRE = (0.3, -0.5, 0.8), (4.0, -7.0, 9.0)
 POSE = ReceiverPose.facing(AWRY, CENTRE, 33.0)
@@ -58,7 +58,7 @@ def by_hand(receiver: PosedReceiver, x: float, y: float) -> np.ndarray:
     if isinstance(receiver, Cylinder):
         arc = x / receiver.radius_mm
         return np.array(CENTRE) + receiver.radius_mm * (math.sin(arc) * along_x + math.cos(arc) * along_z) + y * along_y
-    radius = receiver.radius_mm if isinstance(receiver, Dome) else 1.0
+    radius = receiver.radius_mm if isinstance(receiver, SphericalReceiver) else 1.0
     polar, azimuth = 2.0 * math.asin(math.hypot(x, y) / (2.0 * radius)), math.atan2(y, x)
     across = math.cos(azimuth) * along_x + math.sin(azimuth) * along_y
     unit = math.cos(polar) * along_z + math.sin(polar) * across
@@ -68,7 +68,7 @@ def by_hand(receiver: PosedReceiver, x: float, y: float) -> np.ndarray:
 EVERY = {
     "plane": Plane(POSE, GRID),
     "cylinder": Cylinder(POSE, GRID, radius_mm=50.0),
-    "sphere": Dome(POSE, GRID, radius_mm=50.0),
+    "sphere": SphericalReceiver(POSE, GRID, radius_mm=50.0),
     "far field": FarField(ReceiverPose.facing(AWRY, (0.0, 0.0, 0.0), 33.0), PixelGrid(1.8, 0.8, 6, 4)),
 }
 each_receiver = pytest.mark.parametrize("receiver", EVERY.values(), ids=list(EVERY))
@@ -104,7 +104,7 @@ def unit(x: float, y: float, z: float) -> np.ndarray:
 
 
 def test_a_sphere_is_reached_from_inside_and_from_outside_ahead_but_not_at_its_pole() -> None:
-    dome = Dome(UPRIGHT, GRID, radius_mm=10.0)
+    dome = SphericalReceiver(UPRIGHT, GRID, radius_mm=10.0)
     points = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 30.0], [0.0, 0.0, -30.0], [2.0, 0.0, 9.0], [0.0, 3.0, 0.0]]
     ways = [unit(0.0, 0.0, -1.0), unit(0.0, 1e-3, -1.0), unit(0.0, 0.0, 1.0), unit(0.0, 0.0, 1.0), unit(-1.0, 0.0, 0.0),
             unit(0.0, 0.0, 1.0)]  # fmt: skip
@@ -199,7 +199,7 @@ SECTIONS = {
 }  # fmt: skip
 
 
-KINDS = {"plane": Plane, "cylinder": Cylinder, "sphere": Dome, "far_field": FarField}
+KINDS = {"plane": Plane, "cylinder": Cylinder, "sphere": SphericalReceiver, "far_field": FarField}
 
 
 @pytest.mark.parametrize("kind", list(SECTIONS))

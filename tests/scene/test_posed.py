@@ -12,7 +12,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
-from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane
+from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver
 
 GRID = PixelGrid(200.0, 120.0, 20, 12)
 UNIT = PixelGrid(2.0, 2.0, 16, 16)
@@ -24,7 +24,7 @@ RECEIVERS = {
     "far field": FarField(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), UNIT),
     "tilted far field": FarField(ReceiverPose.facing(AWRY, (0.0, 0.0, 0.0), -20.0), UNIT),
     "cylinder": Cylinder(ReceiverPose.facing(AWRY, (5.0, 7.0, -9.0), 15.0), GRID, radius_mm=130.0),
-    "sphere": Dome(ReceiverPose.facing(AWRY, (5.0, 7.0, -9.0), 15.0), GRID, radius_mm=130.0),
+    "sphere": SphericalReceiver(ReceiverPose.facing(AWRY, (5.0, 7.0, -9.0), 15.0), GRID, radius_mm=130.0),
 }
 each_receiver = pytest.mark.parametrize("receiver", RECEIVERS.values(), ids=list(RECEIVERS))
 

@@ -21,7 +21,7 @@ from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
-from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane, receivers_of
+from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver, receivers_of
 from lensforge.scene.target_pattern import drawn_target
 from lensforge.search.scene_check import starting_surfaces
 from lensforge.sources.build_source import SquareEmitter, build_source
@@ -153,7 +153,7 @@ AHEAD = ReceiverPose.facing((0.0, 0.6, 0.8), (10.0, 30.0, 50.0))
 RECEIVERS = {
     "plane": Plane(AHEAD, GRID),
     "cylinder": Cylinder(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 5.0)), GRID, radius_mm=60.0),
-    "sphere": Dome(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 4.0, 5.0)), GRID, radius_mm=60.0),
+    "sphere": SphericalReceiver(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 4.0, 5.0)), GRID, radius_mm=60.0),
     "far field": FarField(ReceiverPose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 0.8, 6, 4)),
 }
 each_receiver = pytest.mark.parametrize("receiver", RECEIVERS.values(), ids=list(RECEIVERS))

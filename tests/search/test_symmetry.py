@@ -8,7 +8,7 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
-from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane
+from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver
 from lensforge.search.parameters import chart_mirrors, mirrored_light, settled_symmetry
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.planar_emitter import planar_emitter
@@ -34,7 +34,7 @@ RECEIVERS = {
     "ahead, turned": Plane(pose(90.0, (0.0, 20.0, 40.0), (0.0, 0.5, 1.0)), OBLONG),
     "far field": FarField(pose(90.0, (0.0, 0.0, 0.0)), PixelGrid(1.2, 1.2, 6, 6)),
     "cylinder": Cylinder(pose(0.0, (0.0, 0.0, 0.0)), SQUARE, radius_mm=50.0),
-    "sphere": Dome(pose(0.0, (0.0, 0.0, 0.0)), SQUARE, radius_mm=50.0),
+    "sphere": SphericalReceiver(pose(0.0, (0.0, 0.0, 0.0)), SQUARE, radius_mm=50.0),
 }
 
 
