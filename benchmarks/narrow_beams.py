@@ -43,7 +43,8 @@ def main() -> None:
     print("spec     half angle  radius   for a point   designed              height  search")
     for name, half_angle_deg, radius_mm in CASES:
         spec = lf.load_spec(EXAMPLES / f"{name}.toml").replace({"constraints.max_radius_mm": radius_mm})
-        point = TracedLens.of_body(Body.of(start_faces(spec)), spec.lens.media, spec.lens.events, nodes)
+        start = Body.of(start_faces(spec), spec.lens.body_roles)
+        point = TracedLens.of_body(start, spec.lens.media, spec.lens.most_events, nodes)
         begun = time.perf_counter()
         design = lf.design(spec, accuracy=options.accuracy)
         seconds = time.perf_counter() - begun

@@ -9,11 +9,11 @@ import torch
 
 from lensforge.optics.media import DOUBLE
 from lensforge.spec import Spec, parse_spec
-from lensforge.spec.tolerances_section import PRESET_AMOUNTS, PartTolerances
+from lensforge.spec.tolerances_section import PartTolerances, amounts_of
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
-NO_TOLERANCES = dict.fromkeys(PRESET_AMOUNTS["standard"], 0)
+NO_TOLERANCES = dict.fromkeys(amounts_of("standard"), 0)
 # Where torch may trace: everywhere on the CPU, on a GPU where there is one.
 DEVICES = [
     "cpu",

@@ -13,8 +13,9 @@ from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Margins
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.profiles import ProfileParameters
-from lensforge.spec import Spec, parse_spec
+from lensforge.spec import Spec, TirSection, parse_spec
 
+TIR = tuple(role.name for role in TirSection.roles)
 SPOT = {
     "source": {"kind": "square", "side_mm": 1.0},
     "lens": {"kind": "tir", "profile": 8},

@@ -22,7 +22,6 @@ from lensforge.cad.plate_mesh import MeshParts, prism
 from lensforge.cad.solid import Solid, build_solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.kernels.parallel import in_parallel_map
-from lensforge.optics.media import FLANGE
 from lensforge.scene.body import Body
 from lensforge.spec import BaseSection
 from lensforge.surfaces.plane_loop import circle_at
@@ -131,7 +130,7 @@ def solid_on_base(plan: Plan[Patch], base: CustomBase | None) -> Solid:
 
 def prove(body: BuiltBody, step: bytes, stl: bytes, threemf: bytes) -> BodyProof:
     """Read the files of ``body`` again, and compare their faces with the surfaces, each over its domain."""
-    solid, faces = parse_step(step), [face for face in body.plan.faces if face.name != FLANGE]
+    solid, faces = parse_step(step), [face for face in body.plan.faces if not face.is_flange]
     errors = in_parallel_map(
         lambda face: face_error(body.surfaces[face.name], solid.faces[face.label], domain=face.domain), faces
     )

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE, FLANGE
+from lensforge.optics.media import DOUBLE
 from lensforge.results.refined_maximum import Places, in_disc
 from lensforge.scene.body import Body, Face
 from lensforge.scene.lens import Lens
@@ -133,13 +133,14 @@ class TrimmedFace(Generic[Shape]):
     """A face of a boundary: its name, its shape, and its domain.
 
     ``is_open``: an opening of the cavity. It has no material within the body's inner rim; the body ends in the ring
-    around that.
+    around that. ``is_flange``: the cylinder at which a flange begins.
     """
 
     name: str
     shape: Shape
     domain: Domain = WHOLE
     is_open: bool = False
+    is_flange: bool = False
 
     @property
     def is_ring(self) -> bool:
@@ -149,7 +150,7 @@ class TrimmedFace(Generic[Shape]):
     @property
     def label(self) -> str:
         """Name of its face in the solid."""
-        if self.name == FLANGE:
+        if self.is_flange:
             return RIM_CYLINDER
         return ring_name(self.name) if self.is_open else optical_name(self.name)
 
@@ -221,8 +222,7 @@ class Boundary(Generic[Shape]):
     def of(self, shapes: Sequence[Other]) -> "Boundary[Other]":
         """The same boundary of other ``shapes``, close to these; its creases are where those meet."""
         radii = [crease.radius(_azimuths()) for crease in self.creases]
-        names = [face.name for face in self.faces]
-        return _nested(names, shapes, [(radius * (1.0 - _REACH), radius * (1.0 + _REACH)) for radius in radii])
+        return _nested(self.faces, shapes, [(radius * (1.0 - _REACH), radius * (1.0 + _REACH)) for radius in radii])
 
 
 Pair = tuple[Boundary[Shape], Boundary[Shape]]
@@ -326,7 +326,7 @@ def _boundary(faces: tuple[Face, ...]) -> Boundary[Surface]:
     ordered = [faces[k] for k in order]
     last = [np.sum(places <= k, axis=1) - 1 for k in range(len(faces) - 1)]
     brackets = [(steps[each], steps[each + 1]) for each in last]
-    return _nested([face.name for face in ordered], [face.surface for face in ordered], brackets)
+    return _nested(ordered, [face.surface for face in ordered], brackets)
 
 
 def _not_nested(faces: tuple[Face, ...], azimuth_deg: float, nearest: Int[np.ndarray, " k"]) -> InputError:
@@ -339,13 +339,17 @@ def _not_nested(faces: tuple[Face, ...], azimuth_deg: float, nearest: Int[np.nda
     )
 
 
-def _nested(names: Sequence[str], shapes: Sequence[Shape], brackets: list[tuple[_Values, _Values]]) -> Boundary[Shape]:
+def _nested(
+    faces: Sequence[Face | TrimmedFace[Any]], shapes: Sequence[Shape], brackets: list[tuple[_Values, _Values]]
+) -> Boundary[Shape]:
     """The boundary by ``shapes`` from the axis to the rim; ``brackets``: chart radii between which each crease lies."""
+    names = [face.name for face in faces]
     creases: list[Crease] = [
         _crease(names[k : k + 2], shapes[k], shapes[k + 1], low, high) for k, (low, high) in enumerate(brackets)
     ]
     domains = [Domain(*ends) for ends in zip([None, *creases], [*creases, None], strict=True)]
-    return Boundary(tuple(TrimmedFace(*each) for each in zip(names, shapes, domains, strict=True)))
+    trimmed = zip(faces, shapes, domains, strict=True)
+    return Boundary(tuple(TrimmedFace(of.name, shape, domain, False, of.is_flange) for of, shape, domain in trimmed))
 
 
 def _crease(names: Sequence[str], one: StarShaped, other: StarShaped, low: _Values, high: _Values) -> Crease:

@@ -13,7 +13,6 @@ from jaxtyping import Float
 from lensforge.cad.boundary import Boundary, StarShaped, lens_boundaries
 from lensforge.cad.outline import FULL_TURN
 from lensforge.errors import InputError
-from lensforge.optics.media import FLANGE
 from lensforge.scene.lens import Lens
 from lensforge.spec.face_section import FlangeSection
 
@@ -25,7 +24,7 @@ Curve = Float[np.ndarray, "n 2"]
 def flange_heights_mm(envelope: Boundary[Any]) -> tuple[float, float]:
     """Heights of the highest place of the wall and the lowest of the exit at the cylinder where the flange begins."""
     turn = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
-    (domain,) = (face.domain for face in envelope.faces if face.name == FLANGE)
+    (domain,) = (face.domain for face in envelope.faces if face.is_flange)
     assert domain.inside is not None and domain.outside is not None
     return float(domain.outside.points(turn)[:, 2].max()), float(domain.inside.points(turn)[:, 2].min())
 
@@ -61,13 +60,14 @@ def ring_of(lens: Lens, envelope: StarShaped | None = None) -> FlangeRing | None
 
     Raises :class:`InputError` where wall and exit leave too low a cylinder for it.
     """
-    own = lens.spec.lens.flange if lens.spec.lens.kind == "tir" else None
+    own = lens.spec.lens.rim_flange
     if own is None:
         return None
     boundary = lens_boundaries(lens)[1] if envelope is None else envelope
     assert isinstance(boundary, Boundary)
     low, high = flange_heights_mm(boundary)
-    radius = float(lens.surfaces[FLANGE].radius(np.array([[1.0, 0.0, 0.0]]))[0])
+    (cylinder,) = (face.surface for face in lens.body.faces if face.is_flange)
+    radius = float(cylinder.radius(np.array([[1.0, 0.0, 0.0]]))[0])
     return _ring(own, radius, low, high)
 
 

@@ -33,7 +33,6 @@ from lensforge.cad.plan import (
     rim_directions,
 )
 from lensforge.errors import InputError
-from lensforge.optics.media import FLANGE
 from lensforge.results import Box
 from lensforge.surfaces.surface import to_sphere
 
@@ -71,7 +70,7 @@ def dome_rings(
     for face, last in zip(boundary.of_material, lasts, strict=True):
         found[-1] = replace(found[-1], strip=face.label)
         on_face = _face_rings(face, first, last, rim, chord_mm)
-        if flange is not None and face.name == FLANGE:
+        if flange is not None and face.is_flange:
             on_face = [*_flange_rings(flange, face.label, len(on_face[-1].azimuths), chord_mm), on_face[-1]]
         found += on_face
         first = last
@@ -263,7 +262,7 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
 
 def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> float:
     """Largest distance (mm) of the facets of all optical surfaces from them."""
-    faces = (face for face in plan.faces if face.name != FLANGE)
+    faces = (face for face in plan.faces if not face.is_flange)
     return max(facet_error(face.shape, mesh.vertices, mesh.part(face.label)) for face in faces)
 
 
@@ -280,7 +279,7 @@ def _refined(mesh: BodyMesh, plan: Plan[Patch], chord_mm: float) -> BodyMesh:
     """The mesh with the facets of all optical faces within ``chord_mm``; the rest is unchanged."""
     vertices, triangles, face = mesh.vertices, mesh.triangles, mesh.face
     for each in plan.faces:
-        if each.name == FLANGE:
+        if each.is_flange:
             continue
         number = mesh.names.index(each.label)
         vertices, split = refined_dome(each.shape, vertices, triangles[face == number], chord_mm)

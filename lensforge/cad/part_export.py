@@ -46,7 +46,6 @@ from lensforge.cad.step import (
     signed_step,
     surfaces_bytes,
 )
-from lensforge.optics.media import FLANGE
 from lensforge.results import Extent
 from lensforge.results.criteria import Criteria
 from lensforge.scene.lens import Lens
@@ -161,7 +160,7 @@ def _untrimmed(
 ) -> tuple[UntrimmedSurfaces, bytes]:
     """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
     scale = lens.spec.manufacture.scale
-    optical = [face for face in plan.faces if face.name != FLANGE]
+    optical = [face for face in plan.faces if not face.is_flange]
     surfaces = {face.label: scaled(lens.surfaces[face.name], scale) for face in optical}
     patches = {
         face.label: fit_extended(surfaces[face.label], face.shape.nodes, extension_deg, face.domain.extent)

@@ -145,7 +145,7 @@ def _fields(spec: Spec, measured: KeepOutDistance) -> str:
     deep = base.height_mm - below + z + margin  # of a pocket whose top is clear
     in_lens = z > _RIM_MM or (overlap and other[2] > _RIM_MM)
     if in_lens or (z >= -_RIM_MM and not under and (outwards <= 0.0 or base.kind == "none")):
-        return "raise lens.inner.offset_mm, or lower constraints.keep_out_margin_mm"
+        return f"raise lens.{spec.lens.names[0]}.offset_mm, or lower constraints.keep_out_margin_mm"
     if base.kind == "step" and (z < -_RIM_MM or not under):
         return "cut the solid of base.file back there, or lower constraints.keep_out_margin_mm"
     if under and (z >= -_RIM_MM or deep >= base.height_mm):

@@ -54,7 +54,6 @@ from lensforge.cad.plan import (
     TOP,
     Plan,
 )
-from lensforge.optics.media import FLANGE
 from lensforge.results.brep_size import volume_and_area
 from lensforge.surfaces.step_file import parts_of
 
@@ -312,7 +311,7 @@ def optical_faces(
         holes[0] = [opening.edges]
     faces = []
     for face, surface, outline, hole in zip(within, surfaces, outlines, holes, strict=True):
-        if ring is not None and face.name == FLANGE:
+        if ring is not None and face.is_flange:
             faces += _with_ring(face, surface, (wire(outline), *map(wire, hole)), ring)
             continue
         trimmed = _within(surface, wire(outline), *map(wire, hole))

@@ -20,11 +20,10 @@ from lensforge.cli.options import with_force
 from lensforge.errors import InputError
 from lensforge.light.lens_light import source_of
 from lensforge.optics.material import MATERIALS
-from lensforge.optics.media import DOUBLE
 from lensforge.results.files import replacing, require_writable
 from lensforge.shop.findings import GOOD_DRAFT_DEG
 from lensforge.sources.build_source import cavity_around
-from lensforge.spec import Spec, parse_spec
+from lensforge.spec import LensSection, Spec, parse_spec
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, new_text, source_in, target_in
 from lensforge.spec.source_sections import RayfileSource
@@ -137,10 +136,11 @@ def _name(spec: Path | None) -> str:
 def _content(name: str, sections: Tables, radius_mm: float, material: str, made_by: Tables) -> Tables:
     if material not in MATERIALS:
         raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
+    faces = {role.name: {**made_by.get("face", {})} for role in LensSection.roles}
     content = {
         "name": name,
         "source": sections["source"],
-        "lens": {"material": material, "levels": "auto", **{face: {**made_by.get("face", {})} for face in DOUBLE}},
+        "lens": {"material": material, "levels": "auto", **faces},
         "constraints": {"max_radius_mm": radius_mm},
         "target": sections["target"],
         **({"manufacture": made_by["manufacture"]} if made_by else {}),
@@ -167,6 +167,8 @@ def _checked_text(content: Tables, folder: Path, force: bool) -> str:
     reasons = {}
     for name, why in WHY.items():
         section, _, field = name.rpartition(".")
+        if section.removeprefix("lens.") not in (*content, *made.lens.names):
+            continue  # a face of another kind of lens
         value, table = attrgetter(name)(made), reduce(getitem, section.split("."), content)
         if field not in table and value is not None:
             table[field], reasons[name] = value, why

@@ -51,7 +51,7 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
         end = f", {name}" if light.others else ""
         for index, receiver in enumerate(own.receivers):
             title = "Light" if len(own.receivers) == 1 else receiver.name
-            leaks = leak_facts(own.ways, receiver.missed_by_cause, receiver.flux) if index == 0 else ()
+            leaks = leak_facts(lens.spec.lens, own.ways, receiver.missed_by_cause, receiver.flux) if index == 0 else ()
             groups.append(Group("light", f"{title}{end}", (*_figures(own, index, lens), *leaks)))
         if own.ways:
             groups.append(replace(way_facts(own.ways), title=f"Light by way{end}"))

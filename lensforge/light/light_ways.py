@@ -9,10 +9,11 @@ from jaxtyping import Float, Int, Int8
 from pydantic import Field
 
 from lensforge.light.metrics import jackknife_metric
-from lensforge.optics.media import FLANGE, OPENING, OUTSIDE, SIDES
+from lensforge.optics.media import OUTSIDE, RIM_FLANGE
 from lensforge.results import Fact, Group, Metric, Record, Text
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.spec.lens_section import LensShape
 
 _LONGEST = 4  # faces of a way that is told apart
 _MOST_WAYS = 6  # told apart, the brightest; the shipped lenses have two or three
@@ -66,7 +67,7 @@ class FluxByWay:
         brightest = np.argsort(-shares.sum(axis=0), kind="stable").tolist()
         to_exit = [number for number in brightest if number >= len(names) and shares[:, number].any()]
         sides = zip(names[:-1], self.chain.behind, strict=False)
-        elsewhere = [k + 1 for k, (name, behind) in enumerate(sides) if behind == OUTSIDE and name != FLANGE]
+        elsewhere = [k + 1 for k, (name, behind) in enumerate(sides) if behind == OUTSIDE and name != RIM_FLANGE.name]
         if self.chain.is_open:  # what is behind a mirror leaves nothing to tell
             elsewhere = [number for number in elsewhere if shares[:, number].any()]
         shares[:, 0] += shares[:, to_exit[_MOST_WAYS:]].sum(axis=1)
@@ -107,13 +108,13 @@ _CAUSES = {
 }
 
 
-def leak_facts(ways: Sequence[LightWay], *lost: Record) -> Iterator[Fact]:
+def leak_facts(lens: LensShape, ways: Sequence[LightWay], *lost: Record) -> Iterator[Fact]:
     """A fact for each leak above 1 % of a lens of several faces: by a face that is to reflect, or as ``lost`` tells."""
     if not ways:
         return
     for way in ways:
         name = way.faces[0] if len(way.faces) == 1 else ""
-        if name and SIDES[name] != OPENING and way.share.value > _SAID:  # an open mouth lets all light out
+        if name and not lens.role(name).is_open and way.share.value > _SAID:  # an open mouth lets all light out
             yield Fact.share("leak", f"Lost through the {name}", way.share, _REFLECTS.format(_ALL, name))
     for cause, (place, words) in _CAUSES.items():
         share = next((getattr(each, cause) for each in lost if hasattr(each, cause)), 0.0)

@@ -256,8 +256,8 @@ def require_feasible_tolerances(lens: Lens, factors: Sequence[Factor]) -> None:
     along /= np.linalg.norm(along, axis=1)[:, None]
     room = float((cavity.radius(along) - distance).min())
     size = float(distance.max())
-    nearest = " or ".join(face.name for face in lens.body.cavity)
-    of_faces = [factor_name(name, each) for name in lens.spec.lens.names for each in _OF_FACE]
+    roles, nearest = lens.spec.lens.roles, " or ".join(face.name for face in lens.body.cavity)
+    of_faces = [factor_name(roles, role.name, each) for role in roles for each in _OF_FACE]
     from_source = f"the source is {room:.3g} mm from the {nearest} face at its closest"
     bounds = [
         (of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest"),

@@ -21,7 +21,7 @@ from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, require_one_kind
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import section_sha256
-from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, read_tolerances, tolerances_with
+from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection, read_tolerances
 from lensforge.surfaces.point_cloud import read_cloud
 
 if TYPE_CHECKING:
@@ -240,11 +240,11 @@ def tolerance(
     require(lens, Lens, "tolerance")
     require_one_kind(lens, "yield")
     if isinstance(tolerances, Path | str):
-        tolerances = read_tolerances(str(tolerances), lens.spec.lens.names)
+        tolerances = read_tolerances(str(tolerances), lens.spec.lens.roles)
     elif tolerances is not None:
         require(tolerances, TolerancesSection, "tolerance")
-        if not isinstance(tolerances, FacesTolerances):
-            tolerances = tolerances_with(lens.spec.lens.names).of(tolerances, {})
+        faces = tolerances.faces if isinstance(tolerances, PartTolerances) else {}
+        tolerances = PartTolerances.of(tolerances, faces, lens.spec.lens.roles)
     parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
     other = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
@@ -281,8 +281,8 @@ def _part_workers(scheduler: str | None) -> "Iterator[Workers]":
         yield of_cluster(cluster)
 
 
-def _name_of(tolerances: FacesTolerances) -> str:
+def _name_of(tolerances: PartTolerances) -> str:
     """Name of a preset, or one of its own for each other section: no study takes the place of another."""
-    if tolerances == type(tolerances)(preset=tolerances.preset):
+    if tolerances == PartTolerances(preset=tolerances.preset, roles=tolerances.roles):
         return tolerances.preset
     return f"own_{section_sha256(tolerances)[:8]}"

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.optics.coatings import Span, least_reflectances
-from lensforge.optics.media import DOUBLE, TIR, Media, Mirror
+from lensforge.optics.media import BODY, CAVITY, Media, Mirror, bounding
 
 Turns = Float[np.ndarray, "*n"]
 Ways = tuple[float | None, ...]  # reflectances of the faces by which light may pass; None: one that is bare
@@ -61,13 +61,14 @@ def best_transmittance(
 def least_by_way(media: Media, span_nm: Span | None) -> Least:
     """Least reflectances of the faces by which light may enter the body, and of those by which it may leave.
 
-    Of a lens for total internal reflection cap and side, and wall and exit, but for mirrors. ``span_nm`` None: at any
-    wavelength.
+    Mirrors are none of them. ``span_nm`` None: at any wavelength.
     """
     coated = least_reflectances(media, span_nm)
     mirrors = {each.face for each in media.coatings if isinstance(each.coating, Mirror)}
-    names = (TIR[:2], TIR[2:]) if (coated.keys() | mirrors) & set(TIR) else (DOUBLE[:1], DOUBLE[1:])
-    entering, leaving = (tuple(coated.get(name) for name in side if name not in mirrors) for side in names)
+    entering, leaving = (
+        tuple(coated.get(face.name) for face in bounding(media.faces, medium) if face.name not in mirrors)
+        for medium in (CAVITY, BODY)
+    )
     return entering, leaving
 
 
@@ -128,7 +129,7 @@ def transmittance_of(media: Media) -> float:
     Light leaves a reflector without any loss where it leaves directly: 1. Bodies behind the lens count likewise.
     """
     behind = prod((transmittance_of(body.media(media)) for body in media.bodies), start=1.0)
-    if media.cup is not None:
+    if media.open_mirror is not None:
         return behind
     index = np.full(1, media.body.refractive_index)
     sides = zip(least_by_way(media, None), (media.cavity_index, media.outside_index), strict=True)

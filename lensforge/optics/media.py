@@ -4,6 +4,7 @@ A ray has its wavelength; a medium answers what index and absorption it has ther
 coating, which replaces Fresnel's reflectance.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 from weakref import ref
@@ -15,20 +16,68 @@ from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.material import Material
 
 CAVITY, BODY, OUTSIDE = MEDIA = "cavity", "body", "outside"  # from the source on
-DOUBLE = "inner", "outer"  # the faces of the usual lens, from the source on
-TIR = "cap", "side", "wall", "exit"  # of a lens for total internal reflection
-REFLECTOR = "cup", "back", "mouth"  # of a reflector: its mirror, what lies behind, the opening by which light leaves
-FLANGE = "flange"  # of a TIR lens: the cylinder at which its flange begins; light that meets it ends there
-# Faces that widen upwards: their half of the mould leaves the other way than that of the same side of the usual lens.
-FROM_BELOW = "wall", "cup", "back"
+DOUBLE = "inner", "outer"  # the faces of a body of two, from the source on
 MOST_EVENTS = 64  # at which a ray may meet a face
-# What lies before each face, on the origin's side, and behind it.
-SIDES = {
-    **dict.fromkeys(("inner", "cap", "side", "cup"), (CAVITY, BODY)),
-    **dict.fromkeys(("outer", "wall", FLANGE, "exit", "back"), (BODY, OUTSIDE)),
-    "mouth": (CAVITY, OUTSIDE),
-}
 OPENING = CAVITY, OUTSIDE  # sides of a face without material: the plane in which cavity and body end together
+
+
+class FaceSides:
+    """A face by the media ``before`` it, on the origin's side, and ``behind`` it; ``is_flange``: a flange begins there,
+    and light that meets it ends in the holder.
+    """
+
+    before: str
+    behind: str
+    is_flange: bool
+
+    @property
+    def is_open(self) -> bool:
+        """True for an opening, at which there is no material."""
+        return (self.before, self.behind) == OPENING
+
+    @property
+    def is_optical(self) -> bool:
+        """True where light is to pass or to be reflected: there is material, and no flange begins."""
+        return not (self.is_open or self.is_flange)
+
+    @property
+    def around(self) -> str:
+        """Medium on its other side than the body."""
+        return CAVITY if self.before == CAVITY else OUTSIDE
+
+
+@dataclass(frozen=True)
+class FaceRole(FaceSides):
+    """A face of a kind of lens, whatever its shape.
+
+    ``reflects``: it is there to reflect, totally or by a mirror, and lets no light in. ``widens``: upwards, so that its
+    half of the mould leaves the other way than that of other faces on its side. ``on_axis``: the length that a spec
+    gives it is its height on the axis; else its distance from the LED, or at z = 0 from the axis. ``is_placed``: it has
+    a place of its own against the first face; all others are cut as one with that. ``follows``: name of the face whose
+    shape it has, a wall behind it.
+    """
+
+    name: str
+    before: str
+    behind: str
+    reflects: bool = False
+    widens: bool = False
+    on_axis: bool = False
+    is_placed: bool = False
+    follows: str | None = None
+    is_flange: bool = False
+
+
+def bounding(roles: Sequence[FaceRole], medium: str) -> tuple[FaceRole, ...]:
+    """The faces that bound ``medium`` on the side away from the origin, openings last."""
+    return (
+        *(role for role in roles if role.before == medium and not role.is_open),
+        *(role for role in roles if role.is_open),
+    )
+
+
+SHELL = FaceRole("inner", CAVITY, BODY), FaceRole("outer", BODY, OUTSIDE, is_placed=True)
+RIM_FLANGE = FaceRole("flange", BODY, OUTSIDE, is_flange=True)  # the cylinder at which a flange begins
 
 
 @dataclass(frozen=True)
@@ -300,7 +349,7 @@ class Media:
     """The body of the lens, the indices of what fills its cavity and surrounds it (1 is air), and optics before it.
 
     ``bodies``: given ones, in the order in which light meets them. ``coatings``: of the body's faces, at most one of
-    each. ``wavelength_nm``: of rays without their own, where a coating depends on it.
+    each. ``wavelength_nm``: of rays without their own, where a coating depends on it. ``faces``: of the body.
     """
 
     body: Medium
@@ -310,16 +359,19 @@ class Media:
     coatings: tuple[FaceCoating, ...] = ()
     wavelength_nm: float = 587.5618  # the He d line
     bodies: tuple[FurtherBody, ...] = ()
+    faces: tuple[FaceRole, ...] = SHELL
 
     def coating(self, face: str) -> Coating | None:
         """Coating of the face of this name; None for a bare one."""
         return next((each.coating for each in self.coatings if each.face == face), None)
 
     @property
-    def cup(self) -> Mirror | None:
-        """The mirror of a reflector, by which light leaves that does not leave directly; None for a lens."""
-        found = self.coating(REFLECTOR[0])
-        return found if isinstance(found, Mirror) else None
+    def open_mirror(self) -> Mirror | None:
+        """The mirror of an open body, by which light leaves that does not leave directly; None for a lens."""
+        if not any(face.is_open for face in self.faces):
+            return None
+        coatings = (self.coating(face.name) for face in bounding(self.faces, CAVITY))
+        return next((each for each in coatings if isinstance(each, Mirror)), None)
 
     def around(self, medium: str) -> float:
         """Index of what lies around the body: CAVITY or OUTSIDE."""

@@ -44,7 +44,6 @@ from lensforge.cad.plate_solid import (
     PLATE_SIDE,
     PLATE_TOP,
 )
-from lensforge.optics.media import FLANGE
 from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, UprightWalls
 from lensforge.proof.file_form import Chords, DesignedFile
 from lensforge.proof.optical_faces import PlateOfLenses
@@ -84,7 +83,7 @@ def designed_faces(lens: Lens, scale: float = 1.0, beyond_deg: float = 0.0) -> I
     """The optical faces, and the ring around an opening; ``beyond_deg``: how far they are known beyond their edges."""
     for boundary in lens_boundaries(lens):
         for face in boundary.of_material:
-            if face.name != FLANGE:
+            if not face.is_flange:
                 yield _tabulated(face, scaled(face.shape, scale), beyond_deg)
 
 
@@ -111,7 +110,7 @@ def designed_lens(lens: Lens) -> DesignedBody:
     above: list[Designed] = list(designed_faces(lens))
     ring = ring_of(lens)
     if ring is not None:
-        above += _of_ring(ring, next(face.label for face in envelope.of_material if face.name == FLANGE))
+        above += _of_ring(ring, next(face.label for face in envelope.of_material if face.is_flange))
     return DesignedBody(above, None if plan.base.kind == "step" else _of_base(plan).faces)
 
 

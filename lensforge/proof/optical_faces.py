@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE, FLANGE
+from lensforge.optics.media import DOUBLE
 from lensforge.sources.ray_bundle import RayBundle
 
 NO_FACE = -1  # at or below z = 0 lies no optical face
@@ -110,8 +110,9 @@ class OpticalFaces:
     over the distance from the origin (1/mm), on a square grid of the stereographic chart up to +-1, first index X. By
     default None, and the usual lens: in through one face and out through the other. ``plate``: of a part with several
     such bodies, seen from the one that is lit; None for one. ``opening``: number of a face at which there is no
-    material: light that rises and meets the part no more has left by it. ``flange_mm``: radius of the face that is a
-    flange: all of the part that is farther from the axis above z = 0 counts as it; None without one.
+    material: light that rises and meets the part no more has left by it. ``flange_face``: number of the face at which a
+    flange begins, ``flange_mm``: its radius; all of the part that is farther from the axis above z = 0 counts as it;
+    None without one.
     """
 
     names: tuple[str, ...] = DOUBLE
@@ -120,6 +121,7 @@ class OpticalFaces:
     inverse_radii: Float[np.ndarray, "f m m"] | None = None
     plate: PlateOfLenses | None = None
     opening: int | None = None
+    flange_face: int | None = None
     flange_mm: float | None = None
 
     def __post_init__(self) -> None:
@@ -133,7 +135,7 @@ class OpticalFaces:
     @property
     def flange(self) -> int:
         """Number of the face at which all light ends; one that no face has without it."""
-        return self.names.index(FLANGE) if FLANGE in self.names else len(self.names)
+        return len(self.names) if self.flange_face is None else self.flange_face
 
     def goes_on(self, event: int | Int[np.ndarray, " n"]) -> bool | Bool[np.ndarray, " n"]:
         """True where a ray that is reflected, or is back in the cavity, is followed beyond ``event`` (from 0)."""
@@ -172,7 +174,7 @@ class OpticalFaces:
                 apart[rows] = found.min(axis=0) * slant
         if self.flange_mm is not None:
             beyond = above & (np.hypot(points[:, 0], points[:, 1]) > self.flange_mm + _AT_FLANGE_MM)
-            numbers[beyond], apart[beyond] = self.names.index(FLANGE), 0.0
+            numbers[beyond], apart[beyond] = self.flange, 0.0
         return numbers, apart
 
     def _gaps(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "f n"]:

@@ -16,7 +16,7 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.optics.image_reading import read_light
-from lensforge.optics.media import BODY, FLANGE
+from lensforge.optics.media import BODY
 from lensforge.proof import independent_draws
 from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsOnPlate
@@ -57,11 +57,11 @@ def optical_of(body: Body, events: int = 2) -> OpticalFaces:
         return OpticalFaces(names, away, events)
     chart = grid(_NODES, 1.0)
     chart = chart / np.maximum(np.linalg.norm(chart, axis=-1, keepdims=True), 1.0)  # no face is beyond the rim
-    openings = [number for number, face in enumerate(body.faces) if face.is_open]
-    horizon = np.array([[1.0, 0.0, 0.0]])
-    flanges = [float(face.surface.radius(horizon)[0]) for face in body.faces if face.name == FLANGE]
-    tables, opening = 1.0 / radii(body.faces, to_sphere(chart)), openings[0] if openings else None
-    return OpticalFaces(names, away, events, tables, opening=opening, flange_mm=min(flanges, default=None))
+    opening = next((number for number, face in enumerate(body.faces) if face.is_open), None)
+    flange = next((number for number, face in enumerate(body.faces) if face.is_flange), None)
+    flange_mm = None if flange is None else float(body.faces[flange].surface.radius(np.array([[1.0, 0.0, 0.0]]))[0])
+    tables = 1.0 / radii(body.faces, to_sphere(chart))
+    return OpticalFaces(names, away, events, tables, opening=opening, flange_face=flange, flange_mm=flange_mm)
 
 
 def plate_of(lamps: Lamps) -> PlateOfLenses:

@@ -8,6 +8,7 @@ from lensforge.cad.part import Part
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds
 from lensforge.light.photometry_result import Photometry
+from lensforge.optics.media import CAVITY, bounding
 from lensforge.proof.proof_result import Proof
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results import Fact, Group, State
@@ -16,7 +17,7 @@ from lensforge.results.numerals import quantity
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
 from lensforge.spec import ReceiverSection, Spec, TargetSection
-from lensforge.spec.lens_section import AnyLens
+from lensforge.spec.lens_section import LensShape
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 
@@ -221,7 +222,6 @@ def times(results: Results) -> str | None:
     return f"Time: {', '.join(parts)}; the whole command, up to this page, {whole}{beside}."
 
 
-_SIDES = {"inner": "inside", "outer": "outside"}  # of the usual lens
 _MOST_NAMED = 3  # targets of one receiver; of more only the number is given
 
 
@@ -234,17 +234,25 @@ def task(spec: Spec) -> str:
     return f"{leds} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}{spec.all_lamps.words}"
 
 
-def _fixed(lens: AnyLens) -> str:
+def _fixed(lens: LensShape) -> str:
     fixed = {name: face.fixed for name, face in lens.faces.items()}
     return "".join(f", {name} face fixed ({face.title})" for name, face in fixed.items() if face is not None)
 
 
-def _surroundings(lens: AnyLens) -> str:
+def _surroundings(lens: LensShape) -> str:
     """Indices in the cavity and around the lens, where these are not air; coated faces."""
     around = (("the cavity", lens.cavity_index), ("the surroundings", lens.outside_index))
     indices = "".join(f", n = {index:g} in {where}" for where, index in around if index != 1.0)
-    coated = [_SIDES.get(name, f"on the {name} face") for name, face in lens.faces.items() if face.coating is not None]
+    coated = [_place(lens, name) for name, face in lens.faces.items() if face.coating is not None]
     return f"{indices}, coated {_listed(coated)}" if coated else indices
+
+
+def _place(lens: LensShape, name: str) -> str:
+    """The face of that name; one alone on its side by that."""
+    before = lens.role(name).before
+    if len(bounding(lens.body_roles, before)) > 1:
+        return f"on the {name} face"
+    return "inside" if before == CAVITY else "outside"
 
 
 def _on_receiver(receiver: ReceiverSection) -> str:

@@ -9,7 +9,7 @@ from lensforge.kernels.chain import FROM_BEHIND, REFLECTED
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import TracedBundle
 from lensforge.optics.dielectric import refract
-from lensforge.optics.media import BODY, SIDES, Media
+from lensforge.optics.media import BODY, Media
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.surface import Surface
@@ -77,7 +77,8 @@ def _behind(lens: Lens, name: str, points: Points, along: Points, met: np.ndarra
     from_behind = (met % 2 == FROM_BEHIND)[:, None]
     normals = lens.surfaces[name].normal(points / np.linalg.norm(points, axis=1, keepdims=True))
     normals = np.where(from_behind, -normals, normals)
-    one, other = (_index(lens.media, medium) for medium in SIDES[name])
+    face = lens.body.face(name)
+    one, other = (_index(lens.media, medium) for medium in (face.before, face.behind))
     ratio = np.where(from_behind[:, 0], other / one, one / other)
     cosine = (along * normals).sum(axis=1, keepdims=True)
     reflected = (met % 4 >= REFLECTED)[:, None]

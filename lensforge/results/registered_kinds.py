@@ -10,13 +10,14 @@ from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
-from pydantic_core import CoreSchema
+from pydantic_core import CoreSchema, core_schema
 
 
 class OfSeveralKinds(BaseModel):
     """A class that has this one among its bases is the base of several kinds, ``kinds`` by their names.
 
     A kind is a class that extends the base and has a field ``kind: Literal["name"]``: it registers itself.
+    ``usual_kind``: that of a table that names none; by default every table has to name one.
     """
 
     if TYPE_CHECKING:  # a field of every kind; where it stands among the others its class says
@@ -25,6 +26,7 @@ class OfSeveralKinds(BaseModel):
     model_config = ConfigDict(defer_build=True)
 
     kinds: ClassVar[dict[str, type[Any]]]
+    usual_kind: ClassVar[str | None] = None
     has_schema: ClassVar[bool]  # a class with a field of the base is built already, from the kinds that there were
 
     @classmethod
@@ -42,7 +44,17 @@ class OfSeveralKinds(BaseModel):
         if not _is_base(cls):
             return handler(source)
         cls.has_schema = True
-        return handler.generate_schema(Annotated[reduce(or_, cls.kinds.values()), Field(discriminator="kind")])
+        if cls.usual_kind is None:
+            return handler.generate_schema(Annotated[reduce(or_, cls.kinds.values()), Field(discriminator="kind")])
+        choices = {kind: handler.generate_schema(model) for kind, model in cls.kinds.items()}
+        return core_schema.tagged_union_schema(choices, discriminator=cls._kind_in)
+
+    @classmethod
+    def _kind_in(cls, value: Any) -> str | None:
+        """The kind of a table or an object; the usual one where none is named."""
+        usual = cls.usual_kind
+        kind = value.get("kind", usual) if isinstance(value, dict) else getattr(value, "kind", usual)
+        return kind if isinstance(kind, str) else None
 
     @classmethod
     def build_holders_again(cls) -> None:

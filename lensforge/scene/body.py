@@ -7,7 +7,7 @@ body by its reflecting wall and its exit. An opening lies between the cavity and
 there, too: the cavity of a reflector is bounded by its cup and its mouth, the body by its back and its mouth.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,8 +15,20 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, FLANGE, MEDIA, MOST_EVENTS, OPENING, SIDES, Media, Mirror
-from lensforge.spec.lens_section import AnyLens
+from lensforge.optics.media import (
+    BODY,
+    CAVITY,
+    DOUBLE,
+    MEDIA,
+    MOST_EVENTS,
+    OPENING,
+    SHELL,
+    FaceRole,
+    FaceSides,
+    Media,
+    Mirror,
+)
+from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, grid, to_sphere
 
@@ -27,23 +39,14 @@ _NODES = 96  # of the chart's grid on which faces are compared
 
 
 @dataclass(frozen=True)
-class Face:
-    """One optical face: its shape, and the media ``before`` it, on the origin's side, and ``behind`` it."""
+class Face(FaceSides):
+    """One face of a body: its shape, and the media ``before`` it, on the origin's side, and ``behind`` it."""
 
     name: str
     surface: Surface
     before: str
     behind: str
-
-    @property
-    def is_open(self) -> bool:
-        """True for an opening, at which there is no material."""
-        return (self.before, self.behind) == OPENING
-
-    @property
-    def is_optical(self) -> bool:
-        """True where light is to pass or to be reflected: there is material, and it is not where a flange begins."""
-        return not self.is_open and self.name != FLANGE
+    is_flange: bool = False
 
 
 @dataclass(frozen=True)
@@ -60,12 +63,12 @@ class Chain:
     events: int
 
     @staticmethod
-    def of_lens(lens: AnyLens) -> "Chain | None":
-        """The chain of the faces of a lens in their order; None for the usual lens, which needs none."""
-        if lens.kind == "double":
+    def of_lens(lens: LensShape) -> "Chain | None":
+        """The chain of the faces of a lens in their order; None for two that light meets one after the other."""
+        if lens.body_names == DOUBLE:
             return None
-        before, behind = zip(*(SIDES[name] for name in lens.body_names), strict=True)
-        return Chain(lens.body_names, before, behind, lens.events)
+        before, behind = zip(*((role.before, role.behind) for role in lens.body_roles), strict=True)
+        return Chain(lens.body_names, before, behind, lens.most_events)
 
     def __post_init__(self) -> None:
         if not 1 <= self.events <= MOST_EVENTS:
@@ -93,9 +96,10 @@ class Body:
     faces: tuple[Face, ...]
 
     @staticmethod
-    def of(surfaces: Mapping[str, Surface]) -> "Body":
-        """The body of a lens of any kind: its faces by name, each between the media that ``optics.media`` states."""
-        return Body(tuple(Face(name, surface, *SIDES[name]) for name, surface in surfaces.items()))
+    def of(surfaces: Mapping[str, Surface], roles: Sequence[FaceRole] = SHELL) -> "Body":
+        """The body of a lens of any kind: its faces by name, each in its role."""
+        sides = {role.name: (role.before, role.behind, role.is_flange) for role in roles}
+        return Body(tuple(Face(name, surface, *sides[name]) for name, surface in surfaces.items()))
 
     def face(self, name: str) -> Face:
         """The face of that name."""
@@ -181,7 +185,7 @@ def _require_whole(faces: tuple[Face, ...], numbers: Int[np.ndarray, "n n"], ins
 
     for number, face in enumerate(faces):
         pieces = label((numbers == number) & inside)[1]
-        if pieces != 1 and face.name != FLANGE:  # a band narrower than the grid's step
+        if pieces != 1 and not face.is_flange:  # that is a band narrower than the grid's step
             others = ", ".join(each.name for each in faces if each is not face)
             words = "nowhere the nearest" if pieces == 0 else f"cut into {pieces} pieces"
             raise InputError(

@@ -83,13 +83,12 @@ class Lens:
     @cached_property
     def body(self) -> Body:
         """The faces, and the media between them."""
-        return Body.of(self.surfaces)
+        return Body.of(self.surfaces, self.spec.lens.body_roles)
 
     @property
     def events(self) -> int:
-        """Largest number of faces that a ray meets: both of the usual lens."""
-        lens = self.spec.lens
-        return len(lens.names) if lens.kind == "double" else lens.events
+        """Largest number of faces that a ray meets."""
+        return self.spec.lens.most_events
 
     @property
     def inner(self) -> Surface:

@@ -22,8 +22,9 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.optics.arrays import Array, like, module_of
-from lensforge.optics.media import Media
+from lensforge.optics.media import FaceRole, Media
 from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.scene.body import Chain
 from lensforge.scene.perturbations import Deviations
 from lensforge.spec import Spec
 from lensforge.spec.tolerances_section import FORM_NUMBERS, PLACEMENT, WAVINESS_NUMBERS, Factor, factor_name
@@ -162,9 +163,13 @@ class MadePart:
 
 @dataclass(frozen=True, eq=False)
 class PartMaker:
-    """All that is prepared once for the faces of a lens: the tables of their form errors, by the name of the factor."""
+    """All that is prepared once for the faces of a lens: the tables of their form errors, by the name of the factor.
+
+    ``names``: of the faces, in the order of all tables; ``roles``: of the faces that the spec has.
+    """
 
     names: tuple[str, ...]
+    roles: tuple[FaceRole, ...]
     errors: dict[str, ErrorField]
     seat_mm: float
     source_mm: tuple[float, float, float]
@@ -172,12 +177,13 @@ class PartMaker:
     @staticmethod
     def of(spec: Spec, surfaces: Mapping[str, Surface], grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
         """Prepare the form errors of ``surfaces``, by name from the source on, on tables of ``grid``."""
-        section, wanted = spec.tolerances, {factor.name for factor in factors}
+        roles, section, wanted = spec.lens.roles, spec.tolerances, {factor.name for factor in factors}
+        in_chain = Chain.of_lens(spec.lens) is not None
         band = section.waviness_shortest_mm, section.waviness_longest_mm
         errors: dict[str, ErrorField] = {}
         for number, (face, surface) in enumerate(surfaces.items()):
-            form, waves, rings = own = [factor_name(face, kind) for kind in _FIELDS]
-            placed = {kind: factor_name(face, kind) for kind in PLACEMENT if spec.lens.has_creases}
+            form, waves, rings = own = [factor_name(roles, face, kind) for kind in _FIELDS]
+            placed = {kind: factor_name(roles, face, kind) for kind in PLACEMENT if in_chain}
             if wanted.isdisjoint([*own, *placed.values()]):
                 continue
             sampled = FaceNodes.of(grid, surface)
@@ -189,7 +195,7 @@ class PartMaker:
                 errors[waves] = waviness(sampled, *band, _SEED + number)
             if rings in wanted:
                 errors[rings] = ripple(sampled, section.ripple_period_mm)
-        return PartMaker(tuple(surfaces), errors, spec.base.seat_mm, spec.source.position_mm)
+        return PartMaker(tuple(surfaces), roles, errors, spec.base.seat_mm, spec.source.position_mm)
 
     def part(self, deviations: Deviations) -> MadePart:
         """The part with these deviations."""
@@ -208,7 +214,7 @@ class PartMaker:
             names=self.names,
             source=placed("source", "source_height_mm", self.source_mm),
             lens=placed("lens", "lens_height_mm"),
-            faces={name: placed(name, factor_name(name, "gap_mm")) for name in self.names[1:]},
+            faces={name: placed(name, factor_name(self.roles, name, "gap_mm")) for name in self.names[1:]},
             source_size=1.0 + one("source_size"),
             scale=1.0 + one("shrinkage"),
             seat_mm=self.seat_mm,
@@ -228,7 +234,7 @@ class PartMaker:
 
     def _error(self, face: str, deviations: Deviations) -> Float[np.ndarray, "side side"] | None:
         total = None
-        for name in (factor_name(face, kind) for kind in _IN_CHAINS):
+        for name in (factor_name(self.roles, face, kind) for kind in _IN_CHAINS):
             if name in self.errors and name in deviations and len(self.errors[name].tables):
                 error = np.tensordot(deviations[name], self.errors[name].tables, axes=1)
                 total = error if total is None else total + error

@@ -21,7 +21,7 @@ from lensforge.optics.media import Media
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source, is_round
-from lensforge.spec.lens_section import AnyLens
+from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.mirror_group import REVOLUTION, images_in_common, shortest_arc
 from lensforge.surfaces.placed_bodies import reach_mm
 
@@ -175,7 +175,7 @@ class SourceLight:
     round_by: str | None = None
 
     @staticmethod
-    def of(source: Source, media: Media, count: int = _RAYS, *, lens: AnyLens | None = None) -> "SourceLight":
+    def of(source: Source, media: Media, count: int = _RAYS, *, lens: LensShape | None = None) -> "SourceLight":
         """Sample ``source``, whose light goes through any ``lens`` of that kind, by default one of two faces."""
         count = min(count, source.ray_count or count)
         rays = source.sample(count, _SEED)
@@ -194,8 +194,9 @@ class SourceLight:
         """Largest transmittance of two faces that turn each of the rays by at least so much, or with a reflection."""
         if self.media.bodies:  # they may turn it, too
             turns_rad = np.zeros_like(turns_rad)
-        if self.media.cup is not None:  # what need not turn leaves directly, all else by one reflection at least
-            return np.where(turns_rad > 0.0, self.media.cup.reflectance, 1.0)
+        mirror = self.media.open_mirror
+        if mirror is not None:  # what need not turn leaves directly, all else by one reflection at least
+            return np.where(turns_rad > 0.0, mirror.reflectance, 1.0)
         turns_rad = np.zeros_like(turns_rad) if self.reflects else turns_rad
         media, waves = self.media, self.rays.wavelengths_nm
         least = least_by_way(media, whole_span(waves, media))
@@ -270,7 +271,7 @@ class PossibleLight:
         if not pixels.any():
             return LargestShare(0.0, 0.0)
         held, most = self.by_etendue(pixels), self.light.transmittance
-        by = "two refractions" if self.light.media.cup is None else "a mirror"
+        by = "two refractions" if self.light.media.open_mirror is None else "a mirror"
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
             return LargestShare(held, most, by)
         regions = list(zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True))
@@ -364,7 +365,7 @@ class PossibleLight:
             pose = receiver.pose
             nearest_mm = abs(float(pose.axes[2] @ pose.centre_mm))
         off_mm = np.array([self._exit.radius_mm])
-        if self.light.media.cup is not None:
+        if self.light.media.open_mirror is not None:
             glass = self.light.media.cover_glass
             off_mm = np.linalg.norm(np.cross(self.light.rays.origins, self.light.rays.directions), axis=1)
             off_mm += 0.0 if glass is None else glass.thickness_mm

@@ -3,7 +3,7 @@
 - ``searches.design``: the verb of the library
 - ``optimiser.search``: one search, from hemispheres to a lens
 - ``problem``: the scene of a search, level by level
-- ``start_faces``: where the search for a TIR lens or a reflector begins
+- ``start_faces``: the faces from which a search begins
 - ``parameters.Parametrisation``: weights to tables
 - ``light_path``: rays to pixels, with their gradient
 - ``merit.MeritFunction``: what is minimised

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.optics.media import SIDES
 from lensforge.results import Count, NotNegative, Record, Sha256, Text
 from lensforge.results.files import read_file, replacing
 from lensforge.results.json_npz import arrays_in
@@ -33,9 +32,7 @@ if TYPE_CHECKING:
 CHECKPOINT = "checkpoint.bin"  # its name in a result folder
 _FORMAT = b"lensforge checkpoint 4\n"
 ANEW = "delete it, or start anew without resume"
-_OF_FACES = tuple(f"lens.{face}.{name}" for face in SIDES for name in FaceTolerances.model_fields)
-# What a search does not depend on.
-_NOT_SEARCHED = ("evaluate", "base", "manufacture", "tolerances", *_OF_FACES)
+_NOT_SEARCHED = ("evaluate", "base", "manufacture", "tolerances")  # what a search does not depend on
 _NOT_ROBUST = ("evaluate", "manufacture")  # the same where it is robust: the lens shrinks about its seat
 _MOST_BYTES = 2**30  # a million steps, the most there are, leave 150 MB
 
@@ -61,7 +58,8 @@ def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device
 
     The content of every file that the spec names counts, and its name; not its folder.
     """
-    without = _NOT_ROBUST if spec.optimise.robust else _NOT_SEARCHED
+    of_faces = [f"lens.{face}.{name}" for face in spec.lens.names for name in FaceTolerances.model_fields]
+    without = _NOT_ROBUST if spec.optimise.robust else (*_NOT_SEARCHED, *of_faces)
     searched, files = section_sha256(spec, without=without), input_hashes(spec)
     text = f"{files}|{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"
     return hashlib.sha256(text.encode()).hexdigest()

@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from lensforge.optics.media import BODY, CAVITY, FROM_BELOW, OPENING, SIDES
+from lensforge.optics.media import BODY, CAVITY
 from lensforge.search.constraint_points import (
     PER_NODE,
     ChartOperator,
@@ -75,13 +75,13 @@ class Constraint(Limit):
         holds where that face is the nearest, and one of a wall where the cavity has no opening.
         """
         if self.kind in (EDGE, FLANGE_ROOM):
-            return self.field([jets[name] for name in self.faces], points)
+            return self.field([jets[name] for name in self.names], points)
         if self.of_one_face:
-            own, *others = (jets[name] for name in self.faces)
+            own, *others = (jets[name] for name in self.names)
             return self._visible(self.field(own, points), own, others)
-        openings = [jets[name] for name in self.faces if SIDES[name] == OPENING]
-        closed = [name for name in self.faces if SIDES[name] != OPENING]
-        groups = [[jets[name] for name in closed if SIDES[name][0] == medium] for medium in (CAVITY, BODY)]
+        openings = [jets[face.name] for face in self.faces if face.is_open]
+        closed = [face for face in self.faces if not face.is_open]
+        groups = [[jets[face.name] for face in closed if face.before == medium] for medium in (CAVITY, BODY)]
         groups = [group for group in groups if group]
         if len(groups) == 1:
             return self.field(nearest_of([*groups[0], *openings]), points)
@@ -109,11 +109,11 @@ def _constraint(spec: Spec, limit: Limit) -> Constraint:
     field: Field
     if limit.kind == CURVATURE:
         # the cutter touches a lens from the air side, a mould insert from the side of the lens body
-        air = (-1 if SIDES[limit.faces[0]][0] == CAVITY else 1) * (1 if spec.manufacture.make == "part" else -1)
+        air = (-1 if limit.faces[0].before == CAVITY else 1) * (1 if spec.manufacture.make == "part" else -1)
         field = partial(_curvature_left, air, 1.0 / limit.given)
         factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
     elif limit.kind == DRAFT:
-        field = partial(_draft_left, limit.given, -1 if limit.faces[0] in FROM_BELOW else 1)
+        field = partial(_draft_left, limit.given, -1 if limit.faces[0].widens else 1)
         factor, margin = radians(sigma), _ANGLE_MARGIN_DEG
     elif limit.kind == EDGE:
         field, factor, margin = partial(_edge_left, limit.given), radians(sigma), _ANGLE_MARGIN_DEG

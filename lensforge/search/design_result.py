@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
-from lensforge.optics.media import BODY, CAVITY, OPENING, SIDES
+from lensforge.optics.media import BODY, CAVITY, FaceRole, bounding
 from lensforge.results import (
     Count,
     Fact,
@@ -36,7 +36,7 @@ from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import AnyAccuracy, Spec
-from lensforge.spec.lens_section import AnyLens
+from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.srbf import MOST_LEVELS
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class Margins(Record):
         found: dict[str, Any] = {}
         for limit, margin in measured.items():
             if limit.of_one_face:
-                found.setdefault(limit.kind, {})[limit.faces[0]] = margin
+                found.setdefault(limit.kind, {})[limit.names[0]] = margin
             else:
                 found[limit.kind] = margin
         return Margins.model_validate(found)
@@ -83,7 +83,7 @@ class Margins(Record):
     def at(self, limit: "Limit") -> float:
         """The margin of ``limit``; NaN where it was not measured."""
         found = getattr(self, limit.kind)
-        found = found.get(limit.faces[0]) if limit.of_one_face else found
+        found = found.get(limit.names[0]) if limit.of_one_face else found
         return nan if found is None else float(found)
 
 
@@ -216,11 +216,16 @@ class Limit:
     """
 
     kind: str
-    faces: tuple[str, ...]
+    faces: tuple[FaceRole, ...]
     unit: str
     tolerance: float
     remedy: str
     given: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its faces."""
+        return tuple(face.name for face in self.faces)
 
     @property
     def of_one_face(self) -> bool:
@@ -230,7 +235,7 @@ class Limit:
     @property
     def key(self) -> str:
         """Its name in the history of a search; it ends with the unit."""
-        return f"{self.faces[0]}_{self.kind}" if self.of_one_face else self.kind
+        return f"{self.names[0]}_{self.kind}" if self.of_one_face else self.kind
 
     @property
     def name(self) -> str:
@@ -284,27 +289,31 @@ def limits_of(spec: Spec) -> tuple[Limit, ...]:
     return tuple(limits)
 
 
-def _limits_of_faces(lens: AnyLens) -> Iterator[tuple[str, tuple[str, ...], str, str]]:
+def _limits_of_faces(lens: LensShape) -> Iterator[tuple[str, tuple[FaceRole, ...], str, str]]:
     """Kind, faces, field and remedy of each limit that a lens of these faces may have.
 
     A limit of one face names it first, and then those that bound the same medium: it holds where that face does.
     """
-    openings = tuple(name for name in lens.body_names if SIDES[name] == OPENING)
-    bounding = {
-        medium: tuple(name for name in lens.body_names if SIDES[name][0] == medium and name not in openings) + openings
-        for medium in ON_BOTH
-    }
     for kind, media, field, remedy in _LIMITS:
         if media:
-            faces = tuple(dict.fromkeys(sum((bounding[each] for each in media), ())))
-            firsts = [bounding[each][0] for each in media]
-            if openings:  # what is behind follows: the mouth says how large the body is, the cup how thick
-                firsts = [firsts[0]] * 2 if len(media) == 2 else [lens.names[0] if media == ON_CAVITY else openings[0]]
-            yield kind, faces, field, remedy.format(*firsts, field=field)
+            faces = tuple(dict.fromkeys(sum((bounding(lens.body_roles, medium) for medium in media), ())))
+            yield kind, faces, field, remedy.format(*_first_faces(lens, media), field=field)
             continue
-        for name in lens.names:
-            others = tuple(each for each in bounding[SIDES[name][0]] if each != name)
-            yield kind, (name, *others), field.format(name), remedy.format(name, field=field.format(name))
+        for role in lens.roles:
+            others = (other for other in bounding(lens.body_roles, role.before) if other != role)
+            own_field = field.format(role.name)
+            yield kind, (role, *others), own_field, remedy.format(role.name, field=own_field)
+
+
+def _first_faces(lens: LensShape, media: tuple[str, ...]) -> list[str]:
+    """Name of the first face of each medium, by which a limit is kept; of one that follows another that one.
+
+    How large a body is whose first face follows another, the next says: the mouth of a reflector.
+    """
+    bounds = [bounding(lens.body_roles, medium) for medium in media]
+    if len(media) == 1:
+        return [next(role.name for role in bounds[0] if role.follows is None)]
+    return [faces[0].follows or faces[0].name for faces in bounds]
 
 
 def constraint_criteria(spec: Spec, measured: Margins) -> Criteria:

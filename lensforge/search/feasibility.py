@@ -63,7 +63,7 @@ def _measured(lens: Lens, directions: int) -> dict[Limit, float]:
             found[each] = wall.thickness_mm - each.given
         elif each.kind == EDGE:
             edges = (edge for side in lens_boundaries(lens) for edge in sharpest_edges(side))
-            found[each] = min(edge.angle_deg for edge in edges if set(edge.faces) <= set(each.faces)) - each.given
+            found[each] = min(edge.angle_deg for edge in edges if set(edge.faces) <= set(each.names)) - each.given
         elif each.kind == FLANGE_ROOM:
             low, high = flange_heights_mm(lens_boundaries(lens)[1])
             found[each] = high - low - each.given
@@ -92,10 +92,10 @@ def _least(
     constraint: Constraint, grid: TableGrid, everywhere: ChartOperator, tables: dict[str, Float[Tensor, "s s"]]
 ) -> float:
     """Minimum ``everywhere``, then at finer points around it."""
-    stacked = torch.stack([tables[name] for name in constraint.faces])
+    stacked = torch.stack([tables[name] for name in constraint.names])
 
     def least_of(operator: ChartOperator) -> tuple[float, Float[np.ndarray, "2"]]:
-        jets = dict(zip(constraint.faces, operator.jets(stacked), strict=True))
+        jets = dict(zip(constraint.names, operator.jets(stacked), strict=True))
         field, points = constraint.of(jets, operator.points), operator.points
         k = int(field.argmin())
         return float(field[k]), np.array([points.x[k], points.y[k]])

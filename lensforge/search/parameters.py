@@ -17,7 +17,6 @@ from torch import Tensor
 
 from lensforge.errors import InputError, remedy
 from lensforge.kernels.parallel import in_parallel
-from lensforge.optics.media import DOUBLE
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver import PosedReceiver
@@ -132,7 +131,7 @@ class SphereParameters(Parametrisation):
     basis_tables: BasisTables
     scale_mm: Float[Tensor, " f"]
     fixed: tuple[Surface | None, ...]
-    names: tuple[str, ...] = DOUBLE
+    names: tuple[str, ...]
 
     @staticmethod
     def of(spec: Spec, nodes_per_sigma: float) -> "SphereParameters":
@@ -144,7 +143,7 @@ class SphereParameters(Parametrisation):
             grid, halvings = dyadic_grid([*sigmas, *details], nodes_per_sigma)
             tables = BasisTables.of(basis, grid, halvings[: len(sigmas)])
         scale_mm = torch.tensor([*lens.start_mm.values()], dtype=torch.float64)
-        return SphereParameters(basis, grid, tables, scale_mm, tuple(lens.fixed.values()))
+        return SphereParameters(basis, grid, tables, scale_mm, tuple(lens.fixed.values()), lens.names)
 
     @property
     def levels(self) -> tuple[int, ...]:

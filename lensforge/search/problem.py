@@ -59,15 +59,18 @@ class Problem:
         return finer, AugmentedLagrangian.of(self.spec, finer.grid)
 
 
+PARAMETRISATIONS: dict[str, Callable[[Spec, float], Parametrisation]] = {
+    "spheres": SphereParameters.of,
+    "profiles": ProfileParameters.of,
+}
+
+
 def parameters_of(spec: Spec, nodes_per_sigma: float) -> Parametrisation:
-    """The parametrisation of the faces of ``spec``, by the kind of its lens; of lenses by place, of all of them."""
+    """The parametrisation of the faces of ``spec``, as its lens names it; of lenses by place, of all of them."""
     if spec.all_lamps.kinds:
         each = spec_of_each_kind(spec).items()
         return KindsParameters.of({name: parameters_of(own.of_one_lamp, nodes_per_sigma) for name, own in each})
-    kinds: dict[str, Callable[[Spec, float], Parametrisation]] = {
-        "double": SphereParameters.of, "tir": ProfileParameters.of, "reflector": ProfileParameters.of,
-    }  # fmt: skip
-    return kinds[spec.lens.kind](spec, nodes_per_sigma)
+    return PARAMETRISATIONS[spec.lens.parametrisation](spec, nodes_per_sigma)
 
 
 def merit_of(

@@ -17,11 +17,11 @@ from lensforge.errors import remedy
 from lensforge.scene.body import Body, Face, nearest
 from lensforge.scene.lens import Lens
 from lensforge.search.parameters import Parametrisation, mirror_mean, sums_of
-from lensforge.search.start_faces import AXIS, HORIZON, shrunk, start_faces
+from lensforge.search.start_faces import start_faces
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import ProfiledShape
 from lensforge.surfaces.bicubic_table import APRON, BasisTables, TableGrid, dyadic_grid, tabulate
-from lensforge.surfaces.profile import FormedFace, ProfileBasis, ProfileFace
+from lensforge.surfaces.profile import AXIS, HORIZON, FormedFace, ProfileBasis, ProfileFace, shrunk
 from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface, bent
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
 from lensforge.surfaces.surface import Surface
@@ -30,7 +30,6 @@ _DIRECTIONS = 4000  # at which the part of a face that bounds its medium is look
 _BEYOND = 0.1  # cosine by which a profile bends beyond that part: creases move, and beyond it all bends fade
 _LOWEST = -0.1  # cosine: exported faces reach a little below z = 0
 _NODES_PER_SIGMA = 6.0  # at least: with 2.5 the wall is 30 um off at its rim
-_FOLLOWS = {"back": "cup"}  # faces with the parameters of another
 
 
 @dataclass(frozen=True)
@@ -60,20 +59,19 @@ class FaceParameters:
 
 @dataclass(frozen=True, eq=False)
 class ProfileParameters(Parametrisation):
-    """Free faces of revolution, with SRBFs of ``srbf`` beside them where there are some."""
+    """Free faces of revolution, with SRBFs of ``srbf`` beside them where there are some.
+
+    ``columns``: number of the face whose parameters each face has: its own, or one that it follows.
+    """
 
     grid: TableGrid
     names: tuple[str, ...]
     fixed: tuple[Surface | None, ...]
     own: tuple[FaceParameters | ReciprocalSurface | None, ...]
+    columns: tuple[int, ...]
     profile: int
     srbf: SrbfBasis | None = None
     srbf_tables: BasisTables | None = None
-
-    @cached_property
-    def columns(self) -> tuple[int, ...]:
-        """Number of the face whose parameters each face has: its own, or one that it follows."""
-        return tuple(self.names.index(_FOLLOWS.get(name, name)) for name in self.names)
 
     @staticmethod
     def of(spec: Spec, nodes_per_sigma: float) -> "ProfileParameters":
@@ -81,7 +79,7 @@ class ProfileParameters(Parametrisation):
         lens = spec.lens
         assert isinstance(lens, ProfiledShape)
         start = start_faces(spec)
-        body = Body.of(start)
+        body, leaders = Body.of(start, lens.body_roles), {role.name: role.follows for role in lens.body_roles}
         fixed = {name: None if name in lens.free else surface for name, surface in start.items()}
         own: list[FaceParameters | ReciprocalSurface | None] = []
         for face in body.faces:
@@ -89,8 +87,8 @@ class ProfileParameters(Parametrisation):
                 own.append(None)
             elif isinstance(face.surface, ConeFace | PlaneFace):
                 own.append(face.surface)
-            elif face.name in _FOLLOWS:
-                own.append(_following(face, own[lens.names.index(_FOLLOWS[face.name])]))
+            elif (leader := leaders[face.name]) is not None:
+                own.append(_following(face, own[lens.body_names.index(leader)]))
             else:
                 own.append(_parameters(body, face.name, lens.profile))
         srbf = lens.basis if lens.levels else None
@@ -99,7 +97,9 @@ class ProfileParameters(Parametrisation):
             sigmas = [] if srbf is None else [level_sigma(count, srbf.sigma_c) for count in srbf.levels]
             grid, halvings = dyadic_grid([*sigmas, *details], max(nodes_per_sigma, _NODES_PER_SIGMA))
             sums = None if srbf is None else BasisTables.of(srbf, grid, halvings[: len(sigmas)])
-        return ProfileParameters(grid, tuple(start), tuple(fixed.values()), tuple(own), lens.profile, srbf, sums)
+        names, given = lens.body_names, tuple(fixed.values())
+        columns = tuple(names.index(leaders[name] or name) for name in names)
+        return ProfileParameters(grid, names, given, tuple(own), columns, lens.profile, srbf, sums)
 
     @property
     def levels(self) -> tuple[int, ...]:

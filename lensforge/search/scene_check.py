@@ -32,9 +32,7 @@ from lensforge.spec import Spec
 from lensforge.spec.feasible import smallest_cavity_mm
 from lensforge.spec.source_sections import Placement
 from lensforge.spec.spec_section import rounded_up
-from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import grid_for, tabulate
-from lensforge.surfaces.surface import Surface
 
 LEAST_POSSIBLE = 0.5  # of what is asked for: with less, no search comes near it
 
@@ -262,23 +260,12 @@ class SceneCheck:
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:
     """Shares of the flux by fate in the starting lens."""
-    surfaces = (starting_surfaces(spec) if start is None else start.surfaces).values()
+    surfaces = (start_faces(spec) if start is None else start.surfaces).values()
     grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
     scene = Scene(spec.lens.media, grid, chain=Chain.of_lens(spec.lens))
     exits = trace_tables([tabulate(grid, surface) for surface in surfaces], scene, rays)
     by_fate = np.bincount(exits.fates, rays.flux, minlength=len(Fate)) / rays.flux.sum()
     return {fate: float(by_fate[fate]) for fate in Fate}
-
-
-def starting_surfaces(spec: Spec) -> dict[str, Surface]:
-    """The surfaces from which a search begins, by the names of their faces, or those that the spec fixes.
-
-    Spheres, or the faces of the lens for a point source. Raises :class:`InputError` where there is no such lens.
-    """
-    if spec.lens.reflects:
-        return start_faces(spec)
-    fixed = spec.lens.fixed
-    return {name: fixed[name] or sphere(radius_mm) for name, radius_mm in spec.lens.start_mm.items()}
 
 
 def _percent(share: float) -> str:

@@ -13,7 +13,6 @@ from lensforge.cad.patch import Patch
 from lensforge.cad.plan import lay_out
 from lensforge.cad.plate_export import room_on_plate
 from lensforge.cad.wall import Span, thickest, thinnest
-from lensforge.optics.media import FROM_BELOW
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh
 from lensforge.shop.check_result import Check, Edge, FaceResult, Wall, Walls
@@ -72,7 +71,7 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
         faces = {}
         for face in (each for each in boundary.faces if lens.body.face(each.name).is_optical):
             cut = replace(face.shape, control=manufacture.scale * face.shape.control)
-            sense = -1 if face.name in FROM_BELOW else 1
+            sense = -1 if lens.spec.lens.role(face.name).widens else 1
             air = air_side(lens.body.face(face.name), manufacture)
             faces[face.name] = OpticalFace(cut, air, face.domain, sense=sense)
         for name, own in faces.items():

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from lensforge.optics.media import CAVITY, OPENING, SIDES
+from lensforge.optics.media import CAVITY
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.criteria import named, state_of
 from lensforge.results.fact_table import Row, facts_of
@@ -15,7 +15,7 @@ def check_facts(check: Check, spec: Spec) -> list[Group]:
     """A group for each face and one for the wall, and the findings on each of them."""
     faces = [Group(name, face_title(name), tuple(_face(name, face, check, spec))) for name, face in check.faces.items()]
     walls = Group("walls", "Wall", tuple(facts_of(check, _WALLS, judged=check.criteria)))
-    edges = [Group("edges", "Edges", tuple(_edge(each, check) for each in check.edges))] if check.edges else []
+    edges = [Group("edges", "Edges", tuple(_edge(each, check, spec) for each in check.edges))] if check.edges else []
     return [*faces, walls, *edges, *finding_groups(check)]
 
 
@@ -109,13 +109,14 @@ _WALLS = (
 )
 
 
-def _edge(edge: Edge, check: Check) -> Fact:
+def _edge(edge: Edge, check: Check, spec: Spec) -> Fact:
     """The sharpest place of an edge."""
     one, other = edge.faces
-    of = "the mould’s core" if SIDES[one][0] == CAVITY and SIDES[one] != OPENING else "the lens"
+    first = spec.lens.role(one)
+    of = "the mould’s core" if first.before == CAVITY and not first.is_open else "the lens"
     note = f"the sharpest of {of}, where these faces meet"
     return Fact(
-        f"edge_{other if SIDES[one] == OPENING else one}",
+        f"edge_{other if first.is_open else one}",
         f"{one.capitalize()} and {other}",
         edge.angle_deg,
         "°",

@@ -9,7 +9,6 @@ from math import ceil, floor
 from typing import TYPE_CHECKING
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
-from lensforge.optics.media import FROM_BELOW
 from lensforge.results import Fact
 from lensforge.results.criteria import Criteria, at_least, at_most
 from lensforge.results.numerals import percent, quantity
@@ -229,7 +228,7 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Fact:
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
     asked_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg
-    if undercut > 0.0 and surface in FROM_BELOW and least_deg >= 0.0:
+    if undercut > 0.0 and spec.lens.role(surface).widens and least_deg >= 0.0:
         reason = f"{percent(undercut)} of the {surface} face lies over the base: its half of the mould cannot be drawn"
         return _finding("draft", surface, None, wanted_deg, reason, ['base.kind = "none"', "a narrower base"])
     if undercut > 0.0:

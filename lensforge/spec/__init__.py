@@ -2,11 +2,13 @@
 
 from lensforge.spec.accuracy import Accuracy, AnyAccuracy, Preset
 from lensforge.spec.design_spec import Spec, load_spec, parse_spec
-from lensforge.spec.face_section import FaceSection
+from lensforge.spec.double_lens import LensSection
+from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.further_targets import ArrayTarget, BeamTarget, ImageTarget, TableTarget, TextTarget
-from lensforge.spec.lens_section import LensSection
+from lensforge.spec.internal_reflection import ExitFace, TirSection
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection, Tool
 from lensforge.spec.receiver_fields import ReceiverSection
+from lensforge.spec.reflector import CupSection, ReflectorSection
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.shape_targets import CrossTarget, FlatTopTarget, RectangleTarget
 from lensforge.spec.target_sections import TargetSection
@@ -19,9 +21,12 @@ __all__ = [
     "BeamTarget",
     "ConstraintsSection",
     "CrossTarget",
+    "CupSection",
     "DrawingSection",
     "EvaluateSection",
+    "ExitFace",
     "FaceSection",
+    "FlangeSection",
     "FlatTopTarget",
     "ImageTarget",
     "LensSection",
@@ -30,10 +35,12 @@ __all__ = [
     "Preset",
     "ReceiverSection",
     "RectangleTarget",
+    "ReflectorSection",
     "Spec",
     "TableTarget",
     "TargetSection",
     "TextTarget",
+    "TirSection",
     "Tool",
     "load_spec",
     "parse_spec",

@@ -21,7 +21,7 @@ from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.lens_material import OpticalData, with_optical_data
-from lensforge.spec.lens_section import AnyLens
+from lensforge.spec.lens_section import LensShape
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section, check
 from lensforge.surfaces.placed_bodies import depths, outside_of
@@ -157,7 +157,7 @@ class BodySection(Section):
         )
 
 
-def media_with(bodies: Sequence[BodySection], lens: AnyLens) -> Media:
+def media_with(bodies: Sequence[BodySection], lens: LensShape) -> Media:
     """The media of the lens with the bodies behind it. Raises :class:`InputError` for an index that is not known."""
     if not bodies:
         return lens.media
@@ -165,7 +165,7 @@ def media_with(bodies: Sequence[BodySection], lens: AnyLens) -> Media:
 
 
 def require_bodies(
-    sections: Sequence[BodySection], lens: AnyLens, limits: ConstraintsSection, *, lamps: object, robust: bool
+    sections: Sequence[BodySection], lens: LensShape, limits: ConstraintsSection, *, lamps: object, robust: bool
 ) -> None:
     """Raise ``ValueError`` for bodies that do not nest about the lens, and for what does not know them.
 
@@ -202,7 +202,7 @@ def _require_within(body: FurtherBody, points: _Points, what: str, remedy: str) 
         )
 
 
-def _largest_lens(lens: AnyLens, limits: ConstraintsSection) -> _Points:
+def _largest_lens(lens: LensShape, limits: ConstraintsSection) -> _Points:
     """Points of the largest lens that the limits allow: a hemisphere, or a cylinder where that is its radius."""
     u, most = fibonacci_hemisphere(_DIRECTIONS), limits.max_radius_mm
     if not lens.radius_about_axis:

@@ -13,18 +13,15 @@ _CAVITY = 1.2  # radius of the cavity over that of the circle around the source:
 _CAVITY_LEAST = 0.02  # of the largest radius: around a point source
 CAVITY_HEIGHT = 0.6  # height of the cavity over its radius
 _WALL, _WALL_MOST = 0.27, 0.15  # of the root of the largest radius (mm); at most this share of it
-_INNER, _OUTER = 0.43, 0.98  # hemispheres over the largest radius
-_AROUND_CAVITY = 1.05  # least inner hemisphere over the cavity
 _RECEIVER = 1.5  # side of the receiver over the pattern
 _HALF_ANGLE, _MOST_HALF_ANGLE_DEG = 4.0 / 3.0, 85.0  # over the beam; and where that is not known
 _MOST_PLACES = 300  # digits behind the point: ten to this power is a number yet, also for the smallest length
 
+# Words for each rule by the dotted name of its field; a kind of lens adds those of its faces.
 WHY = {
     "constraints.cavity_radius_mm": f"{_CAVITY:g} x the circle around the source",
     "constraints.cavity_height_mm": f"{CAVITY_HEIGHT:g} x cavity_radius_mm",
     "constraints.min_thickness_mm": f"{_WALL:g} x the root of max_radius_mm",
-    "lens.inner.offset_mm": f"{_INNER:g} x max_radius_mm, the inner hemisphere of the start",
-    "lens.outer.offset_mm": f"{_OUTER:g} x max_radius_mm, the outer hemisphere of the start",
     "target.receiver_mm": f"{_RECEIVER:g} x the pattern",
     "target.half_angle_deg": "4/3 x the beam, of beam and batwing",
 }
@@ -32,7 +29,7 @@ WHY = {
 
 @dataclass(frozen=True)
 class LensSizes:
-    """Cavity, wall and starting hemispheres (mm) of a lens of ``max_radius_mm`` around a source of some radius."""
+    """Cavity and wall (mm) of a lens of ``max_radius_mm`` around a source of some radius."""
 
     max_radius_mm: float
     reach_mm: float
@@ -41,24 +38,17 @@ class LensSizes:
     @property
     def cavity_radius_mm(self) -> float:
         """Radius of the cavity."""
-        return _digits(max(_CAVITY * self.reach_mm, _CAVITY_LEAST * self.max_radius_mm), ceil)
+        return three_digits(max(_CAVITY * self.reach_mm, _CAVITY_LEAST * self.max_radius_mm), ceil)
 
     @property
     def cavity_height_mm(self) -> float:
         """Height of the cavity, above a source that is raised."""
-        return _digits(CAVITY_HEIGHT * self.cavity_radius_mm + max(self.height_mm, 0.0), ceil)
+        return three_digits(CAVITY_HEIGHT * self.cavity_radius_mm + max(self.height_mm, 0.0), ceil)
 
     @property
     def min_thickness_mm(self) -> float:
         """Least wall."""
-        return _digits(min(_WALL * self.max_radius_mm**0.5, _WALL_MOST * self.max_radius_mm))
-
-    @property
-    def offset_mm(self) -> dict[str, float]:
-        """Hemispheres by face: the inner one around the cavity, and with some wall."""
-        outer = _digits(_OUTER * self.max_radius_mm, floor)
-        wanted = max(_INNER * self.max_radius_mm, _AROUND_CAVITY * self.cavity_radius_mm)
-        return {"inner": _digits(min(wanted, outer - 1.5 * self.min_thickness_mm), floor), "outer": outer}
+        return three_digits(min(_WALL * self.max_radius_mm**0.5, _WALL_MOST * self.max_radius_mm))
 
 
 def derived_sizes(sources: Sequence[Any], lens: Any, limits: Any, target: Any) -> dict[str, dict[str, Any]]:
@@ -76,9 +66,11 @@ def derived_sizes(sources: Sequence[Any], lens: Any, limits: Any, target: Any) -
         sizes = LensSizes(limits.max_radius_mm, max(filter(None, reaches), default=0.0), max(heights))
     known = ("min_thickness_mm",) if None in reaches else ("min_thickness_mm", "cavity_radius_mm", "cavity_height_mm")
     return {
-        "lens": {}
-        if lens.kind != "double"
-        else {name: {"offset_mm": sizes.offset_mm[name]} for name, face in lens.faces.items() if face.fixed is None},
+        "lens": {
+            name: {"offset_mm": offset_mm}
+            for name, offset_mm in lens.derived_offsets_mm(sizes).items()
+            if lens.faces[name].fixed is None
+        },
         "constraints": {name: getattr(sizes, name) for name in known},
         "target": {} if target is None else _receiver_of(target),
     }
@@ -98,7 +90,7 @@ def _receiver_of(target: Any) -> dict[str, float]:
     if not target.far_field_only:
         return {}
     widths = target.pair(target.across)
-    wide = _MOST_HALF_ANGLE_DEG if widths is None else _digits(_HALF_ANGLE * max(widths), ceil)
+    wide = _MOST_HALF_ANGLE_DEG if widths is None else three_digits(_HALF_ANGLE * max(widths), ceil)
     return {"half_angle_deg": min(wide, _MOST_HALF_ANGLE_DEG)}
 
 
@@ -114,11 +106,11 @@ def _pattern_mm(target: Any) -> float | None:
 
 def rounded_length(value_mm: float) -> float:
     """A length that something has to fit into, rounded up to three digits."""
-    return _digits(value_mm, ceil)
+    return three_digits(value_mm, ceil)
 
 
-def _digits(value: float, towards: Any = round) -> float:
-    """``value`` to three significant digits."""
+def three_digits(value: float, towards: Any = round) -> float:
+    """``value`` to three significant digits, rounded by ``towards``."""
     if not value > 0.0:
         return value
     places = min(2 - floor(log10(value)), _MOST_PLACES)

@@ -16,11 +16,12 @@ from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
 from lensforge.spec.derived_values import derived_sizes
+from lensforge.spec.double_lens import LensSection
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
 from lensforge.spec.lamps_together import require_kinds, require_together
-from lensforge.spec.lens_section import AnyLens, LensSection
+from lensforge.spec.lens_section import LensShape
 from lensforge.spec.light_limits import (
     ColourSection,
     LightLimitSpec,
@@ -38,7 +39,7 @@ from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_files import NamedFrom, alike, changed, plain, read_toml, short
 from lensforge.spec.spec_section import Section, check, section_of
 from lensforge.spec.target_sections import TargetSection
-from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
+from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, TolerancesSection, lets_light_in
 
 _Filled = TypeVar("_Filled", bound=Section)
 
@@ -71,7 +72,7 @@ class Spec(Section):
     """The LED: where light starts, how much, and in which directions; or give ``sources``."""
     sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = ()
     """LEDs that one lens is for, in the place of ``source``. What is stated for one LED alone is of the first."""
-    lens: AnyLens = Field(default_factory=LensSection)
+    lens: LensShape = Field(default_factory=LensSection)
     """Material, and the two surfaces from which the search starts."""
     bodies: Annotated[tuple[BodySection, ...], Field(max_length=_MOST_BODIES)] = ()
     """Given optics that the light passes behind the lens, in this order: domes, covers."""
@@ -271,22 +272,19 @@ class Spec(Section):
         return (implied_receiver(self.target),) if self.target is not None else named(self.receivers)
 
     @property
-    def part_tolerances(self) -> FacesTolerances:
+    def part_tolerances(self) -> PartTolerances:
         """All tolerances: ``[tolerances]``, and those of the faces."""
-        return tolerances_with(self.lens.names).of(self.tolerances, self.lens.faces)
+        return PartTolerances.of(self.tolerances, self.lens.faces, self.lens.roles)
 
-    def with_tolerances(self, other: FacesTolerances) -> "Spec":
+    def with_tolerances(self, other: PartTolerances) -> "Spec":
         """The spec with all tolerances of ``other`` in place of its own.
 
         Raises :class:`InputError` for those of a lens with other faces.
         """
-        if other.names != self.lens.names:
-            raise InputError(
-                f"tolerances of the faces {', '.join(other.names)}: this lens has {', '.join(self.lens.names)}; give "
-                "those of its faces"
-            )
-        faces = {name: face.with_tolerances(getattr(other, name)) for name, face in self.lens.faces.items()}
-        own = TolerancesSection(**other.model_dump(exclude_unset=True, exclude=set(other.names)))
+        given = PartTolerances.of(other, other.faces, self.lens.roles)
+        none = FaceTolerances()
+        faces = {name: face.with_tolerances(given.faces.get(name, none)) for name, face in self.lens.faces.items()}
+        own = TolerancesSection(**given.model_dump(exclude_unset=True, exclude={"faces"}))
         return self.model_copy(update={"lens": self.lens.model_copy(update=faces), "tolerances": own})
 
     def is_cut(self, face: str) -> bool:
@@ -312,7 +310,8 @@ class Spec(Section):
     def _settings_match_levels(self) -> None:
         given = self.optimise.model_fields_set
         if self.optimise.robust and self.lens.is_opaque:
-            raise ValueError("optimise.robust goes with lens.kind = 'double' or 'tir', not 'reflector'; leave it out")
+            clear = " or ".join(repr(kind) for kind, section in LensShape.kinds.items() if lets_light_in(section.roles))
+            raise ValueError(f"optimise.robust goes with lens.kind = {clear}, not {self.lens.kind!r}; leave it out")
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
@@ -328,7 +327,7 @@ class Spec(Section):
     def _starts_within_the_largest_radius(self) -> None:
         largest = self.constraints.max_radius_mm
         for name, face in self.lens.faces.items():
-            on_axis = name in ("cap", "exit", "mouth")  # heights, which the radius about the axis does not limit
+            on_axis = self.lens.role(name).on_axis  # a height, which the radius about the axis does not limit
             if face.offset_mm is not None and face.offset_mm > largest and not on_axis:
                 raise ValueError(
                     f"lens.{name}.offset_mm = {face.offset_mm:g} is beyond constraints.max_radius_mm = {largest:g}, "

@@ -1,15 +1,14 @@
 """The faces of a lens, such as ``[lens.inner]`` and ``[lens.outer]``: each a table with all that is its own."""
 
-from itertools import pairwise
 from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from lensforge.optics.media import DOUBLE, FLANGE, REFLECTOR, TIR
+from lensforge.optics.media import BODY, CAVITY, RIM_FLANGE, FaceRole, bounding
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.spec_section import Millimetres, Section, check
-from lensforge.spec.tolerances_section import FaceTolerances, refuse_placement
+from lensforge.spec.tolerances_section import FaceTolerances, lets_light_in, refuse_placement
 from lensforge.surfaces.surface import Surface
 
 
@@ -54,18 +53,6 @@ class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stand
         return own
 
 
-class ExitFace(FaceSection):
-    """A face that may be asked to stay a plane."""
-
-    flat: bool = False
-    """Keep it a plane across the axis: the search moves its height alone, and the other faces carry the shape."""
-
-    @check
-    def _flat_is_not_fixed(self) -> None:
-        if self.flat and self.fixed is not None:
-            raise ValueError("give one of flat, a plane whose height the search finds, and fixed, a surface that stays")
-
-
 class FlangeSection(Section):
     """The flange at the exit's rim of a lens for total internal reflection: a ring, by which a holder takes the lens.
 
@@ -86,10 +73,14 @@ class FlangeSection(Section):
 
 
 class FacesSection(Section):
-    """The faces of a lens by name, from the source on; ``outward``: the one whose offset sets the wall from outside."""
+    """The faces of a lens by name, from the source on: each has a table, and one of the ``roles``."""
 
-    names: ClassVar[tuple[str, ...]] = ()
-    outward: ClassVar[str] = ""
+    roles: ClassVar[tuple[FaceRole, ...]] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the faces that have tables."""
+        return tuple(role.name for role in self.roles)
 
     @property
     def faces(self) -> dict[str, FaceSection]:
@@ -108,17 +99,52 @@ class FacesSection(Section):
 
     @check
     def _first_is_the_reference(self) -> None:
-        refuse_placement(self.faces)
+        refuse_placement(self.roles, self.faces)
+
+    @property
+    def rim_flange(self) -> FlangeSection | None:
+        """The flange at the rim; None without one."""
+        return None
+
+    @property
+    def body_roles(self) -> tuple[FaceRole, ...]:
+        """All faces of the body, from the source on: those that have tables, and before the last that of a flange."""
+        return self.roles if self.rim_flange is None else (*self.roles[:-1], RIM_FLANGE, self.roles[-1])
 
     @property
     def body_names(self) -> tuple[str, ...]:
-        """Names of all faces of the body, from the source on: those that have tables, and that of a flange."""
-        return self.names
+        """Names of all faces of the body."""
+        return tuple(role.name for role in self.body_roles)
+
+    def role(self, name: str) -> FaceRole:
+        """The role of the face of that name."""
+        return next(role for role in self.body_roles if role.name == name)
+
+    @property
+    def is_opaque(self) -> bool:
+        """True where no light enters the body: its index does not count, and its material is a label."""
+        return not lets_light_in(self.roles)
+
+    @property
+    def has_creases(self) -> bool:
+        """True where several faces lie side by side, and meet in creases; there the lens is widest and highest."""
+        return any(len(bounding(self.roles, medium)) > 1 for medium in (CAVITY, BODY))
+
+    @property
+    def reflects(self) -> bool:
+        """True where a face turns light by any angle, and at no loss."""
+        return any(role.reflects for role in self.roles)
+
+    @property
+    def outward(self) -> str:
+        """The face whose offset sets the wall from outside."""
+        last = [role for role in self.roles if role.before == BODY][-1]
+        return last.follows or last.name
 
     @property
     def flange_room_mm(self) -> float | None:
         """Height of the cylinder that a flange needs; None without one."""
-        return None
+        return None if self.rim_flange is None else self.rim_flange.room_mm
 
     @property
     def start_mm(self) -> dict[str, float]:
@@ -131,98 +157,3 @@ class FacesSection(Section):
     def fixed(self) -> dict[str, Surface | None]:
         """The surfaces of the faces that are fixed."""
         return {name: None if face.fixed is None else face.fixed.surface for name, face in self.faces.items()}
-
-
-class LensFaces(FacesSection):
-    """The two faces of the usual lens."""
-
-    names, outward = DOUBLE, "outer"
-
-    inner: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the source: it bounds the cavity, and the others are placed against it."""
-    outer: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the light that is wanted."""
-
-    @check
-    def _no_mirror(self) -> None:
-        for name, face in self.faces.items():
-            if face.mirror is not None:
-                raise ValueError(f"{name}.mirror = {face.mirror:g}: no light would leave; it goes with kind = 'tir'")
-
-    @check
-    def _each_outside_the_one_before(self) -> None:
-        for (before, inside), (name, face) in pairwise(self.faces.items()):
-            low, high = inside.apex_mm, face.apex_mm
-            if low is not None and high is not None and high <= low:
-                field = f"{name}.offset_mm" if face.fixed is None else f"the vertex of {name}.fixed"
-                raise ValueError(f"{field} = {high} must exceed where the {before} face meets the axis, {low:g} mm")
-
-
-class TirFaces(FacesSection):
-    """The four faces of a lens for total internal reflection."""
-
-    names, outward = TIR, "exit"
-
-    cap: FaceSection = Field(default_factory=FaceSection)
-    """Face of the cavity over the source; ``offset_mm``: its height on the axis."""
-    side: FaceSection = Field(default_factory=FaceSection)
-    """Face of the cavity around the source: a cone with its draft, 2 degrees by default; ``offset_mm``: its radius at
-    z = 0.
-    """
-    wall: FaceSection = Field(default_factory=FaceSection)
-    """Face around the cavity, which reflects totally, or by a mirror; ``offset_mm``: its radius at z = 0."""
-    exit: ExitFace = Field(default_factory=ExitFace)
-    """Face towards the light that is wanted; ``offset_mm``: its height on the axis."""
-    flange: FlangeSection | None = None
-    """Flange at the exit's rim; by default there is none."""
-
-    @property
-    def body_names(self) -> tuple[str, ...]:
-        """Names of all faces of the body, the exit last."""
-        return self.names if self.flange is None else (*self.names[:-1], FLANGE, self.names[-1])
-
-    @property
-    def flange_room_mm(self) -> float | None:
-        """Height of the cylinder that the flange needs; None without one."""
-        return None if self.flange is None else self.flange.room_mm
-
-
-_ALUMINISED = 0.88  # reflectance of a plain film of aluminium on a smooth lacquer, over the visible range
-
-
-class CupSection(FaceSection):
-    """The mirror of a reflector."""
-
-    mirror: Annotated[float, Field(gt=0.0, le=1.0)] = _ALUMINISED
-    """Share of the light that it reflects at every angle; the rest is absorbed."""
-
-
-class ReflectorFaces(FacesSection):
-    """The mirror of a reflector, its back, and its mouth."""
-
-    names, outward = REFLECTOR, "cup"  # its back follows it
-
-    cup: CupSection = Field(default_factory=CupSection)
-    """Mirror around the source; ``offset_mm``: its radius at z = 0."""
-    back: FaceSection = Field(default_factory=FaceSection)
-    """Face behind the mirror, at the least wall and a little more; it has no fields of its own."""
-    mouth: FaceSection = Field(default_factory=FaceSection)
-    """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
-
-    @check
-    def _only_the_cup_is_a_mirror(self) -> None:
-        if self.cup.coating is not None:
-            raise ValueError("cup.coating: the cup is a mirror; give cup.mirror, the share that it reflects")
-        for name, allowed in (("back", ()), ("mouth", ("offset_mm",))):
-            face = self.faces[name]
-            for field in sorted(face.model_fields_set.difference(allowed)):
-                if getattr(face, field) is not None:
-                    has = (
-                        f"it has {' and '.join(allowed)} alone" if allowed else "it follows the cup, and has no fields"
-                    )
-                    raise ValueError(f"{name}.{field}: {has}; leave it out")
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """All faces, or none where the cup is given: the others follow it."""
-        return self.names if self.cup.fixed is None else ()

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, FROM_BELOW, SIDES
+from lensforge.optics.media import BODY, CAVITY, FaceRole
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.fixed_surface import FixedFace
-from lensforge.spec.lens_section import AnyLens, LensSection, TirSection
+from lensforge.spec.lens_section import LensShape
 from lensforge.spec.part_section import BaseSection, ManufactureSection
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import rounded_up
@@ -27,7 +27,7 @@ _SHAPE_TOLERANCE = 1e-3  # of a concave radius, and of the sine of a draft: what
 _Meridian = Float[np.ndarray, " k"]
 
 
-def require_feasible(lens: AnyLens, limits: ConstraintsSection, manufacture: ManufactureSection) -> None:
+def require_feasible(lens: LensShape, limits: ConstraintsSection, manufacture: ManufactureSection) -> None:
     """Raise ``ValueError`` where no lens keeps all limits: the fields, their values, and what is allowed."""
     _require_below_glass(lens, limits)
     if limits.min_edge_angle_deg is not None and not lens.has_creases:
@@ -35,24 +35,21 @@ def require_feasible(lens: AnyLens, limits: ConstraintsSection, manufacture: Man
             f"constraints.min_edge_angle_deg = {limits.min_edge_angle_deg:g}: the faces of a lens of kind "
             f"{lens.kind!r} meet in no edge; leave it out, or take lens.kind = 'tir'"
         )
-    if isinstance(lens, TirSection) and lens.flange is not None:
-        _require_around_lens(lens.flange, limits)
-    if not isinstance(lens, LensSection):
+    if lens.rim_flange is not None:
+        _require_around_lens(lens.rim_flange, limits)
+    if lens.has_creases:
         return  # its start, and its faces together, are checked where they are made
     for name, face in lens.faces.items():
-        for fault in () if face.fixed is None else _faults(name, face, face.fixed, limits, manufacture):
+        for fault in () if face.fixed is None else _faults(lens.role(name), face, face.fixed, limits, manufacture):
             raise ValueError(f"lens.{name}.fixed {fault}; change the limit, or choose another surface")
-    if lens.outer.fixed is not None:
-        _require_room_for_wall(lens.outer.fixed, limits, smallest_cavity_mm(lens, limits))
+    outer = lens.names[-1]
+    if (fixed := lens.faces[outer].fixed) is not None:
+        _require_room_for_wall(outer, fixed, limits, smallest_cavity_mm(lens, limits))
 
 
-def _require_below_glass(lens: AnyLens, limits: ConstraintsSection) -> None:
+def _require_below_glass(lens: LensShape, limits: ConstraintsSection) -> None:
     """A cover glass against the largest height that the lens may have."""
-    highest = lens.height_mm(limits)
-    if not lens.radius_about_axis:
-        highest = min(highest, limits.max_radius_mm)
-    if lens.is_opaque:  # its mouth is as high as it is given, or as it may be
-        highest = lens.faces["mouth"].offset_mm or limits.max_height_mm or float("inf")
+    highest = lens.highest_mm(limits)
     if lens.cover_glass is not None and lens.cover_glass.distance_mm < highest:
         raise ValueError(
             f"lens.cover_glass.distance_mm = {lens.cover_glass.distance_mm:g}: the lens may be {highest:g} mm high "
@@ -74,20 +71,20 @@ def _require_around_lens(flange: FlangeSection, limits: ConstraintsSection) -> N
         )
 
 
-def smallest_cavity_mm(lens: AnyLens, limits: ConstraintsSection) -> _Meridian:
+def smallest_cavity_mm(lens: LensShape, limits: ConstraintsSection) -> _Meridian:
     """Distance (mm) of the smallest inner surface from the origin, from the axis to the horizon.
 
     That of a fixed one is its own, the least all around.
     """
-    cavity = [lens.faces[name].fixed for name in lens.names if SIDES[name] == (CAVITY, BODY)]
+    cavity = [lens.faces[role.name].fixed for role in lens.roles if (role.before, role.behind) == (CAVITY, BODY)]
     if all(fixed is not None for fixed in cavity):
         least_mm: _Meridian = np.min([fixed.shape.least_mm(_POLAR) for fixed in cavity if fixed is not None], axis=0)
         return least_mm
     height, radius = limits.cavity_height_mm, limits.cavity_radius_mm
     sine, cosine = np.sin(_POLAR), np.cos(_POLAR)
     paraboloid: _Meridian = 2.0 * height / (cosine + np.sqrt(cosine**2 + (2.0 * height / radius * sine) ** 2))
-    first = lens.names[0]
-    tangent = 0.0 if first in FROM_BELOW else tan(radians(lens.faces[first].draft_deg or 0.0))
+    first = lens.roles[0]
+    tangent = 0.0 if first.widens else tan(radians(lens.faces[first.name].draft_deg or 0.0))
     if 2.0 * height * tangent <= radius:  # its steepest slope, at the rim, has the draft
         return paraboloid
     touches_mm = radius**2 / (2.0 * height * tangent)
@@ -97,10 +94,11 @@ def smallest_cavity_mm(lens: AnyLens, limits: ConstraintsSection) -> _Meridian:
 
 
 def _faults(
-    name: str, face: FaceSection, fixed: FixedFace, limits: ConstraintsSection, manufacture: ManufactureSection
+    role: FaceRole, face: FaceSection, fixed: FixedFace, limits: ConstraintsSection, manufacture: ManufactureSection
 ) -> Iterator[str]:
     """Limits that a surface breaks which the search does not change, in words."""
-    shape, wall = fixed.shape, limits.min_thickness_mm if name == "inner" else 0.0
+    of_cavity = role.before == CAVITY
+    shape, wall = fixed.shape, limits.min_thickness_mm if of_cavity else 0.0
     under = f" under a wall of constraints.min_thickness_mm = {wall:g}" if wall else ""
     reached = float(shape.radii_mm.max()) + wall
     if reached > limits.max_radius_mm + limits.tolerance_mm:
@@ -115,36 +113,34 @@ def _faults(
             f"least {rounded_up(height)}"
         )
     inside = shape.clearance_mm(limits.cavity_height_mm, limits.cavity_radius_mm)
-    if name == "inner" and inside < -limits.tolerance_mm:
+    if of_cavity and inside < -limits.tolerance_mm:
         yield (
             f"cuts {-inside:.3g} mm into the paraboloid of constraints.cavity_height_mm = {limits.cavity_height_mm:g} "
             f"and cavity_radius_mm = {limits.cavity_radius_mm:g}"
         )
     draft, ball = face.draft_deg, face.concave_radius_mm
     if draft is not None and sin(radians(shape.least_draft_deg)) < sin(radians(draft)) - _SHAPE_TOLERANCE:
-        yield f"has a draft of {shape.least_draft_deg:.3g} deg at least, lens.{name}.draft_deg = {draft:g}"
+        yield f"has a draft of {shape.least_draft_deg:.3g} deg at least, lens.{role.name}.draft_deg = {draft:g}"
     least, most = shape.curvatures_per_mm
-    concave = (
-        most if (name == "inner") == (manufacture.make == "part") else -least
-    )  # of a convex body: where the air is
+    concave = most if of_cavity == (manufacture.make == "part") else -least  # of a convex body: where the air is
     if ball is not None and concave * ball > 1.0 + _SHAPE_TOLERANCE:
-        yield f"has a concave radius of {1.0 / concave:.4g} mm, lens.{name}.concave_radius_mm = {ball:g}"
+        yield f"has a concave radius of {1.0 / concave:.4g} mm, lens.{role.name}.concave_radius_mm = {ball:g}"
 
 
-def _require_room_for_wall(fixed_outer: FixedFace, limits: ConstraintsSection, inner: _Meridian) -> None:
+def _require_room_for_wall(name: str, outer: FixedFace, limits: ConstraintsSection, inner: _Meridian) -> None:
     wall = limits.min_thickness_mm
-    room = fixed_outer.shape.least_mm(_POLAR) - wall - inner
+    room = outer.shape.least_mm(_POLAR) - wall - inner
     worst = int(room.argmin())
     if room[worst] < -limits.tolerance_mm:
         raise ValueError(
-            f"lens.outer.fixed leaves no room for the wall: {np.degrees(_POLAR[worst]):.3g} deg from the axis "
+            f"lens.{name}.fixed leaves no room for the wall: {np.degrees(_POLAR[worst]):.3g} deg from the axis "
             f"they reach {inner[worst] + wall:.4g} mm from the origin (constraints.cavity_height_mm = "
             f"{limits.cavity_height_mm:g}, cavity_radius_mm = {limits.cavity_radius_mm:g}, min_thickness_mm = "
             f"{wall:g}), the surface is at {inner[worst] + wall + room[worst]:.4g}; lower one of the three"
         )
 
 
-def require_base_around_cavity(lens: AnyLens, limits: ConstraintsSection, base: BaseSection) -> None:
+def require_base_around_cavity(lens: LensShape, limits: ConstraintsSection, base: BaseSection) -> None:
     """Raise :class:`InputError` where the smallest cavity opens wider than the base: for a part, not for its light."""
     if base.kind in ("none", "step"):
         return

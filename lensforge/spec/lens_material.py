@@ -6,7 +6,7 @@ The ``[lens.optical_data]`` are index and absorption of a material of one's own,
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
@@ -31,7 +31,7 @@ from lensforge.optics.material import (
     by_abbe_number,
 )
 from lensforge.optics.material_files import read_material
-from lensforge.optics.media import CAVITY, OUTSIDE, SIDES, FaceCoating, Media, Medium, Mirror
+from lensforge.optics.media import RIM_FLANGE, FaceCoating, Media, Medium, Mirror
 from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
 from lensforge.spec.spec_files import full_path
@@ -186,10 +186,8 @@ class LensMaterial(FacesSection):
 
     Either ``refractive_index`` holds for all wavelengths; or the material is dispersive: a ``material`` of
     ``materials.catalogue``, one with ``optical_data`` or a ``material_file``, or one with ``abbe_number``.
-    ``is_opaque``: no light enters the body; its index does not count, and its material is a label.
     """
 
-    is_opaque: ClassVar[bool] = False
     refractive_index: _Index = 1.4936
     """Index at all wavelengths, ``material`` being only a label, no name of the catalogue; or leave it out for a
     dispersive material.
@@ -303,11 +301,13 @@ class LensMaterial(FacesSection):
         body = material or self.refractive_index
         coatings = []
         for name, face in self.faces.items():
-            around = CAVITY if SIDES[name][0] == CAVITY else OUTSIDE
+            around = self.role(name).around
             if face.mirror is not None:
                 coatings.append(FaceCoating(name, around, Mirror(face.mirror)))
             elif face.coating is not None:
                 coatings.append(FaceCoating(name, around, face.coating.coating(body)))
+        if self.rim_flange is not None:  # it takes all light that meets it
+            coatings.append(FaceCoating(RIM_FLANGE.name, RIM_FLANGE.around, Mirror(0.0)))
         medium = Medium(self.refractive_index, absorption, self.dispersion)
         return Media(
             medium,
@@ -316,6 +316,7 @@ class LensMaterial(FacesSection):
             glass,
             tuple(coatings),
             wavelength_nm=self.design_wavelength_nm,
+            faces=self.body_roles,
         )
 
     @property

@@ -1,24 +1,25 @@
-"""The ``[lens]`` of a spec by its kind: material, faces, and the functions that shape the free ones."""
+"""The ``[lens]`` of a spec: what all kinds of it share, and those whose faces are shaped by profiles."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from math import degrees, hypot, sqrt
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitBall, ExitColumn, ExitSpace
-from lensforge.optics.media import FLANGE, MOST_EVENTS, OUTSIDE, FaceCoating, Media, Mirror
-from lensforge.spec.face_section import LensFaces, ReflectorFaces, TirFaces
+from lensforge.optics.media import MOST_EVENTS
+from lensforge.results.registered_kinds import OfSeveralKinds
+from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_material import LensMaterial
 from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.spec_section import FilePath, Label, check
+from lensforge.spec.spec_section import FilePath, check
 from lensforge.surfaces.imported_face import lens_file
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
-from lensforge.surfaces.reflector_cup import mouth_radius_mm
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
+from lensforge.surfaces.surface import Surface
 
-USUAL_KIND = "double"  # of a lens that names none
 _OF_ERRORS = (9,)  # functions of form errors as wide as astigmatism and coma
 _FEW_FUNCTIONS = 25  # of the finest level: with fewer, each is wider than 28 degrees
 _Numbers = Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)]
@@ -30,25 +31,51 @@ Levels = Annotated[
 Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "diagonal", "rectangle", "square"]
 
 
-def _kind_of_lens(value: Any) -> str | None:
-    """The kind of a lens; the usual kind where none is named."""
-    kind = value.get("kind", USUAL_KIND) if isinstance(value, dict) else getattr(value, "kind", USUAL_KIND)
-    return str(kind) if isinstance(kind, str) else None
+class Beam(NamedTuple):
+    """Least and largest angle (rad) from the axis of the light that is wanted; least: 0 for light about the axis."""
+
+    least_rad: float
+    most_rad: float
 
 
-class LensShape(LensMaterial):
-    """Material of a lens of any kind, and the SRBFs that will shape the faces that are free.
+@dataclass(frozen=True)
+class StartConditions:
+    """Conditions that the first faces of a search are to suit: limits, source, and ``beam``, which takes a moment.
 
-    ``title``: words for a lens of its kind. ``may_be_round``: it has a shape without any level, faces of revolution.
-    ``reflects``: its wall or cup turns light by any angle, and at no loss. ``has_creases``: several faces lie side by
-    side, and meet in creases; there it is widest and highest. ``radius_about_axis``: its radius is its distance from
-    the axis, not from the LED: its exit or mouth is flat, and it lies in a cylinder.
+    ``extent_mm``: radius of a circle that holds the source; None where its section does not state it.
     """
 
+    limits: ConstraintsSection
+    extent_mm: float | None
+    beam: Callable[[], Beam]
+
+    @property
+    def clear_mm(self) -> float:
+        """Least radius of a cavity around the source."""
+        radius_mm = self.limits.cavity_radius_mm
+        return radius_mm if self.extent_mm is None else max(radius_mm, self.extent_mm)
+
+    @property
+    def side_mm(self) -> float:
+        """Side of a square source of its size."""
+        half_mm = self.clear_mm if self.extent_mm is None else max(self.extent_mm, 1e-3 * self.limits.rim_radius_mm)
+        return half_mm * sqrt(2.0)
+
+
+class LensShape(LensMaterial, OfSeveralKinds):
+    """Material of a lens of any kind, and the SRBFs that will shape the faces that are free.
+
+    A kind is a class of its own in a module of its own: its faces with their ``roles``, the faces from which a
+    search begins, and what else differs from here. ``title``: words for such a lens. ``parametrisation``:
+    how a search shapes its faces, a name in ``search.problem``. ``may_be_round``: it has a shape without any level,
+    faces of revolution. ``radius_about_axis``: its radius is its distance from the axis, not from the LED: its exit or
+    mouth is flat, and it lies in a cylinder.
+    """
+
+    usual_kind = "double"
     title: ClassVar[str] = ""
+    parametrisation: ClassVar[str] = "spheres"
     may_be_round: ClassVar[bool] = False
-    reflects: ClassVar[bool] = False
-    has_creases: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False
     kind: str
     levels: Levels = "auto"
@@ -97,6 +124,22 @@ class LensShape(LensMaterial):
         """True where all faces are of revolution."""
         return False
 
+    @property
+    def most_events(self) -> int:
+        """Largest number of faces that a ray meets: each once, one after the other."""
+        return len(self.roles)
+
+    def derived_offsets_mm(self, sizes: LensSizes) -> dict[str, float]:
+        """Offsets of faces by name where they are left out; of faces that only a search can place there is none."""
+        return {}
+
+    def start_faces(self, conditions: StartConditions) -> dict[str, Surface]:
+        """The faces of the body by name from which a search begins; those that are fixed stay.
+
+        Raises :class:`InputError` for sizes that leave no room for such a lens.
+        """
+        raise NotImplementedError
+
     def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
         """The space that all light leaves of any lens of its kind within ``limits``."""
         return ExitBall(limits.max_radius_mm)
@@ -104,6 +147,11 @@ class LensShape(LensMaterial):
     def height_mm(self, limits: ConstraintsSection) -> float:
         """Height that the largest lens is taken to have: that of its limits, or as much as its radius."""
         return limits.max_radius_mm if limits.max_height_mm is None else limits.max_height_mm
+
+    def highest_mm(self, limits: ConstraintsSection) -> float:
+        """Height below which no cover glass has room."""
+        height_mm = self.height_mm(limits)
+        return height_mm if self.radius_about_axis else min(height_mm, limits.max_radius_mm)
 
     def extent_mm(self, limits: ConstraintsSection, rise: float | None = None) -> float:
         """Distance from the origin up to which the largest lens is taken to reach: towards a plane, or anywhere.
@@ -127,17 +175,11 @@ class LensShape(LensMaterial):
         return "none" if self.symmetry == "auto" else self.symmetry
 
 
-class LensSection(LensShape, LensFaces):
-    """The usual lens: an inner face towards the source, an outer one towards the target, a refraction at each."""
-
-    title = "double-freeform lens"
-    kind: Literal["double"] = "double"
-
-
 class ProfiledShape(LensShape):
     """A lens of faces of revolution, which meet in creases; with ``levels`` SRBFs shape them beyond that."""
 
-    may_be_round = reflects = has_creases = radius_about_axis = True
+    parametrisation = "profiles"
+    may_be_round = radius_about_axis = True
 
     levels: _Numbers = ()
     """Functions of each level, coarse to fine, that shape the free faces beyond their profiles; none: faces of
@@ -147,6 +189,11 @@ class ProfiledShape(LensShape):
     """Coefficients of the profile of each free face."""
     events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = 6
     """Largest number of faces that a ray meets; what goes on then is counted as its own fate."""
+
+    @property
+    def most_events(self) -> int:
+        """Largest number of faces that a ray meets."""
+        return self.events
 
     @property
     def is_round(self) -> bool:
@@ -166,63 +213,3 @@ class ProfiledShape(LensShape):
     def basis(self) -> SrbfBasis:
         """The functions of its levels; of faces of revolution those of their form errors."""
         return super().basis if self.levels else SrbfBasis(_OF_ERRORS, self.sigma_c, self._own_symmetry)
-
-
-class TirSection(ProfiledShape, TirFaces):
-    """A lens for total internal reflection: cap and side of the cavity, the reflecting wall, and the exit.
-
-    Faces begin as the lens for a point source that the size of the LED, the radius and the beam ask for. They are faces
-    of revolution; with ``levels`` SRBFs shape cap, wall and exit beyond that.
-    """
-
-    title = "lens for total internal reflection"
-    kind: Literal["tir"]
-
-    @property
-    def media(self) -> Media:
-        """The media of any lens; a flange takes all light that meets it."""
-        media = super().media
-        if self.flange is None:
-            return media
-        return replace(media, coatings=(*media.coatings, FaceCoating(FLANGE, OUTSIDE, Mirror(0.0))))
-
-
-class ReflectorSection(ProfiledShape, ReflectorFaces):
-    """A reflector: a cup about the source, whose inside is a mirror, open at its mouth.
-
-    Light leaves by the mouth, directly or by reflections at the cup. The cup begins as the paraboloid that the size of
-    the LED, the radius and the beam ask for, or is given; its back follows it at the least wall.
-    """
-
-    title, is_opaque = "reflector", True
-    kind: Literal["reflector"]
-    material: Label = "metallised plastic"
-    """Material of the body, a label: no light enters it."""
-
-    def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
-        """The disc of its mouth: as wide and as high as a given cup makes it, else at any height that is allowed."""
-        cup, height_mm = self.fixed["cup"], self.mouth.offset_mm
-        if cup is None or height_mm is None:
-            return ExitColumn.of_mouth(limits.max_radius_mm, limits.tallest_mm)
-        return ExitColumn(mouth_radius_mm(cup, height_mm), ((height_mm, height_mm),), upward=True)
-
-    def height_mm(self, limits: ConstraintsSection) -> float:
-        """Height of the mouth of a given cup, where it is given, too."""
-        given = self.cup.fixed is not None and self.mouth.offset_mm
-        return given or super().height_mm(limits)
-
-    @check
-    def _is_open(self) -> None:
-        if self.cavity_index != self.outside_index:
-            raise ValueError(
-                f"cavity_index = {self.cavity_index:g}: a reflector is open, and has outside_index = "
-                f"{self.outside_index:g} inside, too; give the same for both"
-            )
-
-
-AnyLens = Annotated[
-    Annotated[LensSection, Tag("double")]
-    | Annotated[TirSection, Tag("tir")]
-    | Annotated[ReflectorSection, Tag("reflector")],
-    Discriminator(_kind_of_lens),
-]

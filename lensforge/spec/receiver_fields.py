@@ -9,7 +9,7 @@ from pydantic import Field
 
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.emitter_section import Turn
-from lensforge.spec.lens_section import AnyLens
+from lensforge.spec.lens_section import LensShape
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Section, check
 from lensforge.spec.target_sections import TargetSection, Unit
@@ -93,7 +93,7 @@ class ReceiverSection(OfSeveralKinds, Section):
         pose = {"centre_mm": centre_mm, self.faces_by: facing, "tilt_deg": None, "rotation_deg": rotation_deg}
         return self.model_copy(update={name: pose[name] for name in pose if name in type(self).model_fields})
 
-    def require_outside(self, lens: AnyLens, limits: ConstraintsSection, distance: str) -> None:
+    def require_outside(self, lens: LensShape, limits: ConstraintsSection, distance: str) -> None:
         """Raise ``ValueError`` for a receiver inside the largest lens, or where its light cannot come.
 
         ``distance``: name of the field that says how far away a plane is.
@@ -162,6 +162,6 @@ def named(receivers: tuple[ReceiverSection, ...]) -> tuple[ReceiverSection, ...]
     return tuple(with_names)
 
 
-def largest_of(lens: AnyLens) -> str:
+def largest_of(lens: LensShape) -> str:
     """Fields that bound the largest lens."""
     return "constraints.max_radius_mm" + (" with the height of the lens" if lens.radius_about_axis else "")

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.spec.emitter_section import Degrees
-from lensforge.spec.lens_section import AnyLens
+from lensforge.spec.lens_section import LensShape
 from lensforge.spec.receiver_fields import ORIGIN, Direction, Point, ReceiverSection, largest_of
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Coordinate, Millimetres, check
@@ -67,7 +67,7 @@ class PlaneReceiver(ReceiverSection):
         across, up, away = (centre - place for centre, place in zip(self.centre_mm, place_mm, strict=True))
         return (x * across + y * up + z * away) / length
 
-    def require_outside(self, lens: AnyLens, limits: ConstraintsSection, distance: str) -> None:
+    def require_outside(self, lens: LensShape, limits: ConstraintsSection, distance: str) -> None:
         """Raise ``ValueError`` for a plane that the largest lens would meet, or that lies behind it."""
         largest = lens.extent_mm(limits, self.facing[2] / hypot(*self.facing))
         if self.distance_mm <= largest:
@@ -137,7 +137,7 @@ class FarFieldReceiver(ReceiverSection):
         """Infinite: it is far away."""
         return inf
 
-    def require_outside(self, lens: AnyLens, limits: ConstraintsSection, distance: str) -> None:
+    def require_outside(self, lens: LensShape, limits: ConstraintsSection, distance: str) -> None:
         """Raise ``ValueError`` where all of it lies behind the source."""
         _require_ahead(self.facing, self.half_angle_deg, True)
 

@@ -14,7 +14,6 @@ from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.design_spec import Spec
-from lensforge.spec.lens_section import USUAL_KIND
 from lensforge.spec.spec_fields import all_sections, sections_in, summary_of, words_of
 
 SCHEMA_FILE = "lensforge.schema.json"
@@ -29,7 +28,8 @@ def spec_schema() -> dict[str, Any]:
         table["description"] = summary_of(section)
         for name, field in table["properties"].items():
             field["description"] = words_of(section, name)
-        if kind_of(section) not in (None, USUAL_KIND):  # it chooses among several, so a file has to name it
+        usual = getattr(section, "usual_kind", None)
+        if kind_of(section) not in (None, usual):  # it chooses among several, so a file has to name it
             table["required"] = ["kind", *(name for name in table.get("required", ()) if name != "kind")]
     table = _table(_plain(schema))
     required = [name for name in table["required"] if name != "source"]  # or sources

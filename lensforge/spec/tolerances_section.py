@@ -10,17 +10,17 @@ board (data sheets state 0.05 to 0.1 mm), its tilt, flux within a bin, waviness,
 give your own where you know them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from math import pi
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from pydantic import BeforeValidator, Field
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE, REFLECTOR, SIDES, TIR
+from lensforge.optics.media import BODY, CAVITY, SHELL, FaceRole
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import Section, check, section_of
@@ -48,64 +48,56 @@ class _Cause(NamedTuple):
     field: str = ""
 
 
-# Faces with a place of their own against the first one; the others are cut as one with it.
-_PLACED = {DOUBLE: ("outer",), TIR: ("wall", "exit"), REFLECTOR: ()}
-PLACEMENT = ("shift_mm", "gap_mm", "tilt_deg")  # fields of such a face
+PLACEMENT = ("shift_mm", "gap_mm", "tilt_deg")  # fields of a face with a place of its own against the first one
 
 
-def factor_name(face: str, field: str) -> str:
-    """Name of the tolerance ``field`` of a ``face``; the usual lens has one gap."""
-    return field if (face, field) == ("outer", "gap_mm") else f"{face}_{field}"
+def _placed_faces(roles: Sequence[FaceRole]) -> list[str]:
+    return [role.name for role in roles if role.is_placed]
 
 
-def _of_faces(names: tuple[str, ...], field: str, cause: _Cause) -> dict[str, _Cause]:
-    """The tolerance ``field`` of each face, its words those of the ``cause`` and the face."""
-    return {
-        factor_name(face, field): cause._replace(words=f"{cause.words}, {face} face", face=face, field=field)
-        for face in names
-    }
-
-
-def _placed(names: tuple[str, ...], field: str, cause: _Cause) -> dict[str, _Cause]:
-    """A tolerance of the place of each face against the first one."""
-    return {
-        factor_name(face, field): cause._replace(
-            words=f"{face} face against {names[0]}, {cause.words}", face=face, field=field
-        )
-        for face in _PLACED[names]
-    }
+def factor_name(roles: Sequence[FaceRole], face: str, field: str) -> str:
+    """Name of the tolerance ``field`` of a ``face``; a lens with one face that is placed has one gap."""
+    return field if field == "gap_mm" and _placed_faces(roles) == [face] else f"{face}_{field}"
 
 
 @cache
-def _causes(names: tuple[str, ...]) -> dict[str, _Cause]:
+def _causes(roles: tuple[FaceRole, ...]) -> dict[str, _Cause]:
     """The tolerances of a lens with these faces in the order in which parts are drawn: their numbers depend on it."""
-    surfaces = REFLECTOR[:1] if names == REFLECTOR else names  # its cup alone
+
+    def of_faces(names: Sequence[str], words: str, field: str, cause: _Cause) -> dict[str, _Cause]:
+        return {
+            factor_name(roles, face, field): cause._replace(
+                words=words.format(cause=cause.words, face=face), face=face, field=field
+            )
+            for face in names
+        }
+
+    opaque = not lets_light_in(roles)  # no light meets what bounds the body outwards
+    lit = [role.name for role in roles if not (role.is_open or (opaque and role.before == BODY))]
+    placed = partial(of_faces, _placed_faces(roles), f"{{face}} face against {roles[0].name}, {{cause}}")
+    shape = partial(of_faces, lit, "{cause}, {face} face")
     return {
         "source_shift_mm": _Cause("source, decentre", (0.02, 0.05, 0.05), 2),
         "source_height_mm": _Cause("source, height", (0.02, 0.05, 0.05)),
         "source_tilt_deg": _Cause("source, tilt", (0.2, 0.5, 0.5), 2),
         "source_flux": _Cause("source, flux", (0.05, 0.05, 0.05)),
         "source_size": _Cause("source, size", (0.01, 0.02, 0.02)),
-        **_placed(names, "shift_mm", _Cause("decentre", (0.005, 0.02, 0.025), 2)),
-        **_placed(names, "gap_mm", _Cause("gap", (0.005, 0.02, 0.025))),
-        **_placed(names, "tilt_deg", _Cause("tilt", (0.02, 0.05, 0.05), 2)),
+        **placed("shift_mm", _Cause("decentre", (0.005, 0.02, 0.025), 2)),
+        **placed("gap_mm", _Cause("gap", (0.005, 0.02, 0.025))),
+        **placed("tilt_deg", _Cause("tilt", (0.02, 0.05, 0.05), 2)),
         "lens_shift_mm": _Cause("lens against source, decentre", (0.02, 0.05, 0.05), 2),
         "lens_height_mm": _Cause("lens against source, height", (0.01, 0.03, 0.05)),
         "lens_tilt_deg": _Cause("lens against source, tilt", (0.05, 0.1, 0.2), 2),
-        **({} if names == REFLECTOR else {"index": _Cause("refractive index", (0.0005, 0.001, 0.001))}),
+        **({} if opaque else {"index": _Cause("refractive index", (0.0005, 0.001, 0.001))}),
         "shrinkage": _Cause("shrinkage", (0.0, 0.0, 0.001)),
-        **_of_faces(surfaces, "roughness_mrad", _Cause("roughness", (0.2, 0.5, 0.5), 1, "one-sided")),
-        **_of_faces(surfaces, "ripple_um", _Cause("ripple", (0.01, 0.02, 0.0), 1, "one-sided")),
-        **_of_faces(surfaces, "form_um", _Cause("form", (0.3, 1.0, 2.0), FORM_NUMBERS, "field")),
-        **_of_faces(surfaces, "waviness_um", _Cause("waviness", (0.03, 0.1, 0.2), WAVINESS_NUMBERS, "field")),
+        **shape("roughness_mrad", _Cause("roughness", (0.2, 0.5, 0.5), 1, "one-sided")),
+        **shape("ripple_um", _Cause("ripple", (0.01, 0.02, 0.0), 1, "one-sided")),
+        **shape("form_um", _Cause("form", (0.3, 1.0, 2.0), FORM_NUMBERS, "field")),
+        **shape("waviness_um", _Cause("waviness", (0.03, 0.1, 0.2), WAVINESS_NUMBERS, "field")),
     }
 
 
 _PRESETS: tuple[TolerancePreset, ...] = get_args(TolerancePreset)
-PRESET_AMOUNTS: dict[TolerancePreset, dict[str, float]] = {  # of the usual lens
-    preset: {name: cause.amounts[number] for name, cause in _causes(DOUBLE).items()}
-    for number, preset in enumerate(_PRESETS)
-}
 
 
 Distribution = Literal["uniform", "normal", "truncated"]
@@ -194,14 +186,19 @@ class FaceTolerances(_Amounts):
     """Tilt of that face against the first one, about x and about y."""
 
 
-def refuse_placement(faces: Mapping[str, FaceTolerances]) -> None:
+def lets_light_in(roles: Sequence[FaceRole]) -> bool:
+    """True where light enters the body by a face of its cavity; False of a reflector."""
+    return any(role.before == CAVITY and not (role.is_open or role.reflects) for role in roles)
+
+
+def refuse_placement(roles: Sequence[FaceRole], faces: Mapping[str, FaceTolerances]) -> None:
     """Raise ``ValueError`` where a face against which others are placed has a place of its own."""
-    placed = _PLACED[tuple(faces)]
-    for face, tolerances in faces.items():
-        for name in PLACEMENT if face not in placed else ():
-            if getattr(tolerances, name) is not None:
+    placed = _placed_faces(roles)
+    for role in roles:
+        for name in PLACEMENT if role.name in faces and not role.is_placed else ():
+            if getattr(faces[role.name], name) is not None:
                 other = f"what the next is placed against; give {placed[0]}.{name}" if placed else "alone; leave it out"
-                raise ValueError(f"{face}.{name}: this face is {other}")
+                raise ValueError(f"{role.name}.{name}: this face is {other}")
 
 
 class TolerancesSection(_Amounts):
@@ -250,78 +247,62 @@ class TolerancesSection(_Amounts):
             )
 
 
-class FacesTolerances(TolerancesSection):
-    """All tolerances of a part: the ``[tolerances]`` of a spec, and those of its faces, whose ``names`` it has."""
+class PartTolerances(TolerancesSection):
+    """All tolerances of a part: the ``[tolerances]`` of a spec, and those of its ``faces`` by their names."""
 
-    names: ClassVar[tuple[str, ...]] = ()
+    faces: dict[str, FaceTolerances] = Field(default_factory=dict)
+    """Tolerances of faces; those of a face that is left out come from the preset."""
+    roles: tuple[FaceRole, ...] = Field(default=SHELL, exclude=True)
+    """The faces of the lens, once it is known; till then two."""
 
     @check
     def _first_is_the_reference(self) -> None:
-        refuse_placement({name: getattr(self, name) for name in self.names})
+        refuse_placement(self.roles, self.faces)
 
-    @classmethod
-    def of(cls, section: TolerancesSection, faces: Mapping[str, FaceTolerances]) -> Self:
-        """The tolerances of ``section`` with those in the tables of the ``faces``."""
+    @staticmethod
+    def of(
+        section: TolerancesSection, faces: Mapping[str, FaceTolerances], roles: tuple[FaceRole, ...]
+    ) -> "PartTolerances":
+        """The tolerances of ``section``, with those that the tables of the ``faces`` give, of a lens of these faces.
+
+        Raises :class:`InputError` where it has other faces.
+        """
         fields = FaceTolerances.model_fields
-        own = {name: FaceTolerances(**{each: getattr(face, each) for each in fields}) for name, face in faces.items()}
-        return cls(**{**section.model_dump(exclude_unset=True), **own})
+        given = {
+            name: FaceTolerances(**{field: value for field in fields if (value := getattr(face, field)) is not None})
+            for name, face in faces.items()
+        }
+        own, names = (
+            {name: face for name, face in given.items() if face.model_fields_set},
+            [role.name for role in roles],
+        )
+        if not set(own) <= set(names):
+            raise InputError(
+                f"tolerances of the faces {', '.join(own)}: this lens has {', '.join(names)}; give those of its faces"
+            )
+        kept = section.model_dump(exclude_unset=True, exclude={"faces"})
+        return PartTolerances(**kept, faces=own, roles=roles)
 
     def given(self, name: str) -> ToleranceSpec | None:
         """The tolerance of the factor ``name`` where it is given; None for that of the preset."""
-        cause = _causes(self.names)[name]
-        holder = self if cause.face is None else getattr(self, cause.face)
-        found: ToleranceSpec | None = getattr(holder, cause.field or name)
+        cause = _causes(self.roles)[name]
+        holder = self if cause.face is None else self.faces.get(cause.face)
+        found: ToleranceSpec | None = getattr(holder, cause.field or name, None)
         return found
 
     def tolerance(self, name: str) -> ToleranceSpec:
         """The tolerance of the factor ``name``: as given, or that of the preset."""
-        amounts = _causes(self.names)[name].amounts
-        return self.given(name) or ToleranceSpec(amount=amounts[_PRESETS.index(self.preset)])
+        return self.given(name) or ToleranceSpec(amount=amounts_of(self.preset, self.roles)[name])
 
     def amount(self, face: str, field: str) -> float:
         """Amount of the tolerance ``field`` of a ``face``; 0 of a place that it has not."""
-        name = factor_name(face, field)
-        return self.tolerance(name).amount if name in _causes(self.names) else 0.0
+        name = factor_name(self.roles, face, field)
+        return self.tolerance(name).amount if name in _causes(self.roles) else 0.0
 
 
-class PartTolerances(FacesTolerances):
-    """All tolerances of a part: the ``[tolerances]`` of a spec, and those of its faces."""
-
-    names = DOUBLE
-
-    inner: FaceTolerances = Field(default_factory=FaceTolerances)
-    """Those of the inner face."""
-    outer: FaceTolerances = Field(default_factory=FaceTolerances)
-    """Those of the outer face, and of its place against the inner one."""
-
-
-class TirTolerances(FacesTolerances):
-    """All tolerances of a part for total internal reflection. The cap and the side of its cavity are cut as one."""
-
-    names = TIR
-
-    cap: FaceTolerances = Field(default_factory=FaceTolerances)
-    """Those of the cap."""
-    side: FaceTolerances = Field(default_factory=FaceTolerances)
-    """Those of the side."""
-    wall: FaceTolerances = Field(default_factory=FaceTolerances)
-    """Those of the wall, and of its place against the cavity."""
-    exit: FaceTolerances = Field(default_factory=FaceTolerances)
-    """Those of the exit, and of its place against the cavity."""
-
-
-class ReflectorTolerances(FacesTolerances):
-    """All tolerances of a reflector: those of its cup. No light meets its back, and its mouth is no surface."""
-
-    names = REFLECTOR
-    cup: FaceTolerances = Field(default_factory=FaceTolerances)
-    back: FaceTolerances = Field(default_factory=FaceTolerances)
-    mouth: FaceTolerances = Field(default_factory=FaceTolerances)
-
-
-def tolerances_with(names: tuple[str, ...]) -> type[FacesTolerances]:
-    """The class of all tolerances of a lens with faces of these ``names``."""
-    return next(kind for kind in FacesTolerances.__subclasses__() if kind.names == names)
+def amounts_of(preset: TolerancePreset, roles: tuple[FaceRole, ...] = SHELL) -> dict[str, float]:
+    """Amounts of all tolerances of a preset for a lens with these faces, by the names of their factors."""
+    return {name: cause.amounts[_PRESETS.index(preset)] for name, cause in _causes(roles).items()}
 
 
 @dataclass(frozen=True)
@@ -342,10 +323,10 @@ class Factor:
     numbers: int
 
 
-def factors_of(tolerances: FacesTolerances) -> tuple[Factor, ...]:
+def factors_of(tolerances: PartTolerances) -> tuple[Factor, ...]:
     """All ``tolerances`` that are not 0. Raises :class:`InputError` where all are 0."""
     found = []
-    for name, cause in _causes(tolerances.names).items():
+    for name, cause in _causes(tolerances.roles).items():
         own, (unit, to_internal, _) = tolerances.tolerance(name), _unit_of(name)
         stated = (cause.words, unit, to_internal, own.amount, cause.kind, own.distribution, cause.numbers)
         found += [Factor(name, *stated)] if own.amount > 0.0 else []
@@ -354,28 +335,34 @@ def factors_of(tolerances: FacesTolerances) -> tuple[Factor, ...]:
     return tuple(found)
 
 
-def read_tolerances(name: str, names: tuple[str, ...] = DOUBLE) -> FacesTolerances:
+def read_tolerances(name: str, roles: tuple[FaceRole, ...] = SHELL) -> PartTolerances:
     """Tolerances of a preset, or of a TOML file with ``[tolerances]`` or tables of faces, such as a whole spec.
 
-    ``names``: of the faces of the lens. Raises :class:`InputError` where there is neither, and for other faces.
+    ``roles``: of the faces of the lens. Raises :class:`InputError` where there is neither, and for other faces.
     """
-    own_kind = tolerances_with(names)
-    if name in PRESET_AMOUNTS:
-        return own_kind(preset=name)
-    content = read_toml(Path(name), f"give {', '.join(PRESET_AMOUNTS)}, or a TOML file")
-    lens = content.get("lens")
-    faces = {face: lens[face] for face in SIDES if isinstance(lens, dict) and isinstance(lens.get(face), dict)}
-    if "source" in content:  # a whole spec: its faces have more than tolerances
-        known = FaceTolerances.model_fields
-        faces = {face: {name: table[name] for name in table if name in known} for face, table in faces.items()}
+    if name in _PRESETS:
+        return PartTolerances(preset=name, roles=roles)
+    content = read_toml(Path(name), f"give {', '.join(_PRESETS)}, or a TOML file")
+    faces, names = _faces_in(content), [role.name for role in roles]
     for face in faces:
         if face not in names:
             raise InputError(f"{name}: lens.{face}: the faces of this lens are {', '.join(names)}; give these")
     if not isinstance(section := content.get("tolerances", {} if any(faces.values()) else None), dict):
-        raise InputError(f"{name}: has no [tolerances]; give {', '.join(PRESET_AMOUNTS)}, or a file that has")
+        raise InputError(f"{name}: has no [tolerances]; give {', '.join(_PRESETS)}, or a file that has")
     found = section_of(TolerancesSection, section, f"{name}: tolerances")
     own = {face: section_of(FaceTolerances, table, f"{name}: lens.{face}") for face, table in faces.items()}
     try:
-        return own_kind.of(found, own)
+        return PartTolerances.of(found, own, roles)
     except InputError as error:
-        raise InputError(str(error).replace(own_kind.__name__, f"{name}: lens", 1)) from None
+        raise InputError(str(error).replace(PartTolerances.__name__, f"{name}: lens", 1)) from None
+
+
+def _faces_in(content: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The tables of faces in a TOML file: all of its ``[lens]``, or of a whole spec the tolerances that they have."""
+    lens = content.get("lens")
+    tables = {face: table for face, table in lens.items() if isinstance(table, dict)} if isinstance(lens, dict) else {}
+    if "source" not in content:
+        return tables
+    known = FaceTolerances.model_fields
+    given = {face: {field: table[field] for field in table if field in known} for face, table in tables.items()}
+    return {face: table for face, table in given.items() if table}

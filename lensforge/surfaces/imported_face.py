@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.media import SIDES
 from lensforge.results import Record
 from lensforge.results.file_bounds import MOST_STEP_MIB, require_small_step
 from lensforge.results.files import MIB, read_file, read_json, temporary_folder, write_json
@@ -73,7 +72,7 @@ def face_of_lens(path: Path, name: str) -> GivenFace:
     """
     content = read_json(path, _LENS_REMEDY)
     faces = content.get("faces") if isinstance(content, dict) else None
-    names = [each for each in SIDES if isinstance(faces, dict) and isinstance(faces.get(each), dict)]
+    names = [each for each, face in faces.items() if isinstance(face, dict)] if isinstance(faces, dict) else []
     if not isinstance(content, dict) or not isinstance(faces, dict) or not names:
         raise InputError(f"{path}: not a lens file; {_LENS_REMEDY}")
     if name not in names:

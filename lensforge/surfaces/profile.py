@@ -6,7 +6,7 @@ origin is linear in the cosine. A spline holds these exactly: its coefficients a
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,7 +16,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.results import Number, Record
-from lensforge.surfaces.reciprocal import ReciprocalSurface
+from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.srbf import Levels, MirrorGroup, Spread, SrbfBasis, SrbfSurface, Weights, fields_of
 from lensforge.surfaces.surface import Place, Surface, SurfaceRecord, recorded, surface_record
 
@@ -27,6 +27,7 @@ _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
 _Splines = tuple["BSpline", "BSpline", "BSpline"]
 
+HORIZON, AXIS = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
 DEGREE = 5  # as the exported faces; tables and exports could not follow the kinks of a cubic's third derivative
 LEAST_COEFFICIENTS = DEGREE + 1
 _MOST_COEFFICIENTS = 512
@@ -182,6 +183,17 @@ def _meridian(face: Surface, cosines: _Values) -> _Values:
     """``1/rho`` over the x axis, of faces within a reach without their continuation."""
     directions = np.column_stack([np.sqrt(1.0 - cosines**2), np.zeros_like(cosines), cosines])
     return face.reciprocal(directions)[0] if isinstance(face, ReciprocalSurface) else 1.0 / face.radius(directions)
+
+
+def shrunk(face: ReciprocalSurface, factor: float) -> ReciprocalSurface:
+    """The face within the same reach, its lengths over ``factor``."""
+    match face:
+        case ConeFace():
+            return replace(face, radius_mm=face.radius_mm / factor)
+        case PlaneFace():
+            return replace(face, height_mm=face.height_mm / factor)
+    assert isinstance(face, ProfileFace)
+    return replace(face, coefficients=tuple(factor * each for each in face.coefficients))
 
 
 class SrbfFunctions(Record):

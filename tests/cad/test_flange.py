@@ -8,7 +8,7 @@ import pytest
 import torch
 from landed import exactly
 from nightly import first_by_day
-from tir_lenses import SPOT, margins_but_for_the_wall, spot, spot_lens
+from tir_lenses import SPOT, TIR, margins_but_for_the_wall, spot, spot_lens
 
 import lensforge as lf
 from lensforge.cad.body_export import BuiltBody, on_base, prove
@@ -17,7 +17,6 @@ from lensforge.cad.form_error import fit_lens
 from lensforge.cad.section import body_outlines
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import TracedBundle
-from lensforge.optics.media import TIR
 from lensforge.proof.proof_inputs import optical_of
 from lensforge.proof.sequential_cast import CastFate
 from lensforge.proof.verification import passage_through

@@ -36,8 +36,9 @@ from lensforge.scene.target_pattern import target_light
 from lensforge.search.face_fields import _directions
 from lensforge.shop.face_samples import area_rule
 from lensforge.shop.sheet import _width_points
+from lensforge.spec import LensSection, TirSection
 from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere
-from lensforge.spec.tolerances_section import PartTolerances, TirTolerances
+from lensforge.spec.tolerances_section import _causes
 from lensforge.surfaces.asphere import sphere as ball
 from lensforge.surfaces.bicubic_table import TableGrid, _cubic_pieces
 from lensforge.surfaces.collimator import best_collimator
@@ -124,7 +125,8 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "spec.fixed_surface._shape_of": (
         lambda radius, centre: FixedSphere(radius_mm=radius, centre_z_mm=centre).apex_mm,
         [(6.0, 0.0), (6.5, 0.0), (6.0, 0.3)]),
-    "spec.tolerances_section._causes": (lambda kind: sorted(kind.names), [(PartTolerances,), (TirTolerances,)]),
+    "spec.tolerances_section._causes": (
+        lambda kind: sorted(_causes(kind.roles)), [(LensSection,), (TirSection,)]),
     "surfaces.asphere._kept_profile": (
         lambda radius, centre: FixedSphere(radius_mm=radius, centre_z_mm=centre).surface.radius(U),
         [(6.0, 0.0), (6.5, 0.0), (6.0, 0.3)]),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from chains import collimator
 from scenes import small_spec
-from tir_lenses import spot_lens
+from tir_lenses import spot, spot_lens
 
 import lensforge as lf
 from lensforge.light.evaluation import evaluate_traced
@@ -65,8 +65,9 @@ def test_a_leak_above_a_hundredth_is_said_with_what_to_try(share: float, said: b
         flange: float = 0.0
 
     leaking = (way(0.8, "side", "wall", "exit"), way(share, "wall"))
-    facts = list(leak_facts(leaking, Lost(flange=share)))
+    facts = list(leak_facts(spot().lens, leaking, Lost(flange=share)))
     assert [fact.label for fact in facts] == (["Lost through the wall", "Lost in the flange"] if said else [])
     assert all("lens." in fact.note and fact.value == pytest.approx(100.0 * share) for fact in facts)
-    assert not list(leak_facts((way(0.3, "cup", "mouth"), way(0.5, "mouth")), Lost())), "an open mouth is no leak"
-    assert not list(leak_facts((), Lost(flange=0.5))), "a lens of two faces has none of these"
+    cup = lf.ReflectorSection()
+    assert not list(leak_facts(cup, (way(0.3, "cup", "mouth"), way(0.5, "mouth")), Lost())), "an open mouth is no leak"
+    assert not list(leak_facts(small_spec().lens, (), Lost(flange=0.5))), "a lens of two faces has none of these"

@@ -14,7 +14,7 @@ from lensforge.made.tolerance_result import Sensitivity
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
-from lensforge.spec.tolerances_section import PRESET_AMOUNTS, factors_of
+from lensforge.spec.tolerances_section import amounts_of, factors_of
 from lensforge.surfaces.bicubic_table import evaluate_table
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -31,7 +31,7 @@ def test_every_tolerance_is_named_and_nothing_changes_without_one():
     for row in found.rows:
         assert row.change.nmse.value == pytest.approx(row.metrics.nmse.value - found.nominal.nmse.value)
     assert any(abs(row.change.nmse.value) > 1e-6 for row in found.rows)
-    tiny = {name: 1e-9 * amount for name, amount in PRESET_AMOUNTS["standard"].items() if amount > 0.0}
+    tiny = {name: 1e-9 * amount for name, amount in amounts_of("standard").items() if amount > 0.0}
     still = measure_sensitivity(lens_with(tiny), rays=1024)
     assert max(abs(row.change.nmse.value) for row in still.rows) < 1e-4
     assert max(row.change.nmse.standard_error for row in still.rows) < 1e-3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from chains import REACH, clear, upwards
 from known_shapes import Ellipsoid
-from tir_lenses import spot, spot_lens
+from tir_lenses import TIR, spot, spot_lens
 
 import lensforge as lf
 from lensforge.errors import InputError
@@ -16,9 +16,9 @@ from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import trace_tables
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.sensitivity import measure_sensitivity, single_errors
-from lensforge.optics.media import TIR
 from lensforge.scene.body import Body, nearest
 from lensforge.scene.made_part import PartMaker
+from lensforge.spec import TirSection
 from lensforge.spec.tolerances_section import factors_of, read_tolerances
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import evaluate_table
@@ -57,14 +57,14 @@ def faces_with(wall: Surface) -> dict[str, Surface]:
 
 @cache
 def traced(wall: Surface) -> TracedLens:
-    return TracedLens.of_body(Body.of(faces_with(wall)), clear(), 6, 12.0)
+    return TracedLens.of_body(Body.of(faces_with(wall), TirSection.roles), clear(), 6, 12.0)
 
 
 @pytest.mark.parametrize("name", MOVED)
 def test_the_light_of_a_face_out_of_place_is_that_of_the_moved_body(name: str) -> None:
     deviation, wall, moved = MOVED[name]
     faces, rays, spec = faces_with(wall), upwards(2000, 1, 0.5), spot()
-    designed, other = traced(wall), TracedLens.of_body(Body.of({**faces, **moved}), clear(), 6, 12.0)
+    designed, other = traced(wall), TracedLens.of_body(Body.of({**faces, **moved}, TirSection.roles), clear(), 6, 12.0)
     factors = tuple(factor for factor in factors_of(spec.part_tolerances) if factor.name == name)
     part = PartMaker.of(spec, faces, designed.scene.grid, factors).part({name: np.array(deviation)})
     found = trace_tables(part.tables(designed.tables), replace(designed.scene, made=part.made), rays)
@@ -122,9 +122,9 @@ def test_a_place_of_the_cavity_is_refused(face: str, field: str) -> None:
 
 def test_tolerances_of_other_faces_are_refused(tmp_path: Path) -> None:
     (tmp_path / "own.toml").write_text("[lens.wall]\nform_um = 0.4\n", encoding="utf-8")
-    own = read_tolerances(str(tmp_path / "own.toml"), TIR)
+    own = read_tolerances(str(tmp_path / "own.toml"), TirSection.roles)
     assert spot().with_tolerances(own).part_tolerances.amount("wall", "form_um") == 0.4
     with pytest.raises(InputError, match=r"own\.toml: lens\.wall: the faces of this lens are inner, outer; give these"):
         read_tolerances(str(tmp_path / "own.toml"))
-    with pytest.raises(InputError, match="tolerances of the faces inner, outer: this lens has cap, side, wall, exit"):
-        lf.tolerance(spot_lens(), tolerances=lf.PartTolerances())
+    with pytest.raises(InputError, match="tolerances of the faces outer: this lens has cap, side, wall, exit"):
+        lf.tolerance(spot_lens(), tolerances=lf.PartTolerances(faces={"outer": {"gap_mm": 0.1}}))

@@ -267,13 +267,17 @@ def test_other_tolerances_name_themselves() -> None:
     import lensforge as lf
 
     lens = lens_with()
-    given = None, lf.TolerancesSection(preset="precision"), lf.PartTolerances(preset="moulded", outer={"gap_mm": 0.1})
+    given = (
+        None,
+        lf.TolerancesSection(preset="precision"),
+        lf.PartTolerances(preset="moulded", faces={"outer": {"gap_mm": 0.1}}),
+    )
     plain, other, own = (
         lf.tolerance(lens, parts=40, rays=256, budget=False, tolerances=tolerances) for tolerances in given
     )
     assert plain.conditions is None and other.conditions.name == "precision"
     assert own.conditions.name.startswith("own_")
-    names = {_name_of(lf.PartTolerances(preset="precision", outer={"gap_mm": gap})) for gap in (0.1, 0.2)}
+    names = {_name_of(lf.PartTolerances(preset="precision", faces={"outer": {"gap_mm": gap}})) for gap in (0.1, 0.2)}
     assert len(names) == 2 and "precision" not in names
     assert other.inputs["lens"] == plain.inputs["lens"] == lens.sha256
     assert other.metrics["nmse"].spread < plain.metrics["nmse"].spread

@@ -136,7 +136,7 @@ def test_no_budget_and_no_causes_are_said(lens, found):
 
 
 def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from(lens):
-    given = PartTolerances(preset="precision", outer={"gap_mm": 0.0123})
+    given = PartTolerances(preset="precision", faces={"outer": {"gap_mm": 0.0123}})
     own = lens.spec.with_tolerances(given)
     assert own.part_tolerances == given
     table = tolerance_table(type(lens)(lens.surfaces, own, 0, "draft"))

@@ -81,12 +81,15 @@ def test_mirrored_parts_are_the_opposite_but_for_roughness() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"outer": {"gap_mm": {"amount": 0, "distribution": "normal"}}}, "a distribution has a width"),
-        ({"outer": {"gap_mm": {"distribution": "normal"}}}, "outer.gap_mm.amount: missing"),
-        ({"outer": {"gap_mm": 9.0}}, "outer: gap_mm = 9: must be at most 5"),
-        ({"outer": {"gap_mm": "wide"}}, "must be a number, or a table"),
-        ({"inner": {"form_um": {"amount": 1.0, "distribution": "normal"}}}, "leave out distribution"),
-        ({"inner": {"tilt_deg": 1.0}}, "inner.tilt_deg: this face is what the next is placed against; give outer.tilt"),
+        ({"faces": {"outer": {"gap_mm": {"amount": 0, "distribution": "normal"}}}}, "a distribution has a width"),
+        ({"faces": {"outer": {"gap_mm": {"distribution": "normal"}}}}, "outer.gap_mm.amount: missing"),
+        ({"faces": {"outer": {"gap_mm": 9.0}}}, "outer: gap_mm = 9: must be at most 5"),
+        ({"faces": {"outer": {"gap_mm": "wide"}}}, "must be a number, or a table"),
+        ({"faces": {"inner": {"form_um": {"amount": 1.0, "distribution": "normal"}}}}, "leave out distribution"),
+        (
+            {"faces": {"inner": {"tilt_deg": 1.0}}},
+            "inner.tilt_deg: this face is what the next is placed against; give outer.tilt",
+        ),
         ({"gap_mm": 0.1}, "gap_mm = 0.1: unknown; it is lens.outer.gap_mm now"),
         ({"waviness_shortest_mm": 8.0}, "must be below waviness_longest_mm = 5"),
     ],
@@ -113,7 +116,7 @@ def test_tolerances_come_from_a_preset_or_a_file(tmp_path) -> None:
         found = read_tolerances(str(file))
         assert (found.tolerance("gap_mm").amount, found.tolerance("outer_shift_mm").amount) == (0.5, 0.005)
     file.write_text("[lens.outer]\ngap_mm = 0.5\n")
-    assert read_tolerances(str(file)) == PartTolerances(outer={"gap_mm": 0.5})
+    assert read_tolerances(str(file)) == PartTolerances(faces={"outer": {"gap_mm": 0.5}})
     for text, words in (
         ("[lens.outer]\ngap_mm = 9.0\n", "own.toml: lens.outer: gap_mm = 9: must be at most 5"),
         ("[lens.outer]\ngapp_mm = 0.5\n", "own.toml: lens.outer: gapp_mm = 0.5: unknown; did you mean gap_mm"),

@@ -23,7 +23,7 @@ from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleL
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver, receivers_of
 from lensforge.scene.target_pattern import drawn_target
-from lensforge.search.scene_check import starting_surfaces
+from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec, load_spec
@@ -348,7 +348,7 @@ def require_possible(light: lf.Light) -> None:
 
 
 def starting_lens(spec: Spec) -> Lens:
-    return Lens(starting_surfaces(spec), spec, 0, FEW)
+    return Lens(start_faces(spec), spec, 0, FEW)
 
 
 @pytest.mark.parametrize("path", [path for path in SCENES if path.stem in KINDS], ids=lambda path: path.stem)

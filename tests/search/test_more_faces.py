@@ -70,10 +70,11 @@ def test_a_wall_is_between_the_two_faces_that_it_names(between: tuple[str, str])
     inside, outside = between
 
     def renamed(constraint: Constraint) -> Constraint:
-        return replace(constraint, faces=tuple({"inner": inside, "outer": outside}[name] for name in constraint.faces))
+        names = {"inner": inside, "outer": outside}
+        return replace(constraint, faces=tuple(replace(face, name=names[face.name]) for face in constraint.faces))
 
     named = replace(usual, names=NAMES, constraints=tuple(map(renamed, usual.constraints)))
-    assert [each.faces for each in named.constraints] == [(inside,), between, (outside,)]
+    assert [each.names for each in named.constraints] == [(inside,), between, (outside,)]
     fields = named.fields(tables)
     assert torch.equal(fields, usual.fields(tables[numbers]))
     assert (fields[1] < 0.0).any() and (fields[1] > 0.0).any() == (inside == "cap")

@@ -205,9 +205,10 @@ def test_edges_in_the_search_are_those_of_the_faces_and_have_their_derivative(le
 @pytest.mark.nightly("ten seconds; by day edges in the search have their derivative, and another search is made")
 def test_a_search_keeps_the_edges_that_are_asked_for() -> None:
     kept = lf.design(spot().replace(constraints=EDGES), accuracy="draft")
+    start = Body.of(start_faces(kept.lens.spec), kept.lens.spec.lens.roles)
     least = [
-        min(edge.angle_deg for side in boundaries(Body.of(faces)) for edge in sharpest_edges(side))
-        for faces in (start_faces(kept.lens.spec), kept.lens.surfaces)
+        min(edge.angle_deg for side in boundaries(body) for edge in sharpest_edges(side))
+        for body in (start, kept.lens.body)
     ]
     assert least[0] < 63.0 and least[1] > 66.0 - 0.01
     assert {"cap edge margin", "wall edge margin"} <= {each.key for each in kept.criteria if each.holds}

@@ -267,7 +267,7 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
     }
     shop = {"author": "A. Author", "date": "2026-03-31", "organisation": "Works"}
     lens = small_lens(ROUND, shop, drawing=words)
-    tolerances = PartTolerances(outer={"gap_mm": 0.07, "form_um": 0.4})
+    tolerances = PartTolerances(faces={"outer": {"gap_mm": 0.07, "form_um": 0.4}})
     lens = replace(lens, spec=lens.spec.with_tolerances(tolerances))
     content, sheet = content_of(lens, part_of(lens), check, "A3")
     stated = "\n".join(each.text for each in all_words(sheet)).replace("\n", " ")

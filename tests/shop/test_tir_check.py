@@ -5,9 +5,8 @@ import pytest
 from known_shapes import sphere
 from presets import CHECKED
 from shop_lenses import OfSpheres
-from tir_lenses import spot, spot_lens
+from tir_lenses import TIR, spot, spot_lens
 
-from lensforge.optics.media import TIR
 from lensforge.scene.lens import Lens
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.profiles import ProfileParameters

@@ -12,9 +12,8 @@ import pytest
 from known_shapes import sphere
 from presets import CHECKED
 from shop_lenses import OfSpheres, bare_part, between_nodes, rows_of
-from tir_lenses import spot, spot_lens
+from tir_lenses import TIR, spot, spot_lens
 
-from lensforge.optics.media import TIR
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.shop_files import make_handover
 from lensforge.shop.view_lines import section_view

@@ -109,7 +109,7 @@ def test_the_rules_are_those_of_the_shipped_specs(name: str) -> None:
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.5])
 def test_a_lens_of_any_size_holds_its_source_and_starts_with_a_wall(radius_mm: float, share: float) -> None:
     sizes = LensSizes(radius_mm, share * radius_mm)
-    inner_mm, outer_mm = sizes.offset_mm.values()
+    inner_mm, outer_mm = lf.LensSection().derived_offsets_mm(sizes).values()
     assert sizes.cavity_radius_mm >= 1.19 * share * radius_mm and sizes.cavity_radius_mm > 0.0
     assert sizes.cavity_radius_mm < inner_mm < outer_mm <= radius_mm
     assert outer_mm - inner_mm > sizes.min_thickness_mm > 0.0

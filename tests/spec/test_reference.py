@@ -16,7 +16,7 @@ from lensforge.cli.cli import cli
 from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
 from lensforge.spec import Spec
-from lensforge.spec.lens_section import USUAL_KIND
+from lensforge.spec.lens_section import LensShape
 from lensforge.spec.spec_fields import all_sections, words_of
 from lensforge.spec.spec_reference import spec_schema
 
@@ -56,7 +56,7 @@ def test_every_field_has_words_and_every_number_a_unit(schema: dict[str, Any]) -
 def test_all_kinds_are_in_the_schema(schema: dict[str, Any]) -> None:
     assert len(all_sections(Spec)) > 50 and len(FIELDS) > 400
     for section in all_sections(Spec):
-        if kind_of(section) not in (None, USUAL_KIND):
+        if kind_of(section) not in (None, LensShape.usual_kind):
             assert schema["$defs"][section.__name__]["required"][0] == "kind"
 
 

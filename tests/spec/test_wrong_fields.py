@@ -45,7 +45,7 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
             "source.intensity: unknown; it goes with kind = rectangle, disc, chips, chip_array, luminance",
         ),
         ({"lens.outer.gap_mm": {"amont": 1}}, "lens.outer.gap_mm.amont = 1: unknown; did you mean amount?"),
-        ({"lens.middle": {"offset_mm": 6.0}}, "lens.middle: unknown; known here: inner, outer, "),
+        ({"lens.middle": {"offset_mm": 6.0}}, "lens.middle: unknown; known here: refractive_index, "),
         (
             {"lens.inner.gap_mm": 0.1},
             "lens: inner.gap_mm: this face is what the next is placed against; give outer.",

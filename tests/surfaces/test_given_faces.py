@@ -14,8 +14,8 @@ import lensforge as lf
 from lensforge.cad.form_error import fit_to_form, form_error
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
+from lensforge.spec import LensSection
 from lensforge.spec.fixed_surface import FixedCadFace, FixedLensFace, FixedPoints, FixedSphere, GivenSurface
-from lensforge.spec.lens_section import LensSection
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.cad_sampling import FaceCast
 from lensforge.surfaces.chart_spline import ChartSpline

@@ -1,0 +1,123 @@
+"""The lens for total internal reflection: a cap and a side around the source, a wall that reflects, and an exit."""
+
+from dataclasses import replace
+from math import radians
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field
+
+from lensforge.errors import InputError
+from lensforge.optics.media import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceRole
+from lensforge.spec.face_section import FaceSection, FlangeSection
+from lensforge.spec.lens_section import Beam, ProfiledShape, StartConditions
+from lensforge.spec.spec_section import check
+from lensforge.surfaces.collimator import Collimator, best_collimator
+from lensforge.surfaces.profile import AXIS, HORIZON, shrunk
+from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface
+from lensforge.surfaces.surface import Surface
+
+_DRAFT_DEG = 2.0  # of the side of a cavity, where the spec does not say
+_WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them
+
+
+class ExitFace(FaceSection):
+    """A face that may be asked to stay a plane."""
+
+    flat: bool = False
+    """Keep it a plane across the axis: the search moves its height alone, and the other faces carry the shape."""
+
+    @check
+    def _flat_is_not_fixed(self) -> None:
+        if self.flat and self.fixed is not None:
+            raise ValueError("give one of flat, a plane whose height the search finds, and fixed, a surface that stays")
+
+
+class TirSection(ProfiledShape):
+    """A lens for total internal reflection: cap and side of the cavity, the reflecting wall, and the exit.
+
+    Faces begin as the lens for a point source that the size of the LED, the radius and the beam ask for. They are faces
+    of revolution; with ``levels`` SRBFs shape cap, wall and exit beyond that.
+    """
+
+    roles = (
+        FaceRole("cap", CAVITY, BODY, on_axis=True),
+        FaceRole("side", CAVITY, BODY),
+        FaceRole("wall", BODY, OUTSIDE, reflects=True, widens=True, is_placed=True),
+        FaceRole("exit", BODY, OUTSIDE, on_axis=True, is_placed=True),
+    )
+    title = "lens for total internal reflection"
+    kind: Literal["tir"] = "tir"
+    cap: FaceSection = Field(default_factory=FaceSection)
+    """Face of the cavity over the source; ``offset_mm``: its height on the axis."""
+    side: FaceSection = Field(default_factory=FaceSection)
+    """Face of the cavity around the source: a cone with its draft, 2 degrees by default; ``offset_mm``: its radius at
+    z = 0.
+    """
+    wall: FaceSection = Field(default_factory=FaceSection)
+    """Face around the cavity, which reflects totally, or by a mirror; ``offset_mm``: its radius at z = 0."""
+    exit: ExitFace = Field(default_factory=ExitFace)
+    """Face towards the light that is wanted; ``offset_mm``: its height on the axis."""
+    flange: FlangeSection | None = None
+    """Flange at the exit's rim; by default there is none."""
+
+    @property
+    def rim_flange(self) -> FlangeSection | None:
+        """The flange at the exit's rim."""
+        return self.flange
+
+    def start_faces(self, conditions: StartConditions) -> dict[str, Surface]:
+        """The lens for a point with the best light for source, radius and beam; faces and offsets that are given stay.
+
+        Raises :class:`InputError` for sizes that leave no room for such a lens.
+        """
+        beam = conditions.beam()
+        try:
+            faces = self._of_a_point(conditions, beam).faces
+        except InputError as error:
+            raise InputError(f"lens: {str(error).removeprefix('collimator: ')} (lens.kind = 'tir')") from None
+        if self.exit.flat:
+            faces["exit"] = PlaneFace(faces["exit"].reach_mm, float(faces["exit"].radius(AXIS)[0]))
+        if self.flange is not None:
+            faces |= _with_flange(faces["exit"], self.flange, conditions)
+        for name, offset_mm, towards in (("wall", self.wall.offset_mm, HORIZON), ("exit", self.exit.offset_mm, AXIS)):
+            if offset_mm is not None:
+                faces[name] = _resized(faces[name], offset_mm, towards)
+        fixed = self.fixed
+        return {name: fixed.get(name) or faces[name] for name in self.body_names}
+
+    def _of_a_point(self, conditions: StartConditions, beam: Beam) -> Collimator:
+        """The lens for a point, at first order."""
+        limits, size = conditions.limits, conditions.side_mm
+        radius_mm, margin_mm = limits.rim_radius_mm, 2.0 * limits.margin_mm
+        narrowest_rad = float(np.arcsin(min(0.5, size / radius_mm / np.sqrt(np.pi))))
+        room_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - (self.flange_room_mm or 0.0)
+        best = best_collimator(
+            self.refractive_index / self.cavity_index,
+            radius_mm,
+            size,
+            min(beam.most_rad, _WIDEST_BEAM * narrowest_rad),
+            draft_rad=radians(_DRAFT_DEG if self.side.draft_deg is None else self.side.draft_deg),
+            least_wall_mm=limits.min_thickness_mm + margin_mm,
+            mirrored=self.wall.mirror is not None,
+            clearance_mm=max(0.0, conditions.clear_mm - size / 2.0**0.5) + margin_mm,
+            most_height_mm=room_mm,
+        )
+        cap, side = self.cap.offset_mm, self.side.offset_mm
+        return replace(best, cap_mm=cap or best.cap_mm, cavity_mm=side or best.cavity_mm)
+
+
+def _with_flange(
+    leaving: ReciprocalSurface, flange: FlangeSection, conditions: StartConditions
+) -> dict[str, ReciprocalSurface]:
+    """The cylinder at which a flange begins, around the light that the wall turns, and the exit so much higher."""
+    limits, rim_mm = conditions.limits, float(leaving.radius(AXIS)[0])
+    cylinder = ConeFace(1.1 * leaving.reach_mm, limits.rim_radius_mm)  # its continuation is that of no other face
+    height_mm = rim_mm + flange.room_mm + 2.0 * limits.margin_mm
+    return {RIM_FLANGE.name: cylinder, "exit": _resized(leaving, height_mm, AXIS)}
+
+
+def _resized(face: ReciprocalSurface, offset_mm: float, towards: Float[np.ndarray, "1 3"]) -> ReciprocalSurface:
+    """The face, scaled about the origin to a distance of ``offset_mm`` in one direction."""
+    return shrunk(face, float(face.radius(towards)[0]) / offset_mm)

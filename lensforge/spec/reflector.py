@@ -1,0 +1,124 @@
+"""The reflector: a mirror around the source, open at its mouth, with a back behind it."""
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lensforge.errors import InputError
+from lensforge.optics.exit_space import ExitColumn, ExitSpace
+from lensforge.optics.media import BODY, CAVITY, OUTSIDE, FaceRole
+from lensforge.spec.face_section import FaceSection
+from lensforge.spec.lens_section import Beam, ProfiledShape, StartConditions
+from lensforge.spec.search_section import ConstraintsSection
+from lensforge.spec.spec_section import Label, check
+from lensforge.surfaces.reflector_cup import ParabolicCup, best_cup, mouth_radius_mm, reflector_faces
+from lensforge.surfaces.surface import Surface
+
+_ALUMINISED = 0.88  # reflectance of a plain film of aluminium on a smooth lacquer, over the visible range
+_THICKER = 1.15  # a back over the least wall: the wall varies as the cup moves
+
+
+class CupSection(FaceSection):
+    """The mirror of a reflector."""
+
+    mirror: Annotated[float, Field(gt=0.0, le=1.0)] = _ALUMINISED
+    """Share of the light that it reflects at every angle; the rest is absorbed."""
+
+
+class ReflectorSection(ProfiledShape):
+    """A reflector: a cup about the source, whose inside is a mirror, open at its mouth.
+
+    Light leaves by the mouth, directly or by reflections at the cup. The cup begins as the paraboloid that the size of
+    the LED, the radius and the beam ask for, or is given; its back follows it at the least wall.
+    """
+
+    roles = (
+        FaceRole("cup", CAVITY, BODY, reflects=True, widens=True),
+        FaceRole("back", BODY, OUTSIDE, widens=True, follows="cup"),
+        FaceRole("mouth", CAVITY, OUTSIDE, on_axis=True),
+    )
+    title = "reflector"
+    kind: Literal["reflector"] = "reflector"
+    material: Label = "metallised plastic"
+    """Material of the body, a label: no light enters it."""
+    cup: CupSection = Field(default_factory=CupSection)
+    """Mirror around the source; ``offset_mm``: its radius at z = 0."""
+    back: FaceSection = Field(default_factory=FaceSection)
+    """Face behind the mirror, at the least wall and a little more; it has no fields of its own."""
+    mouth: FaceSection = Field(default_factory=FaceSection)
+    """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
+
+    @check
+    def _only_the_cup_is_a_mirror(self) -> None:
+        if self.cup.coating is not None:
+            raise ValueError("cup.coating: the cup is a mirror; give cup.mirror, the share that it reflects")
+        for name, allowed in (("back", ()), ("mouth", ("offset_mm",))):
+            face = self.faces[name]
+            for field in sorted(face.model_fields_set.difference(allowed)):
+                if getattr(face, field) is not None:
+                    has = (
+                        f"it has {' and '.join(allowed)} alone" if allowed else "it follows the cup, and has no fields"
+                    )
+                    raise ValueError(f"{name}.{field}: {has}; leave it out")
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """All faces, or none where the cup is given: the others follow it."""
+        return self.names if self.cup.fixed is None else ()
+
+    def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
+        """The disc of its mouth: as wide and as high as a given cup makes it, else at any height that is allowed."""
+        cup, height_mm = self.fixed["cup"], self.mouth.offset_mm
+        if cup is None or height_mm is None:
+            return ExitColumn.of_mouth(limits.max_radius_mm, limits.tallest_mm)
+        return ExitColumn(mouth_radius_mm(cup, height_mm), ((height_mm, height_mm),), upward=True)
+
+    def height_mm(self, limits: ConstraintsSection) -> float:
+        """Height of the mouth of a given cup, where it is given, too."""
+        given = self.cup.fixed is not None and self.mouth.offset_mm
+        return given or super().height_mm(limits)
+
+    def highest_mm(self, limits: ConstraintsSection) -> float:
+        """Height of the mouth as it is given, or as it may be."""
+        return self.mouth.offset_mm or limits.max_height_mm or np.inf
+
+    @check
+    def _is_open(self) -> None:
+        if self.cavity_index != self.outside_index:
+            raise ValueError(
+                f"cavity_index = {self.cavity_index:g}: a reflector is open, and has outside_index = "
+                f"{self.outside_index:g} inside, too; give the same for both"
+            )
+
+    def start_faces(self, conditions: StartConditions) -> dict[str, Surface]:
+        """The cup that is given, or the paraboloid that suits source, radius and beam best; its back and its mouth.
+
+        Raises :class:`InputError` for sizes that leave no room for such a cup.
+        """
+        limits = conditions.limits
+        wall_mm = _THICKER * (limits.min_thickness_mm + 2.0 * limits.margin_mm)
+        most_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - limits.margin_mm
+        cup, height_mm = self.fixed["cup"], self.mouth.offset_mm
+        beam = conditions.beam() if cup is None else Beam(0.0, 0.0)
+        try:
+            if cup is None:
+                best = self._of_a_point(conditions, beam, wall_mm, most_mm)
+                cup, height_mm = best.face, height_mm or best.height_mm
+            return reflector_faces(cup, limits.rim_radius_mm, wall_mm, height_mm, most_mm)
+        except InputError as error:
+            raise InputError(f"lens: {str(error).removeprefix('reflector: ')} (lens.kind = 'reflector')") from None
+
+    def _of_a_point(self, conditions: StartConditions, beam: Beam, wall_mm: float, most_mm: float) -> ParabolicCup:
+        """The paraboloid for a point, at first order."""
+        best = best_cup(
+            conditions.limits.rim_radius_mm,
+            wall_mm,
+            conditions.side_mm,
+            beam.most_rad,
+            beam.least_rad,
+            clearance_mm=conditions.clear_mm,
+            most_height_mm=most_mm,
+        )
+        return best if self.cup.offset_mm is None else replace(best, focal_mm=0.5 * self.cup.offset_mm)
