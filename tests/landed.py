@@ -7,10 +7,10 @@ import numpy as np
 import torch
 from exact_surface import ExactSurface
 
-from lensforge.light.further_bodies import TWO_FACES
 from lensforge.light.reference_bodies import ReferenceBody
 from lensforge.light.reference_hits import TracedFace
 from lensforge.light.reference_trace import as_arrays, trace_reference
+from lensforge.light.secondary_optics import TWO_FACES
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade

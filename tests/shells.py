@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lensforge.optics.media import FurtherBody, Medium
+from lensforge.optics.media import Medium, SecondaryOptic
 from lensforge.sources.source_pose import rotation_about
 from lensforge.surfaces.asphere import Asphere, sphere
 
@@ -10,9 +10,9 @@ N, COVER_N, LOSS, COVER_LOSS = 1.49, 1.586, 0.01, 0.004
 TURN = rotation_about("y", 0.11) @ rotation_about("x", -0.17)
 
 
-def placed(name: str, shells: tuple[Asphere, Asphere], centre=(0.0, 0.0, 0.0), turn=TURN, **fields) -> FurtherBody:
+def placed(name: str, shells: tuple[Asphere, Asphere], centre=(0.0, 0.0, 0.0), turn=TURN, **fields) -> SecondaryOptic:
     rows = tuple(tuple(float(value) for value in row) for row in turn)
-    return FurtherBody(name, fields.pop("medium", Medium(COVER_N, COVER_LOSS)), *shells, centre, rows, **fields)
+    return SecondaryOptic(name, fields.pop("medium", Medium(COVER_N, COVER_LOSS)), *shells, centre, rows, **fields)
 
 
 SHELL = sphere(12.0), sphere(14.5)
@@ -23,7 +23,7 @@ BOWL = placed("bowl", (Asphere(29.0, -30.0, 0.4), Asphere(32.5, -31.0, 0.2)), (-
 SECOND = placed("second", (sphere(30.0, -2.0), sphere(33.0)), (3.0, 2.0, 0.5), TURN.T)
 
 
-def spheres_of(body: FurtherBody) -> list[tuple]:
+def spheres_of(body: SecondaryOptic) -> list[tuple]:
     """The faces of a body of spheres for :func:`by_hand`."""
     found = []
     for face, before, behind, loss in ((body.inner, 1.0, COVER_N, 0.0), (body.outer, COVER_N, 1.0, COVER_LOSS)):

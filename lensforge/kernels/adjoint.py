@@ -1,308 +1,309 @@
-"""Adjoint of ``trace``: a packet of rays again, forward without a search, and backward. See ``kernels.ray_packet``.
+"""Adjoint of ``trace``: a packet of rays again, forward by the paths that were kept, and backward event by event.
 
-Here two refractions, at both faces of the usual lens, in vectors; ``kernels.chain_adjoint`` has any chain of events.
+Rays of the usual lens in unpolarised light all meet the inner face and then the outer one. Of other bodies those that
+have taken the same way go together in a packet, so that here too each step is one of vectors. A ray that would meet
+another face, were a face moved, has no derivative: light that so crosses a crease is left out. A ray that ends at a
+tangent adds nothing: its squared sine is at its largest there.
 """
 
-from math import exp, sqrt
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from lensforge.kernels.bicubic import scatter
-from lensforge.kernels.chain_adjoint import chain_adjoint
+from lensforge.kernels.adjoint_packet import (
+    ABSORPTION,
+    BY_AXIAL,
+    BY_FLUX,
+    BY_SIN2,
+    CELL,
+    EMITTED,
+    EX,
+    FIRST_EVENT,
+    FX,
+    INDEX_RATIO,
+    LEFT,
+    PATH,
+    RAY,
+    SECOND_EVENT,
+    SMOOTH,
+    D,
+    MetFace,
+    P,
+    add_to_table,
+    move_to_face,
+    take_jets,
+)
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.fate import Fate
-from lensforge.kernels.frames import place, rough_normal, rough_normal_adjoint, turn, turn_back, z_axis
-from lensforge.kernels.fresnel import (
-    dot,
-    outward_normal,
-    refract,
-    refract_adjoint,
-    scaled,
-    through,
-    through_both,
-    unit,
+from lensforge.kernels.fields_adjoint import (
+    BY_E,
+    FIELD,
+    E,
+    absorb_on_way,
+    all_amplitudes,
+    back_through,
+    begin_back,
+    begin_forward,
+    forward_at,
+    from_next_frame,
+    refract_all_at,
+    to_next_frame,
 )
-from lensforge.kernels.hit_adjoint import hit_adjoint
+from lensforge.kernels.frames import into_faces, out_of_first
+from lensforge.kernels.pair_adjoint import back_behind_outer, back_through_inner, forward_at_inner
 from lensforge.kernels.precision import DOUBLE_PRECISION, Precision
-from lensforge.kernels.ray_packet import (
-    COEFFICIENTS,
-    SIZE,
-    fetch_table,
-    fields,
-    in_whole_vectors,
-    jet_at,
-    mark_hit,
-    three,
-    write,
-)
+from lensforge.kernels.ray_packet import COEFFICIENTS, SIZE, fetch_table, in_whole_vectors, three, write
+from lensforge.kernels.traced_body import BODY, FROM_BEHIND, REFLECTED, index_in, own_or_shared
 
-# A ray's number; its point and direction in the inner face's frame, and its path lengths; sensitivities to the exit
-# point, the direction, the flux, that along z and the squared sine; whether it left the lens; flux, index ratios and
-# absorption.
-(
-    RAY, PX, PY, PZ, AX, AY, AZ, T1, T2, EX, EY, EZ, FX, FY, FZ, BY_FLUX, BY_AXIAL, BY_SIN2, LEFT,
-    EMITTED, INTO, OUT_OF, ABSORPTION,
-) = fields(COEFFICIENTS, 23)  # fmt: skip
-# At the inner face: the table's five derivatives, the cosine before it, its transmittances with their excess, slopes of
-# these; the unit normal in the outer face's frame, and the sensitivities to the cosine and to it.
-JET, _, _, _, _, COSINE, FIRST, _, _, SLOPES, _, _, NORMAL, _, _, BY_COSINE, BY_NORMAL, _, _ = fields(
-    COEFFICIENTS + 23, 19
-)
-# In the outer face's frame: the hit there, and the direction before it; whether the ray has a derivative at all.
-SX, SY, SZ, VX, VY, VZ, SMOOTH = fields(COEFFICIENTS + 42, 7)
-# The table's cells at both hits, the sensitivities to its value and slopes there.
-INNER_CELL, OUTER_CELL = fields(COEFFICIENTS + 49, 8)[::4]
-BY_INNER, BY_OUTER = fields(COEFFICIENTS + 57, 6)[::3]
-ADJOINT_NUMBERS = (COEFFICIENTS + 63) * SIZE
+LANES = 64  # rays that go together where their events are kept: with more, these do not fit into the cache
+_OF_EVENT = 17  # numbers of an event's block that are kept: all but the sensitivities
+ADJOINT_NUMBERS = (COEFFICIENTS + 16 + 2 * 20 + 40) * SIZE
 
 
-def empty_adjoint(precision: Precision = DOUBLE_PRECISION) -> Float[np.ndarray, " k"]:
-    """Memory of a packet for the adjoint, for one thread."""
-    return np.zeros(ADJOINT_NUMBERS, precision.kind)
+class SameWay(NamedTuple):
+    """Rays sorted by their ways: their numbers, and where each way begins and the last one ends."""
+
+    numbers: Int[np.ndarray, " n"]
+    starts: Int[np.ndarray, " w"]
+
+
+class ByRaysIn(NamedTuple):
+    """Sensitivities to the points, directions and fields with which rays come to a body, in their frame."""
+
+    by_points: Float[np.ndarray, "n 3"]
+    by_directions: Float[np.ndarray, "n 3"]
+    by_fields: Float[np.ndarray, "n 12"]
+
+    def part(self, part: slice) -> "ByRaysIn":
+        """Sensitivities to some of the rays."""
+        return ByRaysIn(*(each[part] for each in self))
+
+
+class AdjointMemory(NamedTuple):
+    """Memory of a packet of the adjoint, and of what is kept of its events, for one thread."""
+
+    packet: Float[np.ndarray, " k"]
+    events: Float[np.ndarray, "e m"]
+
+
+def adjoint_memory(events: int, precision: Precision = DOUBLE_PRECISION) -> AdjointMemory:
+    """Memory for bodies of so many ``events``."""
+    return AdjointMemory(np.zeros(ADJOINT_NUMBERS, precision.kind), np.zeros((events, (_OF_EVENT + 12) * LANES)))
+
+
+def same_way(met: Int[np.ndarray, "n e"]) -> SameWay:
+    """Rays that have ``met`` the same, together."""
+    numbers = np.lexsort(met.T[::-1])
+    other = (met[numbers[1:]] != met[numbers[:-1]]).any(axis=1)
+    return SameWay(numbers, np.concatenate([[0], np.flatnonzero(other) + 1, [len(met)]]))
 
 
 @inline
-def load(
-    origins, directions, emitted, indices, absorptions, scene, placed, lengths, fates,
-    by_points, by_directions, by_flux, by_axial, by_sin2, first, last, rays,
-):  # fmt: skip
-    """Put those of the rays ``first`` to ``last`` into a packet that matter to anything. Returns their number."""
-    _, cavity_index, outside_index, _, _ = scene
+def add_gradients(packet, count, at, face, inverse_step, gradients):
+    """Add the sensitivities of an event to those by the table of its face, where they are asked for."""
+    if gradients is not None:
+        add_to_table(packet, count, at, inverse_step, gradients[face])
+
+
+@inline
+def load_axial(packet, lane, k, left, by_axial):
+    """Sensitivity of a ray to its flux along z; 0 where no cover glass asks for it."""
+    packet[BY_AXIAL + lane] = 0.0
+    if by_axial is not None:
+        packet[BY_AXIAL + lane] = by_axial[k] if left else 0.0
+
+
+@inline
+def asks(by_fields):
+    """True where there are sensitivities to the fields; known to the compiler."""
+    return by_fields is not None
+
+
+@inline
+def load(packet, lane, k, fate, rays, body, by):
+    """Put ray k into a packet, at its start. Returns True where it matters to anything."""
+    left = fate == Fate.LEFT_LENS
+    matters = by.by_sin2[k] != 0.0 or (left and (by.by_flux[k] != 0.0 or asks(by.by_fields)))
+    for axis in range(3):
+        e, f = (by.by_points[k, axis], by.by_directions[k, axis]) if left else (0.0, 0.0)
+        packet[EX + axis * SIZE + lane], packet[FX + axis * SIZE + lane] = e, f
+        matters = matters or e != 0.0 or f != 0.0
+    if not matters:
+        return False
+    p = rays.origins[k, 0], rays.origins[k, 1], rays.origins[k, 2]
+    d = rays.directions[k, 0], rays.directions[k, 1], rays.directions[k, 2]
+    p, d = into_faces(body.placement, p, d)
+    write(packet, FIRST_EVENT + P + lane, p)
+    write(packet, FIRST_EVENT + D + lane, d)
+    packet[RAY + lane], packet[LEFT + lane], packet[EMITTED + lane] = float(k), 1.0 if left else 0.0, rays.emitted[k]
+    packet[BY_FLUX + lane], packet[BY_SIN2 + lane] = by.by_flux[k] if left else 0.0, by.by_sin2[k]
+    load_axial(packet, lane, k, left, by.by_axial)
+    packet[ABSORPTION + lane] = own_or_shared(rays.absorptions, k) if len(rays.absorptions) > 0 else 0.0
+    return True
+
+
+@inline
+def load_pairs(packet, first, last, rays, body, ways, fates, by):
+    """Put those of the rays ``first`` to ``last`` of the usual lens into a packet that matter. Returns their number."""
     count = 0
     for k in range(first, last):
         left = fates[k] == Fate.LEFT_LENS
-        if not left and not (fates[k] == Fate.TOTAL_REFLECTION and lengths[k, 1] > 0.0):
+        if not left and not (fates[k] == Fate.TOTAL_REFLECTION and ways.lengths[k, 1] > 0.0):
             continue
-        matters = by_sin2[k] != 0.0 or (left and by_flux[k] != 0.0)
-        for axis in range(3):
-            ex, fx = (by_points[k, axis], by_directions[k, axis]) if left else (0.0, 0.0)
-            rays[EX + axis * SIZE + count], rays[FX + axis * SIZE + count] = ex, fx
-            matters = matters or ex != 0.0 or fx != 0.0
-        if not matters:
-            continue
-        px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
-        ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
-        if placed is not None:
-            px, py, pz = place(placed[0][0], placed[1], px, py, pz)
-            ax, ay, az = turn(placed[0][0], ax, ay, az)
-        index = indices[min(k, len(indices) - 1)]
-        rays[RAY + count], rays[LEFT + count], rays[EMITTED + count] = float(k), 1.0 if left else 0.0, emitted[k]
-        rays[PX + count], rays[PY + count], rays[PZ + count] = px, py, pz
-        rays[AX + count], rays[AY + count], rays[AZ + count] = ax, ay, az
-        rays[T1 + count], rays[T2 + count] = lengths[k, 0], lengths[k, 1]
-        rays[BY_FLUX + count], rays[BY_SIN2 + count] = by_flux[k] if left else 0.0, by_sin2[k]
-        if by_axial is not None:
-            rays[BY_AXIAL + count] = by_axial[k] if left else 0.0
-        rays[INTO + count], rays[OUT_OF + count] = cavity_index / index, index / outside_index
-        if len(absorptions) > 0:
-            rays[ABSORPTION + count] = absorptions[min(k, len(absorptions) - 1)]
-        count += 1
+        if load(packet, count, k, fates[k], rays, body, by):
+            index = own_or_shared(rays.indices, k)
+            packet[FIRST_EVENT + PATH + count] = ways.lengths[k, 0]
+            packet[SECOND_EVENT + PATH + count] = ways.lengths[k, 1]
+            packet[FIRST_EVENT + INDEX_RATIO + count] = body.cavity_index / index
+            packet[SECOND_EVENT + INDEX_RATIO + count] = index / body.outside_index
+            count += 1
+    return count
+
+
+@kernel
+def adjoint_of_pairs(rays, body, ways, fates, by, gradients, packet):
+    """Add every ray's contribution to the ``gradients`` by the tables of the usual lens in unpolarised light.
+
+    Arguments as in :func:`adjoint_of_ways`.
+    """
+    inverse_step = body.grid.inverse_step
+    for first in range(0, len(rays.emitted), SIZE):
+        count = load_pairs(packet, first, min(first + SIZE, len(rays.emitted)), rays, body, ways, fates, by)
+        whole = in_whole_vectors(count)
+        move_to_face(packet, whole, FIRST_EVENT, body.tables[0], body.grid)
+        fetch_table(packet, count, body.tables[0], FIRST_EVENT + CELL)
+        take_jets(packet, whole, FIRST_EVENT, inverse_step)
+        forward_at_inner(packet, whole, rays, body, body.films)
+        move_to_face(packet, whole, SECOND_EVENT, body.tables[1], body.grid)
+        fetch_table(packet, count, body.tables[1], SECOND_EVENT + CELL)
+        take_jets(packet, whole, SECOND_EVENT, inverse_step)
+        back_behind_outer(packet, whole, rays, body, by.by_axial)
+        back_through_inner(packet, whole, rays, body)
+        add_to_table(packet, count, FIRST_EVENT, inverse_step, gradients[0])
+        add_to_table(packet, count, SECOND_EVENT, inverse_step, gradients[1])
+
+
+@inline
+def met_face(event, code, sides):
+    """The event of rays that have met this."""
+    face, from_behind, mirrored = code // 4, code % 2 == FROM_BEHIND, code % 4 >= REFLECTED
+    before, behind = int(sides.before[face]), int(sides.behind[face])
+    if from_behind:
+        return MetFace(event, face, -1.0, mirrored, behind, before)
+    return MetFace(event, face, 1.0, mirrored, before, behind)
+
+
+@inline
+def load_way(packet, numbers, fates, events, rays, body, ways, by):
+    """Put those of the rays with these ``numbers`` into a packet that matter: they left, or ended at their last event.
+
+    Returns their number.
+    """
+    count = 0
+    for k in numbers:
+        ended = fates[k] == Fate.TOTAL_REFLECTION and events == ways.lengths.shape[1]
+        if (fates[k] == Fate.LEFT_LENS or ended) and load(packet, count, k, fates[k], rays, body, by):
+            count += 1
     return count
 
 
 @inline
-def to_inner(rays, count, side, scene):
-    """Move the points of all rays to the inner face."""
-    _, _, _, origin, inverse_step = scene
-    for k in range(count):
-        t = rays[T1 + k]
-        x, y, z = rays[PX + k] + t * rays[AX + k], rays[PY + k] + t * rays[AY + k], rays[PZ + k] + t * rays[AZ + k]
-        rays[PX + k], rays[PY + k], rays[PZ + k] = x, y, z
-        mark_hit(rays, k, x, y, z, INNER_CELL, side, origin, inverse_step)
+def on_to_event(packet, count, face, rays, body, ways):
+    """Move all rays to the face of their next event."""
+    at, table = FIRST_EVENT, body.tables[face.face]
+    for lane in range(count):
+        k = int(packet[RAY + lane])
+        packet[at + PATH + lane] = ways.lengths[k, face.event]
+        packet[at + INDEX_RATIO + lane] = index_in(face.medium, k, rays, body) / index_in(face.behind, k, rays, body)
+    whole = in_whole_vectors(count)
+    if face.medium == BODY and len(rays.absorptions) > 0:
+        absorb_on_way(packet, count)
+    move_to_face(packet, whole, at, table, body.grid)
+    fetch_table(packet, count, table, at + CELL)
+    take_jets(packet, whole, at, body.grid.inverse_step)
 
 
 @inline
-def jet_in(rays, k, cell, inverse_step):
-    """The table's derivatives in the cell of a ray, whose coefficients have been fetched."""
-    return jet_at(rays, k, rays[cell + 2 * SIZE + k], rays[cell + 3 * SIZE + k], inverse_step)
+def keep_event(packet, count, event):
+    """Keep what was before an event."""
+    for number in range(_OF_EVENT):
+        for k in range(count):
+            event[number * LANES + k] = packet[FIRST_EVENT + number * SIZE + k]
+    for number in range(12):
+        for k in range(count):
+            event[(_OF_EVENT + number) * LANES + k] = packet[E + number * SIZE + k]
 
 
 @inline
-def to_outer(rays, count, side, scene, coating, rows, placed, rough):
-    """Refract all rays at the inner face, and follow them to the outer one."""
-    fresnel, _, _, origin, inverse_step = scene
-    for k in range(count):
-        number, ratio = int(rays[RAY + k]), rays[INTO + k]
-        jet = jet_in(rays, k, INNER_CELL, inverse_step)
-        write(rays, JET + k, jet[:3])
-        write(rays, JET + 2 * SIZE + k, jet[2:])
-        px, py, pz = rays[PX + k], rays[PY + k], rays[PZ + k]
-        nx, ny, nz = outward_normal(px, py, pz, jet[0], jet[1])
-        nx, ny, nz = rough_normal(nx, ny, nz, rough, number, 0, 0)
-        nx, ny, nz = unit(nx, ny, nz)
-        vx, vy, vz, c, q_squared = refract(rays[AX + k], rays[AY + k], rays[AZ + k], nx, ny, nz, ratio)
-        (t_s, t_p, excess), slopes = through(c, sqrt(q_squared), ratio, fresnel, coating, rows, number)
-        per_behind = 1.0 / (ratio * ratio)
-        rays[COSINE + k] = c
-        write(rays, FIRST + k, (t_s, t_p, excess * per_behind))
-        write(rays, SLOPES + k, (slopes[0], slopes[1], slopes[2] * per_behind))
-        if placed is not None:
-            px, py, pz = place(placed[0][1], 1.0, px, py, pz)
-            vx, vy, vz = turn(placed[0][1], vx, vy, vz)
-            nx, ny, nz = turn(placed[0][1], nx, ny, nz)
-        write(rays, NORMAL + k, (nx, ny, nz))
-        t = rays[T2 + k]
-        px, py, pz = px + t * vx, py + t * vy, pz + t * vz
-        write(rays, SX + k, (px, py, pz))
-        write(rays, VX + k, (vx, vy, vz))
-        mark_hit(rays, k, px, py, pz, OUTER_CELL, side, origin, inverse_step)
+def recall_event(packet, count, event):
+    """Take back what was before an event."""
+    for number in range(_OF_EVENT):
+        for k in range(count):
+            packet[FIRST_EVENT + number * SIZE + k] = event[number * LANES + k]
+    for number in range(12):
+        for k in range(count):
+            packet[E + number * SIZE + k] = event[(_OF_EVENT + number) * LANES + k]
 
 
 @inline
-def back_through_outer(rays, count, scene, coating, rows, absorbing, placed, rough, axis):
-    """Sensitivities at the outer face, and to the ray behind the inner one, in the frame of that."""
-    fresnel, inverse_step = scene[0], scene[4]
-    for k in range(count):
-        number, left, ratio, t = int(rays[RAY + k]), rays[LEFT + k] == 1.0, rays[OUT_OF + k], rays[T2 + k]
-        x, y, z = three(rays, SX + k)
-        vx, vy, vz = three(rays, VX + k)
-        jet = jet_in(rays, k, OUTER_CELL, inverse_step)
-        mx, my, mz = outward_normal(x, y, z, jet[0], jet[1])
-        ux, uy, uz = rough_normal(mx, my, mz, rough, number, 1, 1)
-        wx, wy, wz = unit(ux, uy, uz)
-        cx, cy, cz, c, q_squared = refract(vx, vy, vz, wx, wy, wz, ratio)
-        q = sqrt(q_squared if left else 1.0)  # reflected totally, it has no flux behind the face
-        second, slopes = through(c, q, ratio, fresnel, coating, rows, number)
-        value, by_first, by_c, by_m, by_n, by_d, by_b = through_both(
-            three(rays, FIRST + k), second, slopes, ratio, c, q,
-            three(rays, NORMAL + k), (wx, wy, wz), (vx, vy, vz), (cx, cy, cz), axis,
-            rays[BY_FLUX + k], rays[BY_AXIAL + k],
-        )  # fmt: skip
-        # tangent, or at the critical angle, to the last bit: there is no derivative
-        smooth = rays[COSINE + k] > 0.0 and c > 0.0 and (q_squared > 0.0 or not left)
-        rays[SMOOTH + k] = 1.0 if smooth else 0.0
-        arrived, by_t = rays[EMITTED + k] if left else 0.0, 0.0  # flux but for both faces; by the path length
-        if absorbing:
-            arrived *= exp(-rays[ABSORPTION + k] * t)
-            by_t = -rays[ABSORPTION + k] * arrived * value
-        rays[BY_COSINE + k] = arrived * dot(by_first, three(rays, SLOPES + k))
-        by_cosine = arrived * by_c - 2.0 * ratio * ratio * c * rays[BY_SIN2 + k]
-        ex, ey, ez = three(rays, EX + k)
-        fx, fy, fz = three(rays, FX + k)
-        if placed is not None:
-            ex, ey, ez = turn_back(placed[0][2], placed[2] * ex, placed[2] * ey, placed[2] * ez)
-            fx, fy, fz = turn_back(placed[0][2], fx, fy, fz)
-        # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
-        along = ex * cx + ey * cy + ez * cz
-        ex, ey, ez = ex - along * cx, ey - along * cy, ez - along * cz
-        fx, fy, fz = fx + arrived * by_b[0], fy + arrived * by_b[1], fz + arrived * by_b[2]
-        fx, fy, fz, hx, hy, hz = refract_adjoint(
-            vx, vy, vz, ux, uy, uz, ratio, fx, fy, fz, by_cosine, *scaled(arrived, by_n)
-        )
-        fx, fy, fz = fx + arrived * by_d[0], fy + arrived * by_d[1], fz + arrived * by_d[2]
-        gx, gy, gz = scaled(arrived, by_m)
-        hx, hy, hz = rough_normal_adjoint(mx, my, mz, rough, number, 1, 1, hx, hy, hz)
-        ex, ey, ez = ex + by_t * vx, ey + by_t * vy, ez + by_t * vz
-        (ex, ey, ez), by_table = hit_adjoint(x, y, z, vx, vy, vz, mx, my, mz, ex, ey, ez, hx, hy, hz, jet)
-        write(rays, BY_OUTER + k, by_table if smooth else (0.0, 0.0, 0.0))
-        fx, fy, fz = fx + t * ex, fy + t * ey, fz + t * ez
-        ex, ey, ez = ex - by_t * vx, ey - by_t * vy, ez - by_t * vz  # the path begins at the inner face
-        if placed is not None:
-            ex, ey, ez = turn_back(placed[0][1], ex, ey, ez)
-            fx, fy, fz = turn_back(placed[0][1], fx, fy, fz)
-            gx, gy, gz = turn_back(placed[0][1], gx, gy, gz)
-        write(rays, BY_NORMAL + k, (gx, gy, gz))
-        write(rays, EX + k, (ex, ey, ez))
-        write(rays, FX + k, (fx, fy, fz))
+def store_by_rays(packet, count, placement, by_rays):
+    """Sensitivities to the rays as they came, where they are asked for; none of a ray without a derivative."""
+    if by_rays is not None:
+        for lane in range(count):
+            k, smooth = int(packet[RAY + lane]), packet[SMOOTH + lane] == 1.0
+            e = out_of_first(placement, three(packet, EX + lane))
+            f = out_of_first(placement, three(packet, FX + lane))
+            for axis in range(3):
+                by_rays.by_points[k, axis] = e[axis] if smooth else 0.0
+                by_rays.by_directions[k, axis] = f[axis] if smooth else 0.0
+            for part in range(4):
+                own = out_of_first(placement, three(packet, BY_E + part * FIELD + lane))
+                for axis in range(3):
+                    by_rays.by_fields[k, 3 * part + axis] = own[axis] if smooth else 0.0
 
 
 @inline
-def back_through_inner(rays, count, rough):
-    """Sensitivities at the inner face."""
-    for k in range(count):
-        number = int(rays[RAY + k])
-        x, y, z = three(rays, PX + k)
-        ax, ay, az = three(rays, AX + k)
-        rho_x, rho_y, _ = three(rays, JET + k)
-        xx, xy, yy = three(rays, JET + 2 * SIZE + k)
-        jet = rho_x, rho_y, xx, xy, yy
-        nx, ny, nz = outward_normal(x, y, z, jet[0], jet[1])
-        gx, gy, gz = rough_normal(nx, ny, nz, rough, number, 0, 0)
-        fx, fy, fz = three(rays, FX + k)
-        bx, by, bz = three(rays, BY_NORMAL + k)
-        _, _, _, hx, hy, hz = refract_adjoint(
-            ax, ay, az, gx, gy, gz, rays[INTO + k], fx, fy, fz, rays[BY_COSINE + k], bx, by, bz
-        )
-        hx, hy, hz = rough_normal_adjoint(nx, ny, nz, rough, number, 0, 0, hx, hy, hz)
-        ex, ey, ez = three(rays, EX + k)
-        _, by_table = hit_adjoint(x, y, z, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz, jet)
-        write(rays, BY_INNER + k, by_table if rays[SMOOTH + k] == 1.0 else (0.0, 0.0, 0.0))
-
-
-@inline
-def add(rays, count, cell, by, inverse_step, gradient):
-    """Add the sensitivities of all rays to those of the coefficients that acted."""
-    for k in range(count):
-        i, j = int(rays[cell + k]), int(rays[cell + SIZE + k])
-        scatter(
-            gradient, i, j, rays[cell + 2 * SIZE + k], rays[cell + 3 * SIZE + k], inverse_step,
-            rays[by + k], rays[by + SIZE + k], rays[by + 2 * SIZE + k],
-        )  # fmt: skip
-
-
-@inline
-def forward_at_inner(rays, whole, side, scene, coatings, rows, placed, rough):
-    """:func:`to_outer` at an inner face that may be coated."""
-    if coatings is None:  # known to the compiler
-        to_outer(rays, whole, side, scene, None, rows, placed, rough)
-    else:
-        if coatings[1][0] == 0:
-            to_outer(rays, whole, side, scene, None, rows, placed, rough)
-        else:
-            to_outer(rays, whole, side, scene, coatings[0][0, ..., : coatings[1][0], :], rows, placed, rough)
-
-
-@inline
-def back_at_outer(rays, whole, scene, coatings, rows, absorbing, placed, rough, axis):
-    """:func:`back_through_outer` at an outer face that may be coated."""
-    if coatings is None:  # known to the compiler
-        back_through_outer(rays, whole, scene, None, rows, absorbing, placed, rough, axis)
-    else:
-        if coatings[1][1] == 0:
-            back_through_outer(rays, whole, scene, None, rows, absorbing, placed, rough, axis)
-        else:
-            back_through_outer(
-                rays, whole, scene, coatings[0][1, ..., : coatings[1][1], :], rows, absorbing, placed, rough, axis
-            )
+def adjoint_of_way(packet, count, met, events, rays, body, ways, by, kept, gradients):
+    """The adjoint of rays in a packet that have all ``met`` the same at so many ``events``."""
+    whole = in_whole_vectors(count)
+    begin_forward(packet, whole, rays.fields, body.placement)
+    for event in range(events):
+        face = met_face(event, met[event], body.sides)
+        if event > 0:
+            to_next_frame(packet, whole, body.placement)
+        on_to_event(packet, count, face, rays, body, ways)
+        keep_event(packet, whole, kept[event])
+        forward_at(packet, whole, face, rays, body)
+    begin_back(packet, whole, body.placement, by.by_fields)
+    for event in range(events - 1, -1, -1):
+        face = met_face(event, met[event], body.sides)
+        recall_event(packet, whole, kept[event])
+        refract_all_at(packet, whole, face, rays, body.slopes)
+        all_amplitudes(packet, whole, face, rays, body)
+        back_through(packet, whole, face, event + 1 == events, rays, body)
+        add_gradients(packet, count, FIRST_EVENT, face.face, body.grid.inverse_step, gradients)
+        if event > 0:
+            from_next_frame(packet, whole, body.placement)
 
 
 @kernel
-def trace_adjoint(
-    origins, directions, emitted, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain, begun,
-    lengths, met, fates, by_points, by_directions, by_flux, by_axial, by_sin2, by_ended, by_begun, gradients, rays,
-    memory, by_fields,
-):  # fmt: skip
-    """Add every ray's contribution to the gradients with respect to the tables' coefficients.
+def adjoint_of_ways(rays, body, ways, fates, by, groups, gradients, by_rays, memory):
+    """Add every ray's contribution to the ``gradients`` by the coefficients of all tables (f, side, side), way by way.
 
-    Through a ray that left the lens: by its exit point, its direction, its flux, that along z and sin^2; through one
-    that the last surface reflected totally: by sin^2. ``by_axial`` is None without a cover glass. Without Fresnel
-    losses no face is coated. ``begun``, ``by_ended`` and ``by_begun``: of a chain, as in ``kernels.chain_adjoint``.
-    ``rays``: memory of a packet; ``memory`` and ``by_fields``: of a ray in a chain.
+    ``rays``, ``body`` and ``ways`` as ``kernels.trace`` took and filled them, with the ``fates`` that it found. ``by``
+    (``ByRaysOut``): sensitivities to a ray that left, and of one that the last face reflected totally that to its exit
+    sine. ``groups``: of :func:`same_way`. ``by_rays``: filled with sensitivities to the rays as they came. None in the
+    place of ``gradients`` or of ``by_rays``: nobody asks. ``memory``: of :func:`adjoint_memory`.
     """
-    if chain is not None:  # known to the compiler
-        for k in range(len(emitted)):
-            chain_adjoint(
-                k, origins[k], directions[k], emitted[k], indices, absorptions, tables, scene, coatings, rows, placed,
-                rough, chain, begun, lengths, met, fates[k], by_points[k], by_directions[k], by_flux[k],
-                0.0 if by_axial is None else by_axial[k], by_sin2[k], by_ended, by_begun, gradients, memory, by_fields,
-            )  # fmt: skip
-        return
-    side, inverse_step, absorbing = float(tables.shape[1]), scene[4], len(absorptions) > 0
-    for first in range(0, len(emitted), SIZE):
-        count = load(
-            origins, directions, emitted, indices, absorptions, scene, placed, lengths, fates,
-            by_points, by_directions, by_flux, by_axial, by_sin2, first, min(first + SIZE, len(emitted)), rays,
-        )  # fmt: skip
-        whole = in_whole_vectors(count)
-        to_inner(rays, whole, side, scene)
-        fetch_table(rays, count, tables[0], INNER_CELL)
-        forward_at_inner(rays, whole, side, scene, coatings, rows, placed, rough)
-        fetch_table(rays, count, tables[1], OUTER_CELL)
-        if by_axial is None:  # known to the compiler
-            back_at_outer(rays, whole, scene, coatings, rows, absorbing, placed, rough, None)
-        else:
-            back_at_outer(rays, whole, scene, coatings, rows, absorbing, placed, rough, z_axis(placed))
-        back_through_inner(rays, whole, rough)
-        add(rays, count, INNER_CELL, BY_INNER, inverse_step, gradients[0])
-        add(rays, count, OUTER_CELL, BY_OUTER, inverse_step, gradients[1])
+    packet, most = memory.packet, ways.lengths.shape[1]
+    for group in range(len(groups.starts) - 1):
+        met, events = ways.met[groups.numbers[groups.starts[group]]], 0
+        while events < most and met[events] >= 0:
+            events += 1
+        for first in range(groups.starts[group], groups.starts[group + 1], LANES):
+            numbers = groups.numbers[first : min(first + LANES, groups.starts[group + 1])]
+            count = load_way(packet, numbers, fates, events, rays, body, ways, by)
+            if count > 0:
+                adjoint_of_way(packet, count, met, events, rays, body, ways, by, memory.events, gradients)
+                store_by_rays(packet, count, body.placement, by_rays)

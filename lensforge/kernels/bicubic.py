@@ -42,6 +42,13 @@ def uniform_cubic(f: Any) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, 
 cubic_splines = inline(uniform_cubic)
 
 
+class TableSpacing(NamedTuple):
+    """Place of coefficient 0 of a table on the chart, on both axes, and one over the step."""
+
+    origin: float
+    inverse_step: float
+
+
 @inline
 def index_at(position, most):
     """The whole number up to ``position``, from 0 to ``most``, also where that is NaN; still a float."""
@@ -50,20 +57,20 @@ def index_at(position, most):
 
 
 @inline
-def cell_at(X, Y, side, origin, inverse_step):
+def cell_at(X, Y, side, grid):
     """First row and column that act at a place of the chart, as floats, and how far it is behind the second ones.
 
     The distances are shares of a step. ``side`` of the table is a float.
     """
-    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
+    px, py = (X - grid.origin) * grid.inverse_step, (Y - grid.origin) * grid.inverse_step
     i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
     return i, j, px - (i + 1.0), py - (j + 1.0)
 
 
 @inline
-def jet(table, origin, inverse_step, X, Y):
+def jet(table, grid, X, Y):
     """``rho`` and its derivatives by X, Y, XX, XY, YY."""
-    i, j, share_x, share_y = cell_at(X, Y, float(table.shape[0]), origin, inverse_step)
+    i, j, share_x, share_y = cell_at(X, Y, float(table.shape[0]), grid)
     wx, dx, cx = cubic_splines(share_x)
     wy, dy, cy = cubic_splines(share_y)
     row, column = int(i), int(j)
@@ -81,16 +88,19 @@ def jet(table, origin, inverse_step, X, Y):
         xx += cx[a] * along
         xy += dx[a] * across
         yy += wx[a] * bend
-    square = inverse_step * inverse_step
+    inverse_step, square = grid.inverse_step, grid.inverse_step * grid.inverse_step
     return value, x * inverse_step, y * inverse_step, xx * square, xy * square, yy * square
 
 
 @inline
-def scatter(gradient, i, j, share_x, share_y, inverse_step, by_value, by_slope_x, by_slope_y):
+def scatter(gradient, cell, inverse_step, by_table):
     """Add the sensitivities to value and slopes of :func:`jet` to the sixteen coefficients that acted.
 
-    ``i``, ``j``: the first row and column of them; the shares are those of a step behind the second.
+    ``cell``: as :func:`cell_at` answers it.
     """
+    row_of, column_of, share_x, share_y = cell
+    by_value, by_slope_x, by_slope_y = by_table
+    i, j = int(row_of), int(column_of)
     wx, dx, _ = cubic_splines(share_x)
     wy, dy, _ = cubic_splines(share_y)
     sx = by_slope_x * inverse_step
@@ -244,11 +254,11 @@ def bounds_of(bounds, face):
 
 
 @inline
-def tile_of(X, Y, origin, bounds):
+def tile_of(X, Y, grid, bounds):
     """Bounds near a direction: least radius, largest slope and Hessian."""
     last = len(bounds.tiles) - 1.0
-    i = int(index_at((X - origin) * bounds.per_unit, last))
-    j = int(index_at((Y - origin) * bounds.per_unit, last))
+    i = int(index_at((X - grid.origin) * bounds.per_unit, last))
+    j = int(index_at((Y - grid.origin) * bounds.per_unit, last))
     return bounds.tiles[i, j, 0], bounds.tiles[i, j, 1], bounds.tiles[i, j, 2]
 
 

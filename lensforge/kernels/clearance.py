@@ -9,11 +9,12 @@ ray leaves it through one of these, so the last exit that lies on such a piece i
 
 from dataclasses import dataclass
 from math import asin, cos, hypot, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.kernels.bicubic import cubic_splines, index_at, jet
+from lensforge.kernels.bicubic import TableSpacing, cubic_splines, index_at, jet
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.parallel import in_pieces
 
@@ -27,9 +28,10 @@ _DONE = 1e-7  # step, chart units: the distance's error is its square
 
 
 @inline
-def half_square(table, origin, inverse_step, px, py, pz, X, Y):
+def half_square(table, grid, p, X, Y):
     """Half of the squared distance, less that from the origin, and its derivatives by X, Y, XX, XY, YY."""
-    rho, x, y, xx, xy, yy = jet(table, origin, inverse_step, X, Y)
+    px, py, pz = p
+    rho, x, y, xx, xy, yy = jet(table, grid, X, Y)
     share = 1.0 / (1.0 + X * X + Y * Y)
     w = 2.0 * (px * X + py * Y + pz) * share
     wx, wy = 2.0 * (px - X * w) * share, 2.0 * (py - Y * w) * share
@@ -77,9 +79,9 @@ def within(X, Y):
 
 
 @inline
-def foot(table, origin, inverse_step, px, py, pz, X, Y):
+def foot(table, grid, p, X, Y):
     """Chart point of the bottom of the valley in which ``X``, ``Y`` lies."""
-    at = half_square(table, origin, inverse_step, px, py, pz, X, Y)
+    at = half_square(table, grid, p, X, Y)
     for _ in range(_STEPS):
         sx, sy = newton_step(X, Y, at[1], at[2], at[3], at[4], at[5])
         if abs(sx) + abs(sy) < _DONE:
@@ -87,7 +89,7 @@ def foot(table, origin, inverse_step, px, py, pz, X, Y):
         lower = False
         for _ in range(_HALVINGS):
             nx, ny = within(X + sx, Y + sy)
-            new = half_square(table, origin, inverse_step, px, py, pz, nx, ny)
+            new = half_square(table, grid, p, nx, ny)
             lower = new[0] < at[0]
             if lower:
                 break
@@ -99,9 +101,9 @@ def foot(table, origin, inverse_step, px, py, pz, X, Y):
 
 
 @inline
-def take_shares(side, origin, inverse_step, X, Y, columns, shares):
+def take_shares(side, grid, X, Y, columns, shares):
     """Fill in the sixteen coefficients that act at a chart point, and the share of each in ``rho``."""
-    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
+    px, py = (X - grid.origin) * grid.inverse_step, (Y - grid.origin) * grid.inverse_step
     i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
     wx, _, _ = cubic_splines(px - (i + 1.0))
     wy, _, _ = cubic_splines(py - (j + 1.0))
@@ -143,33 +145,59 @@ def nearest_node(nodes, boxes, px, py, pz, window, farthest):
     return best, row, column
 
 
-@kernel
-def nearest_points(table, origin, step, nodes, boxes, apart, points, radial, reach, spare, feet, columns, shares):
-    """Fill ``feet`` (k, 2) with the nearest chart point to ``points`` (k, 3), NaN where none is within ``reach`` mm.
+class SurfaceNodes(NamedTuple):
+    """A surface at places ``apart`` on the chart, boxes around blocks of these, and how far a point may be from one."""
 
-    ``radial`` (k,): how far the surface is along the ray from the origin, which bounds the distance. A node lies within
-    ``spare`` of each point of the surface. ``columns``, ``shares`` (k, 16): of the table's coefficients at the feet.
+    places: Float[np.ndarray, "n n 3"]
+    boxes: Float[np.ndarray, "b b 2 3"]
+    apart: float
+    spare_mm: float
+
+
+class PointsToFind(NamedTuple):
+    """Points, how far the surface is along their rays from the origin, and their feet with columns and shares."""
+
+    points: Float[np.ndarray, "k 3"]
+    radial_mm: Float[np.ndarray, " k"]
+    feet: Float[np.ndarray, "k 2"]
+    columns: Int[np.ndarray, "k 16"]
+    shares: Float[np.ndarray, "k 16"]
+
+
+@kernel
+def nearest_points(table, origin, step, nodes, reach, found):
+    """Fill the feet of points with the nearest chart point, NaN where none is within ``reach`` mm.
+
+    ``nodes``: a :class:`SurfaceNodes`; ``found``: a :class:`PointsToFind`, with the columns and shares of the table's
+    coefficients at the feet.
     """
-    count, first = len(nodes), origin + step
+    points, radial, feet, columns, shares = found
+    count, first, apart, grid = len(nodes.places), origin + step, nodes.apart, TableSpacing(origin, 1.0 / step)
     for k in range(len(points)):
         px, py, pz = points[k, 0], points[k, 1], points[k, 2]
         radius = sqrt(px * px + py * py + pz * pz)
         X, Y = px / (radius + pz), py / (radius + pz)
-        ball = max(min(abs(radial[k]), reach), -radial[k]) + spare
+        ball = max(min(abs(radial[k]), reach), -radial[k]) + nodes.spare_mm
         angle = asin(ball / radius) if ball < radius else 0.5 * np.pi
         wide = (sqrt(2.0 * (1.0 + X * X + Y * Y)) * sin(0.5 * angle)) / apart
         i, j = (X - first) / apart, (Y - first) / apart
         rows = max(0, int(i - wide)), min(count, int(i + wide) + 2)
         best, row, column = nearest_node(
-            nodes, boxes, px, py, pz, (*rows, max(0, int(j - wide)), min(count, int(j + wide) + 2)), ball * ball
+            nodes.places,
+            nodes.boxes,
+            px,
+            py,
+            pz,
+            (*rows, max(0, int(j - wide)), min(count, int(j + wide) + 2)),
+            ball * ball,
         )
         own = abs(radial[k]) <= ball and radial[k] * radial[k] <= best
         if own or row >= 0:
             if not own:
                 X, Y = within(first + row * apart, first + column * apart)
-            X, Y = foot(table, origin, 1.0 / step, px, py, pz, X, Y)
+            X, Y = foot(table, grid, (px, py, pz), X, Y)
             feet[k, 0], feet[k, 1] = X, Y
-            take_shares(len(table), origin, 1.0 / step, X, Y, columns[k], shares[k])
+            take_shares(len(table), grid, X, Y, columns[k], shares[k])
 
 
 @dataclass(frozen=True)
@@ -199,15 +227,14 @@ def nearest_on_table(
     ``nodes``: the surface at places ``apart`` on the chart, from its first node. Of all points whose distance is up to
     ``reach_mm``, and of those beyond the surface, their ``radial_mm`` below 0; of some of the others.
     """
-    boxes = _boxes(nodes)
     diagonals = nodes[1:, 1:] - nodes[:-1, :-1], nodes[1:, :-1] - nodes[:-1, 1:]
     spare = _SPARE * max(float(np.sqrt(np.einsum("ijk,ijk->ij", each, each).max())) for each in diagonals)
-    count = len(points)
+    surface, count = SurfaceNodes(nodes, _boxes(nodes), apart, spare), len(points)
     feet, columns, shares = np.full((count, 2), np.nan), np.empty((count, 16), dtype=np.int64), np.empty((count, 16))
 
     def work(rows: slice) -> None:
-        of_points = points[rows], radial_mm[rows], reach_mm, spare, feet[rows], columns[rows], shares[rows]
-        nearest_points(table, origin, step, nodes, boxes, apart, *of_points)
+        found = PointsToFind(points[rows], radial_mm[rows], feet[rows], columns[rows], shares[rows])
+        nearest_points(table, origin, step, surface, reach_mm, found)
 
     in_pieces(work, count, worth=_WORTH_SHARING)
     at = np.flatnonzero(~np.isnan(feet[:, 0]))

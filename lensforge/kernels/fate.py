@@ -23,5 +23,5 @@ class Fate(IntEnum):
     TOTAL_REFLECTION = 4  # totally reflected at the outer surface, or met a surface from its far side, at a tangent
     NOT_CONVERGED = 5  # the intersection search gave up; zero at standard accuracy
     SURFACES_INTERSECT = 6  # met the inner surface where the outer one lies inside it
-    MORE_EVENTS = 7  # still in the body after as many refractions and reflections as the scene follows
-    FLANGE = 8  # met the flange of the lens: it ends in the holder
+    EVENT_LIMIT = 7  # still in the body after as many refractions and reflections as the scene follows
+    FLANGE = 8  # absorbed at the flange of the lens, by what holds it

@@ -13,9 +13,10 @@ reflection they are complex, and their common phase stays in them.
 """
 
 from math import sqrt
+from typing import NamedTuple
 
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.fresnel import dot, mixed, unit
+from lensforge.kernels.vectors import add_scaled, dot, linear_combination, unit
 
 _NONE = (0.0, 0.0, 0.0)
 _DARK = 1e-12  # transmittance below which the slope of its root no longer counts
@@ -26,11 +27,11 @@ def unpolarised(d):
     """Two unit vectors across the direction d and each other."""
     x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
     if x <= y and x <= z:
-        one = unit(0.0, d[2], -d[1])
+        one = unit((0.0, d[2], -d[1]))
     elif y <= z:
-        one = unit(-d[2], 0.0, d[0])
+        one = unit((-d[2], 0.0, d[0]))
     else:
-        one = unit(d[1], -d[0], 0.0)
+        one = unit((d[1], -d[0], 0.0))
     return one, (d[1] * one[2] - d[2] * one[1], d[2] * one[0] - d[0] * one[2], d[0] * one[1] - d[1] * one[0])
 
 
@@ -69,65 +70,85 @@ def reflecting(c, ratio):
     )
 
 
+class FieldTurn(NamedTuple):
+    """A face that turns fields: a and k (complex), unit normal, u, directions on both sides, reflected or not."""
+
+    a: tuple[float, float]
+    k: tuple[float, float]
+    n: tuple[float, float, float]
+    u: tuple[float, float, float]
+    d: tuple[float, float, float]
+    b: tuple[float, float, float]
+    mirrored: bool
+
+
 @inline
-def _before_turn(real, imaginary, a, k, n, u):
+def _before_turn(real, imaginary, face):
     """``a e + k (n.e) u`` of a field, and k (n.e)."""
-    w, v = dot(n, real), dot(n, imaginary)
+    a, k = face.a, face.k
+    w, v = dot(face.n, real), dot(face.n, imaginary)
     p, q = k[0] * w - k[1] * v, k[0] * v + k[1] * w
-    return mixed(a[0], real, -a[1], imaginary, p, u), mixed(a[0], imaginary, a[1], real, q, u), p, q
-
-
-@inline
-def _turned(y, n, d, b, mirrored):
-    """M y."""
-    if mirrored:
-        return mixed(1.0, y, -2.0 * dot(n, y), n, 0.0, n)
-    along = dot(b, y) / (1.0 + dot(d, b))
-    return mixed(1.0, y, -along, d, -along, b)
-
-
-@inline
-def field_behind(real, imaginary, a, k, n, u, d, b, mirrored):
-    """A field behind a face, its real and its imaginary part."""
-    one, other, _, _ = _before_turn(real, imaginary, a, k, n, u)
-    return _turned(one, n, d, b, mirrored), _turned(other, n, d, b, mirrored)
-
-
-@inline
-def _turned_adjoint(y, g, n, d, b, mirrored):
-    """Adjoint of M y: from the sensitivity g to it, to y, n, d and b."""
-    if mirrored:
-        onto, along = dot(n, g), dot(n, y)
-        return mixed(1.0, g, -2.0 * onto, n, 0.0, n), mixed(-2.0 * along, g, -2.0 * onto, y, 0.0, n), _NONE, _NONE
-    per_turn = 1.0 / (1.0 + dot(d, b))
-    onto, along = (dot(d, g) + dot(b, g)) * per_turn, dot(b, y) * per_turn
     return (
-        mixed(1.0, g, -onto, b, 0.0, b),
-        _NONE,
-        mixed(-along, g, onto * along, b, 0.0, b),
-        mixed(-along, g, onto * along, d, -onto, y),
+        add_scaled(linear_combination(a[0], real, -a[1], imaginary), p, face.u),
+        add_scaled(linear_combination(a[0], imaginary, a[1], real), q, face.u),
+        p,
+        q,
     )
 
 
 @inline
-def field_adjoint(real, imaginary, g, h, a, k, n, u, d, b, mirrored):
+def _turned(y, face):
+    """M y."""
+    if face.mirrored:
+        return add_scaled(y, -2.0 * dot(face.n, y), face.n)
+    along = dot(face.b, y) / (1.0 + dot(face.d, face.b))
+    return add_scaled(add_scaled(y, -along, face.d), -along, face.b)
+
+
+@inline
+def field_behind(real, imaginary, face):
+    """A field behind a face, its real and its imaginary part; ``face``: a :class:`FieldTurn`."""
+    one, other, _, _ = _before_turn(real, imaginary, face)
+    return _turned(one, face), _turned(other, face)
+
+
+@inline
+def _turned_adjoint(y, g, face):
+    """Adjoint of M y: from the sensitivity g to it, to y, n, d and b."""
+    n, d, b = face.n, face.d, face.b
+    if face.mirrored:
+        onto, along = dot(n, g), dot(n, y)
+        return add_scaled(g, -2.0 * onto, n), linear_combination(-2.0 * along, g, -2.0 * onto, y), _NONE, _NONE
+    per_turn = 1.0 / (1.0 + dot(d, b))
+    onto, along = (dot(d, g) + dot(b, g)) * per_turn, dot(b, y) * per_turn
+    return (
+        add_scaled(g, -onto, b),
+        _NONE,
+        linear_combination(-along, g, onto * along, b),
+        add_scaled(linear_combination(-along, g, onto * along, d), -onto, y),
+    )
+
+
+@inline
+def field_adjoint(real, imaginary, g, h, face):
     """Adjoint of :func:`field_behind`: from the sensitivities g, h to both parts behind the face.
 
     Returns those to both parts before it, to n, u, d and b, and to a and k (complex).
     """
-    one, other, p, q = _before_turn(real, imaginary, a, k, n, u)
-    g, by_n, by_d, by_b = _turned_adjoint(one, g, n, d, b, mirrored)
-    h, also_n, also_d, also_b = _turned_adjoint(other, h, n, d, b, mirrored)
+    a, k, n, u = face.a, face.k, face.n, face.u
+    one, other, p, q = _before_turn(real, imaginary, face)
+    g, by_n, by_d, by_b = _turned_adjoint(one, g, face)
+    h, also_n, also_d, also_b = _turned_adjoint(other, h, face)
     w, v = dot(n, real), dot(n, imaginary)
     on_p, on_q = dot(u, g), dot(u, h)
     on_w, on_v = k[0] * on_p + k[1] * on_q, k[0] * on_q - k[1] * on_p
     return (
-        mixed(a[0], g, a[1], h, on_w, n),
-        mixed(a[0], h, -a[1], g, on_v, n),
-        mixed(1.0, mixed(1.0, by_n, 1.0, also_n, on_w, real), on_v, imaginary, 0.0, n),
-        mixed(p, g, q, h, 0.0, n),
-        mixed(1.0, by_d, 1.0, also_d, 0.0, d),
-        mixed(1.0, by_b, 1.0, also_b, 0.0, b),
+        add_scaled(linear_combination(a[0], g, a[1], h), on_w, n),
+        add_scaled(linear_combination(a[0], h, -a[1], g), on_v, n),
+        add_scaled(add_scaled(add_scaled(by_n, 1.0, also_n), on_w, real), on_v, imaginary),
+        linear_combination(p, g, q, h),
+        add_scaled(by_d, 1.0, also_d),
+        add_scaled(by_b, 1.0, also_b),
         (dot(g, real) + dot(h, imaginary), dot(h, real) - dot(g, imaginary)),
         (w * on_p + v * on_q, w * on_q - v * on_p),
     )
@@ -136,7 +157,7 @@ def field_adjoint(real, imaginary, g, h, a, k, n, u, d, b, mirrored):
 @inline
 def reflect(d, n, c):
     """Direction after a reflection."""
-    return mixed(1.0, d, -2.0 * c, n, 0.0, n)
+    return add_scaled(d, -2.0 * c, n)
 
 
 @inline

@@ -268,7 +268,7 @@ def drop_far(rays, count):
 
 
 @inline
-def first_hits(rays, count, table, origin, inverse_step, bounds, among, outside):
+def first_hits(rays, count, table, grid, bounds, among, outside):
     """First crossings of the ``count`` rays on their way, from points with ``|p| <= rho`` and z >= 0.
 
     Fills their path lengths, statuses and, where one was found, the table's slopes there. ``among``: whether this is
@@ -279,7 +279,7 @@ def first_hits(rays, count, table, origin, inverse_step, bounds, among, outside)
     closing = 0
     for step in range(_LEAPS + MAX_STEPS + MAX_CLOSING):
         whole = in_whole_vectors(count)
-        locate(rays, whole, side, origin, inverse_step, tiles, bounds.per_unit)
+        locate(rays, whole, side, grid, tiles, bounds.per_unit)
         if closing < count:
             fetch_bounds(rays, count, bounds.tiles)
         if step < _LEAPS and not outside:
@@ -288,7 +288,7 @@ def first_hits(rays, count, table, origin, inverse_step, bounds, among, outside)
                 count, closing = drop_far(rays, count)
             continue
         fetch_table(rays, count, table, CELL)
-        evaluate(rays, whole, inverse_step, outside)
+        evaluate(rays, whole, grid.inverse_step, outside)
         if closing == count:
             close_in(rays, whole)
         else:

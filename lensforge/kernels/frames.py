@@ -1,75 +1,141 @@
-"""Frames in which the faces of a lens stand as it was made, and their roughness; arguments as in ``kernels.trace``."""
-
-from math import sqrt
+"""Frames in which the faces of a lens stand as it was made, and their roughness; see ``kernels.traced_body``."""
 
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.vectors import add_scaled, dot, length_of
 
 
 @inline
-def turn(frame, x, y, z):
+def turn(frame, v):
     """The direction in the next frame."""
     return (
-        frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z,
-        frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z,
-        frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z,
+        frame[0, 0] * v[0] + frame[0, 1] * v[1] + frame[0, 2] * v[2],
+        frame[1, 0] * v[0] + frame[1, 1] * v[1] + frame[1, 2] * v[2],
+        frame[2, 0] * v[0] + frame[2, 1] * v[1] + frame[2, 2] * v[2],
     )
 
 
 @inline
-def place(frame, factor, x, y, z):
+def place(frame, factor, p):
     """The point in the next frame."""
-    x, y, z = turn(frame, x, y, z)
+    x, y, z = turn(frame, p)
     return factor * x + frame[0, 3], factor * y + frame[1, 3], factor * z + frame[2, 3]
 
 
 @inline
-def turn_back(frame, x, y, z):
+def turn_back(frame, v):
     """The direction, or a sensitivity, in the frame before."""
     return (
-        frame[0, 0] * x + frame[1, 0] * y + frame[2, 0] * z,
-        frame[0, 1] * x + frame[1, 1] * y + frame[2, 1] * z,
-        frame[0, 2] * x + frame[1, 2] * y + frame[2, 2] * z,
+        frame[0, 0] * v[0] + frame[1, 0] * v[1] + frame[2, 0] * v[2],
+        frame[0, 1] * v[0] + frame[1, 1] * v[1] + frame[2, 1] * v[2],
+        frame[0, 2] * v[0] + frame[1, 2] * v[1] + frame[2, 2] * v[2],
     )
 
 
 @inline
-def z_axis(placed):
-    """The axis z in the last face's frame."""
-    if placed is None:
-        return 0.0, 0.0, 1.0
-    return turn_back(placed[0][len(placed[0]) - 1], 0.0, 0.0, 1.0)
+def into_faces(placement, p, d):
+    """Point and direction of a ray that comes, in the frame of the first face."""
+    if placement is None:
+        return p, d
+    return place(placement.frames[0], placement.factor_in, p), turn(placement.frames[0], d)
 
 
 @inline
-def tilted(nx, ny, nz, a, b, c, slope):
-    """Normal n of a rough face, not normalised: tilted by ``slope`` times the noise (a, b, c).
+def into_first(placement, v):
+    """A vector of the frame of the rays in that of the first face."""
+    return v if placement is None else turn(placement.frames[0], v)
+
+
+@inline
+def out_of_first(placement, v):
+    """A sensitivity in the frame of the rays from that in the frame of the first face."""
+    return v if placement is None else turn_back(placement.frames[0], v)
+
+
+@inline
+def to_next_face(placement, p, d):
+    """Point and direction of a ray behind the inner one of two faces in the frame of the outer one."""
+    if placement is None:
+        return p, d
+    return place(placement.frames[1], 1.0, p), turn(placement.frames[1], d)
+
+
+@inline
+def turn_to_next(placement, v):
+    """A vector of the inner one of two faces in the frame of the outer one."""
+    return v if placement is None else turn(placement.frames[1], v)
+
+
+@inline
+def turn_from_next(placement, v):
+    """A sensitivity in the frame of the inner one of two faces from that in the frame of the outer one."""
+    return v if placement is None else turn_back(placement.frames[1], v)
+
+
+@inline
+def out_of_faces(placement, p, d):
+    """Point and direction of a ray that leaves, in the frame of the receivers."""
+    if placement is None:
+        return p, d
+    frame = placement.frames[len(placement.frames) - 1]
+    return place(frame, placement.factor_out, p), turn(frame, d)
+
+
+@inline
+def back_into_faces(placement, e, f):
+    """Sensitivities to the point and the direction of a ray that leaves, in the frame of the last face."""
+    if placement is None:
+        return e, f
+    frame, factor = placement.frames[len(placement.frames) - 1], placement.factor_out
+    return turn_back(frame, (factor * e[0], factor * e[1], factor * e[2])), turn_back(frame, f)
+
+
+@inline
+def turn_out(placement, v):
+    """A vector in the frame of the receivers."""
+    return v if placement is None else turn(placement.frames[len(placement.frames) - 1], v)
+
+
+@inline
+def turn_in(placement, v):
+    """A vector of the frame of the receivers in that of the last face."""
+    return v if placement is None else turn_back(placement.frames[len(placement.frames) - 1], v)
+
+
+@inline
+def z_axis(placement):
+    """The axis z in the last face's frame."""
+    return turn_in(placement, (0.0, 0.0, 1.0))
+
+
+@inline
+def tilted(n, noise, slope):
+    """Normal n of a rough face, not normalised: tilted by ``slope`` times the noise.
 
     The noise along n changes its length alone, a tilt by no more than the slope squared.
     """
-    scale = slope * sqrt(nx * nx + ny * ny + nz * nz)
-    return nx + scale * a, ny + scale * b, nz + scale * c
+    return add_scaled(n, slope * length_of(n), noise)
 
 
 @inline
-def tilted_adjoint(nx, ny, nz, noise, slope, hx, hy, hz):
+def tilted_adjoint(n, noise, slope, h):
     """Sensitivity to n from that to the tilted normal (h)."""
-    along = slope * (noise[0] * hx + noise[1] * hy + noise[2] * hz) / sqrt(nx * nx + ny * ny + nz * nz)
-    return hx + along * nx, hy + along * ny, hz + along * nz
+    return add_scaled(h, slope * dot(noise, h) / length_of(n), n)
 
 
 @inline
-def rough_normal(nx, ny, nz, rough, k, event, face):
-    """Normal of a rough face where ray k meets it; n itself where ``rough`` is None."""
-    if rough is None:
-        return nx, ny, nz
-    noise, first = rough[0], 3 * event % rough[0].shape[1]  # as much for each ray as it has faces
-    return tilted(nx, ny, nz, noise[k, first], noise[k, first + 1], noise[k, first + 2], rough[1][face])
+def noise_at(noise, k, event):
+    """The three numbers of ray k at an event."""
+    first = 3 * event % noise.shape[1]  # as much for each ray as it has faces
+    return noise[k, first], noise[k, first + 1], noise[k, first + 2]
 
 
 @inline
-def rough_normal_adjoint(nx, ny, nz, rough, k, event, face, hx, hy, hz):
+def rough_normal(n, noise, slopes, k, event, face):
+    """Normal of a rough face where ray k meets it; n itself where ``noise`` is None."""
+    return n if noise is None else tilted(n, noise_at(noise, k, event), slopes[face])
+
+
+@inline
+def rough_normal_adjoint(n, noise, slopes, k, event, face, h):
     """Adjoint of :func:`rough_normal`: sensitivity to n from that to the normal (h)."""
-    if rough is None:
-        return hx, hy, hz
-    first = 3 * event % rough[0].shape[1]
-    return tilted_adjoint(nx, ny, nz, rough[0][k, first : first + 3], rough[1][face], hx, hy, hz)
+    return h if noise is None else tilted_adjoint(n, noise_at(noise, k, event), slopes[face], h)

@@ -1,19 +1,17 @@
-"""Snell's law and Fresnel's transmittances of a face, of pairs of faces and of a plate, and their adjoints.
+"""Snell's law and Fresnel's transmittances of a face and of pairs of faces, and their adjoints.
 
 ``ratio`` is n_before / n_after; normals point along the ray, ``c = d.n > 0``; ``q`` is the cosine behind the face. What
 a face transmits of light polarised across (s) and in (p) its plane of incidence comes as ``(t_s, t_p, excess)``:
 ``t_p - t_s`` is ``excess`` times the squared sine of the angle of incidence, so that nothing is singular at normal
 incidence, where that plane is none.
-
-``plate`` is plane-parallel, at right angles to z and in front of the lens: ``(Fresnel losses?, n_around / n_plate,
-thickness in mm, absorption in 1/mm)``.
 """
 
-from math import exp, sqrt
+from math import sqrt
+from typing import NamedTuple
 
 from lensforge.kernels.bicubic import cubic_splines, index_at
-from lensforge.kernels.compiled import inline, kernel
-from lensforge.kernels.fate import Fate
+from lensforge.kernels.compiled import inline
+from lensforge.kernels.vectors import add_scaled, dot, length_of, linear_combination, scaled
 
 
 @inline
@@ -26,8 +24,9 @@ def transmitted_cosine_squared(c, ratio):
 
 
 @inline
-def outward_normal(x, y, z, rho_x, rho_y):
+def outward_normal(p, rho_x, rho_y):
     """Gradient of ``|p| - rho(p/|p|)`` from the table's slopes: not normalised, pointing away from the origin."""
+    x, y, z = p
     r = sqrt(x * x + y * y + z * z)
     per_r, per_shift = 1.0 / r, 1.0 / (r + z)
     radial = (rho_x * x + rho_y * y) * per_shift * per_shift
@@ -36,50 +35,47 @@ def outward_normal(x, y, z, rho_x, rho_y):
 
 
 @inline
-def unit(x, y, z):
-    """The vector with length 1."""
-    length = sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
-
-
-@inline
-def refract(dx, dy, dz, nx, ny, nz, ratio):
-    """Direction behind a surface with unit normal (nx, ny, nz); cosines before and behind (squared)."""
-    c = dx * nx + dy * ny + dz * nz
+def refract(d, n, ratio):
+    """Direction behind a surface with unit normal n, or that before it; cosines before and behind (squared)."""
+    c = dot(d, n)
     q_squared = transmitted_cosine_squared(c, ratio)
     if q_squared <= 0.0:
-        return dx, dy, dz, c, q_squared
-    along = sqrt(q_squared) - ratio * c
-    return ratio * dx + along * nx, ratio * dy + along * ny, ratio * dz + along * nz, c, q_squared
+        return d, c, q_squared
+    return linear_combination(ratio, d, sqrt(q_squared) - ratio * c, n), c, q_squared
 
 
 @inline
-def refract_adjoint(dx, dy, dz, nx, ny, nz, ratio, ex, ey, ez, by_cosine, ux, uy, uz):
-    """Adjoint of ``refract``: from sensitivities to the new direction (e) and to the cosine before, to d and n.
+def refract_adjoint(d, tilted, ratio, e, by_cosine, by_normal):
+    """Adjoint of ``refract``: from sensitivities to the new direction (e) and to the cosine before, to those before.
 
-    ``u``: sensitivity to the unit normal beside that through these.
+    ``tilted``: the normal, not normalised; ``by_normal``: sensitivity to the unit normal beside that through these.
+    Returns those to d and to ``tilted``.
     """
-    length = sqrt(nx * nx + ny * ny + nz * nz)
-    nx, ny, nz = nx / length, ny / length, nz / length
-    c = dx * nx + dy * ny + dz * nz
+    length = length_of(tilted)
+    n = tilted[0] / length, tilted[1] / length, tilted[2] / length
+    c = dot(d, n)
     q_squared = transmitted_cosine_squared(c, ratio)
     if q_squared > 0.0:
         q = sqrt(q_squared)
         along = q - ratio * c
-        by_cosine += (nx * ex + ny * ey + nz * ez) * (ratio * ratio * c / q - ratio)
+        by_cosine += dot(n, e) * (ratio * ratio * c / q - ratio)
     else:  # totally reflected: only the cosine matters
         ratio = 0.0
         along = 0.0
-    mx, my, mz = along * ex + by_cosine * dx + ux, along * ey + by_cosine * dy + uy, along * ez + by_cosine * dz + uz
-    radial = mx * nx + my * ny + mz * nz
-    return (
-        ratio * ex + by_cosine * nx,
-        ratio * ey + by_cosine * ny,
-        ratio * ez + by_cosine * nz,
-        (mx - radial * nx) / length,
-        (my - radial * ny) / length,
-        (mz - radial * nz) / length,
-    )
+    m = add_scaled(linear_combination(along, e, by_cosine, d), 1.0, by_normal)
+    across = add_scaled(m, -dot(m, n), n)
+    return linear_combination(ratio, e, by_cosine, n), (across[0] / length, across[1] / length, across[2] / length)
+
+
+@inline
+def reflect_adjoint(d, tilted, e, by_cosine, by_normal):
+    """:func:`refract_adjoint` of a reflection, to d - 2 (d.n) n."""
+    length = length_of(tilted)
+    n = tilted[0] / length, tilted[1] / length, tilted[2] / length
+    by_cosine -= 2.0 * dot(n, e)
+    m = add_scaled(linear_combination(-2.0 * dot(d, n), e, by_cosine, d), 1.0, by_normal)
+    across = add_scaled(m, -dot(m, n), n)
+    return add_scaled(e, by_cosine, n), (across[0] / length, across[1] / length, across[2] / length)
 
 
 _DARK = 1e-12  # transmittance below which the slope of its root no longer counts
@@ -142,6 +138,17 @@ def coated_transmittances(c, q, ratio, table, row):
     )
 
 
+class SecondFace(NamedTuple):
+    """The second face that a ray passes: index ratio, cosines before and behind, unit normal, directions there."""
+
+    ratio: float
+    c: float
+    q: float
+    n: tuple[float, float, float]
+    d: tuple[float, float, float]
+    b: tuple[float, float, float]
+
+
 @inline
 def polarised_share(first, second, y):
     """Share of unpolarised light that passes two faces, and its derivatives by all arguments.
@@ -157,12 +164,12 @@ def polarised_share(first, second, y):
 
 
 @inline
-def axial_share(first, second, ratio, c, q, m, n, d, b, axis):
+def axial_share(first, second, m, at, axis):
     """Share of unpolarised light that passes two faces with its field along the unit vector ``axis``, and derivatives.
 
     That along an axis is the sum over both polarisations of the flux times the squared part of the unit field along
-    it. Arguments as in :func:`polarised_share`; ``ratio``, ``c`` and ``q`` of the second face, ``b`` the direction
-    behind it. Derivatives by the first, the second, c, y, and the vectors m, n, d and b.
+    it. Arguments as in :func:`polarised_share`; ``at``: a :class:`SecondFace`. Derivatives by the first, the second, c,
+    y, and the vectors m, n, d and b.
 
     The axis is taken back through the second face to a vector v across d: the part across the plane of incidence times
     the root of t_s, that in it times the root of t_p. Behind the first face the field has ``t_s/2`` along each line
@@ -170,6 +177,7 @@ def axial_share(first, second, ratio, c, q, m, n, d, b, axis):
     """
     s, _, g = first
     t_s, t_p, h = second
+    ratio, c, q, n, d, b = at
     root_s, root_p = sqrt(max(t_s, _DARK)), sqrt(max(t_p, _DARK))
     m_d = dot(m, d)
     m_b = dot(m, b)
@@ -201,130 +209,50 @@ def axial_share(first, second, ratio, c, q, m, n, d, b, axis):
         ),
         -by_e * onto * ratio * ratio * c / q,
         by_part * f * e,
-        mixed(by_turned, axis, by_sum + by_turned * onto, d, by_sum, b),
-        mixed(by_e, axis, 0.0, axis, 0.0, axis),
-        mixed(by_k, axis, by_sum + by_turned * onto, m, by_turn, b),
-        mixed(by_onto, axis, by_sum, m, by_turn, d),
+        add_scaled(linear_combination(by_turned, axis, by_sum + by_turned * onto, d), by_sum, b),
+        scaled(by_e, axis),
+        add_scaled(linear_combination(by_k, axis, by_sum + by_turned * onto, m), by_turn, b),
+        add_scaled(linear_combination(by_onto, axis, by_sum, m), by_turn, d),
     )
 
 
 @inline
-def through_face(c, q, ratio, coating, rows, k):
-    """Transmittances of a face for ray k, coated or not, and their derivatives."""
-    if coating is None:
+def through_face(c, q, ratio, film, row):
+    """Transmittances of a face, and their derivatives by c; ``row``: place among the rows of its ``film``, if any."""
+    if film is None:
         return transmittances(c, q, ratio)
-    return coated_transmittances(c, q, ratio, coating, rows[min(k, len(rows) - 1)])
+    return coated_transmittances(c, q, ratio, film, row)
 
 
 @inline
-def through(c, q, ratio, fresnel, coating, rows, k):
-    """Transmittances of a face, coated or not, and their derivatives by the cosine before it."""
+def through(c, q, ratio, fresnel, film, row):
+    """:func:`through_face`, or all light without ``fresnel``."""
     if not fresnel:
         return (1.0, 1.0, 0.0), (0.0, 0.0, 0.0)
-    return through_face(c, q, ratio, coating, rows, k)
+    return through_face(c, q, ratio, film, row)
 
 
 @inline
-def dot(a, b):
-    """The scalar product of two vectors."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inline
-def scaled(a, x):
-    """The vector a x."""
-    return a * x[0], a * x[1], a * x[2]
-
-
-@inline
-def mixed(a, x, b, y, c, z):
-    """The vector a x + b y + c z."""
-    return a * x[0] + b * y[0] + c * z[0], a * x[1] + b * y[1] + c * z[1], a * x[2] + b * y[2] + c * z[2]
-
-
-@inline
-def through_both(first, second, slopes, ratio, c, q, m, n, d, b, axis, by, by_axial):
+def through_both(first, second, slopes, m, at, axis, by, by_axial):
     """Sensitivities of the light that passes two faces, from those to its flux and to that along ``axis``, if any.
 
     Arguments as in :func:`axial_share`; ``slopes``: of the second by c. Returns the sum of both, each times what passes
     of it, and sensitivities to the first, c, m, n, d and b; all for unit flux before the first face.
     """
+    c, n, d = at.c, at.n, at.d
     along = dot(m, d)
     share, by_first, by_second, by_y = polarised_share(first, second, dot(m, n) - along * c)
     by_first, by_c, by_y = scaled(by, by_first), by * dot(by_second, slopes), by * by_y
-    by_m, by_n, by_d, by_b = scaled(0.0, m), scaled(0.0, n), scaled(0.0, d), scaled(0.0, b)
+    by_m, by_n, by_d, by_b = scaled(0.0, m), scaled(0.0, n), scaled(0.0, d), scaled(0.0, at.b)
     value = by * share
     if axis is not None:
         by = by_axial
-        part, on_first, on_second, on_c, on_y, by_m, by_n, by_d, by_b = axial_share(
-            first, second, ratio, c, q, m, n, d, b, axis
-        )
+        part, on_first, on_second, on_c, on_y, by_m, by_n, by_d, by_b = axial_share(first, second, m, at, axis)
         value += by * part
-        by_first = mixed(1.0, by_first, by, on_first, 0.0, on_first)
+        by_first = add_scaled(by_first, by, on_first)
         by_c, by_y = by_c + by * (dot(on_second, slopes) + on_c), by_y + by * on_y
         by_m, by_n, by_d, by_b = scaled(by, by_m), scaled(by, by_n), scaled(by, by_d), scaled(by, by_b)
-    by_m, by_n = mixed(1.0, by_m, by_y, n, -by_y * c, d), mixed(1.0, by_n, by_y, m, -by_y * along, d)
-    return value, by_first, by_c, by_m, by_n, mixed(1.0, by_d, -by_y * c, m, -by_y * along, n), by_b
-
-
-@inline
-def _passed(c, plate, coating, rows, k):
-    """Distance (mm) by which ray k of cosine ``c`` seems to start nearer, and its slope; what passes, and its slopes.
-
-    Of the flux, and of the flux along z.
-    """
-    fresnel, ratio, thickness, absorption = plate
-    q = sqrt(transmitted_cosine_squared(c, ratio))
-    dq = ratio * ratio * c / q
-    nearer = thickness * (1.0 - ratio * c / q)
-    by_nearer = -thickness * ratio * (q - c * dq) / (q * q)
-    clear = exp(-absorption * thickness / q)
-    by_clear = clear * absorption * thickness * dq / (q * q)
-    if not fresnel:
-        return nearer, by_nearer, (clear, 0.0), (by_clear, 0.0)
-    (t_s, t_p, excess), (by_s, by_p, by_excess) = through_face(c, q, ratio, coating, rows, k)
-    more = (t_s + t_p) * excess
-    return (
-        nearer,
-        by_nearer,
-        (clear * t_s * t_s, clear * more),
-        (
-            by_clear * t_s * t_s + 2.0 * clear * t_s * by_s,
-            by_clear * more + clear * ((by_s + by_p) * excess + (t_s + t_p) * by_excess),
-        ),
-    )
-
-
-@kernel
-def behind_plate(directions, fates, axial, plate, coating, rows, heights, flux, lost):
-    """Move the heights z (mm) of the rays' points, and take from their flux what is ``lost`` in the plate."""
-    for k in range(len(flux)):
-        lost[k] = 0.0
-        c = directions[k, 2]
-        if fates[k] != Fate.LEFT_LENS or not c > 0.0:
-            continue
-        nearer, _, share, _ = _passed(c, plate, coating, rows, k)
-        heights[k] += nearer
-        passed = flux[k] * share[0] + axial[k] * share[1]
-        lost[k] = flux[k] - passed
-        flux[k] = passed
-
-
-@kernel
-def behind_plate_adjoint(
-    directions, fates, emitted, axial, plate, coating, rows, by_heights, by_flux, by_axial, by_cosines
-):
-    """Sensitivities by the cosine ``directions[:, 2]``, added up, and ``by_flux`` from that behind the plate to before.
-
-    ``emitted``: flux before the plate. Fills ``by_axial``.
-    """
-    for k in range(len(by_flux)):
-        by_axial[k] = 0.0
-        c = directions[k, 2]
-        if fates[k] != Fate.LEFT_LENS or not c > 0.0:
-            continue
-        _, by_nearer, share, by_share = _passed(c, plate, coating, rows, k)
-        by_passed = emitted[k] * by_share[0] + axial[k] * by_share[1]
-        by_cosines[k] += by_heights[k] * by_nearer + by_flux[k] * by_passed
-        by_axial[k] = by_flux[k] * share[1]
-        by_flux[k] *= share[0]
+    by_m = add_scaled(add_scaled(by_m, by_y, n), -by_y * c, d)
+    by_n = add_scaled(add_scaled(by_n, by_y, m), -by_y * along, d)
+    by_d = add_scaled(add_scaled(by_d, -by_y * c, m), -by_y * along, n)
+    return value, by_first, by_c, by_m, by_n, by_d, by_b

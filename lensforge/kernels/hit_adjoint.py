@@ -7,11 +7,14 @@ Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the tab
 from math import sqrt
 
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.vectors import add_scaled, dot
 
 
 @inline
-def hessian_times(x, y, z, vx, vy, vz, jet):
+def hessian_times(p, v, jet):
     """Hessian of ``|p| - rho`` times v, and the sensitivities of ``v . normal`` to the slopes of the table."""
+    x, y, z = p
+    vx, vy, vz = v
     rho_x, rho_y, xx, xy, yy = jet
     r = sqrt(x * x + y * y + z * z)
     ux, uy, uz = x / r, y / r, z / r
@@ -30,24 +33,22 @@ def hessian_times(x, y, z, vx, vy, vz, jet):
     to_b = -(xy * av + yy * bv) + rho_y * gv / shift
     to_g = (rho_x * av + rho_y * bv) / shift
     to_h = 1.0 + (rho_x * X + rho_y * Y) / shift
-    return (
+    product = (
         to_h * hx + to_a * ax + to_b * bx + to_g * gx,
         to_h * hy + to_a * ay + to_b * by + to_g * gy,
         to_h * hz + to_a * az + to_b * bz + to_g * gz,
-        -av,
-        -bv,
     )
+    return product, -av, -bv
 
 
 @inline
-def hit_adjoint(x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, jet):
-    """Adjoint of a hit p and its normal: from sensitivities to p (e) and to the normal (m) to those of the ray's start.
+def hit_adjoint(p, d, n, e, m, jet):
+    """Adjoint of a hit p and its normal n: from sensitivities to p (e) and to n (m) to those of the ray's start.
 
     That to the direction is the path length times it. Then come the sensitivities to the table's value and slopes at
     the hit.
     """
-    hx, hy, hz, by_slope_x, by_slope_y = hessian_times(x, y, z, mx, my, mz, jet)
-    ex, ey, ez = ex + hx, ey + hy, ez + hz
-    by_radius = (ex * dx + ey * dy + ez * dz) / (nx * dx + ny * dy + nz * dz)
-    start = ex - by_radius * nx, ey - by_radius * ny, ez - by_radius * nz
-    return start, (by_radius, by_slope_x, by_slope_y)
+    h, by_slope_x, by_slope_y = hessian_times(p, m, jet)
+    e = e[0] + h[0], e[1] + h[1], e[2] + h[2]
+    by_radius = dot(e, d) / dot(n, d)
+    return add_scaled(e, -by_radius, n), (by_radius, by_slope_x, by_slope_y)

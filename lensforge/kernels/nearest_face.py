@@ -9,7 +9,6 @@ from math import inf, sqrt
 from lensforge.kernels.bicubic import bounds_of, jet
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.first_hit import BELOW, FOUND, GOING, LOST, MISSED, first_hits
-from lensforge.kernels.fresnel import dot, mixed
 from lensforge.kernels.nearly_convex import (
     clear_ahead,
     gauge_along,
@@ -39,16 +38,19 @@ from lensforge.kernels.ray_packet import (
     fields,
     three,
 )
+from lensforge.kernels.traced_body import BODY, CAVITY
+from lensforge.kernels.vectors import add_scaled, dot
 
 # The medium in which a ray is, the face last met, the face that it is likely to meet; the nearest crossing found, and
 # its face; likewise on the way back into the cavity, as far as it has been followed, and where that ends at the latest;
 # what absorption leaves of the flux; the rays that are searched; whether a guess is still to be searched; the slope of
-# |p|/rho at the face last met; both fields (real, imaginary), as faces leave them.
+# |p|/rho at the face last met; 1 for a ray that comes from before its face, -1 from behind; the
+# direction behind a face that refracts; both fields (real, imaginary), as faces leave them.
 (
     MEDIUM, LAST, GUESS, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y,
-    BACK_END, CLEAR, ASKED, PENDING, LEAVING, FIELDS,
-) = fields(OF_CHAIN, 19)  # fmt: skip
-CAVITY, BODY, OUTSIDE = 0, 1, 2
+    BACK_END, CLEAR, ASKED, PENDING, LEAVING, SIDE, BENT, _, _,
+    FIELDS,
+) = fields(OF_CHAIN, 23)  # fmt: skip
 _PASSES = 8  # over the faces of a cavity, until a ray is in all of them
 
 
@@ -81,63 +83,64 @@ def start_one(rays, lane, k, face, path, end):
 
 
 @inline
-def guess_faces(rays, count, tables, bounds, scene, chain):
+def guess_faces(rays, count, body):
     """For each ray the face that it is likely to meet: the nearest where it leaves the ball in which no face is.
 
     Seldom is that the face on which it is. A wrong guess costs time alone.
     """
+    before = body.sides.before
     for k in range(count):
         medium, least = rays[MEDIUM + k], inf
-        for face in range(len(tables)):
-            least = min(least, bounds.least[face] if chain[0][face] == medium else inf)
+        for face in range(len(before)):
+            least = min(least, body.bounds.least[face] if before[face] == medium else inf)
         p, d, nearest = three(rays, PX + k), three(rays, DX + k), inf
-        ahead = mixed(1.0, p, path_to_ball(dot(p, d), dot(p, p), least), d, 0.0, d)
-        for face in range(len(tables)):
-            if chain[0][face] == medium:
-                radius = nodal(tables[face], scene, ahead)
+        ahead = add_scaled(p, path_to_ball(dot(p, d), dot(p, p), least), d)
+        for face in range(len(before)):
+            if before[face] == medium:
+                radius = nodal(body.tables[face], body.grid, ahead)
                 radius = radius if rays[LAST + k] != face else 1e6 * radius
                 rays[GUESS + k] = float(face) if radius < nearest else rays[GUESS + k]
                 nearest = min(nearest, radius)
 
 
 @inline
-def search_quickly(rays, count, face, table, bounds, scene):
+def search_quickly(rays, count, face, body):
     """Search the face that was guessed, for the rays that do not start on it; what is not decided is left pending."""
-    going, least, ball = 0, bounds.least[face], bounds.balls[face]
+    table, bounds, grid = body.tables[face], bounds_of(body.bounds, face), body.grid
+    going, least, ball, hollow = 0, bounds.least, body.bounds.balls[face], body.bounds.hollows[face]
     for k in range(count):
         if rays[GUESS + k] == face:
             rays[PENDING + k] = 1.0
             if rays[LAST + k] != face and dot(three(rays, PX + k), three(rays, PX + k)) < ball * ball:
-                start_quick(rays, going, k, table, scene, least, ball)
+                start_quick(rays, going, k, table, grid, least, ball)
                 rays[ASKED + going] = float(k)
                 going += 1
     if going > 0:
-        quick_hits(rays, going, table, scene, ball)
+        quick_hits(rays, going, table, grid, ball)
     for lane in range(going):
         k = int(rays[ASKED + lane])
         p, d, t = three(rays, PX + k), three(rays, DX + k), rays[LENGTH + k]
-        if rays[STATUS + k] == FOUND and is_first(
-            p, d, t, table, bounds_of(bounds, face), ball, bounds.hollows[face], scene
-        ):
+        if rays[STATUS + k] == FOUND and is_first(p, d, t, table, bounds, ball, hollow, grid):
             rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k], rays[PENDING + k] = FOUND, t, float(face), 0.0
             rays[NEXT_X + k], rays[NEXT_Y + k] = rays[RHO_X + k], rays[RHO_Y + k]
 
 
 @inline
-def start_inside(rays, count, medium, face, guessed, table, bounds, scene):
-    """Put the rays in a ``medium`` on their way to a face that may cross it: where it was ``guessed``, or elsewhere.
+def start_inside(rays, count, face, guessed, body):
+    """Put the rays in the medium before a face on their way to it: where it was ``guessed``, or elsewhere.
 
     Returns their number.
     """
-    going = 0
+    going, medium, hollow = 0, body.sides.before[face], body.bounds.hollows[face]
+    table, bounds = body.tables[face], bounds_of(body.bounds, face)
     for k in range(count):
         if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
             asked = rays[PENDING + k] == 1.0
             if not guessed:
+                p, d, starts_on = three(rays, PX + k), three(rays, DX + k), rays[LAST + k] == face
                 asked = rays[NEXT_STATUS + k] != FOUND or not clear_ahead(
-                    three(rays, PX + k), three(rays, DX + k), rays[NEXT + k], rays[LAST + k] == face, table,
-                    bounds_of(bounds, face), bounds.hollows[face], scene,
-                )  # fmt: skip
+                    p, d, rays[NEXT + k], starts_on, table, bounds, hollow, body.grid
+                )
             if asked:
                 start_one(rays, going, k, float(face), 0.0, rays[NEXT + k])
                 going += 1
@@ -145,7 +148,7 @@ def start_inside(rays, count, medium, face, guessed, table, bounds, scene):
 
 
 @inline
-def start_outside(rays, count, face, table, scene):
+def start_outside(rays, count, face, body):
     """Put those rays in the body on their way that are outside of a face of the cavity, where they have been followed.
 
     Returns their number.
@@ -155,11 +158,11 @@ def start_outside(rays, count, face, table, scene):
         if rays[BACK_STATUS + k] != GOING or rays[BACK_FACE + k] == face:
             continue
         path = rays[BACK + k]
-        x, y, z = mixed(1.0, three(rays, PX + k), path, three(rays, DX + k), 0.0, three(rays, DX + k))
+        x, y, z = add_scaled(three(rays, PX + k), path, three(rays, DX + k))
         r = sqrt(x * x + y * y + z * z)
         outside = path == 0.0 and rays[LAST + k] == face
-        if outside or r > jet(table, scene[3], scene[4], x / (r + z), y / (r + z))[0]:
-            start_one(rays, going, k, face, path, rays[BACK_END + k])
+        if outside or r > jet(body.tables[face], body.grid, x / (r + z), y / (r + z))[0]:
+            start_one(rays, going, k, float(face), path, rays[BACK_END + k])
             going += 1
     return going
 
@@ -177,24 +180,30 @@ def keep_entry(rays, count, going, face):
 
 
 @inline
-def leaves_cavity(rays, k, length, tables, bounds, scene, chain):
+def is_wall_of_cavity(face, sides):
+    """True for a face with the cavity before it and the body behind."""
+    return sides.before[face] == CAVITY and sides.behind[face] == BODY
+
+
+@inline
+def leaves_cavity(rays, k, length, body):
     """Tell whether ray k of the packet is outside of one face of the cavity up to the path ``length``."""
-    p, d, last = three(rays, PX + k), three(rays, DX + k), int(rays[LAST + k])
-    if last >= 0 and chain[0][last] == CAVITY:
+    p, d, last, bounds = three(rays, PX + k), three(rays, DX + k), int(rays[LAST + k]), body.bounds
+    if last >= 0 and body.sides.before[last] == CAVITY:
         return stays_outside(p, d, length, 1.0, rays[LEAVING + k], bounds.least[last], bounds.hollows[last])
     chosen, least = -1, inf
-    for face in range(len(tables)):
-        if chain[0][face] == CAVITY and chain[1][face] == BODY:
-            radius = nodal(tables[face], scene, p)
+    for face in range(len(body.tables)):
+        if is_wall_of_cavity(face, body.sides):
+            radius = nodal(body.tables[face], body.grid, p)
             chosen, least = (face, radius) if radius < least else (chosen, least)
     if chosen < 0:
         return False
-    value, slope = gauge_along(tables[chosen], scene, p, d)
+    value, slope = gauge_along(body.tables[chosen], body.grid, p, d)
     return stays_outside(p, d, length, value, slope, bounds.least[chosen], bounds.hollows[chosen])
 
 
 @inline
-def back_into_cavity(rays, count, tables, bounds, scene, chain):
+def back_into_cavity(rays, count, body):
     """The way of rays in the body back into the cavity, the intersection of what its faces hold.
 
     A ray that is outside of one of them is followed to where it enters that one, until it is in all: it cannot have
@@ -202,9 +211,9 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
     the ball in which the cavity lies.
     """
     ball = inf
-    for face in range(len(tables)):
-        if chain[0][face] == CAVITY and chain[1][face] == BODY:
-            ball = min(ball, bounds.balls[face])
+    for face in range(len(body.tables)):
+        if is_wall_of_cavity(face, body.sides):
+            ball = min(ball, body.bounds.balls[face])
     for k in range(count):
         p = three(rays, PX + k)
         outward = dot(p, three(rays, DX + k))
@@ -212,7 +221,7 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
         root = sqrt(max(square, 0.0))
         comes_back = rays[MEDIUM + k] == BODY and square > 0.0 and root > outward and -outward - root < rays[NEXT + k]
         if comes_back:
-            comes_back = not leaves_cavity(rays, k, min(root - outward, rays[NEXT + k]), tables, bounds, scene, chain)
+            comes_back = not leaves_cavity(rays, k, min(root - outward, rays[NEXT + k]), body)
         rays[BACK_STATUS + k], rays[BACK_END + k] = GOING if comes_back else MISSED, min(root - outward, rays[NEXT + k])
         rays[BACK + k], rays[BACK_FACE + k] = 0.0, -1.0
     moved = 1
@@ -220,11 +229,11 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
         if moved == 0:
             break
         moved = 0
-        for face in range(len(tables)):
-            if chain[0][face] == CAVITY and chain[1][face] == BODY:
-                going = start_outside(rays, count, float(face), tables[face], scene)
+        for face in range(len(body.tables)):
+            if is_wall_of_cavity(face, body.sides):
+                going = start_outside(rays, count, face, body)
                 if going > 0:
-                    first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, True)
+                    first_hits(rays, going, body.tables[face], body.grid, bounds_of(body.bounds, face), True, True)
                     keep_entry(rays, count, going, float(face))
                     moved += going
     for k in range(count):
@@ -239,17 +248,18 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
 
 
 @inline
-def meet_nearest(rays, count, tables, bounds, scene, chain):
+def meet_nearest(rays, count, body):
     """For each ray of a packet the nearest crossing of the faces that bound the medium in which it is."""
     for k in range(count):
         rays[NEXT + k], rays[NEXT_STATUS + k], rays[FACE + k] = inf, MISSED, -1.0
-    guess_faces(rays, count, tables, bounds, scene, chain)
-    for place_of in range(2 * len(tables)):
-        guessed, face = place_of < len(tables), place_of % len(tables)
+    faces = len(body.tables)
+    guess_faces(rays, count, body)
+    for place_of in range(2 * faces):
+        guessed, face = place_of < faces, place_of % faces
         if guessed:
-            search_quickly(rays, count, face, tables[face], bounds, scene)
-        going = start_inside(rays, count, chain[0][face], face, guessed, tables[face], bounds, scene)
+            search_quickly(rays, count, face, body)
+        going = start_inside(rays, count, face, guessed, body)
         if going > 0:
-            first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, False)
+            first_hits(rays, going, body.tables[face], body.grid, bounds_of(body.bounds, face), True, False)
             keep_nearest(rays, going, float(face))
-    back_into_cavity(rays, count, tables, bounds, scene, chain)
+    back_into_cavity(rays, count, body)

@@ -16,7 +16,6 @@ from jaxtyping import Float, Int8
 from lensforge.kernels.bicubic import FaceBounds, index_at, jet, nearest, tile_of
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.first_hit import LOST, MAX_CLOSING, close_in, settle
-from lensforge.kernels.fresnel import dot, mixed
 from lensforge.kernels.ray_packet import (
     ALONG_X,
     BEFORE,
@@ -43,6 +42,7 @@ from lensforge.kernels.ray_packet import (
     three,
     write,
 )
+from lensforge.kernels.vectors import add_scaled, dot
 
 DEEP = 0.8  # of the least radius: in that ball every ray is inside by 1 - DEEP
 
@@ -133,58 +133,58 @@ def chain_bounds(
 
 
 @inline
-def path_to_ball(outward, square, radius):
-    """Path (mm) to where a ray leaves a ball, from a point of the distance whose ``square`` is given; 0 beyond it."""
-    ahead = outward * outward + radius * radius - square
-    return max(sqrt(max(ahead, 0.0)) - outward, 0.0) if square < radius * radius else 0.0
+def path_to_ball(outward, distance_squared, radius):
+    """Path (mm) to where a ray leaves a ball about the origin, from a point at that distance; 0 beyond the ball."""
+    ahead = outward * outward + radius * radius - distance_squared
+    return max(sqrt(max(ahead, 0.0)) - outward, 0.0) if distance_squared < radius * radius else 0.0
 
 
 @inline
-def depth(table, bounds, scene, p, enough):
+def depth(table, bounds, grid, p, enough):
     """``1 - |p|/rho`` at a point, or a smaller number that is ``enough``."""
     r = sqrt(dot(p, p))
     X, Y = p[0] / (r + p[2]), p[1] / (r + p[2])
-    sure = 1.0 - r / tile_of(X, Y, scene[3], bounds)[0]
-    return sure if sure > enough else 1.0 - r / jet(table, scene[3], scene[4], X, Y)[0]
+    sure = 1.0 - r / tile_of(X, Y, grid, bounds)[0]
+    return sure if sure > enough else 1.0 - r / jet(table, grid, X, Y)[0]
 
 
 @inline
-def bulge(hollow, least, outward, square, length):
-    """Most by which G exceeds a chord within a path of ``length`` from a point of that distance."""
-    impact = max(square - outward * outward, 0.0)
-    nearest = max(sqrt(square if outward >= 0.0 else impact), DEEP * least)
+def bulge(hollow, least, outward, distance_squared, length):
+    """Most by which G exceeds a chord within a path of ``length`` from a point at that distance from the origin."""
+    impact = max(distance_squared - outward * outward, 0.0)
+    nearest = max(sqrt(distance_squared if outward >= 0.0 else impact), DEEP * least)
     return 0.5 * hollow * impact * length * length / (nearest * nearest * nearest)
 
 
 @inline
-def clear_ahead(p, d, length, starts_on, table, bounds, hollow, scene):
+def clear_ahead(p, d, length, starts_on, table, bounds, hollow, grid):
     """Tell whether a ray does not cross a face before the path ``length``; it may start on the face."""
-    square, outward = dot(p, p), dot(p, d)
-    needed = bulge(hollow, bounds.least, outward, square, length)
-    inside = starts_on or square < bounds.least * bounds.least or depth(table, bounds, scene, p, 0.0) > 0.0
-    end = mixed(1.0, p, length, d, 0.0, d)
-    return inside and needed < 1.0 - DEEP and depth(table, bounds, scene, end, needed) > needed
+    distance_squared, outward = dot(p, p), dot(p, d)
+    needed = bulge(hollow, bounds.least, outward, distance_squared, length)
+    inside = starts_on or distance_squared < bounds.least * bounds.least or depth(table, bounds, grid, p, 0.0) > 0.0
+    end = add_scaled(p, length, d)
+    return inside and needed < 1.0 - DEEP and depth(table, bounds, grid, end, needed) > needed
 
 
 @inline
-def nodal(table, scene, p):
+def nodal(table, grid, p):
     """Radius at the node near a direction: a guess."""
-    per_shift, most = scene[4] / (sqrt(dot(p, p)) + max(p[2], 0.0)), len(table) - 1.0
-    i = int(index_at(p[0] * per_shift - scene[3] * scene[4] + 0.5, most))
-    j = int(index_at(p[1] * per_shift - scene[3] * scene[4] + 0.5, most))
+    per_shift, most = grid.inverse_step / (sqrt(dot(p, p)) + max(p[2], 0.0)), len(table) - 1.0
+    i = int(index_at(p[0] * per_shift - grid.origin * grid.inverse_step + 0.5, most))
+    j = int(index_at(p[1] * per_shift - grid.origin * grid.inverse_step + 0.5, most))
     return table[i, j]
 
 
 @inline
-def start_quick(rays, lane, k, table, scene, least, ball):
+def start_quick(rays, lane, k, table, grid, least, ball):
     """Put the place in the search that ray k of the packet is in, near where it may cross a face."""
     p, d = three(rays, PX + k), three(rays, DX + k)
-    square, outward = dot(p, p), dot(p, d)
-    low = path_to_ball(outward, square, DEEP * least)
-    high = min(path_to_ball(outward, square, ball), -p[2] / d[2] if d[2] < 0.0 else inf)
-    t = path_to_ball(outward, square, least)
+    distance_squared, outward = dot(p, p), dot(p, d)
+    low = path_to_ball(outward, distance_squared, DEEP * least)
+    high = min(path_to_ball(outward, distance_squared, ball), -p[2] / d[2] if d[2] < 0.0 else inf)
+    t = path_to_ball(outward, distance_squared, least)
     for _ in range(2):
-        t = path_to_ball(outward, square, nodal(table, scene, mixed(1.0, p, t, d, 0.0, d)))
+        t = path_to_ball(outward, distance_squared, nodal(table, grid, add_scaled(p, t, d)))
     rays[T + lane], rays[LOW + lane], rays[HIGH + lane] = min(max(t, low), high), low, high
     rays[CLOSING + lane], rays[NUMBER + lane] = 1.0, float(k)
     write(rays, X0 + lane, p)
@@ -205,13 +205,13 @@ def gauge(rays, count, ball):
 
 
 @inline
-def quick_hits(rays, count, table, scene, ball):
+def quick_hits(rays, count, table, grid, ball):
     """A crossing of each of the ``count`` rays on their way, or the end of the ball, or of the hemisphere."""
     for _ in range(MAX_CLOSING):
         whole = in_whole_vectors(count)
-        locate(rays, whole, float(len(table)), scene[3], scene[4], 1.0, 0.0)
+        locate(rays, whole, float(len(table)), grid, 1.0, 0.0)
         fetch_table(rays, count, table, CELL)
-        evaluate(rays, whole, scene[4], False)
+        evaluate(rays, whole, grid.inverse_step, False)
         gauge(rays, whole, ball)
         close_in(rays, whole)
         count, _ = settle(rays, count, False)
@@ -222,21 +222,23 @@ def quick_hits(rays, count, table, scene, ball):
 
 
 @inline
-def is_first(p, d, length, table, bounds, ball, hollow, scene):
+def is_first(p, d, length, table, bounds, ball, hollow, grid):
     """Tell whether a crossing that was found is the first."""
-    square, outward = dot(p, p), dot(p, d)
-    needed = bulge(hollow, bounds.least, outward, square, length)
-    end = mixed(1.0, p, length, d, 0.0, d)
-    deep = square < DEEP * DEEP * bounds.least * bounds.least or depth(table, bounds, scene, p, needed) > needed
+    distance_squared, outward = dot(p, p), dot(p, d)
+    needed = bulge(hollow, bounds.least, outward, distance_squared, length)
+    end = add_scaled(p, length, d)
+    deep = (
+        distance_squared < DEEP * DEEP * bounds.least * bounds.least or depth(table, bounds, grid, p, needed) > needed
+    )
     return deep and needed < 1.0 - DEEP and dot(end, end) < ball * ball * (1.0 - 1e-9)
 
 
 @inline
-def gauge_along(table, scene, p, d):
+def gauge_along(table, grid, p, d):
     """G at a point, and its slope along a direction."""
     r = sqrt(dot(p, p))
     X, Y = p[0] / (r + p[2]), p[1] / (r + p[2])
-    rho, x, y, _, _, _ = jet(table, scene[3], scene[4], X, Y)
+    rho, x, y, _, _, _ = jet(table, grid, X, Y)
     cosine = dot(p, d) / r
     turn = (x * (d[0] - X * (cosine + d[2])) + y * (d[1] - Y * (cosine + d[2]))) / (r + p[2])
     return r / rho, (cosine - r / rho * turn) / rho
@@ -248,6 +250,6 @@ def stays_outside(p, d, length, value, slope, least, hollow):
 
     ``value`` and ``slope`` of G at its start, where the value is 1 if it starts on the face.
     """
-    square, outward = dot(p, p), dot(p, d)
-    lowest = value + slope * length - bulge(hollow, least / DEEP, outward, square, length)
+    distance_squared, outward = dot(p, p), dot(p, d)
+    lowest = value + slope * length - bulge(hollow, least / DEEP, outward, distance_squared, length)
     return (value > 1.0 or slope > 0.0) and value >= 1.0 and lowest > 1.0

@@ -53,8 +53,8 @@ OWN = 17
 ) = fields(COEFFICIENTS + PER_RAY + OWN, 16)  # fmt: skip
 # Where it is one of several faces: whether a ray on its way starts on it, and the path behind which nothing matters.
 ON_FACE, LIMIT = fields(COEFFICIENTS + PER_RAY + OWN + 16, 2)
-OF_CHAIN = COEFFICIENTS + PER_RAY + OWN + 18  # what ``kernels.chain`` keeps
-PACKET_NUMBERS = (OF_CHAIN + 30) * SIZE
+OF_CHAIN = COEFFICIENTS + PER_RAY + OWN + 18  # what ``kernels.nearest_face`` and ``kernels.polarised_event`` keep
+PACKET_NUMBERS = (OF_CHAIN + 34) * SIZE
 
 
 def empty_packet(precision: Precision = DOUBLE_PRECISION) -> Float[np.ndarray, " k"]:
@@ -69,18 +69,19 @@ def in_whole_vectors(count):
 
 
 @inline
-def mark_cell(rays, cell, X, Y, side, origin, inverse_step):
+def mark_cell(rays, cell, X, Y, side, grid):
     """Write :func:`kernels.bicubic.cell_at` into four fields from ``cell`` on."""
-    i, j, share_x, share_y = cell_at(X, Y, side, origin, inverse_step)
+    i, j, share_x, share_y = cell_at(X, Y, side, grid)
     rays[cell], rays[cell + SIZE] = i, j
     rays[cell + 2 * SIZE], rays[cell + 3 * SIZE] = share_x, share_y
 
 
 @inline
-def mark_hit(rays, k, x, y, z, cell, side, origin, inverse_step):
+def mark_hit(rays, k, p, cell, side, grid):
     """The table's cell at a hit."""
+    x, y, z = p
     per_shift = 1.0 / (sqrt(x * x + y * y + z * z) + z)
-    mark_cell(rays, cell + k, x * per_shift, y * per_shift, side, origin, inverse_step)
+    mark_cell(rays, cell + k, x * per_shift, y * per_shift, side, grid)
 
 
 @inline
@@ -96,7 +97,15 @@ def write(rays, place, vector):
 
 
 @inline
-def locate(rays, count, side, origin, inverse_step, tiles, per_unit):
+def store_ray(rays, lane, number, p, d, ratio):
+    """Put a ray into a packet; ``ratio``: of the indices before and behind the face to which it goes."""
+    rays[RAY + lane], rays[RATIO + lane] = float(number), ratio
+    write(rays, PX + lane, p)
+    write(rays, DX + lane, d)
+
+
+@inline
+def locate(rays, count, side, grid, tiles, per_unit):
     """Distance from the origin, place on the chart, cell of the table and tile of the bounds of every ray."""
     for k in range(count):
         t, dx, dy, dz = rays[T + k], rays[ALONG_X + k], rays[ALONG_Y + k], rays[ALONG_Z + k]
@@ -106,9 +115,9 @@ def locate(rays, count, side, origin, inverse_step, tiles, per_unit):
         X, Y = x * per_shift, y * per_shift
         rays[R + k], rays[OUTWARD + k] = r, x * dx + y * dy + z * dz
         rays[CHART_X + k], rays[CHART_Y + k], rays[PER_SHIFT + k] = X, Y, per_shift
-        mark_cell(rays, CELL + k, X, Y, side, origin, inverse_step)
-        rays[TILE_ROW + k] = index_at((X - origin) * per_unit, tiles - 1.0)
-        rays[TILE_COLUMN + k] = index_at((Y - origin) * per_unit, tiles - 1.0)
+        mark_cell(rays, CELL + k, X, Y, side, grid)
+        rays[TILE_ROW + k] = index_at((X - grid.origin) * per_unit, tiles - 1.0)
+        rays[TILE_COLUMN + k] = index_at((Y - grid.origin) * per_unit, tiles - 1.0)
 
 
 # Indices without a sign need no test of whether they count from the end, as those below 0 do.

@@ -11,11 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.kernels.fresnel import behind_plate, behind_plate_adjoint
+from lensforge.kernels.glass_plate import GlassPlate, behind_plate, behind_plate_adjoint
 from lensforge.kernels.parallel import in_chunks, part_of
+from lensforge.kernels.traced_body import ByRaysOut, FaceFilms, RaysOut
 from lensforge.optics.arrays import Array, like
 from lensforge.optics.coatings import GLASS, coated_faces, coating_tables, whole_span
 from lensforge.optics.dielectric import (
@@ -24,8 +25,8 @@ from lensforge.optics.dielectric import (
     coated_transmittances,
     fresnel_transmittances,
 )
-from lensforge.optics.media import Media
-from lensforge.scene.exit_rays import ExitRays, Sensitivities
+from lensforge.optics.media import CoverGlass, Media
+from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle
 
 _MOST_OUTSIDE = 0.01  # share of the flux beyond the wavelengths of a coating; it is traced as at their end
@@ -33,14 +34,13 @@ _EVEN = 1e-9  # relative: of steps that differ by rounding alone
 
 
 _Compiled = Float[np.ndarray, "..."] | None
-CompiledTables = tuple[Float[np.ndarray, "..."], Int[np.ndarray, " f"]]
 
 
 @dataclass(frozen=True, eq=False)
 class RayCoatings:
     """Table of each coated face, as in :class:`CoatingTables`; any other reflects by Fresnel's formulas, or nothing.
 
-    ``rows``: place among the rows of the tables, of each ray or of all; empty where no face is coated.
+    ``rows``: place among the rows of the tables, of each ray or of all.
     """
 
     faces: Mapping[str, Float[np.ndarray, "k m 2"]]
@@ -62,11 +62,8 @@ class RayCoatings:
             rows = _places(waves, tables.wavelengths_nm)
         return RayCoatings(tables.faces, rows)
 
-    def for_kernels(self, names: tuple[str, ...]) -> CompiledTables | None:
-        """Tables of the faces of these ``names`` in one array, as the compiled kernels take them; None: all are bare.
-
-        And the length of each, 0 for a bare face.
-        """
+    def for_kernels(self, names: tuple[str, ...]) -> FaceFilms | None:
+        """Tables of the faces of these ``names`` as the compiled kernels take them; None: all are bare."""
         tables = [self.faces.get(name) for name in names]
         known = [table for table in tables if table is not None]
         if not known:
@@ -77,16 +74,7 @@ class RayCoatings:
             if table is not None:
                 stacked[number, :, : table.shape[1]] = table
         sizes = np.array([0 if table is None else table.shape[1] for table in tables])
-        return (stacked[:, 0] if len(known[0]) == 1 else stacked), sizes
-
-    @property
-    def of_glass(self) -> tuple[_Compiled, Float[np.ndarray, " j"]]:
-        """Table of the cover glass as the compiled kernels take it, and the places of the rays among its rows."""
-        return _compiled(self.faces.get(GLASS)), self.rows
-
-    def part(self, part: slice) -> Float[np.ndarray, " i"]:
-        """Rows of some of the rays."""
-        return part_of(self.rows, part)
+        return FaceFilms(stacked[:, 0] if len(known[0]) == 1 else stacked, sizes)
 
 
 def _compiled(table: Float[np.ndarray, "k m 2"] | None) -> _Compiled:
@@ -94,7 +82,7 @@ def _compiled(table: Float[np.ndarray, "k m 2"] | None) -> _Compiled:
     return table[0] if table is not None and len(table) == 1 else table
 
 
-NO_COATINGS = RayCoatings({}, np.empty(0))
+NO_COATINGS = RayCoatings({}, np.zeros(1))
 
 
 def _places(waves: Float[np.ndarray, " n"], nodes: Float[np.ndarray, " k"]) -> Float[np.ndarray, " n"]:
@@ -128,67 +116,49 @@ def _require_known(rays: RayBundle, media: Media) -> None:
             )
 
 
-_Plate = tuple[bool, float, float, float]
-
-
 def behind_glass(rays: ExitRays, media: Media, fresnel: bool = True, coatings: RayCoatings = NO_COATINGS) -> ExitRays:
     """``rays``, NumPy arrays, as they are behind the cover glass of ``media``; themselves where there is none."""
     if media.cover_glass is None:
         return rays
-    plate, (coating, rows) = _packed(media, fresnel), coatings.of_glass
-    points, flux = rays.points.copy(), rays.flux.copy()
-    directions, fates, lost = rays.directions, rays.fates, np.empty(len(flux))
-    heights, axial = points[:, 2], _axial(rays)
+    plate, out, lost = _plate(media.cover_glass, media, fresnel, coatings), _copied(rays), np.empty(len(rays.flux))
 
     def work(_: int, part: slice) -> None:
-        behind_plate(
-            directions[part], fates[part], axial[part], plate, coating, part_of(rows, part),
-            heights[part], flux[part], lost[part],
-        )  # fmt: skip
+        behind_plate(out.part(part), plate, part_of(coatings.rows, part), lost[part])
 
-    in_chunks(work, len(flux))
-    return replace(rays, points=points, flux=flux, lost_in_glass=lost)
+    in_chunks(work, len(lost))
+    return replace(rays, points=out.points, flux=out.flux, lost_in_glass=lost)
 
 
 def before_glass(
-    rays: ExitRays,
-    media: Media,
-    by: Sensitivities,
-    by_flux: Float[np.ndarray, " n"],
-    fresnel: bool,
-    coatings: RayCoatings = NO_COATINGS,
-) -> tuple[Sensitivities, Float[np.ndarray, " n"], Float[np.ndarray, " n"] | None]:
-    """Sensitivities to ``rays``, their flux and that along z from those to the rays behind the cover glass and theirs.
+    rays: ExitRays, media: Media, by: ByRaysOut, fresnel: bool, coatings: RayCoatings = NO_COATINGS
+) -> ByRaysOut:
+    """Sensitivities to ``rays`` from those to the rays behind the cover glass; the same where there is none.
 
-    The last are None where there is none, or where nothing reflects.
+    None to the flux along z where nothing reflects.
     """
     if media.cover_glass is None:
-        return by, by_flux, None
-    plate, (coating, rows) = _packed(media, fresnel), coatings.of_glass
-    directions, fates, flux = rays.directions, rays.fates, rays.flux
-    by_directions, by_own_flux = by.by_directions.copy(), by_flux.copy()
-    by_heights, by_cosines = by.by_points[:, 2], by_directions[:, 2]
-    axial, by_axial = _axial(rays), np.empty(len(flux))
+        return by
+    plate, count = _plate(media.cover_glass, media, fresnel, coatings), len(rays.flux)
+    before = by._replace(by_directions=by.by_directions.copy(), by_flux=by.by_flux.copy(), by_axial=np.empty(count))
+    out = _copied(rays)
 
     def work(_: int, part: slice) -> None:
-        behind_plate_adjoint(
-            directions[part], fates[part], flux[part], axial[part], plate, coating, part_of(rows, part),
-            by_heights[part], by_own_flux[part], by_axial[part], by_cosines[part],
-        )  # fmt: skip
+        behind_plate_adjoint(out.part(part), plate, part_of(coatings.rows, part), before.part(part))
 
-    in_chunks(work, len(by_own_flux))
-    return Sensitivities(by.by_points, by_directions), by_own_flux, by_axial if fresnel else None
+    in_chunks(work, count)
+    return before if fresnel else before._replace(by_axial=None)
 
 
-def _axial(rays: ExitRays) -> Float[np.ndarray, " n"]:
-    return np.zeros(len(rays.flux)) if rays.axial is None else rays.axial
+def _copied(rays: ExitRays) -> RaysOut:
+    """Rays for the plate, of which it may change points and flux."""
+    axial = np.zeros(len(rays.flux)) if rays.axial is None else rays.axial
+    none = np.zeros(0)
+    return RaysOut(rays.points.copy(), rays.directions, rays.flux.copy(), none, rays.sin2_exit, rays.fates, axial)
 
 
-def _packed(media: Media, fresnel: bool) -> _Plate:
-    """The numbers that the kernels take."""
-    glass = media.cover_glass
-    assert glass is not None
-    return fresnel, media.outside_index / glass.refractive_index, glass.thickness_mm, glass.absorption_per_mm
+def _plate(glass: CoverGlass, media: Media, fresnel: bool, coatings: RayCoatings) -> GlassPlate:
+    film, ratio = _compiled(coatings.faces.get(GLASS)), media.outside_index / glass.refractive_index
+    return GlassPlate(fresnel, ratio, glass.thickness_mm, glass.absorption_per_mm, film)
 
 
 def face_transmittances(

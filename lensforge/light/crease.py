@@ -33,7 +33,7 @@ from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.surfaces.bicubic_table import TableGrid, cubic_basis, evaluate_table
 from lensforge.surfaces.surface import gradient_on_sphere, to_sphere
 
-Worth = Callable[[TracedBundle], Float[np.ndarray, " n"]]
+RayAdjoint = Callable[[TracedBundle], Float[np.ndarray, " n"]]
 """Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
 
 _MERIDIANS, _STEPS = 256, 32  # on which creases are sought, and steps of the chart's radius from the axis to the rim
@@ -45,16 +45,16 @@ _Values = Float[np.ndarray, " p"]
 
 
 def crease_gradients(
-    tables: Tables, scene: Scene, source: Source, worth: Worth, count: int = 2**11, seed: int = 0
+    tables: Tables, scene: Scene, source: Source, worth: RayAdjoint, count: int = 2**11, seed: int = 0
 ) -> Tables:
     """Gradients of a merit by all ``tables`` for light that crosses the creases of the cavity; 0 where it has none.
 
     ``count`` start points of ``source`` are drawn by ``seed``, each with a point of a crease and two rays. ``worth``
-    says what light on each way adds to the merit: see :func:`worth_on`. Of a lens as made the roughness is left out.
+    says what light on each way adds to the merit: see :func:`adjoint_on`. Of a lens as made the roughness is left out.
     Raises :class:`InputError` for a source that cannot say how much light goes into a direction, such as rays of a file
     that are not turned.
     """
-    scene = polished(scene)
+    scene = without_roughness(scene)
     points, turn = sobol(count, 5, seed)[:, 4], np.random.default_rng(seed).random()
     creases = CreasePoints.of(tables, scene, turn)
     total: Tables = np.zeros(tables.shape)
@@ -69,7 +69,7 @@ def crease_gradients(
     return total
 
 
-def polished(scene: Scene) -> Scene:
+def without_roughness(scene: Scene) -> Scene:
     """The scene without the roughness of a lens as made: its noise would be another for each of two close rays."""
     return scene if scene.made is None else replace(scene, made=replace(scene.made, slopes={}))
 
@@ -78,8 +78,8 @@ def in_lens(scene: Scene, rays: RayBundle) -> RayBundle:
     """Rays of the source in the frame of the faces, where these are out of place with it."""
     if scene.made is None:
         return rays
-    frames, factor, _ = scene.made.placed
-    origins, directions = through_frame(frames[0], rays.origins, rays.directions, factor)
+    placed = scene.made.placed
+    origins, directions = through_frame(placed.frames[0], rays.origins, rays.directions, placed.factor_in)
     return replace(rays, origins=origins, directions=directions)
 
 
@@ -87,16 +87,17 @@ def _seen_from_source(scene: Scene, points: _Vectors) -> _Vectors:
     """Points (mm) of the faces in the frame of the source."""
     if scene.made is None:
         return points
-    frames, factor, _ = scene.made.placed
-    seen: _Vectors = (points - frames[0][:, 3]) @ frames[0][:, :3] / factor
+    placed = scene.made.placed
+    first = placed.frames[0]
+    seen: _Vectors = (points - first[:, 3]) @ first[:, :3] / placed.factor_in
     return seen
 
 
-def worth_on(
+def adjoint_on(
     receivers: Sequence[PosedReceiver],
     by_images: Sequence[Float[np.ndarray, "h w"]],
     by_sums: Sequence[Float[np.ndarray, "3"]],
-) -> Worth:
+) -> RayAdjoint:
     """Worth of rays by the derivatives of the merit by the sums that a search collects on each of its receivers.
 
     ``by_images``: by the flux (W) of each pixel; ``by_sums``: by that in the window, by that off the receiver, and by
@@ -260,7 +261,7 @@ def _places(face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> tupl
 
 
 def _gain(
-    tables: Tables, scene: Scene, rays: RayBundle, crossing: CreasePoints, worth: Worth
+    tables: Tables, scene: Scene, rays: RayBundle, crossing: CreasePoints, worth: RayAdjoint
 ) -> Float[np.ndarray, " n"]:
     """Difference in worth of light beside the crease for each ray: it leaves the side of ``across``.
 
@@ -268,7 +269,7 @@ def _gain(
     """
     across = crossing.across(in_lens(scene, rays).directions)
     if scene.made is not None:
-        across = across @ scene.made.placed[0][0, :, :3]
+        across = across @ scene.made.placed.frames[0, :, :3]
     beside = []
     for sign in (1.0, -1.0):
         directions = rays.directions + sign * BESIDE * across

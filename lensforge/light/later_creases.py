@@ -17,12 +17,11 @@ from functools import partial
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 
-from lensforge.kernels.chain import FROM_BEHIND, REFLECTED
 from lensforge.kernels.fate import Fate
-from lensforge.kernels.nearest_face import BODY
-from lensforge.light.crease import BESIDE, OnFaces, Worth, in_lens, polished
+from lensforge.kernels.traced_body import BODY, FROM_BEHIND, REFLECTED, ByRaysOut
+from lensforge.light.crease import BESIDE, OnFaces, RayAdjoint, in_lens, without_roughness
+from lensforge.light.passage import BodyPassage
 from lensforge.light.table_trace import Scene, Tables, TracedBundle, face_bounds
-from lensforge.scene.exit_rays import Sensitivities
 from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.surfaces.surface import to_chart
@@ -38,14 +37,14 @@ _Numbers = Int[np.ndarray, " k"]
 
 
 def later_crease_gradients(
-    tables: Tables, scene: Scene, source: Source, worth: Worth, fans: int = 2**8, rays: int = 48, seed: int = 0
+    tables: Tables, scene: Scene, source: Source, worth: RayAdjoint, fans: int = 2**8, rays: int = 48, seed: int = 0
 ) -> Tables:
     """Gradients of a merit by all ``tables`` for light that crosses creases at its second event and later.
 
     ``fans``: their number, of ``rays`` each, from start points of ``source`` that are drawn by ``seed``; ``worth`` as
     in :func:`~lensforge.light.crease.crease_gradients`, with the same errors.
     """
-    scene = polished(scene)
+    scene = without_roughness(scene)
     total: Tables = np.zeros(tables.shape)
     if scene.chain is None:
         return total
@@ -203,7 +202,7 @@ def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Boo
 def _reflects_nothing(scene: Scene) -> Bool[np.ndarray, " f"]:
     """True for the faces that end all light: a flange, which rays along the axis meet at grazing angles."""
     assert scene.chain is not None
-    found: Bool[np.ndarray, " f"] = scene.chain.packed(scene.media)[2] == 0.0
+    found: Bool[np.ndarray, " f"] = scene.chain.packed(scene.media).mirrors == 0.0
     return found
 
 
@@ -237,13 +236,13 @@ class _Lines:
 
 def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vectors, along: _Vectors) -> _Vectors:
     """Directions of rays behind the faces that they meet at ``points``, by Snell's law or reflected."""
-    scene, body = traced.scene, traced.body[0]
+    scene, body = traced.scene, traced.lens.rays.indices
     assert scene.chain is not None
     face, back = code >> 2, (code & FROM_BEHIND) > 0
-    before, behind, _ = scene.chain.packed(scene.media)
+    sides = scene.chain.packed(scene.media)
     indices = np.tile([scene.media.cavity_index, 1.0, scene.media.outside_index], (len(rows), 1))
     indices[:, BODY] = body[rows] if len(body) > 1 else body
-    one, other = (indices[np.arange(len(rows)), side[face]] for side in (before, behind))
+    one, other = (indices[np.arange(len(rows)), side[face]] for side in (sides.before, sides.behind))
     ratio = np.where(back, other / one, one / other)[:, None]
     normals = OnFaces.of(traced.tables, scene.grid, face, to_chart(points)).normals
     normals *= (np.where(back, -1.0, 1.0) / np.linalg.norm(normals, axis=1))[:, None]
@@ -268,18 +267,21 @@ def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _
     total: Tables = np.zeros(low.tables.shape)
     faces[0].add(-by_gap / steep[0], total)
     faces[1].add(by_gap / steep[1], total)
-    by_point = by_gap[:, None] * across
-    by, nothing = Sensitivities(by_point, line.paths[:, None] * by_point), np.zeros(len(flux))
-    total += _before(low, event).gradients(by, nothing, nothing)
+    by_point, none = by_gap[:, None] * across, np.zeros(len(flux))
+    by = ByRaysOut(by_point, line.paths[:, None] * by_point, none, none)
+    total += _before(low, event).gradients(by)
     return total
 
 
-def _before(traced: TracedBundle, event: _Numbers) -> TracedBundle:
+def _before(traced: TracedBundle, event: _Numbers) -> BodyPassage:
     """The rays, in the frame of the faces, as if they left before an event of each, which ends their adjoint there."""
-    assert traced.met is not None
-    kept = np.arange(traced.met.shape[1]) < event[:, None]
-    met = np.where(kept, traced.met, -1).astype(np.int8)
-    exits = replace(traced.at_lens, fates=np.full(len(event), Fate.LEFT_LENS, dtype=np.int8))
-    scene = replace(traced.scene, media=replace(traced.scene.media, cover_glass=None), made=None)
-    own = in_lens(traced.scene, traced.rays)
-    return replace(traced, scene=scene, rays=own, placed=None, rough=None, met=met, at_lens=exits, exits=exits)
+    lens, own = traced.lens, in_lens(traced.scene, traced.rays)
+    assert lens.ways.met is not None
+    kept = np.arange(lens.ways.met.shape[1]) < event[:, None]
+    return replace(
+        lens,
+        body=lens.body._replace(placement=None),
+        rays=lens.rays._replace(origins=own.origins, directions=own.directions),
+        ways=lens.ways._replace(met=np.where(kept, lens.ways.met, -1).astype(np.int8)),
+        exits=lens.exits._replace(fates=np.full(len(event), Fate.LEFT_LENS, dtype=np.int8)),
+    )

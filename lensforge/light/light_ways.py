@@ -103,7 +103,7 @@ _CAUSES = {
     "base": ("below the rim", f"light that the rim of the body lets out below z = 0; {_ALL}"),
     "flange": ("in the flange", f"light that meets the flange; lower lens.flange.thickness_mm, or {_ALL}"),
     "backward": ("by the opening", "light that goes back by the opening; raise the source"),
-    "more_events": ("in the body", "light that is still reflected to and fro; raise lens.events"),
+    "event_limit": ("in the body", "light that is still reflected to and fro; raise lens.events"),
     "total_reflection": ("at the exit", f"light that the exit reflects totally; {_ALL}"),
 }
 

@@ -196,7 +196,7 @@ class LostFlux(Record):
     not_converged: NotNegative
     surfaces_intersect: NotNegative
     missed_receiver: NotNegative
-    more_events: NotNegative = 0.0
+    event_limit: NotNegative = 0.0
     flange: NotNegative = 0.0
     absorbed: NotNegative = 0.0
     cover_glass: NotNegative = 0.0

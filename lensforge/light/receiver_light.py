@@ -114,7 +114,7 @@ class MissedByCause(Record):
     base: Share
     missed_receiver: Share
     surfaces_intersect: Share
-    more_events: Share = 0.0
+    event_limit: Share = 0.0
     flange: Share = 0.0
 
 

@@ -10,12 +10,12 @@ from jaxtyping import Bool, Complex, Float, Int, Int8
 from torch import Tensor
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.further_bodies import TWO_FACES, tabled
 from lensforge.light.reference_hits import CPU, ExactFace, TableFace, TracedFace
+from lensforge.light.secondary_optics import TWO_FACES, tabled
 from lensforge.light.table_trace import Scene, Tables, checked_bounds
 from lensforge.optics.arrays import like
 from lensforge.optics.dielectric import unpolarised_fields
-from lensforge.optics.media import BODY, OUTSIDE, FurtherBody, Media, Mirror
+from lensforge.optics.media import BODY, OUTSIDE, Media, Mirror, SecondaryOptic
 from lensforge.scene.as_made import AsMade, through_frame
 from lensforge.scene.body import Chain
 from lensforge.sources.ray_bundle import RayBundle
@@ -37,7 +37,7 @@ class ReferenceBody:
     media: Media
     in_order: bool = False
     made: AsMade | None = None
-    pose: FurtherBody | None = None
+    pose: SecondaryOptic | None = None
 
     @staticmethod
     def by_tables(
@@ -49,8 +49,7 @@ class ReferenceBody:
         """
         bounds = checked_bounds(tables.detach().numpy(), scene)
         faces = (TableFace.of(table, scene.grid, own, device) for table, own in zip(tables, bounds, strict=True))
-        chain = scene.traced_chain
-        lens = ReferenceBody(tuple(faces), chain or TWO_FACES, scene.media, chain is None, scene.made)
+        lens = ReferenceBody(tuple(faces), scene.chain or TWO_FACES, scene.media, scene.chain is None, scene.made)
         return lens, *_behind_lens(scene.media, device)
 
     @staticmethod
@@ -97,7 +96,7 @@ def _behind_lens(media: Media, device: torch.device) -> Iterator[ReferenceBody]:
     for body in media.bodies:
         place = tabled(body)
         faces = tuple(TableFace.of(torch.from_numpy(table), place.grid, device=device) for table in place.tables)
-        yield ReferenceBody(faces, TWO_FACES, body.media(media), pose=body)
+        yield ReferenceBody(faces, TWO_FACES, body.media(media), in_order=True, pose=body)
 
 
 class RaysInBody(NamedTuple):

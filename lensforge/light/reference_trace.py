@@ -178,7 +178,7 @@ class _Passage:
                     onward[behind].append(some)
             ended += onward.pop(_ENDED, []) + onward.pop(OUTSIDE, [])
             media = {medium: RaysInBody.joined(parts) for medium, parts in onward.items()}
-        found = RaysInBody.joined(ended + [rays.ended(Fate.MORE_EVENTS) for rays in media.values()])
+        found = RaysInBody.joined(ended + [rays.ended(Fate.EVENT_LIMIT) for rays in media.values()])
         found = found.take(torch.argsort(found.numbers))
         return found if frames is None else found.turned(*frames[1])
 

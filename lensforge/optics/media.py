@@ -302,7 +302,7 @@ _Vectors = Float[np.ndarray, "n 3"]
 
 
 @dataclass(frozen=True)
-class FurtherBody:
+class SecondaryOptic:
     """A given body in the light behind the lens, such as a dome: what surrounds the lens lies on both sides of it.
 
     Light comes to it from its cavity, within ``inner``, and leaves by ``outer``. Its own axes are the columns of
@@ -358,7 +358,7 @@ class Media:
     cover_glass: CoverGlass | None = None
     coatings: tuple[FaceCoating, ...] = ()
     wavelength_nm: float = 587.5618  # the He d line
-    bodies: tuple[FurtherBody, ...] = ()
+    bodies: tuple[SecondaryOptic, ...] = ()
     faces: tuple[FaceRole, ...] = SHELL
 
     def coating(self, face: str) -> Coating | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.optics.media import FaceShape, FurtherBody, Media
+from lensforge.optics.media import FaceShape, Media, SecondaryOptic
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
 
 _SCANNED, _STEPS = 24, 60  # places along a ray among which its first crossing lies; halvings from there
@@ -50,7 +50,7 @@ def behind_optics(
     return beam.points, beam.directions, beam.share
 
 
-def _through(body: FurtherBody, media: Media, beam: _Beam, waves: _Values) -> None:
+def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values) -> None:
     """Take a beam into a body and out of it."""
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
     points, along = body.own_points(beam.points[rows]), body.own_directions(beam.directions[rows])

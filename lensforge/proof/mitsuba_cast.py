@@ -185,7 +185,7 @@ class _Caster:
                 break
             inside = inside != passes
         whole = not passes and face not in self.mirrors
-        return CastFate.TOTAL_REFLECTION if whole else CastFate.MORE_EVENTS, None, met
+        return CastFate.TOTAL_REFLECTION if whole else CastFate.EVENT_LIMIT, None, met
 
 
 def _scene(mi: Any, part: PartMesh) -> Any:

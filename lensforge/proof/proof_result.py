@@ -39,7 +39,7 @@ class PartFlux(Record):
     outside: Share
     missed: Share
     total_reflection: Share
-    more_events: Share = 0.0
+    event_limit: Share = 0.0
     absorbed: Share = 0.0
     cover_glass: Share = 0.0
     bodies: Share = 0.0

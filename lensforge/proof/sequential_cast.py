@@ -42,7 +42,7 @@ class CastFate(IntEnum):
     MISSED_RECEIVER = 6  # left the lens, but never reaches the receiver's plane
     OPENING = 7  # met a surface at or below z = 0 on the way in: the wall of the base's opening, or its bottom
     STARTS_OUTSIDE = 8  # met the outside of the lens first: it started neither in the cavity nor below it
-    MORE_EVENTS = 9  # reflected by a mirror, or still not out of the lens, at its last event
+    EVENT_LIMIT = 9  # reflected by a mirror, or still not out of the lens, at its last event
     FLANGE = 10  # met the flange: it ends in the holder
 
 
@@ -309,7 +309,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
         enters = passes & ~light.inside & (event + 1 < optical.events)
         goes_on = ~out & (enters | optical.goes_on(event))
         whole = ~passes & ~np.isin(hits.faces, mirrors(optical, media))
-        ends = np.where(whole, CastFate.TOTAL_REFLECTION, CastFate.MORE_EVENTS)
+        ends = np.where(whole, CastFate.TOTAL_REFLECTION, CastFate.EVENT_LIMIT)
         passage.fates[rows] = np.where(out | goes_on, CastFate.LANDED, ends)
         light = replace(light, directions=ways, fields=passage.fields[rows], inside=inside)
         going = np.nonzero(goes_on)[0]

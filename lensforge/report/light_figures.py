@@ -317,7 +317,7 @@ _WORDS = {
     "base": "hit the base",
     "missed_receiver": "missed the receiver",
     "surfaces_intersect": "met intersecting surfaces",
-    "more_events": "still in the lens after the last event that is followed",
+    "event_limit": "still in the lens after the last event that is followed",
     "flange": "met the flange",
     "total_reflection": "totally reflected",
     "not_converged": "not converged",

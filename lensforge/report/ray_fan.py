@@ -5,7 +5,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.kernels.chain import FROM_BEHIND, REFLECTED
+from lensforge.kernels.fate import Fate
+from lensforge.kernels.traced_body import FROM_BEHIND, REFLECTED
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import TracedBundle
 from lensforge.optics.dielectric import refract
@@ -50,25 +51,21 @@ def trace_fan(
     if bundle.met is None:
         back = _returns(lens.inner, places[1], places[2])
         left, places[2][back] = left & ~back, np.nan
-    if bundle.passages:
-        places += _in_bodies(bundle)
+    if bundle.optics:
+        places += _in_optics(bundle)
         points, along = bundle.exits.points, bundle.exits.directions
     ends = np.where(left[:, None], _at_distance(points, along, reach_mm), np.nan)
     return np.stack([*_without_gaps(places), ends], axis=1)
 
 
-def _in_bodies(bundle: TracedBundle) -> list[Points]:
-    """Hits on the faces of each further body; NaN where a ray does not come to them."""
-    places, passages = [], bundle.passages
-    starts = [each.body.placed_points(each.own.origins) for each in passages[1:]]
-    ends = [*zip((each.rows for each in passages[1:]), starts, strict=True)]
-    out = bundle.exits.left_lens
-    for passage, (rows, points) in zip(passages, [*ends, (out, bundle.exits.points[out])], strict=True):
-        inner, outer = np.full((2, len(bundle.rays), 3), np.nan)
-        hits = passage.own.origins + passage.lengths[:, :1] * passage.own.directions
-        met = passage.met[:, 0] >= 0
-        inner[passage.rows[met]], outer[rows] = passage.body.placed_points(hits[met]), points
-        places += [inner, outer]
+def _in_optics(bundle: TracedBundle) -> list[Points]:
+    """Hits on both faces of each optic behind the lens; NaN where a ray does not come to them."""
+    places = []
+    for passage in bundle.optics:
+        hits = passage.rays.origins + passage.ways.lengths[:, :1] * passage.rays.directions
+        came = passage.ways.met[:, :1] >= 0
+        left = passage.exits.fates[:, None] == Fate.LEFT_LENS
+        places += [np.where(came, hits, np.nan), np.where(left, passage.exits.points, np.nan)]
     return places
 
 

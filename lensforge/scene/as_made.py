@@ -7,15 +7,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.kernels.face_records import FacePlacement
 from lensforge.optics.arrays import Array, like
 from lensforge.optics.media import DOUBLE
 
-Placed = tuple[Float[np.ndarray, "frames 3 4"], float, float]
-Rough = tuple[Float[np.ndarray, "_ m"], Float[np.ndarray, " f"]]
+
+class Roughness(NamedTuple):
+    """Three standard normal numbers of each ray at every face, and the rms slope of each face."""
+
+    noise: Float[np.ndarray, "n m"]
+    slopes: Float[np.ndarray, " f"]
+
 
 _NOISE_SEED = 20_29  # of the roughness: any number; the same in every trace, so that parts compare ray by ray
 
@@ -69,11 +76,11 @@ class AsMade:
     slopes: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def placed(self) -> Placed:
-        """Frames (k + 1, 3, 4) and factors as the kernels take them, see ``kernels.trace``.
+    def placed(self) -> FacePlacement:
+        """Places of the faces.
 
-        From the source to the first face, from face to face, and from the last one to the world. The seat stays: an
-        origin ``seat_mm`` above it comes to lie ``seat_mm (scale - 1)`` higher.
+        Frames go from the source to the first face, from face to face, and from the last one to the world. The seat
+        stays: an origin ``seat_mm`` above it comes to lie ``seat_mm (scale - 1)`` higher.
         """
         lens, source = self.lens.rotation, self.source.rotation
         centre, up = np.array(self.source.centre_mm), np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
@@ -91,17 +98,12 @@ class AsMade:
                 np.column_stack([lens @ turns[-1], back]),
             ]
         )
-        return frames, self.source_size / self.scale, self.scale
+        return FacePlacement(frames, self.source_size / self.scale, self.scale)
 
-    def rough(self, rays: int) -> Rough | None:
-        """Roughness as the kernels take it, for so many rays: noise, and the slope of each face; None for polished."""
+    def rough(self, rays: int) -> Roughness | None:
+        """Roughness of all faces for so many rays; None where all are polished."""
         slopes = np.array([self.slopes.get(name, 0.0) for name in self.names])
-        return (_noise(rays, len(slopes)), slopes) if slopes.any() else None
-
-
-def rough_part(rough: Rough | None, part: slice) -> Rough | None:
-    """Roughness of some of the rays."""
-    return None if rough is None else (rough[0][part], rough[1])
+        return Roughness(_noise(rays, len(slopes)), slopes) if slopes.any() else None
 
 
 @lru_cache(maxsize=2)

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
+from lensforge.kernels.face_records import FaceMedia
 from lensforge.optics.media import (
     BODY,
     CAVITY,
@@ -31,8 +32,6 @@ from lensforge.optics.media import (
 from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, grid, to_sphere
-
-_Sides = Int[np.ndarray, " f"]
 
 _DIRECTIONS = 20_000
 _NODES = 96  # of the chart's grid on which faces are compared
@@ -79,14 +78,14 @@ class Chain:
         """True where light leaves the cavity through an opening."""
         return OPENING in zip(self.before, self.behind, strict=True)
 
-    def packed(self, media: Media) -> tuple[_Sides, _Sides, Float[np.ndarray, " f"]]:
-        """Media before and behind the faces by number, and what mirrors reflect, as ``kernels.trace`` takes them."""
+    def packed(self, media: Media) -> FaceMedia:
+        """Media before and behind the faces by number, and what mirrors reflect, as the kernels take them."""
         before, behind = (
             np.array([MEDIA.index(each) for each in sides], dtype=np.int8) for sides in (self.before, self.behind)
         )
         coatings = [media.coating(name) for name in self.names]
         mirrors = np.array([each.reflectance if isinstance(each, Mirror) else -1.0 for each in coatings])
-        return before, behind, mirrors
+        return FaceMedia(before, behind, mirrors)
 
 
 @dataclass(frozen=True)

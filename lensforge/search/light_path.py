@@ -20,7 +20,7 @@ from torch import Tensor
 from torch.utils.checkpoint import checkpoint
 
 from lensforge import seeds
-from lensforge.light.crease import crease_gradients, worth_on
+from lensforge.light.crease import adjoint_on, crease_gradients
 from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.reference_bodies import ReferenceBody
 from lensforge.light.reference_trace import HitMemory, trace_reference
@@ -57,7 +57,7 @@ class _AtCreases(torch.autograd.Function):
     def backward(ctx: Any, *by: Tensor) -> Any:
         images = [each.contiguous().numpy() for each in by[::4]]
         sums = [np.array([float(each) for each in by[first + 1 : first + 4]]) for first in range(0, len(by), 4)]
-        places = ctx.tables, ctx.scene, ctx.source, worth_on(ctx.receivers, images, sums)
+        places = ctx.tables, ctx.scene, ctx.source, adjoint_on(ctx.receivers, images, sums)
         found = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
         return ctx.flux * torch.from_numpy(found), None, None, None, None, *by
 

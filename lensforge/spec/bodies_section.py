@@ -16,7 +16,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS, Material, by_abbe_number
-from lensforge.optics.media import CAVITY, DOUBLE, OUTSIDE, FaceCoating, FurtherBody, Media, Medium
+from lensforge.optics.media import CAVITY, DOUBLE, OUTSIDE, FaceCoating, Media, Medium, SecondaryOptic
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.fixed_surface import FixedSurface
@@ -129,7 +129,7 @@ class BodySection(Section):
         turn: Float[np.ndarray, "3 3"] = about_y @ about_x @ about_z
         return turn
 
-    def body(self, design_wavelength_nm: float) -> FurtherBody:
+    def body(self, design_wavelength_nm: float) -> SecondaryOptic:
         """The body as rays meet it; those without a wavelength have that one.
 
         Raises :class:`InputError` where its index is not known there.
@@ -146,7 +146,7 @@ class BodySection(Section):
             if face.coating is not None
         )
         rows = tuple(tuple(float(value) for value in row) for row in self.turn)
-        return FurtherBody(
+        return SecondaryOptic(
             self.name,
             Medium(index, absorption, material),
             self.inner.fixed.surface,
@@ -190,7 +190,7 @@ def require_bodies(
         _require_within(other, outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
 
 
-def _require_within(body: FurtherBody, points: _Points, what: str, remedy: str) -> None:
+def _require_within(body: SecondaryOptic, points: _Points, what: str, remedy: str) -> None:
     """Raise ``ValueError`` where a point beyond the plane in which the body ends lies out of its cavity."""
     depth = depths(body, points, inner=True)
     worst = int(np.argmin(depth))

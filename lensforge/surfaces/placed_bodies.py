@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.optics.media import FurtherBody
+from lensforge.optics.media import SecondaryOptic
 from lensforge.surfaces.mirror_group import group
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -18,7 +18,7 @@ _SAME = 1e-9  # rounding of a mirrored body
 _Points = Float[np.ndarray, "n 3"]
 
 
-def depths(body: FurtherBody, points: _Points, *, inner: bool) -> Float[np.ndarray, " n"]:
+def depths(body: SecondaryOptic, points: _Points, *, inner: bool) -> Float[np.ndarray, " n"]:
     """Depth (mm) of points within the inner or the outer face of a body; infinite below the plane in which it ends."""
     own, face = body.own_points(points), body.inner if inner else body.outer
     radii = np.maximum(np.linalg.norm(own, axis=1), 1e-12)
@@ -28,13 +28,13 @@ def depths(body: FurtherBody, points: _Points, *, inner: bool) -> Float[np.ndarr
     return found
 
 
-def outside_of(body: FurtherBody) -> _Points:
+def outside_of(body: SecondaryOptic) -> _Points:
     """Points of the outer face of a body, in the coordinates of the lens."""
     u = fibonacci_hemisphere(_DIRECTIONS)
     return body.placed_points(body.outer.radius(u)[:, None] * u)
 
 
-def has_mirrors(body: FurtherBody, symmetry: str) -> bool:
+def has_mirrors(body: SecondaryOptic, symmetry: str) -> bool:
     """True where the body, in its place, has the mirror group of that name about the axis of the lens."""
     turn, centre, u = np.array(body.turn), np.array(body.centre_mm), fibonacci_hemisphere(_DIRECTIONS // 10)
     for mirror in group(symmetry):
@@ -48,6 +48,6 @@ def has_mirrors(body: FurtherBody, symmetry: str) -> bool:
     return True
 
 
-def reach_mm(bodies: Sequence[FurtherBody]) -> float:
+def reach_mm(bodies: Sequence[SecondaryOptic]) -> float:
     """Radius (mm) of the ball about the lens's origin in which all bodies lie, above the planes in which they end."""
     return max((float(np.linalg.norm(outside_of(body), axis=1).max()) for body in bodies), default=0.0)

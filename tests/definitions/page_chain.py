@@ -8,9 +8,9 @@ import numpy as np
 from page_tracer import (
     BACKWARD,
     BASE,
+    EVENT_LIMIT,
     FLANGE,
     LANDED,
-    MORE_EVENTS,
     REACH,
     TOTAL,
     Functions,
@@ -228,7 +228,7 @@ def meet(light, face, medium, rows, t, media, section, nm, last):
     if last:
         inside = reflected if beyond == "outside" else np.full(len(rows), True)
         total = reflected & (mirror is None)
-        light.fate[rows[inside]] = np.where(total, TOTAL, MORE_EVENTS)[inside]
+        light.fate[rows[inside]] = np.where(total, TOTAL, EVENT_LIMIT)[inside]
     return [(medium, rows[reflected]), (beyond, rows[~reflected])]
 
 

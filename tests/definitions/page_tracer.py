@@ -11,9 +11,9 @@ from scipy.stats import qmc
 NODES, REACH = 129, 1.2  # nodes of the chart (X, Y) along each axis, and the largest |X|: the horizon is at 1
 FATES = [
     "landed", "backward", "outside_cavity", "surfaces_intersect", "base", "total_reflection", "missed_receiver",
-    "more_events", "flange",
+    "event_limit", "flange",
 ]  # fmt: skip
-LANDED, BACKWARD, OUTSIDE_CAVITY, INTERSECT, BASE, TOTAL, MISSED, MORE_EVENTS, FLANGE = range(9)
+LANDED, BACKWARD, OUTSIDE_CAVITY, INTERSECT, BASE, TOTAL, MISSED, EVENT_LIMIT, FLANGE = range(9)
 
 
 def unit(vectors):

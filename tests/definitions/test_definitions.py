@@ -258,8 +258,8 @@ CHAINS = {
 }
 SEEN = {
     "tir": ("flange", "reflected", "absorbed", "detected"),
-    "reflector": ("backward", "outside_cavity", "cover_glass", "absorbed", "more_events"),
-    "tir, mirrored beside": ("backward", "total_reflection", "absorbed", "more_events"),
+    "reflector": ("backward", "outside_cavity", "cover_glass", "absorbed", "event_limit"),
+    "tir, mirrored beside": ("backward", "total_reflection", "absorbed", "event_limit"),
     "tir in a gel": ("outside_cavity", "absorbed", "cover_glass", "reflected"),
     "reflector from below": ("outside_cavity", "absorbed"),
 }

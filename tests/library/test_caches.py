@@ -22,11 +22,11 @@ from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.cutter_room import base_with_room, lens_plan
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.keep_out import read_keep_out
-from lensforge.light.further_bodies import tabled
+from lensforge.light.secondary_optics import tabled
 from lensforge.optics.coatings import coating_tables, least_reflectance, reflectance_of
 from lensforge.optics.exit_space import ExitColumn, _on_level
 from lensforge.optics.material import MATERIALS
-from lensforge.optics.media import FurtherBody, Media, Medium, ReflectanceTable, values_at
+from lensforge.optics.media import Media, Medium, ReflectanceTable, SecondaryOptic, values_at
 from lensforge.scene.as_made import _noise
 from lensforge.scene.lamp_pictures import _pictures
 from lensforge.scene.lens import Lens, load_lens
@@ -93,7 +93,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "cad.cutter_room.lens_plan": (
         lambda each: lens_plan(each).base.height_mm, [(lens(),), (lens(base__height_mm=3.5),)]),
     "cad.form_error._fits": (lambda each: fit_lens(each)[1].faces[0].shape.control, [(lens(),), (lens(6.5),)]),
-    "light.further_bodies.tabled": (lambda *faces: tabled(FurtherBody("a", Medium(1.5), *faces)).tables,
+    "light.secondary_optics.tabled": (lambda *faces: tabled(SecondaryOptic("a", Medium(1.5), *faces)).tables,
                                     [(ball(7.0), ball(9.0)), (ball(7.0), ball(9.5)), (ball(7.5), ball(9.0))]),
     "optics.coatings.coating_tables": (
         lambda media, span: next(iter(coating_tables(media, span).faces.values())),

@@ -9,7 +9,7 @@ from chains import REACH, clear, collimator, tables_of, upwards
 from nightly import first_by_day
 
 from lensforge.errors import InputError
-from lensforge.light.crease import crease_gradients, worth_on
+from lensforge.light.crease import adjoint_on, crease_gradients
 from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.material import MATERIALS
@@ -176,7 +176,7 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
         value, image = loss(given, rays)
         (by_image,) = torch.autograd.grad(nmse_loss(image, wanted), image, retain_graph=True)
         value.backward()
-        worth = worth_on([receiver], [by_image.numpy()], [np.array([-2.0, 3.0, 0.0])])
+        worth = adjoint_on([receiver], [by_image.numpy()], [np.array([-2.0, 3.0, 0.0])])
         creases = crease_gradients(tables, here, LED, worth, 2**12, seed)
         more, less = (loss(torch.from_numpy(tables + s * way), rays)[0].item() for s in (0.5, -0.5))
         alone.append(more - less - (given.grad.numpy() * way).sum())

@@ -142,13 +142,13 @@ def test_no_flux_is_lost_without_a_cause() -> None:
     tables = tables_of(body, GRID)
     plain = TracedBundle.of(tables, scene(body, clear(absorption=0.05), fresnel=False), rays).exits
     assert plain.flux + plain.absorbed == pytest.approx(rays.flux, rel=1e-12)
-    for events, fate in ((1, Fate.MORE_EVENTS), (2, Fate.TOTAL_REFLECTION)):
+    for events, fate in ((1, Fate.EVENT_LIMIT), (2, Fate.TOTAL_REFLECTION)):
         few = TracedBundle.of(tables, scene(body, clear(), events=events, fresnel=False), rays).exits
         assert few.flux.sum() == pytest.approx(rays.flux.sum(), rel=1e-12)
         assert few.flux[few.fates == fate].sum() > 0.1 * rays.flux.sum()
     mirrored = clear(coatings=mirrors(0.9, wall=OUTSIDE))
     dark = TracedBundle.of(tables, scene(body, mirrored, events=2, fresnel=False), rays)
-    assert np.array_equal(dark.exits.fates == Fate.MORE_EVENTS, dark.met[:, 1] // 4 == NAMES.index("wall"))
+    assert np.array_equal(dark.exits.fates == Fate.EVENT_LIMIT, dark.met[:, 1] // 4 == NAMES.index("wall"))
 
 
 @pytest.mark.parametrize("events", [1, 2, 3, 6])
@@ -156,7 +156,7 @@ def test_a_mirror_absorbs_what_it_does_not_reflect_at_the_last_event_too(events:
     media, body, rays = clear(coatings=mirrors(0.7, wall=OUTSIDE, side=CAVITY)), collimator(0.05), upwards(3000, 8, 0.5)
     found = TracedBundle.of(tables_of(body, GRID), scene(body, media, events=events, fresnel=False), rays)
     left = 0.7 ** np.isin(found.met // 4, [NAMES.index("side"), NAMES.index("wall")]).sum(axis=1)
-    assert (found.exits.fates[left < 1.0] == Fate.MORE_EVENTS).sum() > (900 if events < 3 else 0)
+    assert (found.exits.fates[left < 1.0] == Fate.EVENT_LIMIT).sum() > (900 if events < 3 else 0)
     assert found.exits.flux == pytest.approx(left * rays.flux, rel=1e-12)
     assert found.exits.absorbed == pytest.approx((1.0 - left) * rays.flux, rel=1e-12, abs=1e-15)
 

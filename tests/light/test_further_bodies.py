@@ -9,7 +9,7 @@ from shells import BOWL, COVER_LOSS, COVER_N, DOME, LOSS, SECOND, SHELL, N, by_h
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import FaceCoating, FurtherBody, Medium, ReflectanceTable
+from lensforge.optics.media import FaceCoating, Medium, ReflectanceTable, SecondaryOptic
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
@@ -24,7 +24,7 @@ def tables(inner, outer) -> np.ndarray:
 CONCENTRIC = tables(sphere(2.0), sphere(5.0))
 
 
-def scene(*bodies: FurtherBody, fresnel: bool = True) -> Scene:
+def scene(*bodies: SecondaryOptic, fresnel: bool = True) -> Scene:
     return Scene(replace(clear(N, absorption=LOSS), bodies=bodies), GRID, fresnel)
 
 

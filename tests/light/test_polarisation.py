@@ -82,8 +82,8 @@ def of_two(d, m, within, n):
     second, _ = transmittances(e, snell(within, n, N) @ n, N)
     y = m @ n - (m @ within) * e
     b = snell(within, n, N)
-    given = [tuple(each.tolist()) for each in (m, n, within, b)]
-    axial = axial_share(first, second, N, e, b @ n, *given, (0.0, 0.0, 1.0))[0]
+    first_normal, *at = (tuple(each.tolist()) for each in (m, n, within, b))
+    axial = axial_share(first, second, first_normal, fresnel.SecondFace(N, e, b @ n, *at), (0.0, 0.0, 1.0))[0]
     return polarised_share(first, second, y)[0], axial
 
 

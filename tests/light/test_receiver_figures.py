@@ -128,5 +128,5 @@ def test_every_fate_has_its_share_of_the_budget() -> None:
         "bodies": share[12:].sum(), "reflected": 1.0 - share.sum(),
     }  # fmt: skip
     assert flux.model_dump() == pytest.approx(expected)
-    causes = ("backward", "outside_cavity", "base", "surfaces_intersect", "more_events", "flange", "missed_receiver")
+    causes = ("backward", "outside_cavity", "base", "surfaces_intersect", "event_limit", "flange", "missed_receiver")
     assert missed.model_dump() == pytest.approx(dict(zip(causes, share[[1, 2, 3, 6, 7, 8, 9]], strict=True)))

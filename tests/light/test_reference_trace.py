@@ -62,7 +62,7 @@ def test_every_fate_is_that_of_the_kernels(device: str) -> None:
         _agree(kernels, found)
         assert torch.equal(found.missed_receiver, kernels.missed_receiver)
         seen |= set(kernels.fates.tolist()) | ({"missed_receiver"} if kernels.missed_receiver.any() else set())
-    assert seen == set(Fate) - {Fate.NOT_CONVERGED, Fate.MORE_EVENTS, Fate.FLANGE} | {"missed_receiver"}
+    assert seen == set(Fate) - {Fate.NOT_CONVERGED, Fate.EVENT_LIMIT, Fate.FLANGE} | {"missed_receiver"}
 
 
 LOSSY = clear(absorption=0.02, coatings=mirrors(0.9, wall=OUTSIDE))
@@ -99,7 +99,7 @@ def test_chains_of_events_and_their_gradients_are_those_of_the_kernels(name: str
     by_torch, by_hand = (torch.autograd.grad(each.mixed(DISTANCE), tables)[0] for each in (found, kernels))
     assert torch.linalg.norm(by_torch - by_hand) < 1e-8 * torch.linalg.norm(by_hand)
     if events == 2 and "TIR" in name:
-        assert {Fate.FLANGE, Fate.MORE_EVENTS} <= set(found.fates.tolist())
+        assert {Fate.FLANGE, Fate.EVENT_LIMIT} <= set(found.fates.tolist())
 
 
 @pytest.mark.parametrize(("seed", "roughness"), [(1, 0.01), (2, 0.03), (3, 0.06)])

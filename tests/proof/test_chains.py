@@ -117,10 +117,10 @@ def test_the_kernel_sends_every_ray_along_its_chain(name, events, absorption):
     told = ~np.array([chain.endswith("c") and len(chain) + 2 <= events for chain in wanted.chains])
     assert told.all() or (events == 6 and told.sum() > 0.6 * len(told))
     np.testing.assert_array_equal((found.fates == CastFate.LANDED)[told], out[told])
-    lost = [CastFate.TOTAL_REFLECTION, CastFate.MORE_EVENTS]
+    lost = [CastFate.TOTAL_REFLECTION, CastFate.EVENT_LIMIT]
     np.testing.assert_array_equal(np.isin(found.fates, lost)[told], wanted.inside[told])
     by_mirror = wanted.inside & np.array([chain.endswith("w") and name == "ball" for chain in wanted.chains])
-    np.testing.assert_array_equal((found.fates == CastFate.MORE_EVENTS)[told], by_mirror[told])
+    np.testing.assert_array_equal((found.fates == CastFate.EVENT_LIMIT)[told], by_mirror[told])
     np.testing.assert_allclose(found.points[out], wanted.points[out], rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(found.directions[out], wanted.directions[out], rtol=0.0, atol=1e-10)
     kept = out | wanted.inside  # with the flux that is left in it, polarised by all that it has met
@@ -203,13 +203,13 @@ def test_all_flux_is_accounted_for_and_the_path_of_the_cast_is_no_stray_light(na
     assert sequential > 0.25 and (escaped.causes == Cause.OUTER_REFLECTION).any()
 
 
-def test_more_events_are_a_fate_of_their_own_with_its_flux():
+def test_the_event_limit_is_a_fate_of_their_own_with_its_flux():
     part, grid = part_of("ball", 30, 3)
     media = Media(Medium(INDEX), coatings=SILVERED)
     found = send_through(part, grid, RAYS, media)
     budget = flux_budget(RAYS, found.landed(SCREEN), SCREEN)
-    ends = found.fates == CastFate.MORE_EVENTS
-    assert budget.more_events == pytest.approx(found.flux[ends].sum(), rel=1e-12) and budget.more_events > 0.1
+    ends = found.fates == CastFate.EVENT_LIMIT
+    assert budget.event_limit == pytest.approx(found.flux[ends].sum(), rel=1e-12) and budget.event_limit > 0.1
     total = found.fates == CastFate.TOTAL_REFLECTION
     assert budget.total_reflection == pytest.approx(found.flux[total].sum(), rel=1e-12)
     assert sum(budget.model_dump().values()) == pytest.approx(1.0, abs=1e-12)

@@ -12,7 +12,7 @@ from tir_lenses import SPOT, margins_but_for_the_wall, spot, wall_not_measured
 
 import lensforge as lf
 from lensforge.cad.boundary import boundaries, sharpest_edges
-from lensforge.kernels.chain import REFLECTED
+from lensforge.kernels.traced_body import REFLECTED
 from lensforge.light.table_trace import TracedBundle
 from lensforge.scene.body import Body
 from lensforge.search.constraints import AugmentedLagrangian

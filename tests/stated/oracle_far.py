@@ -16,7 +16,7 @@ from page_figures import RAY, jackknife, largest, metric, plain, scaled, state_o
 from page_scene import by_fate, exits_of_each, faces_of, lamps_of
 
 LOST = (
-    "backward", "outside_cavity", "base", "total_reflection", "surfaces_intersect", "more_events", "flange",
+    "backward", "outside_cavity", "base", "total_reflection", "surfaces_intersect", "event_limit", "flange",
     "absorbed", "cover_glass",
 )  # fmt: skip
 KEPT = {}

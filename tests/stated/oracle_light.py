@@ -38,9 +38,9 @@ from page_scene import (
 )
 
 NOT_LEFT = (
-    "backward", "outside_cavity", "base", "surfaces_intersect", "more_events", "flange", "total_reflection",
+    "backward", "outside_cavity", "base", "surfaces_intersect", "event_limit", "flange", "total_reflection",
 )  # fmt: skip
-MISSED = ("backward", "outside_cavity", "base", "missed_receiver", "surfaces_intersect", "more_events", "flange")
+MISSED = ("backward", "outside_cavity", "base", "missed_receiver", "surfaces_intersect", "event_limit", "flange")
 
 
 def traced(case, calls, warm):

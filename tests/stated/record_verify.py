@@ -40,9 +40,9 @@ def same_light(found):
 
 def budget_of(designed):
     """Shares of the design's light by the fates of the part's."""
-    flux, more = designed["flux"], designed["missed_by_cause"]["more_events"]
+    flux, more = designed["flux"], designed["missed_by_cause"]["event_limit"]
     names = ("detected", "outside", "total_reflection", "absorbed", "cover_glass", "bodies", "reflected")
-    return {name: flux[name] for name in names} | {"missed": flux["missed"] - more, "more_events": more}
+    return {name: flux[name] for name in names} | {"missed": flux["missed"] - more, "event_limit": more}
 
 
 def receiver_record(case, index):

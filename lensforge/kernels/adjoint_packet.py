@@ -1,0 +1,137 @@
+"""A packet of rays of the adjoint: what is kept of each, at each of its events and behind the last; shared steps.
+
+Fields of the packet have room for ``SIZE`` rays each, as in ``kernels.ray_packet``. What belongs to an event lies in a
+block of its own, so that both events of the usual lens are at hand without a copy.
+"""
+
+from typing import NamedTuple
+
+from lensforge.kernels.bicubic import scatter
+from lensforge.kernels.compiled import inline
+from lensforge.kernels.frames import rough_normal, rough_normal_adjoint
+from lensforge.kernels.fresnel import outward_normal, reflect_adjoint, refract_adjoint
+from lensforge.kernels.hit_adjoint import hit_adjoint
+from lensforge.kernels.ray_packet import COEFFICIENTS, SIZE, fields, jet_at, mark_hit, three, write
+from lensforge.kernels.vectors import add_scaled, scaled
+
+# A ray's number; sensitivities to its point and direction, first behind the body and then ever nearer to its start,
+# to its flux, that along z and the squared exit sine; whether it left the lens; the flux emitted; the share of it
+# that absorption leaves; the absorption; by how much more of a path in the body the number that is differentiated
+# grows; whether the ray has a derivative at all.
+(
+    RAY, EX, EY, EZ, FX, FY, FZ, BY_FLUX, BY_AXIAL, BY_SIN2, LEFT, EMITTED, CLEAR, ABSORPTION, BY_PATH, SMOOTH,
+) = fields(COEFFICIENTS, 16)  # fmt: skip
+# At an event, from the start of its block: hit and direction before it, path, index ratio, the table's cell and five
+# derivatives, sensitivities to the table's value and slopes.
+P, _, _, D, _, _, PATH, INDEX_RATIO, CELL, _, _, _, JET, _, _, _, _, BY_TABLE, _, _ = fields(0, 20)
+BLOCK = 20
+FIRST_EVENT, SECOND_EVENT = fields(COEFFICIENTS + 16, 2 * BLOCK)[::BLOCK]
+OF_POLARISATION = COEFFICIENTS + 16 + 2 * BLOCK  # what follows is that of the polarisation
+
+
+class MetFace(NamedTuple):
+    """An event of all rays of a packet.
+
+    Its number and face, 1 for rays from before the face and -1 from behind, whether it reflects them, and the media.
+    """
+
+    event: int
+    face: int
+    side: float
+    mirrored: bool
+    medium: int
+    behind: int
+
+
+class Hit(NamedTuple):
+    """A ray at an event: its number, index ratio, hit, direction before, the table's derivatives, and normals.
+
+    One away from the origin, and one along the ray that roughness tilts.
+    """
+
+    number: int
+    ratio: float
+    p: tuple[float, float, float]
+    d: tuple[float, float, float]
+    jet: tuple[float, float, float, float, float]
+    normal: tuple[float, float, float]
+    tilted: tuple[float, float, float]
+
+
+class ByEvent(NamedTuple):
+    """Sensitivities to a hit and to the direction behind it, beside these to cosine, unit normal and direction before.
+
+    And to the path there, for what it absorbs.
+    """
+
+    hit: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    cosine: float
+    normal: tuple[float, float, float]
+    direction_before: tuple[float, float, float]
+    path: float
+
+
+@inline
+def move_to_face(packet, count, at, table, grid):
+    """Move all rays to the face of an event, whose block begins ``at``, and find the table's cells there."""
+    side = float(len(table))
+    for k in range(count):
+        p = add_scaled(three(packet, at + P + k), packet[at + PATH + k], three(packet, at + D + k))
+        write(packet, at + P + k, p)
+        mark_hit(packet, k, p, at + CELL, side, grid)
+
+
+@inline
+def take_jets(packet, count, at, inverse_step):
+    """Derivatives of the table at all hits, whose coefficients have been fetched."""
+    for k in range(count):
+        share_x, share_y = packet[at + CELL + 2 * SIZE + k], packet[at + CELL + 3 * SIZE + k]
+        jet = jet_at(packet, k, share_x, share_y, inverse_step)
+        write(packet, at + JET + k, jet[:3])
+        write(packet, at + JET + 2 * SIZE + k, jet[2:])
+
+
+@inline
+def jet_of(packet, place):
+    """The five derivatives of the table at a hit."""
+    x, y, xx = three(packet, place)
+    _, xy, yy = three(packet, place + 2 * SIZE)
+    return x, y, xx, xy, yy
+
+
+@inline
+def hit_at(packet, k, at, face, rays, slopes):
+    """The hit of ray k of the packet at an event, as a :class:`Hit`."""
+    number, ratio = int(packet[RAY + k]), packet[at + INDEX_RATIO + k]
+    p, d, jet = three(packet, at + P + k), three(packet, at + D + k), jet_of(packet, at + JET + k)
+    normal = outward_normal(p, jet[0], jet[1])
+    tilted = rough_normal(normal, rays.noise, slopes, number, face.event, face.face)
+    return Hit(number, ratio, p, d, jet, normal, scaled(face.side, tilted))
+
+
+@inline
+def back_to_ray(packet, k, at, face, hit, by, rays, slopes):
+    """Sensitivities to start and direction of a ray before an event from those ``by`` it; fills that to the table."""
+    if face.mirrored:
+        f, h = reflect_adjoint(hit.d, hit.tilted, by.direction, by.cosine, by.normal)
+    else:
+        f, h = refract_adjoint(hit.d, hit.tilted, hit.ratio, by.direction, by.cosine, by.normal)
+    f = add_scaled(f, 1.0, by.direction_before)
+    h = rough_normal_adjoint(hit.normal, rays.noise, slopes, hit.number, face.event, face.face, scaled(face.side, h))
+    e = add_scaled(by.hit, by.path, hit.d)
+    e, by_table = hit_adjoint(hit.p, hit.d, hit.normal, e, h, hit.jet)
+    f = add_scaled(f, packet[at + PATH + k], e)
+    smooth = packet[SMOOTH + k] == 1.0
+    by_table = by_table[0] if smooth else 0.0, by_table[1] if smooth else 0.0, by_table[2] if smooth else 0.0
+    write(packet, at + BY_TABLE + k, by_table)
+    return add_scaled(e, -by.path, hit.d), f
+
+
+@inline
+def add_to_table(packet, count, at, inverse_step, gradient):
+    """Add the sensitivities of all rays to those of the coefficients that acted at an event."""
+    for k in range(count):
+        row, column, share_x = three(packet, at + CELL + k)
+        cell = row, column, share_x, packet[at + CELL + 3 * SIZE + k]
+        scatter(gradient, cell, inverse_step, three(packet, at + BY_TABLE + k))

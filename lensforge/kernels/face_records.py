@@ -1,0 +1,27 @@
+"""Sides and places of the faces of a body, as the kernels take them; free of the compiler."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int8
+
+
+class FaceMedia(NamedTuple):
+    """Media before and behind each face, and the share that a mirror on it reflects, below 0 where it has none."""
+
+    before: Int8[np.ndarray, " f"]
+    behind: Int8[np.ndarray, " f"]
+    mirrors: Float[np.ndarray, " f"]
+
+
+class FacePlacement(NamedTuple):
+    """Frames in which the faces stand: a rotation each and, in its last column, a shift (mm), into the next frame.
+
+    From that of the rays into the first face's own, from there into the next face's, and from the last back; where any
+    face may be met next, all stand in one frame. ``factor_in``: of lengths on the way into the first frame,
+    ``factor_out``: on the way back; those of a lens that has shrunk, and of a source of another size.
+    """
+
+    frames: Float[np.ndarray, "g 3 4"]
+    factor_in: float
+    factor_out: float

@@ -1,0 +1,265 @@
+"""The adjoint at the events of rays whose polarisation is followed by their fields.
+
+All rays of a packet have taken the same way: they meet the same faces, from the same side, and are reflected or
+refracted at each. So every step is one of vectors. What was before an event is kept, and recalled on the way back.
+"""
+
+from math import exp, sqrt
+
+from lensforge.kernels.adjoint_packet import (
+    ABSORPTION,
+    BY_AXIAL,
+    BY_FLUX,
+    BY_PATH,
+    BY_SIN2,
+    CLEAR,
+    EMITTED,
+    EX,
+    FIRST_EVENT,
+    FX,
+    INDEX_RATIO,
+    LEFT,
+    OF_POLARISATION,
+    PATH,
+    RAY,
+    SMOOTH,
+    ByEvent,
+    D,
+    P,
+    back_to_ray,
+    hit_at,
+)
+from lensforge.kernels.compiled import inline
+from lensforge.kernels.fields import FieldTurn, field_adjoint, field_behind, passing, reflect, reflecting, unpolarised
+from lensforge.kernels.frames import (
+    back_into_faces,
+    into_first,
+    to_next_face,
+    turn_from_next,
+    turn_in,
+    turn_to_next,
+    z_axis,
+)
+from lensforge.kernels.fresnel import refract, through
+from lensforge.kernels.next_event import is_side_way
+from lensforge.kernels.ray_packet import SIZE, fields, three, write
+from lensforge.kernels.traced_body import BODY, OUTSIDE, own_or_shared
+from lensforge.kernels.vectors import add_scaled, dot, scaled, unit
+
+# Both fields (real, imaginary) before an event, and the sensitivities to them. At the event: the cosine before the
+# face, the squared one behind, the unit normal and the refracted direction, amplitudes a and k (complex) and their
+# derivatives by the cosine.
+E, BY_E = fields(OF_POLARISATION, 24)[::12]
+C, Q_SQUARED, N, _, _, B, _, _, A, _, K, _, A_BY_C, _, K_BY_C, _ = fields(OF_POLARISATION + 24, 16)
+FIELD = 3 * SIZE  # from one part of a field to the next
+
+
+@inline
+def begin_forward(packet, count, own, placement):
+    """Fields with which all rays begin, their ``own`` or those of unpolarised light; nothing is absorbed yet."""
+    for lane in range(count):
+        packet[CLEAR + lane], packet[SMOOTH + lane] = 1.0, 1.0
+        if own is None:
+            one, other = unpolarised(three(packet, FIRST_EVENT + D + lane))
+            write(packet, E + lane, one)
+            write(packet, E + FIELD + lane, scaled(0.0, one))
+            write(packet, E + 2 * FIELD + lane, other)
+            write(packet, E + 3 * FIELD + lane, scaled(0.0, one))
+        else:
+            k = int(packet[RAY + lane])
+            for part in range(4):
+                field = own[k, 3 * part], own[k, 3 * part + 1], own[k, 3 * part + 2]
+                write(packet, E + part * FIELD + lane, into_first(placement, field))
+
+
+@inline
+def absorb_on_way(packet, count):
+    """Absorb a part of the flux of all rays on their path in the body."""
+    for k in range(count):
+        packet[CLEAR + k] *= exp(-packet[ABSORPTION + k] * packet[FIRST_EVENT + PATH + k])
+
+
+@inline
+def refract_all_at(packet, count, face, rays, slopes):
+    """Cosines, normals and refracted directions of all rays at an event."""
+    for k in range(count):
+        hit = hit_at(packet, k, FIRST_EVENT, face, rays, slopes)
+        n = unit(hit.tilted)
+        b, c, q_squared = refract(hit.d, n, hit.ratio)
+        packet[C + k], packet[Q_SQUARED + k] = c, q_squared
+        write(packet, N + k, n)
+        write(packet, B + k, b)
+
+
+@inline
+def put_amplitudes(packet, k, found):
+    """Write amplitudes and their derivatives."""
+    (packet[A + k], packet[A + SIZE + k]), (packet[K + k], packet[K + SIZE + k]), by_a, by_k = found
+    packet[A_BY_C + k], packet[A_BY_C + SIZE + k] = by_a
+    packet[K_BY_C + k], packet[K_BY_C + SIZE + k] = by_k
+
+
+@inline
+def amplitudes_of_film(packet, count, film, rays, fresnel):
+    """Amplitudes of light that passes a face. At a tangent or a critical angle there is no derivative."""
+    for k in range(count):
+        c, ratio = packet[C + k], packet[FIRST_EVENT + INDEX_RATIO + k]
+        passes = packet[Q_SQUARED + k] > 0.0
+        q = sqrt(packet[Q_SQUARED + k] if passes else 1.0)
+        packet[SMOOTH + k] = packet[SMOOTH + k] if passes and c > 0.0 else 0.0
+        row = own_or_shared(rays.film_rows, int(packet[RAY + k]))
+        passed, slopes = through(c, q, ratio, fresnel, film, row)
+        put_amplitudes(packet, k, passing(passed, slopes))
+
+
+@inline
+def amplitudes_of_passing(packet, count, face, films, rays, fresnel):
+    """:func:`amplitudes_of_film` of a face that may have none."""
+    if films is None:  # known to the compiler
+        amplitudes_of_film(packet, count, None, rays, fresnel)
+    else:
+        if films.sizes[face] == 0:
+            amplitudes_of_film(packet, count, None, rays, fresnel)
+        else:
+            amplitudes_of_film(packet, count, films.tables[face, ..., : films.sizes[face], :], rays, fresnel)
+
+
+@inline
+def all_amplitudes(packet, count, face, rays, body):
+    """Amplitudes of all rays at an event, that of a mirror, of total reflection, or of light that passes."""
+    mirror = body.sides.mirrors[face.face]
+    if mirror >= 0.0:
+        for k in range(count):
+            put_amplitudes(packet, k, ((sqrt(mirror), 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)))
+    elif face.mirrored:
+        for k in range(count):
+            put_amplitudes(packet, k, reflecting(packet[C + k], packet[FIRST_EVENT + INDEX_RATIO + k]))
+    else:
+        amplitudes_of_passing(packet, count, face.face, body.films, rays, body.fresnel)
+
+
+@inline
+def field_turn(packet, k, mirrored):
+    """The turn of the fields of a ray at the face of an event."""
+    c, d, n = packet[C + k], three(packet, FIRST_EVENT + D + k), three(packet, N + k)
+    a, more = (packet[A + k], packet[A + SIZE + k]), (packet[K + k], packet[K + SIZE + k])
+    b = reflect(d, n, c) if mirrored else three(packet, B + k)
+    return FieldTurn(a, more, n, add_scaled(n, -c, d), d, b, mirrored)
+
+
+@inline
+def turn_all_fields(packet, count, mirrored):
+    """Take the directions and fields of all rays through the face of an event."""
+    for k in range(count):
+        face = field_turn(packet, k, mirrored)
+        for first in range(E + k, E + 4 * FIELD + k, 2 * FIELD):
+            real, imaginary = field_behind(three(packet, first), three(packet, first + FIELD), face)
+            write(packet, first, real)
+            write(packet, first + FIELD, imaginary)
+        write(packet, FIRST_EVENT + D + k, face.b)
+
+
+@inline
+def forward_at(packet, count, face, rays, body):
+    """Take all rays through the face of an event."""
+    refract_all_at(packet, count, face, rays, body.slopes)
+    all_amplitudes(packet, count, face, rays, body)
+    turn_all_fields(packet, count, face.mirrored)
+
+
+@inline
+def to_next_frame(packet, count, placement):
+    """Take all rays into the frame of the outer one of two faces."""
+    if placement is not None:
+        for k in range(count):
+            p, d = to_next_face(placement, three(packet, FIRST_EVENT + P + k), three(packet, FIRST_EVENT + D + k))
+            write(packet, FIRST_EVENT + P + k, p)
+            write(packet, FIRST_EVENT + D + k, d)
+            for first in range(E + k, E + 4 * FIELD + k, FIELD):
+                write(packet, first, turn_to_next(placement, three(packet, first)))
+
+
+@inline
+def from_next_frame(packet, count, placement):
+    """Take all sensitivities from the frame of the outer one of two faces into that of the inner one."""
+    if placement is not None:
+        for k in range(count):
+            write(packet, EX + k, turn_from_next(placement, three(packet, EX + k)))
+            write(packet, FX + k, turn_from_next(placement, three(packet, FX + k)))
+            for first in range(BY_E + k, BY_E + 4 * FIELD + k, FIELD):
+                write(packet, first, turn_from_next(placement, three(packet, first)))
+
+
+@inline
+def begin_back(packet, count, placement, by_fields):
+    """Sensitivities to all rays behind their last event, in the frame of the faces, and to their paths in the body."""
+    axis = z_axis(placement)
+    for k in range(count):
+        b = three(packet, FIRST_EVENT + D + k)
+        e, f = back_into_faces(placement, three(packet, EX + k), three(packet, FX + k))
+        e = add_scaled(e, -dot(e, b), b)  # a ray is a line: no receiver sees where on it its point lies
+        write(packet, EX + k, e)
+        write(packet, FX + k, f)
+        arrived, value = packet[EMITTED + k] * packet[CLEAR + k] if packet[LEFT + k] == 1.0 else 0.0, 0.0
+        for part in range(4):
+            field = three(packet, E + part * FIELD + k)
+            onto, squared = dot(axis, field), dot(field, field)
+            value += 0.5 * arrived * (packet[BY_FLUX + k] * squared + packet[BY_AXIAL + k] * onto * onto)
+            by_axis = arrived * packet[BY_AXIAL + k] * onto
+            write(
+                packet, BY_E + part * FIELD + k, add_scaled(scaled(arrived * packet[BY_FLUX + k], field), by_axis, axis)
+            )
+        packet[BY_PATH + k] = -packet[ABSORPTION + k] * value
+    add_by_fields(packet, count, placement, by_fields)
+
+
+@inline
+def add_by_fields(packet, count, placement, by_fields):
+    """Add the sensitivities to the fields with which rays leave, where there are any."""
+    if by_fields is not None:
+        for lane in range(count):
+            k, value = int(packet[RAY + lane]), 0.0
+            for part in range(4):
+                also = by_fields[k, 3 * part], by_fields[k, 3 * part + 1], by_fields[k, 3 * part + 2]
+                also = turn_in(placement, also)
+                value += 0.5 * dot(also, three(packet, E + part * FIELD + lane))
+                by_field = add_scaled(three(packet, BY_E + part * FIELD + lane), 1.0, also)
+                write(packet, BY_E + part * FIELD + lane, by_field)
+            packet[BY_PATH + lane] -= packet[ABSORPTION + lane] * value
+
+
+@inline
+def by_exit_sine(packet, k, face, sides):
+    """Sensitivity to the cosine before a face from that to the exit sine there."""
+    if face.behind != OUTSIDE or sides.mirrors[face.face] >= 0.0:
+        return 0.0
+    ratio = packet[FIRST_EVENT + INDEX_RATIO + k]
+    sign = 2.0 if is_side_way(face.face, sides) else -2.0
+    return sign * ratio * ratio * packet[C + k] * packet[BY_SIN2 + k]
+
+
+@inline
+def back_through(packet, count, face, last, rays, body):
+    """Sensitivities to all rays before an event from those behind it."""
+    in_body = 1.0 if face.medium == BODY else 0.0
+    for k in range(count):
+        turned, c = field_turn(packet, k, face.mirrored), packet[C + k]
+        by_n, by_d, f = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), three(packet, FX + k)
+        by_c = by_exit_sine(packet, k, face, body.sides) if last else 0.0
+        for first in range(E + k, E + 4 * FIELD + k, 2 * FIELD):
+            to = first + BY_E - E
+            real, imaginary, also_n, on_u, also_d, also_b, on_a, on_k = field_adjoint(
+                three(packet, first), three(packet, first + FIELD), three(packet, to), three(packet, to + FIELD), turned
+            )
+            write(packet, to, real)
+            write(packet, to + FIELD, imaginary)
+            by_n = add_scaled(add_scaled(by_n, 1.0, also_n), 1.0, on_u)
+            by_d = add_scaled(add_scaled(by_d, 1.0, also_d), -c, on_u)
+            f = add_scaled(f, 1.0, also_b)
+            by_c += on_a[0] * packet[A_BY_C + k] + on_a[1] * packet[A_BY_C + SIZE + k] - dot(turned.d, on_u)
+            by_c += on_k[0] * packet[K_BY_C + k] + on_k[1] * packet[K_BY_C + SIZE + k]
+        by = ByEvent(three(packet, EX + k), f, by_c, by_n, by_d, in_body * packet[BY_PATH + k])
+        hit = hit_at(packet, k, FIRST_EVENT, face, rays, body.slopes)
+        e, f = back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays, body.slopes)
+        write(packet, EX + k, e)
+        write(packet, FX + k, f)

@@ -1,0 +1,215 @@
+"""Rays of a packet at the faces that they have found: moved there, refracted, and their polarisation behind.
+
+Of the usual lens in unpolarised light the polarisation has a closed form, all in vector instructions; else each ray
+carries its fields (``kernels.fields``).
+"""
+
+from math import sqrt
+
+from lensforge.kernels.compiled import inline
+from lensforge.kernels.fields import FieldTurn, field_behind, passing, reflect, reflecting, squared_lengths
+from lensforge.kernels.first_hit import FOUND
+from lensforge.kernels.frames import rough_normal, turn_out, z_axis
+from lensforge.kernels.fresnel import (
+    SecondFace,
+    axial_share,
+    outward_normal,
+    polarised_share,
+    refract,
+    through,
+    through_face,
+)
+from lensforge.kernels.nearest_face import BENT, CLEAR, FACE, FIELDS, SIDE
+from lensforge.kernels.ray_packet import (
+    AXIAL,
+    BEHIND,
+    COSINE,
+    DX,
+    EXCESS,
+    LENGTH,
+    MX,
+    PX,
+    RATIO,
+    RAY,
+    RHO_X,
+    RHO_Y,
+    SIZE,
+    STATUS,
+    T_P,
+    T_S,
+    THROUGH,
+    in_whole_vectors,
+    three,
+    write,
+)
+from lensforge.kernels.traced_body import own_or_shared
+from lensforge.kernels.vectors import add_scaled, dot, scaled, unit
+
+
+@inline
+def refract_in_order(packet, count, face, film, rays, body, axis):
+    """Move all rays of a packet to a ``face`` of the usual lens, 0 or 1, which they have found, and refract them there.
+
+    Those that have found none only move. Fills the cosine before, the squared one behind, and the transmittance; at the
+    inner face what the outer one needs to know of the polarisation, at the outer one the share along ``axis``.
+    """
+    for k in range(count):
+        number, d, ratio = int(packet[RAY + k]), three(packet, DX + k), packet[RATIO + k]
+        p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
+        write(packet, PX + k, p)
+        n = outward_normal(p, packet[RHO_X + k], packet[RHO_Y + k])
+        n = unit(rough_normal(n, rays.noise, body.slopes, number, face, face))
+        b, c, q_squared = refract(d, n, ratio)
+        met = packet[STATUS + k] == FOUND and p[2] >= 0.0
+        write(packet, DX + k, (b[0] if met else d[0], b[1] if met else d[1], b[2] if met else d[2]))
+        packet[COSINE + k], packet[BEHIND + k] = c, q_squared
+        if body.fresnel:
+            q = sqrt(q_squared)
+            passed, _ = through_face(c, q, ratio, film, own_or_shared(rays.film_rows, number))
+            if face == 0:
+                mean = 0.5 * (passed[0] + passed[1])
+                packet[THROUGH + k], packet[T_S + k], packet[T_P + k] = mean, passed[0] / mean, passed[1] / mean
+                packet[EXCESS + k] = passed[2] / (mean * ratio * ratio)
+                write(packet, MX + k, n)
+            else:
+                first, m = (packet[T_S + k], packet[T_P + k], packet[EXCESS + k]), three(packet, MX + k)
+                y = dot(m, n) - dot(m, d) * c
+                packet[THROUGH + k] = polarised_share(first, passed, y)[0]
+                if axis is not None:
+                    packet[AXIAL + k] = axial_share(first, passed, m, SecondFace(ratio, c, q, n, d, b), axis)[0]
+
+
+@inline
+def refract_at(packet, count, face, films, rays, body, axis):
+    """:func:`refract_in_order` for the whole vectors of a packet, at a face that may have a film."""
+    whole = in_whole_vectors(count)
+    if films is None:  # known to the compiler
+        refract_in_order(packet, whole, face, None, rays, body, axis)
+    else:
+        if films.sizes[face] == 0:
+            refract_in_order(packet, whole, face, None, rays, body, axis)
+        else:
+            refract_in_order(packet, whole, face, films.tables[face, ..., : films.sizes[face], :], rays, body, axis)
+
+
+@inline
+def refract_second(packet, count, axial, rays, body):
+    """:func:`refract_at` at the outer face of the usual lens."""
+    if axial is None:
+        refract_at(packet, count, 1, body.films, rays, body, None)
+    else:
+        refract_at(packet, count, 1, body.films, rays, body, z_axis(body.placement))
+
+
+@inline
+def refract_any(packet, count, event, rays, body):
+    """Move all rays of a packet to the faces that they have found, and refract them there, also where one reflects."""
+    for k in range(count):
+        d = three(packet, DX + k)
+        p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
+        write(packet, PX + k, p)
+        n = outward_normal(p, packet[RHO_X + k], packet[RHO_Y + k])
+        n = rough_normal(n, rays.noise, body.slopes, int(packet[RAY + k]), event, int(packet[FACE + k]))
+        n = scaled(packet[SIDE + k], unit(n))
+        b, packet[COSINE + k], packet[BEHIND + k] = refract(d, n, packet[RATIO + k])
+        write(packet, MX + k, n)
+        write(packet, BENT + k, b)
+
+
+@inline
+def refract_all(packet, count, event, rays, body, exits, sides):
+    """Move all rays of a packet to their faces, and refract them there."""
+    if sides is None:  # known to the compiler
+        if event == 0:
+            refract_at(packet, count, 0, body.films, rays, body, None)
+        else:
+            refract_second(packet, count, exits.axial, rays, body)
+    else:
+        refract_any(packet, count, event, rays, body)
+
+
+@inline
+def amplitudes(c, q_squared, ratio, mirror, face, films, fresnel, row):
+    """Amplitude a and k of light behind a face, and derivatives by c (``kernels.fields``); whether it is reflected."""
+    if mirror >= 0.0:
+        return (sqrt(mirror), 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), True
+    if q_squared <= 0.0:
+        a, more, by_a, by_more = reflecting(c, ratio)
+        return a, more, by_a, by_more, True
+    if films is None:
+        passed, slopes = through(c, sqrt(q_squared), ratio, fresnel, None, row)
+    else:
+        if films.sizes[face] == 0:
+            passed, slopes = through(c, sqrt(q_squared), ratio, fresnel, None, row)
+        else:
+            passed, slopes = through(
+                c, sqrt(q_squared), ratio, fresnel, films.tables[face, ..., : films.sizes[face], :], row
+            )
+    a, more, by_a, by_more = passing(passed, slopes)
+    return a, more, by_a, by_more, False
+
+
+@inline
+def turn_fields(packet, lane, face):
+    """Take both fields of a ray through a face (``FieldTurn``). Returns half of the sum of their squared lengths."""
+    for first in range(FIELDS + lane, FIELDS + 12 * SIZE + lane, 6 * SIZE):
+        real, imaginary = field_behind(three(packet, first), three(packet, first + 3 * SIZE), face)
+        write(packet, first, real)
+        write(packet, first + 3 * SIZE, imaginary)
+    first = FIELDS + lane
+    return 0.5 * squared_lengths(
+        three(packet, first),
+        three(packet, first + 3 * SIZE),
+        three(packet, first + 6 * SIZE),
+        three(packet, first + 9 * SIZE),
+    )
+
+
+@inline
+def behind_face(packet, lane, face, mirror, arrived, rays, body, sides):
+    """Tell whether a ray is reflected at its face, and its flux behind that; its direction and fields are renewed.
+
+    ``arrived``: its flux (W) before the face.
+    """
+    q_squared, k = packet[BEHIND + lane], int(packet[RAY + lane])
+    if sides is None:
+        mirrored = q_squared <= 0.0
+        return mirrored, arrived * packet[THROUGH + lane] if body.fresnel and not mirrored else arrived
+    c, ratio, d, n = packet[COSINE + lane], packet[RATIO + lane], three(packet, DX + lane), three(packet, MX + lane)
+    row = own_or_shared(rays.film_rows, k)
+    a, more, _, _, mirrored = amplitudes(c, q_squared, ratio, mirror, face, body.films, body.fresnel, row)
+    b = reflect(d, n, c) if mirrored else three(packet, BENT + lane)
+    write(packet, DX + lane, b)
+    share = turn_fields(packet, lane, FieldTurn(a, more, n, add_scaled(n, -c, d), d, b, mirrored))
+    return mirrored, rays.emitted[k] * packet[CLEAR + lane] * share
+
+
+@inline
+def keep_fields(packet, lane, placement, fields):
+    """Keep the fields with which a ray leaves, in the frame of the receivers, where anybody asks."""
+    if fields is not None:
+        k = int(packet[RAY + lane])
+        for part in range(4):
+            own = turn_out(placement, three(packet, FIELDS + 3 * part * SIZE + lane))
+            fields[k, 3 * part], fields[k, 3 * part + 1], fields[k, 3 * part + 2] = own
+
+
+@inline
+def share_along(packet, lane, axis):
+    """Share of the light whose field is along a unit vector."""
+    squared = 0.0
+    for part in range(4):
+        onto = dot(axis, three(packet, FIELDS + 3 * part * SIZE + lane))
+        squared += onto * onto
+    return 0.5 * squared
+
+
+@inline
+def keep_axial(packet, lane, arrived, rays, body, axial, sides):
+    """Keep the flux of a ray times the squared part of its field along z, where a cover glass asks for it."""
+    if axial is not None:
+        k = int(packet[RAY + lane])
+        if sides is None:
+            axial[k] = arrived * packet[AXIAL + lane]
+        else:
+            axial[k] = rays.emitted[k] * packet[CLEAR + lane] * share_along(packet, lane, z_axis(body.placement))

@@ -1,0 +1,151 @@
+"""Records of arrays that the kernels of tracing take: rays that come to a body, the body, what rays do in it.
+
+Each field that may be None is known to the compiler: of a bare, polished body no kernel has code for films and noise.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int, Int8
+
+from lensforge.kernels.bicubic import FaceBounds, TableSpacing
+from lensforge.kernels.compiled import inline
+from lensforge.kernels.face_records import FaceMedia, FacePlacement
+from lensforge.kernels.parallel import part_of
+
+CAVITY, BODY, OUTSIDE = 0, 1, 2  # the media
+REFLECTED, FROM_BEHIND = 2, 1  # more than four times the number of the face, in what a ray met
+
+
+def _some(values: np.ndarray | None, part: slice) -> np.ndarray | None:
+    return None if values is None else values[part]
+
+
+class RaysIn(NamedTuple):
+    """Rays that come to a body, in the frame of what sends them.
+
+    ``emitted``: flux (W). ``indices``: the body's refractive index for each ray, or one for all; ``absorptions`` its
+    absorption (1/mm) likewise, or nothing where the body is clear. ``film_rows``: place of each ray among the rows of
+    the tables of films, or one for all. ``noise`` (n, 3 e): three independent standard normal numbers for each ray at
+    each event; None where all faces are polished. ``fields`` (n, 12): of polarised light those with which each ray
+    begins (``kernels.fields``: real and imaginary parts of both), in the frame of the faces; None as from a source.
+    """
+
+    origins: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    emitted: Float[np.ndarray, " n"]
+    indices: Float[np.ndarray, " k"]
+    absorptions: Float[np.ndarray, " j"]
+    film_rows: Float[np.ndarray, " i"]
+    noise: Float[np.ndarray, "n m"] | None = None
+    fields: Float[np.ndarray, "n 12"] | None = None
+
+    def part(self, part: slice) -> "RaysIn":
+        """Some of the rays."""
+        return RaysIn(
+            *(each[part] for each in (self.origins, self.directions, self.emitted)),
+            *(part_of(each, part) for each in (self.indices, self.absorptions, self.film_rows)),
+            *(_some(each, part) for each in (self.noise, self.fields)),
+        )
+
+
+class FaceFilms(NamedTuple):
+    """Reflectance of the faces, and the length of the table of each, 0 for a bare one; see ``optics.coatings``."""
+
+    tables: Float[np.ndarray, "f *rows m 2"]
+    sizes: Int[np.ndarray, " f"]
+
+
+class TracedBody(NamedTuple):
+    """A body between the tables of its faces, and what surrounds it.
+
+    Without ``fresnel`` faces let all light through that they do not reflect totally, and none has a film. ``sides``
+    None: of the usual lens in unpolarised light, two faces that are met in their order, whose polarisation has a closed
+    form. Else polarised light is followed by its fields. Its faces are met in their order, once each, and light that
+    is reflected is lost; or, where the ``bounds`` have balls, in any order, as ``kernels.nearest_face`` finds them.
+    ``slopes``: rms slope of each rough face along any line on it; None where all are polished.
+    """
+
+    tables: Float[np.ndarray, "f side side"]
+    bounds: FaceBounds
+    grid: TableSpacing
+    fresnel: bool
+    cavity_index: float
+    outside_index: float
+    sides: FaceMedia | None = None
+    films: FaceFilms | None = None
+    placement: FacePlacement | None = None
+    slopes: Float[np.ndarray, " f"] | None = None
+
+
+class Ways(NamedTuple):
+    """Path (mm) of each ray to each of its events, and what it met there.
+
+    ``met``: four times the number of the face; 2 more where the ray was reflected, 1 more where it came from behind the
+    face; below 0 where there was none. None for the usual lens in unpolarised light.
+    """
+
+    lengths: Float[np.ndarray, "n e"]
+    met: Int8[np.ndarray, "n e"] | None = None
+
+    def part(self, part: slice) -> "Ways":
+        """Ways of some rays."""
+        return Ways(self.lengths[part], _some(self.met, part))
+
+
+class RaysOut(NamedTuple):
+    """Rays behind a body: what ``kernels.trace`` fills, see ``scene.exit_rays``.
+
+    ``points``, ``directions`` and ``absorbed`` come as zeros, and stay so where a ray does not leave or is not
+    absorbed; ``absorbed`` is empty where nothing absorbs. ``axial``: None but for a cover glass. ``fields``: filled as
+    those of :class:`RaysIn`, in the frame of the receivers; None where nobody asks.
+    """
+
+    points: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    flux: Float[np.ndarray, " n"]
+    absorbed: Float[np.ndarray, " m"]
+    sin2_exit: Float[np.ndarray, " n"]
+    fates: Int8[np.ndarray, " n"]
+    axial: Float[np.ndarray, " n"] | None = None
+    fields: Float[np.ndarray, "n 12"] | None = None
+
+    def part(self, part: slice) -> "RaysOut":
+        """Some of the rays."""
+        return RaysOut(
+            *(each[part] for each in (self.points, self.directions, self.flux, self.absorbed)),
+            *(each[part] for each in (self.sin2_exit, self.fates)),
+            *(_some(each, part) for each in (self.axial, self.fields)),
+        )
+
+
+class ByRaysOut(NamedTuple):
+    """Sensitivities to the points of rays behind a body, their directions, flux, exit sine, flux along z and fields."""
+
+    by_points: Float[np.ndarray, "n 3"]
+    by_directions: Float[np.ndarray, "n 3"]
+    by_flux: Float[np.ndarray, " n"]
+    by_sin2: Float[np.ndarray, " n"]
+    by_axial: Float[np.ndarray, " n"] | None = None
+    by_fields: Float[np.ndarray, "n 12"] | None = None
+
+    def part(self, part: slice) -> "ByRaysOut":
+        """Sensitivities to some of the rays."""
+        return ByRaysOut(
+            *(each[part] for each in (self.by_points, self.by_directions, self.by_flux, self.by_sin2)),
+            *(_some(each, part) for each in (self.by_axial, self.by_fields)),
+        )
+
+
+@inline
+def own_or_shared(values, k):
+    """The value of ray k, or the one for all."""
+    return values[min(k, len(values) - 1)]
+
+
+@inline
+def index_in(medium, k, rays, body):
+    """Refractive index of a medium for ray k."""
+    if medium == CAVITY:
+        return body.cavity_index
+    return body.outside_index if medium == OUTSIDE else own_or_shared(rays.indices, k)

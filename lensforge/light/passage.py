@@ -1,0 +1,112 @@
+"""Rays through one body by the compiled kernels on all cores, and back: the lens, or given optics behind it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int8
+
+from lensforge.kernels.adjoint import ByRaysIn, adjoint_memory, adjoint_of_pairs, adjoint_of_ways, same_way
+from lensforge.kernels.parallel import CHUNKS, in_chunks, in_pieces
+from lensforge.kernels.precision import DOUBLE_PRECISION, Precision
+from lensforge.kernels.ray_packet import empty_packet
+from lensforge.kernels.trace import trace
+from lensforge.kernels.traced_body import ByRaysOut, RaysIn, RaysOut, TracedBody, Ways
+
+_WORTH_SHARING = 2**11  # rays: a millisecond of work
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPassage:
+    """Rays that have come to a ``body``, their ``ways`` through it, and the rays behind it.
+
+    ``body`` and, of the rays, the rows of films and the noise have the ``precision`` in which they are traced.
+    """
+
+    body: TracedBody
+    rays: RaysIn
+    ways: Ways
+    exits: RaysOut
+    precision: Precision
+
+    @staticmethod
+    def of(
+        body: TracedBody,
+        rays: RaysIn,
+        events: int,
+        fates: Int8[np.ndarray, " n"] | None = None,
+        *,
+        axial: bool = False,
+        fields: bool = False,
+        precision: Precision = DOUBLE_PRECISION,
+    ) -> "BodyPassage":
+        """Trace ``rays``, but for those that by their ``fates`` have ended, through at most so many ``events``.
+
+        ``axial`` and ``fields``: whether these are kept of the rays that leave.
+        """
+        count, sides = len(rays.emitted), body.sides
+        absorbs = len(rays.absorptions) > 0 or (sides is not None and bool((sides.mirrors > 0.0).any()))
+        ways = Ways(np.empty((count, events)), None if sides is None else np.full((count, events), -1, dtype=np.int8))
+        exits = RaysOut(
+            points=np.zeros((count, 3)),
+            directions=np.zeros((count, 3)),
+            flux=np.empty(count),
+            absorbed=np.zeros(count if absorbs else 0),
+            sin2_exit=np.empty(count),
+            fates=np.zeros(count, dtype=np.int8) if fates is None else fates.copy(),
+            axial=np.zeros(count) if axial else None,
+            fields=np.zeros((count, 12)) if fields else None,
+        )
+        body = precision.of(body)
+        rays = rays._replace(film_rows=precision.of(rays.film_rows), noise=precision.of(rays.noise))
+        run = precision.kernel(trace)
+
+        def work(part: slice) -> None:
+            run(rays.part(part), body, ways.part(part), exits.part(part), empty_packet(precision))
+
+        in_pieces(work, count, worth=_WORTH_SHARING)
+        return BodyPassage(body, rays, ways, exits, precision)
+
+    def gradients(self, by: ByRaysOut) -> Float[np.ndarray, "f side side"]:
+        """Gradients by all tables, from sensitivities to the rays behind the body.
+
+        The flux that a lost ray carried counts as a constant.
+        """
+        totals = np.zeros((CHUNKS, *self.body.tables.shape))
+        if self.ways.met is None:
+            run = self.precision.kernel(adjoint_of_pairs)
+
+            def work(chunk: int, part: slice) -> None:
+                ways, packet = self.ways.part(part), adjoint_memory(0, self.precision).packet
+                run(self.rays.part(part), self.body, ways, self.exits.fates[part], by.part(part), totals[chunk], packet)
+
+            in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)
+        else:
+            self._back(by, totals, None)
+        total: Float[np.ndarray, "f side side"] = totals.sum(axis=0)
+        return total
+
+    def back(self, by: ByRaysOut) -> ByRaysIn:
+        """Sensitivities to the rays that came from those to the rays behind a body in polarised light."""
+        count = len(self.rays.emitted)
+        before = ByRaysIn(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 12)))
+        self._back(by, None, before)
+        return before
+
+    def _back(self, by: ByRaysOut, totals: Float[np.ndarray, "c f side side"] | None, before: ByRaysIn | None) -> None:
+        events = self.ways.lengths.shape[1]
+
+        def work(chunk: int, part: slice) -> None:
+            ways = self.ways.part(part)
+            adjoint_of_ways(
+                self.rays.part(part),
+                self.body,
+                ways,
+                self.exits.fates[part],
+                by.part(part),
+                same_way(ways.met),
+                None if totals is None else totals[chunk],
+                None if before is None else before.part(part),
+                adjoint_memory(events),
+            )
+
+        in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)

@@ -1,0 +1,150 @@
+"""Light through given optics behind the lens: what leaves the lens, or the optic before, is the source of the next one.
+
+Each is a body as the lens is, of two faces that are met in their order, in a place of its own. Light comes to it with
+the polarisation that the body before left. Light that a face reflects, that the body absorbs, that goes past it or ends
+in it is lost there, and followed no further.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.kernels.bicubic import FaceBounds, TableSpacing, surface_bounds
+from lensforge.kernels.face_records import FacePlacement
+from lensforge.kernels.fate import Fate
+from lensforge.kernels.traced_body import ByRaysOut, RaysIn, TracedBody
+from lensforge.light.coated_glass import RayCoatings
+from lensforge.light.passage import BodyPassage
+from lensforge.optics.media import DOUBLE, Media, SecondaryOptic
+from lensforge.scene.body import Chain
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.bicubic_table import TableGrid, table_error, tabulate
+
+TWO_FACES = Chain(DOUBLE, ("cavity", "body"), ("body", "outside"), 2)
+_FEWEST_NODES, _MOST_NODES, _TABLE_ERROR_MM = 49, 769, 1e-6  # a nanometre
+
+
+@dataclass(frozen=True, eq=False)
+class TabledOptic:
+    """The tables of both faces of an optic, their grid, the bounds that the kernels take, and its place."""
+
+    tables: Float[np.ndarray, "2 side side"]
+    grid: TableGrid
+    bounds: FaceBounds
+    placement: FacePlacement
+
+
+@lru_cache(maxsize=32)
+def tabled(optic: SecondaryOptic) -> TabledOptic:
+    """Tables of an optic within a nanometre of its faces, or as fine as tables are."""
+    nodes, faces = _FEWEST_NODES, (optic.inner, optic.outer)
+    while True:
+        grid = TableGrid(nodes)
+        tables = np.stack([tabulate(grid, face) for face in faces])
+        errors = [table_error(grid, table, face) for table, face in zip(tables, faces, strict=True)]
+        if max(errors) <= _TABLE_ERROR_MM or 2 * nodes > _MOST_NODES:
+            break
+        nodes *= 2
+    bounds = FaceBounds.of([surface_bounds(table, grid.origin, grid.step) for table in tables])
+    axes, centre = np.array(optic.turn), np.array(optic.centre_mm)
+    into, between = np.column_stack([axes.T, -axes.T @ centre]), np.eye(3, 4)
+    return TabledOptic(
+        tables, grid, bounds, FacePlacement(np.stack([into, between, np.column_stack([axes, centre])]), 1.0, 1.0)
+    )
+
+
+def polarised(exits: ExitRays, fields: Float[np.ndarray, "n 12"] | None) -> ExitRays:
+    """``exits`` of a body with the ``fields`` with which they left it; themselves without."""
+    if fields is None:
+        return exits
+    squared = np.sum(fields**2, axis=1)
+    carried = np.where(exits.left_lens, 2.0 * exits.flux / np.where(squared > 0.0, squared, 1.0), 0.0)
+    return replace(exits, fields=fields, carried=carried)
+
+
+def through_optics(
+    exits: ExitRays, media: Media, rays: RayBundle, fresnel: bool = True
+) -> tuple[ExitRays, tuple[BodyPassage, ...]]:
+    """The ``exits`` of the lens behind all optics of ``media``, and the passage through each; ``rays``: as they began.
+
+    Themselves where there is no optic.
+    """
+    passages = list[BodyPassage]()
+    for optic in media.bodies:
+        passage = _passage(optic, exits, media, rays, fresnel)
+        passages.append(passage)
+        exits = _behind(passage, exits)
+    return exits, tuple(passages)
+
+
+def _passage(optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBundle, fresnel: bool) -> BodyPassage:
+    """Rays through one optic."""
+    if exits.fields is None or exits.carried is None:
+        raise ValueError("light that comes to an optic has its polarisation")
+    media, place, waves = optic.media(around), tabled(optic), rays.wavelengths_nm
+    coatings = _coatings(optic, replace(rays, flux=exits.carried), media, fresnel)
+    body = TracedBody(
+        tables=place.tables,
+        bounds=place.bounds,
+        grid=TableSpacing(place.grid.origin, 1.0 / place.grid.step),
+        fresnel=fresnel,
+        cavity_index=media.cavity_index,
+        outside_index=media.outside_index,
+        sides=TWO_FACES.packed(media),
+        films=coatings.for_kernels(DOUBLE),
+        placement=place.placement,
+    )
+    medium = media.body
+    coming = RaysIn(
+        exits.points,
+        exits.directions,
+        exits.carried,
+        medium.index(waves),
+        medium.absorption(waves),
+        coatings.rows,
+        fields=exits.fields,
+    )
+    return BodyPassage.of(body, coming, TWO_FACES.events, exits.fates, axial=exits.axial is not None, fields=True)
+
+
+def _behind(passage: BodyPassage, before: ExitRays) -> ExitRays:
+    """The rays behind an optic; one that ends in it has no flux, and its fate there."""
+    out = passage.exits
+    left = out.fates == Fate.LEFT_LENS
+    flux = np.where(before.left_lens, np.where(left, out.flux, 0.0), before.flux)
+    none = np.zeros((0, len(flux))) if before.lost_in_bodies is None else before.lost_in_bodies
+    behind = replace(
+        before,
+        points=out.points,
+        directions=out.directions,
+        flux=flux,
+        fates=out.fates,
+        axial=out.axial,
+        lost_in_bodies=np.concatenate([none, (before.flux - flux)[None]]),
+    )
+    return polarised(behind, out.fields)
+
+
+def before_optics(passages: Sequence[BodyPassage], by: ByRaysOut) -> ByRaysOut:
+    """Sensitivities to the rays behind the lens from those to the rays behind all optics.
+
+    That to the flux is then in that to the fields; that to the exit sine is of the lens alone.
+    """
+    none = np.zeros(len(by.by_flux))
+    for passage in reversed(passages):
+        before = passage.back(by._replace(by_sin2=none))
+        by = ByRaysOut(before.by_points, before.by_directions, none, by.by_sin2, by_fields=before.by_fields)
+    return by
+
+
+def _coatings(optic: SecondaryOptic, rays: RayBundle, media: Media, fresnel: bool) -> RayCoatings:
+    """Coatings of its faces. Raises :class:`InputError` for light at whose wavelengths one is not known."""
+    try:
+        return RayCoatings.of(rays, media, fresnel)
+    except InputError as error:
+        raise InputError(str(error).replace("lens.", f"body {optic.name!r}: ", 1)) from None
