@@ -47,23 +47,24 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
     Of a lens for several LEDs all but the last are those of each, which its name tells apart.
     """
     groups = []
-    for name, own in light.by_led.items():
+    for name, led_light in light.by_led.items():
         end = f", {name}" if light.others else ""
-        for index, receiver in enumerate(own.receivers):
-            title = "Light" if len(own.receivers) == 1 else receiver.name
-            leaks = leak_facts(lens.spec.lens, own.ways, receiver.missed_by_cause, receiver.flux) if index == 0 else ()
-            groups.append(Group("light", f"{title}{end}", (*_figures(own, index, lens), *leaks)))
-        if own.ways:
-            groups.append(replace(way_facts(own.ways), title=f"Light by way{end}"))
-        if own.limits:
-            groups.append(Group("limits", f"Limits{end}", tuple(limit_facts(own, possible or {}, end))))
+        for index, receiver in enumerate(led_light.receivers):
+            title = "Light" if len(led_light.receivers) == 1 else receiver.name
+            lost = receiver.missed_by_cause, receiver.flux
+            leaks = () if index else leak_facts(lens.spec.lens, led_light.ways, *lost)
+            groups.append(Group("light", f"{title}{end}", (*_figures(led_light, index, lens), *leaks)))
+        if led_light.ways:
+            groups.append(replace(way_facts(led_light.ways), title=f"Light by way{end}"))
+        if led_light.limits:
+            groups.append(Group("limits", f"Limits{end}", tuple(limit_facts(led_light, possible or {}, end))))
     return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
 
 
 def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
     """Reasons why the light does not pass; limits of the spec are what it must keep: with any, no others count."""
-    for name, own in light.by_led.items():
-        yield from _reasons_with(own, lens, f" with {name}" if light.others else "")
+    for name, led_light in light.by_led.items():
+        yield from _reasons_with(led_light, lens, f" with {name}" if light.others else "")
 
 
 def _reasons_with(light: Light, lens: Lens, led: str) -> Iterator[Reason]:
@@ -97,8 +98,8 @@ def limit_facts(light: Light, possible: LimitBounds | None = None, end: str = ""
 
 def metric_facts(metrics: LightMetrics, note: str = "") -> tuple[Fact, ...]:
     """Facts of the metrics that have a meaning."""
-    found = {"nmse": metrics.nmse, "uniformity": metrics.uniformity, "rsd": metrics.rsd}
-    facts = [Fact.measured(key, METRICS[key], metric, note) for key, metric in found.items() if metric is not None]
+    named = {"nmse": metrics.nmse, "uniformity": metrics.uniformity, "rsd": metrics.rsd}
+    facts = [Fact.measured(key, METRICS[key], metric, note) for key, metric in named.items() if metric is not None]
     return (*facts, Fact.share("efficiency", METRICS["efficiency"], metrics.efficiency, note))
 
 
@@ -120,10 +121,10 @@ def mask_words(spec: Spec, index: int) -> str:
     """Size of the region of uniform light on receiver number ``index``, after "mask"; of several their number."""
     sections = spec.all_receivers
     targets = sections[index].targets if index < len(sections) else ()
-    found = [(pair, target.unit) for target in targets if (pair := target.pair("uniform")) is not None]
-    if len(found) != 1:
-        return f"of {len(found)} parts"
-    (width, height), unit = found[0]
+    sizes = [(pair, target.unit) for target in targets if (pair := target.pair("uniform")) is not None]
+    if len(sizes) != 1:
+        return f"of {len(sizes)} parts"
+    (width, height), unit = sizes[0]
     end = "°" if unit == "deg" else " mm"
     return f"of {width:g}{end}" if width == height else f"of {width:g} × {height:g}{end}"
 
@@ -227,13 +228,13 @@ _COLOUR = (
 )
 
 
-def _colour(found: BeamColour | None) -> Iterator[Fact]:
+def _colour(colour: BeamColour | None) -> Iterator[Fact]:
     """Colour of the beam, and how far colours in it are from that."""
-    if found is None:
+    if colour is None:
         return iter([Fact("colour_u", "Colour", "no light")])
-    temperature = "Duv above 0.05" if found.cct is None else "correlated (Ohno 2013)"
-    beam = f"where the light is above {percent(found.level)} of its peak"
-    return facts_of(found, _COLOUR, beam=beam, temperature=temperature)
+    temperature = "Duv above 0.05" if colour.cct is None else "correlated (Ohno 2013)"
+    beam = f"where the light is above {percent(colour.level)} of its peak"
+    return facts_of(colour, _COLOUR, beam=beam, temperature=temperature)
 
 
 def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
@@ -272,13 +273,13 @@ _ZONES = {
 }
 
 
-def photometry_facts(found: Photometry, spec: Spec) -> list[Group]:
+def photometry_facts(photometry: Photometry, spec: Spec) -> list[Group]:
     """Groups of the far field and, of a lamp for an area or a road, of the lamp and its zones."""
-    groups = [Group("far_field", "Far field", tuple(_far_field(found, spec))), *map(road_facts, found.roads)]
-    if found.road is None:
+    groups = [Group("far_field", "Far field", tuple(_far_field(photometry, spec))), *map(road_facts, photometry.roads)]
+    if photometry.road is None:
         return groups
-    lamp = Group("lamp", "Lamp", tuple(_lamp(found.road, spec.photometry.lenses)))
-    zones = (Fact.measured(name, words, getattr(found.road.bug.zones, name)) for name, words in _ZONES.items())
+    lamp = Group("lamp", "Lamp", tuple(_lamp(photometry.road, spec.photometry.lenses)))
+    zones = (Fact.measured(name, words, getattr(photometry.road.bug.zones, name)) for name, words in _ZONES.items())
     return [*groups, lamp, Group("zones", "Zones", tuple(zones))]
 
 
@@ -292,35 +293,35 @@ def _judged_planes(spec: Spec) -> Iterator[float]:
                 yield limit.azimuth_deg % 180.0
 
 
-def _far_field(found: Photometry, spec: Spec) -> Iterator[Fact]:
-    direction = found.peak_direction
-    source = f"of {quantity(found.source_lm, 'lm', digits=5)} of the source"
-    taken = ", which states no flux: all figures are for these" if found.per_1000_lm else ""
-    yield Fact.measured("exit_lm", "Luminous flux", found.exit_lm, f"{source}{taken}")
+def _far_field(photometry: Photometry, spec: Spec) -> Iterator[Fact]:
+    direction = photometry.peak_direction
+    source = f"of {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
+    taken = ", which states no flux: all figures are for these" if photometry.per_1000_lm else ""
+    yield Fact.measured("exit_lm", "Luminous flux", photometry.exit_lm, f"{source}{taken}")
     at = f"at C {quantity(direction.c_deg, '°', digits=4)}, gamma {quantity(direction.gamma_deg, '°', digits=3)}"
-    yield Fact.measured("peak_cd", "Peak intensity", found.peak_cd, at)
-    yield Fact.measured("axis_cd", "Intensity on the axis", found.axis_cd)
-    for beam in (found.beam_c0, found.beam_c90):
+    yield Fact.measured("peak_cd", "Peak intensity", photometry.peak_cd, at)
+    yield Fact.measured("axis_cd", "Intensity on the axis", photometry.axis_cd)
+    for beam in (photometry.beam_c0, photometry.beam_c90):
         plane = f"C {beam.c_deg:.0f}"
         if beam.c_deg not in _judged_planes(spec):
             note = "between the outermost halves of this plane’s largest intensity"
             yield Fact.measured(f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, note)
         yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "of its tenths")
-    noise = "" if found.node_error is None else f"the table’s noise is {percent(found.node_error.rms)} rms"
-    yield Fact("photometry_rays", "Rays", found.rays, note=noise)
+    noise = "" if photometry.node_error is None else f"the table’s noise is {percent(photometry.node_error.rms)} rms"
+    yield Fact("photometry_rays", "Rays", photometry.rays, note=noise)
 
 
-def road_facts(found: RoadJudgement) -> Group:
+def road_facts(road: RoadJudgement) -> Group:
     """The group of one road: its class, what that asks of every driver's view, and its figures beside."""
-    by_luminance = found.lighting_class in (M_CLASSES | RP8_CLASSES)
-    note = f"{found.standard}; reached: {found.reached}"
-    facts = [Fact("road_class", "Class", found.lighting_class, note=note)]
-    facts += [replace(limit, key=f"road_{number}", note="") for number, limit in enumerate(found.limits)]
-    for driver in found.drivers if by_luminance else ():
+    by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
+    note = f"{road.standard}; reached: {road.reached}"
+    facts = [Fact("road_class", "Class", road.lighting_class, note=note)]
+    facts += [replace(limit, key=f"road_{number}", note="") for number, limit in enumerate(road.limits)]
+    for driver in road.drivers if by_luminance else ():
         words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
-    facts += facts_of(found, _ROAD, q0=f"{found.q0:.3g}", s1=_s1_words(found.s1))
-    return Group("road", found.name, tuple(facts))
+    facts += facts_of(road, _ROAD, q0=f"{road.q0:.3g}", s1=_s1_words(road.s1))
+    return Group("road", road.name, tuple(facts))
 
 
 _ROAD = (

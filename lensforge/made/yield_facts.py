@@ -34,29 +34,29 @@ _DISTRIBUTIONS = {
 }
 
 
-def yield_facts(found: Yield) -> list[Group]:
+def yield_facts(study: Yield) -> list[Group]:
     """A group of the parts that pass, then rows of bounds, spreads, causes and budget."""
     return [
-        Group("yield", "Yield", tuple(_passing(found))),
-        *road_rows(found),
-        *bound_rows(found),
-        *spread_rows(found),
-        *cause_rows(found),
-        *budget_rows(found),
+        Group("yield", "Yield", tuple(_passing(study))),
+        *road_rows(study),
+        *bound_rows(study),
+        *spread_rows(study),
+        *cause_rows(study),
+        *budget_rows(study),
     ]
 
 
-def sensitivity_facts(found: Sensitivity) -> list[Group]:
+def sensitivity_facts(study: Sensitivity) -> list[Group]:
     """The lens as designed, then a row for each tolerance at its end, that with the largest effect first."""
-    designed = (*metric_facts(found.nominal), Fact("rays", "Rays", found.rays))
-    rows = sorted(found.rows, key=lambda row: abs(row.change.nmse.value), reverse=True)
+    designed = (*metric_facts(study.nominal), Fact("rays", "Rays", study.rays))
+    rows = sorted(study.rows, key=lambda row: abs(row.change.nmse.value), reverse=True)
     return [Group("nominal", "As designed", designed), *(_change(row) for row in rows)]
 
 
-def road_rows(found: Yield) -> list[Group]:
+def road_rows(study: Yield) -> list[Group]:
     """A row for each road: the parts that hold its class, the figure nearest to its bound, and the main cause."""
     rows = []
-    for road in found.roads:
+    for road in study.roads:
         rate, main = road.pass_rate, "undecided: the noise of the rays outweighs it"
         if road.variance is not None:
             certain = road.variance.certain[:1]
@@ -74,12 +74,12 @@ def road_rows(found: Yield) -> list[Group]:
     return rows
 
 
-def bound_rows(found: Yield) -> list[Group]:
+def bound_rows(study: Yield) -> list[Group]:
     """A row for each bound that a part must keep."""
     rows = []
-    for bound in found.bounds:
-        designed = found.metrics[bound.metric].designed.value
-        kept = float(bound.kept_by(found.column(bound.metric)).mean())
+    for bound in study.bounds:
+        designed = study.metrics[bound.metric].designed.value
+        kept = float(bound.kept_by(study.column(bound.metric)).mean())
         limit = Fact("bound", "Bound", bound_words(bound))
         facts = (limit, of_metric("designed", "As designed", bound.metric, designed, bound.unit))
         rows.append(
@@ -88,37 +88,37 @@ def bound_rows(found: Yield) -> list[Group]:
     return rows
 
 
-def spread_rows(found: Yield) -> list[Group]:
+def spread_rows(study: Yield) -> list[Group]:
     """A row for each metric over the parts: as designed, its percentiles, its standard deviation."""
     rows = []
-    for name, each in found.metrics.items():
-        facts = [of_metric("designed", "As designed", name, each.designed.value, each.unit)]
+    for name, spread in study.metrics.items():
+        facts = [of_metric("designed", "As designed", name, spread.designed.value, spread.unit)]
         for key, label, value in (
-            ("p5", "5 % are below", each.p5),
-            ("p50", "Half", each.p50),
-            ("p95", "95 %", each.p95),
-            ("spread", "Standard deviation", each.spread),
+            ("p5", "5 % are below", spread.p5),
+            ("p50", "Half", spread.p50),
+            ("p95", "95 %", spread.p95),
+            ("spread", "Standard deviation", spread.spread),
         ):
             undecided = Fact(key, label, "undecided")
-            facts.append(undecided if each.undecided else of_metric(key, label, name, value, each.unit))
-        noise = quantity(each.standard_error, each.unit, digits=2)
-        note = f"a part’s ray noise of {noise} outweighs their spread" if each.undecided else ""
+            facts.append(undecided if spread.undecided else of_metric(key, label, name, value, spread.unit))
+        noise = quantity(spread.standard_error, spread.unit, digits=2)
+        note = f"a part’s ray noise of {noise} outweighs their spread" if spread.undecided else ""
         rows.append(Group("spread", metric_words(name), tuple(facts), note))
     return rows
 
 
-def cause_rows(found: Yield) -> list[Group]:
+def cause_rows(study: Yield) -> list[Group]:
     """The leading causes of each metric that has a bound and that scatters."""
     return [
-        Group("causes", metric_words(name), tuple(_causes(found, name)))
-        for name in judged_metrics(found)
-        if name in found.variance and not found.metrics[name].undecided
+        Group("causes", metric_words(name), tuple(_causes(study, name)))
+        for name in judged_metrics(study)
+        if name in study.variance and not study.metrics[name].undecided
     ]
 
 
-def budget_rows(found: Yield) -> list[Group]:
+def budget_rows(study: Yield) -> list[Group]:
     """A row for each tolerance, and last that for all of them together; none where it was not searched for."""
-    budget = found.budget
+    budget = study.budget
     return [] if budget is None else [budget_row(row) for row in (*budget.alone, budget.together)]
 
 
@@ -151,47 +151,47 @@ def budget_row(row: BudgetRow) -> Group:
     return Group("budget", row.words, facts)
 
 
-def drawn_rows(found: Yield) -> list[Group]:
+def drawn_rows(study: Yield) -> list[Group]:
     """A row for each tolerance as it was drawn."""
     rows = []
-    for each in found.tolerances:
-        name, words = _DISTRIBUTIONS.get(each.distribution, (each.distribution, ""))
-        size = Fact("amount", "Amount", amount_words(each.name, each.amount, each.unit))
+    for tolerance in study.tolerances:
+        name, words = _DISTRIBUTIONS.get(tolerance.distribution, (tolerance.distribution, ""))
+        size = Fact("amount", "Amount", amount_words(tolerance.name, tolerance.amount, tolerance.unit))
         facts = (size, Fact("distribution", "Distribution", name), Fact("words", "In words", words))
-        rows.append(Group("drawn", each.words, facts))
+        rows.append(Group("drawn", tolerance.words, facts))
     return rows
 
 
-def pass_sentence(found: Yield) -> str:
+def pass_sentence(study: Yield) -> str:
     """A sentence on the parts that pass, with the confidence interval of their share."""
-    rate = found.pass_rate
-    passed = quantity(round(rate.value * found.parts))
+    rate = study.pass_rate
+    passed = quantity(round(rate.value * study.parts))
     between = f"{percent(rate.low)} to {percent(rate.high)}"
     share = f"{percent(rate.value)} (95\u2009% confidence: {between})"
-    parts = f"{quantity(found.parts)} parts" + (f" of {quantity(found.lamps)} lamps each" if found.lamps > 1 else "")
+    parts = f"{quantity(study.parts)} parts" + (f" of {quantity(study.lamps)} lamps each" if study.lamps > 1 else "")
     return f"Of {parts} drawn from the tolerances {passed} keep every bound: {share}."
 
 
-def budget_sentence(found: Yield) -> str:
+def budget_sentence(study: Yield) -> str:
     """A sentence on the meaning of the budget; empty where there is none."""
-    if found.budget is None:
+    if study.budget is None:
         return ""
-    wanted, parts = percent(found.budget.pass_rate), quantity(found.budget.parts)
+    wanted, parts = percent(study.budget.pass_rate), quantity(study.budget.parts)
     return (
         f"The largest amount at which {wanted} of the parts pass, the other tolerances as specified; by {parts} parts. "
         "The interval is one standard error to either side. Red: less than specified."
     )
 
 
-def worst_words(found: Yield, worst: WorstPart) -> str:
+def worst_words(study: Yield, worst: WorstPart) -> str:
     """Judged metrics of one of the worst parts, each with its bound where it misses it."""
     words = []
-    for name in judged_metrics(found):
+    for name in judged_metrics(study):
         value = worst.metrics[name]
-        missed = [each for each in found.bounds if each.metric == name and not each.kept_by(np.array([value]))[0]]
+        missed = [each for each in study.bounds if each.metric == name and not each.kept_by(np.array([value]))[0]]
         ends = "".join(f", bound {bound_words(bound)}" for bound in missed)
-        fact = of_metric("", metric_words(name), name, value, found.metrics[name].unit)
-        state = " (undecided)" if found.metrics[name].undecided else ""
+        fact = of_metric("", metric_words(name), name, value, study.metrics[name].unit)
+        state = " (undecided)" if study.metrics[name].undecided else ""
         words.append(f"{fact.label} {fact.text}{state}{ends}")
     return "; ".join(words)
 
@@ -220,47 +220,47 @@ def bound_words(bound: MetricBound) -> str:
     return limit_text(bound.sense, value, unit)
 
 
-def judged_metrics(found: Yield) -> list[str]:
+def judged_metrics(study: Yield) -> list[str]:
     """Metrics that have a bound, in the order of the bounds."""
-    return list(dict.fromkeys(bound.metric for bound in found.bounds))
+    return list(dict.fromkeys(bound.metric for bound in study.bounds))
 
 
-def failing_first(found: Yield) -> list[str]:
+def failing_first(study: Yield) -> list[str]:
     """Metrics that have a bound, that with the most failing parts first."""
-    failing = dict.fromkeys(judged_metrics(found), 0.0)
-    for bound in found.bounds:
-        failing[bound.metric] += float((~bound.kept_by(found.column(bound.metric))).mean())
+    failing = dict.fromkeys(judged_metrics(study), 0.0)
+    for bound in study.bounds:
+        failing[bound.metric] += float((~bound.kept_by(study.column(bound.metric))).mean())
     return sorted(failing, key=lambda name: -failing[name])
 
 
-def _passing(found: Yield) -> Iterator[Fact]:
+def _passing(study: Yield) -> Iterator[Fact]:
     """Main numbers: the parts that pass, what decides, and by how much all tolerances may be scaled."""
-    low, high = percent(found.pass_rate.low), percent(found.pass_rate.high)
-    yield Fact.share("pass_rate", "Parts that pass", found.pass_rate.value, f"95\u2009% confidence: {low} to {high}")
-    yield Fact("parts", "Parts", found.parts)
-    if found.lamps > 1:
-        yield Fact("lamps", "Lamps of each part", found.lamps, note="drawn apart")
-    yield Fact("rays", "Rays of each part", found.rays)
-    for name in [name for name in failing_first(found) if name in found.variance][:2]:
+    low, high = percent(study.pass_rate.low), percent(study.pass_rate.high)
+    yield Fact.share("pass_rate", "Parts that pass", study.pass_rate.value, f"95\u2009% confidence: {low} to {high}")
+    yield Fact("parts", "Parts", study.parts)
+    if study.lamps > 1:
+        yield Fact("lamps", "Lamps of each part", study.lamps, note="drawn apart")
+    yield Fact("rays", "Rays of each part", study.rays)
+    for name in [name for name in failing_first(study) if name in study.variance][:2]:
         label = f"Main cause, {metric_words(name)}"
-        for cause in found.variance[name].certain[:1]:
+        for cause in study.variance[name].certain[:1]:
             yield Fact.share("main_cause", label, _share(cause), cause.words)
-        if not found.variance[name].certain:
+        if not study.variance[name].certain:
             yield Fact("main_cause", label, UNCERTAIN)
-    if found.budget is not None:
-        most, interval = (budget_row(found.budget.together).fact(key) for key in ("at_most", "interval"))
-        note = f"all by one factor, so that {percent(found.budget.pass_rate)} pass; {interval.text}"
+    if study.budget is not None:
+        most, interval = (budget_row(study.budget.together).fact(key) for key in ("at_most", "interval"))
+        note = f"all by one factor, so that {percent(study.budget.pass_rate)} pass; {interval.text}"
         yield Fact("together", "Tolerances together", most.value, note=note)
-        yield Fact.share("wanted", "Parts that must pass", found.budget.pass_rate)
+        yield Fact.share("wanted", "Parts that must pass", study.budget.pass_rate)
 
 
 def _share(cause: CauseShare) -> Metric:
     return Metric(value=cause.share, standard_error=cause.standard_error)
 
 
-def _causes(found: Yield, name: str) -> Iterator[Fact]:
+def _causes(study: Yield, name: str) -> Iterator[Fact]:
     """The leading causes with their shares of the variance, and that of several together, where they are certain."""
-    variance, together = found.variance[name], found.variance[name].interactions
+    variance, together = study.variance[name], study.variance[name].interactions
     named = [cause for cause in variance.certain[:_LEADING] if cause.share > _LEAST]
     yield from (Fact.share(cause.tolerance, cause.words, _share(cause)) for cause in named)
     stands_out = together.value > max(_LEAST, CERTAIN * (together.standard_error or 0.0))

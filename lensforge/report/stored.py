@@ -71,12 +71,12 @@ class Stored:
         outdated = {stem: str(error) for stem, error in self.unreadable.items()}
         stems = list(own_stems(self.lens.surfaces))  # each after those that it is made from
         for stem in sorted(self.records, key=lambda stem: (stems.index(stem) if stem in stems else len(stems), stem)):
-            result, own = self.records[stem], stem in stems
-            why = _mismatch(result, self.lens, accepted, outdated) or _foreign_conditions(result, stem, own)
+            result, is_own = self.records[stem], stem in stems
+            why = _mismatch(result, self.lens, accepted, outdated) or _foreign_conditions(result, stem, is_own)
             why = why or doubt(stem, result)
             if why:
                 outdated[stem] = f"{why}; {type(result).rebuild_command()}"
-            elif own:
+            elif is_own:
                 accepted[stem] = result
             elif isinstance(result, SimulatedResult):
                 others[stem] = result
@@ -97,12 +97,12 @@ def _lens_in(folder: Path) -> Lens:
     return load_lens(path)
 
 
-def _files_in(folder: Path, own: Mapping[str, type[StageResult]]) -> Iterator[tuple[str, type[StageResult]]]:
+def _files_in(folder: Path, kind_by_stem: Mapping[str, type[StageResult]]) -> Iterator[tuple[str, type[StageResult]]]:
     """Stem and class of each record in ``folder``: the lens's own first, then those under other conditions."""
-    for stem, kind in own.items():
+    for stem, kind in kind_by_stem.items():
         if (folder / f"{stem}.json").exists():
             yield stem, kind
-    for stem, kind in own.items():
+    for stem, kind in kind_by_stem.items():
         if issubclass(kind, SimulatedResult):
             others = nsmallest(_MOST_OTHERS + 1, folder.glob(f"{stem}_*.json"))
             if len(others) > _MOST_OTHERS:
@@ -110,12 +110,12 @@ def _files_in(folder: Path, own: Mapping[str, type[StageResult]]) -> Iterator[tu
             yield from ((path.stem, kind) for path in others)
 
 
-def _foreign_conditions(result: StageResult, stem: str, own: bool) -> str:
+def _foreign_conditions(result: StageResult, stem: str, is_own: bool) -> str:
     """The reason why ``result`` is not what its file's name says: the lens's own, of a surface, under conditions."""
     conditions = conditions_of(result)
-    if own and conditions is not None:
+    if is_own and conditions is not None:
         return f"it was made under other conditions than the lens's own ({conditions})"
-    if not own and conditions is None:
+    if not is_own and conditions is None:
         return "it was made under the lens's own conditions, so another file holds it"
     return "" if stem_of(result) == stem else f"it belongs into {stem_of(result)}.json"
 
@@ -170,14 +170,14 @@ class RunRecord(Record):
     def of(results: Results, stored: Stored, hashes: Mapping[str, str], seconds: float | None) -> "RunRecord":
         """The record of ``results``, those of ``stored`` that count; ``hashes`` may be of files that are gone."""
         kept = [stem for stem in (*stored.records, *stored.unreadable) if stem in hashes]
-        own = own_stems(stored.lens.surfaces)
+        own_kinds = own_stems(stored.lens.surfaces)
         return RunRecord(
             name=results.spec.name,
             accuracy=results.lens.accuracy,
             seed=results.lens.seed,
             verdict=results.verdict,
-            results={stem: hashes[stem] for stem in kept if stem in own},
-            others={stem: hashes[stem] for stem in kept if stem not in own},
+            results={stem: hashes[stem] for stem in kept if stem in own_kinds},
+            others={stem: hashes[stem] for stem in kept if stem not in own_kinds},
             outdated=dict(results.outdated),
             seconds=seconds,
         )
@@ -192,15 +192,15 @@ def verdicts_of_kinds(folder: Path, lens: Lens) -> dict[str, Verdict]:
 
     A folder that is missing, or of another lens, leaves files and cutting of its kind undecided.
     """
-    found = dict[str, Verdict]()
-    for own in lens.kinds[1:] if lens.kind == lens.kinds[0].kind else ():
-        why = f"the folder {own.kind} has no part of this lens; run `lensforge design` again, or with --resume"
-        found[own.kind] = Verdict.of([], [("undecided", why)], [("undecided", why)])
+    verdicts = dict[str, Verdict]()
+    for other in lens.kinds[1:] if lens.kind == lens.kinds[0].kind else ():
+        why = f"the folder {other.kind} has no part of this lens; run `lensforge design` again, or with --resume"
+        verdicts[other.kind] = Verdict.of([], [("undecided", why)], [("undecided", why)])
         with suppress(InputError):
-            record = RunRecord.read(folder / own.kind)
-            if record is not None and load_lens(folder / own.kind / LENS_FILE) == own:
-                found[own.kind] = record.verdict
-    return found
+            record = RunRecord.read(folder / other.kind)
+            if record is not None and load_lens(folder / other.kind / LENS_FILE) == other:
+                verdicts[other.kind] = record.verdict
+    return verdicts
 
 
 def unrecorded(hashes: Mapping[str, str] | None, stem: str, result: StageResult) -> str:

@@ -78,18 +78,16 @@ def _finding(
 
 def wall_criteria(spec: Spec, walls: Walls) -> Criteria:
     """The thinnest wall, and the thickest where the spec limits it; both within the tolerance of the search."""
-    limits, own, again = (
-        spec.constraints,
-        spec.constraints.tolerance_mm,
-        "or give the last level more steps; the wall is",
-    )
+    limits, again = spec.constraints, "or give the last level more steps; the wall is"
     remedy = f"raise lens.{spec.lens.outward}.offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
-    least = at_least("thinnest wall", walls.thinnest.thickness_mm, limits.min_thickness_mm, "mm", remedy, own)
+    least = at_least(
+        "thinnest wall", walls.thinnest.thickness_mm, limits.min_thickness_mm, "mm", remedy, limits.tolerance_mm
+    )
     if limits.max_wall_mm is None:
         return (least,)
     remedy = f"raise lens.{spec.lens.names[0]}.offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
     thickest_mm, most_mm = walls.thickest.thickness_mm, limits.max_wall_mm
-    return least, at_most("largest radial wall", thickest_mm, most_mm, "mm", remedy, own)
+    return least, at_most("largest radial wall", thickest_mm, most_mm, "mm", remedy, limits.tolerance_mm)
 
 
 def edge_criteria(spec: Spec, edges: Sequence[Edge]) -> Criteria:

@@ -204,15 +204,15 @@ def tolerance_table(lens: Lens, studied: Sequence[Group] = ()) -> ToleranceTable
     budget = {group.title: group for group in studied if group.key == "budget"}
     rows = {factor.name: _row(lens, factor, budget.get(factor.words)) for factor in factors}
     assembly = tuple(row for name, row in rows.items() if name.startswith(_OF_ASSEMBLY))
-    own = tuple(row for name, row in rows.items() if not name.startswith(_OF_ASSEMBLY))
+    of_lens = tuple(row for name, row in rows.items() if not name.startswith(_OF_ASSEMBLY))
     passing = _passing(studied)
     sentence = _sentence(studied, passing) if rows else "The specification sets no tolerances."
-    return ToleranceTable(sentence, passing, own, assembly)
+    return ToleranceTable(sentence, passing, of_lens, assembly)
 
 
 def _row(lens: Lens, factor: Factor, budget: Group | None) -> ToleranceRow:
     tolerances = lens.spec.part_tolerances
-    given = tolerances.given(factor.name) is not None
+    is_given = tolerances.given(factor.name) is not None
     words = amount_words(factor.name, factor.amount, factor.unit)
     if factor.name.endswith(_RMS):
         words = f"{words} rms"
@@ -224,7 +224,7 @@ def _row(lens: Lens, factor: Factor, budget: Group | None) -> ToleranceRow:
     if budget is not None:
         most = budget.fact("at_most").text
         at_most = budget.fact("interval").text if most == NOTHING else most
-    return ToleranceRow(factor.words, words, "specification" if given else f"preset “{tolerances.preset}”", at_most)
+    return ToleranceRow(factor.words, words, "specification" if is_given else f"preset “{tolerances.preset}”", at_most)
 
 
 def _sentence(studied: Sequence[Group], passing: str) -> str:
@@ -240,7 +240,7 @@ def _sentence(studied: Sequence[Group], passing: str) -> str:
 
 
 def _passing(studied: Sequence[Group]) -> str:
-    found = next((group for group in studied if group.key == "yield"), None)
-    if found is None:
+    passed = next((group for group in studied if group.key == "yield"), None)
+    if passed is None:
         return ""
-    return f"{found.fact('pass_rate').text} of {found.fact('parts').text} parts drawn from these amounts pass"
+    return f"{passed.fact('pass_rate').text} of {passed.fact('parts').text} parts drawn from these amounts pass"
