@@ -4,7 +4,6 @@ It is given by a formula, as a face of another lens or of a CAD file, or as poin
 read.
 """
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
 
@@ -64,11 +63,6 @@ _Conic = Annotated[float, Field(ge=-1e3, le=1e3)]
 _Series = Annotated[tuple[Coordinate, ...], Field(max_length=10)]
 
 
-@lru_cache(maxsize=16)  # a spec asks for its surfaces many times; a profile takes 0.1 s
-def _made(kind: Callable[..., Surface], *fields: object) -> Surface:
-    return kind(*fields)
-
-
 class _ByFormula(FixedFace):
     """A surface that a formula gives; it must be star-shaped about the origin."""
 
@@ -94,7 +88,7 @@ class FixedSphere(_ByFormula):
     @property
     def surface(self) -> Surface:
         """Surface about the axis."""
-        return _made(Asphere, self.centre_z_mm + self.radius_mm, -self.radius_mm)
+        return Asphere(self.centre_z_mm + self.radius_mm, -self.radius_mm)
 
 
 class FixedAsphere(_ByFormula):
@@ -115,7 +109,7 @@ class FixedAsphere(_ByFormula):
     @property
     def surface(self) -> Surface:
         """Surface about the axis."""
-        return _made(Asphere, self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
+        return Asphere(self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
 
 
 class FixedBiconic(_ByFormula):
@@ -139,7 +133,7 @@ class FixedBiconic(_ByFormula):
     def surface(self) -> Surface:
         """Surface with its vertex on the axis."""
         radii, conics = (self.radius_x_mm, self.radius_y_mm), (self.conic_x, self.conic_y)
-        return _made(Biconic, self.vertex_z_mm, *radii, *conics)
+        return Biconic(self.vertex_z_mm, *radii, *conics)
 
 
 _FARTHEST, _ROOM = 64.0, 1.1  # reach of a paraboloid over its vertex, and of an ellipsoid over its farthest point
@@ -164,9 +158,9 @@ class FixedFocalConic(_ByFormula):
         """Surface about the axis: semi-axis a = f + c, eccentricity c/a, parameter (a^2 - c^2)/a, f the vertex."""
         half = None if self.second_focus_mm is None else 0.5 * self.second_focus_mm
         if half is None:
-            return _made(ConicFace, _FARTHEST * self.vertex_mm, 2.0 * self.vertex_mm, 1.0)
+            return ConicFace(_FARTHEST * self.vertex_mm, 2.0 * self.vertex_mm, 1.0)
         axis = self.vertex_mm + half
-        return _made(ConicFace, _ROOM * (axis + half), (axis - half) * (axis + half) / axis, half / axis)
+        return ConicFace(_ROOM * (axis + half), (axis - half) * (axis + half) / axis, half / axis)
 
 
 _Shift = tuple[Coordinate, Coordinate, Coordinate]

@@ -37,7 +37,7 @@ from lensforge.search.face_fields import _directions
 from lensforge.shop.face_samples import area_rule
 from lensforge.shop.sheet import _width_points
 from lensforge.spec import LensSection, TirSection
-from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere
+from lensforge.spec.fixed_surface import FixedSphere
 from lensforge.spec.tolerances_section import _causes
 from lensforge.surfaces.asphere import sphere as ball
 from lensforge.surfaces.bicubic_table import TableGrid, _cubic_pieces
@@ -118,10 +118,6 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "search.face_fields._directions": (_directions, [(TableGrid(9),), (TableGrid(11),)]),
     "shop.face_samples.area_rule": (lambda *all_: area_rule(*all_).weights, [(24, 32), (25, 32), (24, 40)]),
     "shop.sheet._width_points": (_width_points, [("iii",), ("mmm",)]),
-    "spec.fixed_surface._made": (
-        lambda **fields: FixedAsphere(**fields).surface.radius(U),
-        [{"vertex_z_mm": 6.0, "radius_mm": -8.0}, {"vertex_z_mm": 6.5, "radius_mm": -8.0},
-         {"vertex_z_mm": 6.0, "radius_mm": -9.0}, {"vertex_z_mm": 6.0, "radius_mm": -8.0, "conic_constant": -0.3}]),
     "spec.fixed_surface._shape_of": (
         lambda radius, centre: FixedSphere(radius_mm=radius, centre_z_mm=centre).apex_mm,
         [(6.0, 0.0), (6.5, 0.0), (6.0, 0.3)]),
