@@ -250,7 +250,15 @@ def test_kinds_are_known_for_as_long_as_they_are_there() -> None:
     class DotTarget(TargetSection):
         kind: Literal["dot"] = "dot"
 
-    assert isinstance(small_spec(target=target).target, DotTarget)
+    class SmallDot(DotTarget):
+        """The same kind in a script's own words, which no spec makes."""
+
+    assert type(small_spec(target=target).target) is DotTarget
+    with pytest.raises(lf.InputError, match=r"^OtherDot: kind = 'dot' is that of DotTarget; take another name$"):
+
+        class OtherDot(TargetSection):
+            kind: Literal["dot"] = "dot"
+
     del TargetSection.kinds["dot"]
     TargetSection.build_holders_again()
     with pytest.raises(lf.InputError, match=r"target\.kind = 'dot': must be one of .*photometric"):

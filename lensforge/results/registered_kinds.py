@@ -6,17 +6,21 @@ script of a user's own.
 
 from collections.abc import Iterator
 from functools import reduce
+from inspect import get_annotations
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from lensforge.errors import InputError
+
 
 class OfSeveralKinds(BaseModel):
     """A class that has this one among its bases is the base of several kinds, ``kinds`` by their names.
 
-    A kind is a class that extends the base and has a field ``kind: Literal["name"]``: it registers itself.
+    A kind is a class that extends the base and has a field ``kind: Literal["name"]`` of its own: it registers itself.
+    Raises :class:`InputError` for a name that another class has.
     ``usual_kind``: that of a table that names none; by default every table has to name one.
     """
 
@@ -34,8 +38,11 @@ class OfSeveralKinds(BaseModel):
         super().__pydantic_init_subclass__(**settings)
         if OfSeveralKinds in cls.__bases__:
             cls.kinds, cls.has_schema = {}, False
-        elif (kind := kind_of(cls)) is not None:
-            cls.kinds[kind] = cls
+        elif (kind := kind_of(cls)) is not None and "kind" in get_annotations(cls):
+            known = cls.kinds.setdefault(kind, cls)
+            if (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+                raise InputError(f"{cls.__name__}: kind = {kind!r} is that of {known.__name__}; take another name")
+            cls.kinds[kind] = cls  # a cell of a notebook that runs again makes its class anew
             cls.build_holders_again()
 
     @classmethod
