@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 from presets import FAR
 from pydantic import Field
+from scenes import small_spec
 
 import lensforge as lf
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE, FaceRole
+from lensforge.scene.body import Chain
 from lensforge.scene.lens import Lens
+from lensforge.search.parameters import SphereParameters
 from lensforge.search.start_faces import start_faces
+from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_section import LensShape, ProfiledShape, StartConditions
 from lensforge.surfaces.reciprocal import ConicFace, PlaneFace
 from lensforge.surfaces.surface import Surface
@@ -53,8 +57,18 @@ at_least_share = 0.5
 """
 
 
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    """The package knows the kinds of a test as long as it runs."""
+    before = dict(LensShape.kinds)
+    yield
+    LensShape.kinds.clear()
+    LensShape.kinds.update(before)
+    LensShape.build_holders_again()
+
+
 @pytest.fixture
-def dish() -> Iterator[type[LensShape]]:
+def dish() -> type[LensShape]:
     """A solid paraboloid about the source, with a ball of air in it: three faces, one of which reflects totally."""
 
     class DishSection(ProfiledShape):
@@ -74,9 +88,7 @@ def dish() -> Iterator[type[LensShape]]:
             wall = ConicFace(reach_mm, radius_mm * np.tan(0.5 * RIM_RAD), 1.0)
             return {"well": ConicFace(reach_mm, WELL_MM, 0.0), "mirror": wall, "top": PlaneFace(reach_mm, height_mm)}
 
-    yield DishSection
-    del LensShape.kinds["dish"]
-    LensShape.build_holders_again()
+    return DishSection
 
 
 def test_a_kind_of_lens_of_ones_own_is_read_lit_searched_built_and_proven(
@@ -106,6 +118,24 @@ def test_a_kind_of_lens_of_ones_own_is_read_lit_searched_built_and_proven(
     cast = lf.verify(part, light, rays=2**10).first.brep
     assert cast is not None and cast.against_design.fates <= 2
     assert cast.against_design.rms < 0.05, "mm at 1 m, through the STEP file"
+
+
+def test_a_lens_of_two_faces_with_another_start_is_searched_from_there() -> None:
+    class ShellSection(lf.LensSection):
+        """A shell that is half as thick as others."""
+
+        kind: Literal["shell"] = "shell"  # type: ignore[assignment]
+
+        def derived_offsets_mm(self, sizes: LensSizes) -> dict[str, float]:
+            outer = super().derived_offsets_mm(sizes)["outer"]
+            return {"inner": outer - 2.0 * sizes.min_thickness_mm, "outer": outer}
+
+    usual = small_spec(lens={"levels": [9, 25]})
+    spec = usual.replace({"lens.kind": "shell"})
+    assert type(spec.lens) is ShellSection and spec.lens.start_mm["outer"] == usual.lens.start_mm["outer"] == 6.86
+    begun = SphereParameters.of(spec, 2.5).start_surfaces["inner"]
+    assert begun.radius(np.eye(3)) == pytest.approx(6.86 - 2.0 * 0.714, abs=1e-12)  # 0.27 times the root of 7 mm
+    assert Chain.of_lens(spec.lens) is None, "light meets one face after the other"
 
 
 PACKAGE = Path(lf.__file__).parent

@@ -25,6 +25,10 @@ def script(folder: Path) -> None:
         target=lf.TextTarget(text="π", width_mm=90, distance_mm=150),
     )
     assert_type(shortest.constraints.cavity_height_mm, float)
+    shortest.replace(lens=lf.TirSection(exit=lf.ExitFace(flat=True), cap=lf.FaceSection(offset_mm=2)))
+    shortest.replace(lens=lf.ReflectorSection(cup=lf.CupSection(mirror=0.9)))
+    assert_type(lf.TirSection(flange=lf.FlangeSection(diameter_mm=20, thickness_mm=1)), lf.TirSection)
+    assert_type(lf.PartTolerances(faces={"outer": lf.FaceTolerances()}), lf.PartTolerances)
     assert_type(lf.RaySource(np.zeros((3, 7))), lf.RaySource)
     assert_type(lf.ArrayTarget(np.eye(4), width_mm=1.0, distance_mm=2.0, receiver_mm=3.0), lf.ArrayTarget)
     design = lf.design(spec, accuracy="draft", progress=lambda step: step.steps_done < 10)
