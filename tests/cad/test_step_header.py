@@ -167,3 +167,10 @@ def test_the_untrimmed_faces_of_an_insert_are_the_lens_s_times_one_plus_shrinkag
         surface = plain.outer if name == "OPTICAL_OUTER" else plain.inner
         radius = np.linalg.norm(points, axis=1)
         np.testing.assert_allclose(radius, (1.0 + shrinkage) * surface.radius(to_sphere(chart)), atol=1e-6)
+
+
+def test_the_date_that_is_asked_for_goes_before_that_of_the_spec(signed):
+    for asked, date in (("2026-11-05", "2026-11-05"), (None, "2026-03-31")):
+        step_file = signed_step(parse_step(signed.step), signed.lens.spec, "lens", "AP214", asked)
+        assert step_file.signature.date == date
+        assert f"'{date}T00:00:00'" in header(step_file.content)

@@ -1,11 +1,14 @@
 """Findings of the check one by one: value, limit and words on both sides of every limit, and what is advised."""
 
 import re
+from types import SimpleNamespace
 
 import pytest
 from scenes import small_spec
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
+from lensforge.results.fact import Fact
+from lensforge.shop.check_facts import cutting_reasons
 from lensforge.shop.check_result import (
     BallClearance,
     BoreClearance,
@@ -339,3 +342,12 @@ def test_every_limit_is_kept_to_the_tolerance_of_its_measure(beyond: float, hold
     assert wall_finding(1.5 - off_mm, spec).holds == holds
     wide_mm = 2.0 * spec.manufacture.cutter_radius_mm
     assert [each.holds for each in plate_findings(spec, wide_mm - off_mm, None)] == [holds]
+
+
+def test_one_tool_that_reaches_a_face_is_enough_for_it_and_none_for_another() -> None:
+    tools = [
+        ("inner", "fail", "too short"), ("inner", "pass", ""), ("outer", "fail", "too thick"), ("outer", "fail", "blunt"),
+    ]  # fmt: skip
+    verdicts = [Fact("tool", "tool", 0.5, "mm", state=state, note=note, place=face) for face, state, note in tools]
+    check = SimpleNamespace(faces={"inner": None, "outer": None}, verdicts=verdicts)
+    assert list(cutting_reasons(check, small_spec())) == [("fail", "too thick; blunt")]

@@ -17,6 +17,7 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh, wall_retreat_mm
 from lensforge.shop.face_check import FaceCheck, check_face
 from lensforge.shop.face_samples import AirSide
+from lensforge.shop.tool_reach import _obstacles
 from lensforge.spec import BaseSection
 
 BALL = 0.7
@@ -198,6 +199,16 @@ def test_obstacles_lie_on_the_base(tmp_path):
     points = plate(tmp_path, 2.0, step=1.0).points()
     assert points.shape == (4000, 3)
     assert (points[:, 2].max(), points[:, 2].min()) == pytest.approx((0.0, -3.0), abs=1e-9)
+
+
+@pytest.mark.usefixtures("cad_read_here")
+def test_shank_and_holder_are_kept_off_the_face_itself_and_off_a_base_from_a_file(tmp_path):
+    base = plate(tmp_path, 2.0, step=1.0)
+    found = _obstacles(check_face(INNER, BALL, 25), None, base)
+    on_base = found[len(found) - len(base.points()) :]
+    assert np.array_equal(on_base, base.points())
+    away = np.linalg.norm(found[: -len(on_base)] - [0.0, 0.0, -0.3], axis=1)
+    assert len(away) > 1000 and away == pytest.approx(1.2, abs=1e-6)
 
 
 @pytest.mark.parametrize("pocket", [{}, {"pocket_diameter_mm": 2.78}])
