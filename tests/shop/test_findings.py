@@ -345,9 +345,8 @@ def test_every_limit_is_kept_to_the_tolerance_of_its_measure(beyond: float, hold
 
 
 def test_one_tool_that_reaches_a_face_is_enough_for_it_and_none_for_another() -> None:
-    tools = [
-        ("inner", "fail", "too short"), ("inner", "pass", ""), ("outer", "fail", "too thick"), ("outer", "fail", "blunt"),
-    ]  # fmt: skip
+    inner, outer = ("fail", "too short"), ("fail", "too thick")
+    tools = [("inner", *inner), ("inner", "pass", ""), ("outer", *outer), ("outer", "fail", "blunt")]
     verdicts = [Fact("tool", "tool", 0.5, "mm", state=state, note=note, place=face) for face, state, note in tools]
     check = SimpleNamespace(faces={"inner": None, "outer": None}, verdicts=verdicts)
     assert list(cutting_reasons(check, small_spec())) == [("fail", "too thick; blunt")]
