@@ -97,7 +97,7 @@ def coated():
     missed = MissedByCause(
         backward=0.07, outside_cavity=0.06, base=0.08, missed_receiver=0.055, surfaces_intersect=0.045
     )
-    shares = {("side", "wall", "exit"): 0.21, ("cap", "exit"): 0.25, ("wall",): 0.013, (): 0.0017}
+    shares = {("side", "wall", "exit"): 0.21, ("cap", "exit"): 0.25, ("inner",): 0.013, (): 0.0017}
     ways = tuple(
         LightWay(faces=faces, share=Metric(value=share, standard_error=share / 90.0)) for faces, share in shares.items()
     )
