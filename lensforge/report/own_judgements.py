@@ -134,16 +134,20 @@ def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
     if result.inputs.get("lens") != lens.sha256:
         return
     try:
-        again = judged_again(result, lens)
+        why = next(_forged(result, lens), "")
     except (ArithmeticError, LookupError):  # a volume of 0, a face that the lens has not
-        raise InputError(
-            f"{path}: not what a {result.stage} of this lens can be; {type(result).rebuild_command()}"
-        ) from None
-    for field, made in again.items():
-        for stated, follows in zip_longest(getattr(result, field), made):
-            if not agree(_compared(stated), _compared(follows)):
-                why = f"{field}: {(stated or follows).key}: not as it follows from the other entries"
-                raise InputError(f"{path}: {why}; {type(result).rebuild_command()}")
+        why = f"not what a {result.stage} of this lens can be"
+    if why:
+        raise InputError(f"{path}: {why}; {type(result).rebuild_command()}")
+
+
+def _forged(result: StageResult, lens: Lens) -> Iterator[str]:
+    """Words on each judgement that its file states otherwise; those of a light are with every LED."""
+    for record in result.by_led.values() if isinstance(result, Light) else (result,):
+        for field, made in judged_again(record, lens).items():
+            for stated, follows in zip_longest(getattr(record, field), made):
+                if not agree(_compared(stated), _compared(follows)):
+                    yield f"{field}: {(stated or follows).key}: not as it follows from the other entries"
 
 
 def _compared(fact: Fact | None) -> tuple[object, ...]:
