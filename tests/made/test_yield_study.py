@@ -1,5 +1,7 @@
 """Parts of a study against closed forms of small errors, and the yield against binomial statistics."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from nightly import NIGHTLY, scaled
@@ -347,6 +349,16 @@ def test_a_part_that_misses_one_bound_of_several_does_not_pass_and_is_among_the_
     assert road.pass_rate.value == 38 / 40
     values = np.column_stack([[1.0, 2.0, 4.0, 9.0], [0.5, 1.5, 1.0, 2.0]])
     assert yield_study._true_spread(values) == pytest.approx(np.sqrt(38.0 / 3.0 - (0.25 + 2.25 + 1.0 + 4.0) / 4.0))
+
+
+def test_the_worst_part_is_the_farthest_beyond_its_bound_in_units_of_the_spread() -> None:
+    """Part 1 by 40 lx of a spread of 125, part 2 by 3 lm of a spread of 1.4."""
+    excess = np.array([[-300.0, -0.1], [40.0, -0.3], [-100.0, 3.0], [-200.0, -0.2]])
+    study = SimpleNamespace(excess=lambda values: values, names=("lux", "lumen"))
+    found = yield_study._worst(study, np.stack([excess, excess], axis=-1))
+    assert [each.part for each in found[:2]] == [2, 1]
+    assert [each.passes for each in found] == [False, False, True, True][: len(found)]
+    assert found[0].metrics == {"lux": -100.0, "lumen": 3.0}
 
 
 @pytest.mark.parametrize(("noise", "decided"), [(0.02, True), (0.1, False)])
