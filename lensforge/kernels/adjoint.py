@@ -96,7 +96,8 @@ def same_way(met: Int[np.ndarray, "n e"]) -> SameWay:
     """Rays that have ``met`` the same, together."""
     numbers = np.lexsort(met.T[::-1])
     other = (met[numbers[1:]] != met[numbers[:-1]]).any(axis=1)
-    return SameWay(numbers, np.concatenate([[0], np.flatnonzero(other) + 1, [len(met)]]))
+    first = [0] if len(met) else []  # no rays, no group
+    return SameWay(numbers, np.concatenate([np.array(first, dtype=np.intp), np.flatnonzero(other) + 1, [len(met)]]))
 
 
 @inline

@@ -111,6 +111,20 @@ def test_the_adjoint_is_the_slope_of_every_face(case: str) -> None:
         assert slope.crossed <= 15
 
 
+def test_a_few_rays_have_the_gradient_that_they_have_among_many() -> None:
+    """Of most chunks of so few rays there is none."""
+    (media, made), body, rays = CASES["mirror"], collimator(0.05), upwards(500, 4, 0.5)
+    tables, here, by = tables_of(body, GRID), scene(body, media, made), np.zeros((500, 8))
+    by[:3] = np.random.default_rng(1).normal(size=(3, 8))
+    few, many = (
+        TracedBundle.of(tables, here, rays.take(some)).gradients(
+            Sensitivities(by[some, :3], by[some, 3:6]), by[some, 6].copy(), by[some, 7].copy()
+        )
+        for some in (slice(3), slice(None))
+    )
+    assert few == pytest.approx(many, rel=1e-12, abs=1e-15) and many.any()
+
+
 def test_the_adjoint_holds_in_random_scenes() -> None:
     """Up to six events; a crease that is crossed is counted, as is a ray that grazes: its slope has a large error."""
     rng, crossed, events, traced = np.random.default_rng(6), 0, set(), 0
