@@ -10,7 +10,6 @@ from exact_surface import ExactSurface
 from lensforge.light.reference_bodies import ReferenceBody
 from lensforge.light.reference_hits import TracedFace
 from lensforge.light.reference_trace import as_arrays, trace_reference
-from lensforge.light.secondary_optics import TWO_FACES
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade
@@ -20,6 +19,7 @@ from lensforge.scene.receiver import Landings, ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.search.light_path import landed_through
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.surface import Surface
 
 
@@ -92,7 +92,7 @@ def trace_exact(
 ) -> ExitRays:
     """Through two surfaces that take tensors, differentiable in what these are differentiable in."""
     faces = tuple(face if isinstance(face, TracedFace) else face.face() for face in (inner, outer))
-    return trace_reference([ReferenceBody(faces, TWO_FACES, media, True, made)], rays)
+    return trace_reference(ReferenceBody.of_lens(faces, Scene(media, TableGrid(24), made=made)), rays)
 
 
 def on_device(

@@ -17,14 +17,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.glass_plate import GlassPlate, behind_plate, behind_plate_adjoint
 from lensforge.kernels.parallel import in_chunks, part_of
 from lensforge.kernels.traced_body import ByRaysOut, FaceFilms, RaysOut
-from lensforge.optics.arrays import Array, like
 from lensforge.optics.coatings import GLASS, coated_faces, coating_tables, whole_span
-from lensforge.optics.dielectric import (
-    Ratio,
-    Transmittances,
-    coated_transmittances,
-    fresnel_transmittances,
-)
 from lensforge.optics.media import CoverGlass, Media
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle
@@ -47,15 +40,15 @@ class RayCoatings:
     rows: Float[np.ndarray, " j"]
 
     @staticmethod
-    def of(rays: RayBundle, media: Media, fresnel: bool = True) -> "RayCoatings":
+    def of(rays: RayBundle, media: Media, fresnel: bool = True, origin: str = "lens.") -> "RayCoatings":
         """Coatings of ``media`` for ``rays``; none of them without ``fresnel``, when no face loses light.
 
-        Raises :class:`InputError` for light at whose wavelengths a coating is not known.
+        Raises :class:`InputError` for light at whose wavelengths a coating is not known; ``origin``: of its place.
         """
         if not fresnel or not media.coated:
             return NO_COATINGS
         waves = rays.wavelengths_nm
-        _require_known(rays, media)
+        _require_known(rays, media, origin)
         tables = coating_tables(media, whole_span(waves, media))
         rows = np.zeros(1)
         if waves is not None and len(tables.wavelengths_nm) > 1:
@@ -96,7 +89,7 @@ def _places(waves: Float[np.ndarray, " n"], nodes: Float[np.ndarray, " k"]) -> F
     return places
 
 
-def _require_known(rays: RayBundle, media: Media) -> None:
+def _require_known(rays: RayBundle, media: Media, origin: str) -> None:
     waves, total = rays.wavelengths_nm, float(rays.flux.sum())
     for name, face in coated_faces(media).items():
         if face.known_nm is None:
@@ -109,7 +102,7 @@ def _require_known(rays: RayBundle, media: Media) -> None:
             light = f"light from {waves.min():g} to {waves.max():g} nm"
         if share > _MOST_OUTSIDE:
             raise InputError(
-                f"lens.{'cover_glass' if name == 'glass' else name}.coating: known from {low:g} to {high:g} nm, and "
+                f"{origin}{'cover_glass' if name == 'glass' else name}.coating: known from {low:g} to {high:g} nm, and "
                 f"the source has {light}: {100.0 * share:.3g} % of the flux is outside, at most "
                 f"{100.0 * _MOST_OUTSIDE:g} % may be; extend the coating's data, or correct the spectrum "
                 "(lens.design_wavelength_nm for a source without one)"
@@ -159,20 +152,3 @@ def _copied(rays: ExitRays) -> RaysOut:
 def _plate(glass: CoverGlass, media: Media, fresnel: bool, coatings: RayCoatings) -> GlassPlate:
     film, ratio = _compiled(coatings.faces.get(GLASS)), media.outside_index / glass.refractive_index
     return GlassPlate(fresnel, ratio, glass.thickness_mm, glass.absorption_per_mm, film)
-
-
-def face_transmittances(
-    cosine: Float[Array, " n"],
-    ratio: Ratio,
-    coating: Float[np.ndarray, "k m 2"] | None,
-    rows: Float[np.ndarray, " j"],
-    own: Array | slice = slice(None),
-) -> Transmittances:
-    """Transmitted shares at a face, coated or not; ``rows``: places among its table's, of which ``own`` are the rays'.
-
-    Mask total reflection first.
-    """
-    if coating is None:
-        return fresnel_transmittances(cosine, ratio)
-    places = like(cosine, rows)
-    return coated_transmittances(cosine, ratio, like(cosine, coating), places if len(rows) == 1 else places[own])

@@ -1,6 +1,6 @@
 """Bodies and rays as the reference tracer takes them, in torch."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Complex, Float, Int, Int8
 from torch import Tensor
 
+from lensforge.kernels.face_records import FacePlacement
 from lensforge.kernels.fate import Fate
 from lensforge.light.reference_hits import CPU, ExactFace, TableFace, TracedFace
 from lensforge.light.secondary_optics import TWO_FACES, tabled
@@ -21,64 +22,57 @@ from lensforge.scene.body import Chain
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.surface import Surface
 
-Frame = tuple[Float[np.ndarray, "3 4"], float]  # a rotation and a shift (mm) into the next frame, a factor of lengths
-
 
 @dataclass(frozen=True)
 class ReferenceBody:
     """A body whose faces, in the order of the chain, find their own hits.
 
     ``in_order``: where every ray meets the faces one after another, and what they reflect is lost, as in the usual
-    lens. ``made``: where the body is not as designed. ``pose``: of a body behind the lens.
+    lens. ``placement``: of the faces, where they do not stand in the frame of the rays. ``made``: for their roughness.
+    ``origin``: beginning of the place that an error names.
     """
 
     faces: tuple[TracedFace, ...]
     chain: Chain
     media: Media
     in_order: bool = False
+    placement: FacePlacement | None = None
     made: AsMade | None = None
-    pose: SecondaryOptic | None = None
+    origin: str = "lens."
+
+    @staticmethod
+    def of_lens(faces: Sequence[TracedFace], scene: Scene, device: torch.device = CPU) -> "tuple[ReferenceBody, ...]":
+        """A lens of these faces, in the order of ``scene``, and the optics behind it by their tables on ``device``."""
+        placement = None if scene.made is None else scene.made.placed
+        chain = scene.chain or TWO_FACES
+        lens = ReferenceBody(tuple(faces), chain, scene.media, scene.chain is None, placement, scene.made)
+        return lens, *(_of_optic(optic, scene.media, device) for optic in scene.media.bodies)
 
     @staticmethod
     def by_tables(
         tables: Float[Tensor, "f side side"], scene: Scene, device: torch.device = CPU
     ) -> "tuple[ReferenceBody, ...]":
-        """The lens of these tables on ``device``, differentiable in them, and the bodies behind it by theirs.
+        """The lens of these tables on ``device``, differentiable in them, and the optics behind it.
 
         Raises :class:`InputError` for a radius that is not positive.
         """
         bounds = checked_bounds(tables.detach().numpy(), scene)
-        faces = (TableFace.of(table, scene.grid, own, device) for table, own in zip(tables, bounds, strict=True))
-        lens = ReferenceBody(tuple(faces), scene.chain or TWO_FACES, scene.media, scene.chain is None, scene.made)
-        return lens, *_behind_lens(scene.media, device)
+        faces = [TableFace.of(table, scene.grid, own, device) for table, own in zip(tables, bounds, strict=True)]
+        return ReferenceBody.of_lens(faces, scene, device)
 
     @staticmethod
     def exact(
         surfaces: Mapping[str, Surface], scene: Scene, guides: Tables | None = None
     ) -> "tuple[ReferenceBody, ...]":
-        """The lens of these surfaces by name, and the bodies behind it by their tables.
+        """The lens of these surfaces by name, and the optics behind it.
 
         ``guides``: tables of ``scene`` by which hits are found, where faces are met in their order.
         """
         shapes = [surfaces[name] for name in scene.names]
         if guides is None:
-            faces = [ExactFace.of(shape) for shape in shapes]
-        else:
-            tables = (TableFace.of(torch.from_numpy(table), scene.grid) for table in guides)
-            faces = [ExactFace.of(shape, table) for shape, table in zip(shapes, tables, strict=True)]
-        lens = ReferenceBody(tuple(faces), scene.chain or TWO_FACES, scene.media, scene.chain is None, scene.made)
-        return lens, *_behind_lens(scene.media, CPU)
-
-    @property
-    def frames(self) -> tuple[Frame, Frame] | None:
-        """The frame of the first face, from that before the body, and the one behind it from that of the last face."""
-        if self.made is not None:
-            frames, into, back = self.made.placed
-            return (frames[0], into), (frames[-1], back)
-        if self.pose is not None:
-            turn, centre = np.array(self.pose.turn), np.array(self.pose.centre_mm)
-            return (np.column_stack([turn.T, -centre @ turn]), 1.0), (np.column_stack([turn, centre]), 1.0)
-        return None
+            return ReferenceBody.of_lens([ExactFace.of(shape) for shape in shapes], scene)
+        tables = (TableFace.of(torch.from_numpy(table), scene.grid) for table in guides)
+        return ReferenceBody.of_lens([ExactFace.of(*each) for each in zip(shapes, tables, strict=True)], scene)
 
     def bounding(self, medium: str, behind: tuple[str, ...] = (BODY, OUTSIDE)) -> list[int]:
         """Numbers of the faces that bound a medium on the side away from the origin, with one of these ``behind``."""
@@ -91,12 +85,11 @@ class ReferenceBody:
         return coating.reflectance if isinstance(coating, Mirror) else None
 
 
-def _behind_lens(media: Media, device: torch.device) -> Iterator[ReferenceBody]:
-    """The bodies behind the lens, by tables that are within a nanometre of their faces."""
-    for body in media.bodies:
-        place = tabled(body)
-        faces = tuple(TableFace.of(torch.from_numpy(table), place.grid, device=device) for table in place.tables)
-        yield ReferenceBody(faces, TWO_FACES, body.media(media), in_order=True, pose=body)
+def _of_optic(optic: SecondaryOptic, around: Media, device: torch.device) -> ReferenceBody:
+    """A given optic, by tables that are within a nanometre of its faces."""
+    place = tabled(optic)
+    faces = tuple(TableFace.of(torch.from_numpy(table), place.grid, device=device) for table in place.tables)
+    return ReferenceBody(faces, TWO_FACES, optic.media(around), True, place.placement, origin=f"body {optic.name!r}: ")
 
 
 class RaysInBody(NamedTuple):

@@ -18,14 +18,17 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.coated_glass import RayCoatings, face_transmittances
+from lensforge.light.coated_glass import RayCoatings
 from lensforge.light.reference_bodies import RaysInBody, ReferenceBody
 from lensforge.light.reference_hits import CPU, Approach, Crossing
 from lensforge.optics.arrays import like
 from lensforge.optics.coatings import GLASS
 from lensforge.optics.dielectric import (
     Amplitudes,
+    Transmittances,
+    coated_transmittances,
     fields_behind,
+    fresnel_transmittances,
     passing_amplitudes,
     reflecting_amplitudes,
     refract,
@@ -89,7 +92,7 @@ def trace_reference(
     memory: HitMemory | None = None,
     first: int = 0,
 ) -> ExitRays:
-    """Trace ``rays`` through ``bodies``, the lens first, and the cover glass; tensors on ``device``.
+    """Trace ``rays`` through ``bodies``, the lens first, and the cover glass behind them; tensors on ``device``.
 
     Differentiable in what the faces are differentiable in. Without ``fresnel`` all faces let all light through that
     they do not reflect totally, coated or not. ``memory``: of the hits of these rays, where they are traced again.
@@ -97,18 +100,20 @@ def trace_reference(
     """
     memory = HitMemory() if memory is None else memory
     memory.used = 0
-    passages = [_Passage.of(body, rays, fresnel, device, memory, first) for body in bodies]
-    light = passages[0].through(RaysInBody.emitted(rays, device))
-    exits = passages[0].behind_glass(_exits(light, passages[0].absorbs), light)
+    lens, *optics = (_Passage.of(body, rays, fresnel, device, memory, first) for body in bodies)
+    light = lens.through(RaysInBody.emitted(rays, device))
+    exits = _exits(light, lens.absorbs)
     flux, lost = exits.flux, []
-    for passage in passages[1:]:
-        came, light = light.left, passage.through(light)
+    for optic in optics:
+        came, light = light.left, optic.through(light)
         left_w = torch.where(came, torch.where(light.left, light.flux, 0.0), flux)
         lost.append(flux - left_w)
         flux = left_w
-    seen = _exits(light)
-    behind = replace(exits, points=seen.points, directions=seen.directions, flux=flux, fates=light.fates)
-    return replace(behind, lost_in_bodies=torch.stack(lost)) if lost else exits
+    if lost:
+        ends = _exits(light)
+        exits = replace(exits, points=ends.points, directions=ends.directions, flux=flux, fates=ends.fates)
+        exits = replace(exits, lost_in_bodies=torch.stack(lost))
+    return lens.behind_glass(exits, light)
 
 
 def as_arrays(exits: ExitRays) -> ExitRays:
@@ -146,14 +151,14 @@ class _Passage:
             return torch.tensor(array, dtype=torch.float64, device=device)
 
         absorptions = there(medium.absorptions(waves, len(rays))) if len(medium.absorption(waves)) else None
-        if absorptions is not None and made is not None:
-            absorptions = absorptions * made.scale  # paths are those in the lens as designed
+        if absorptions is not None and body.placement is not None:
+            absorptions = absorptions * body.placement.factor_out  # paths are those in the lens as designed
         rough = None if made is None else made.rough(first + len(rays))
         return _Passage(
             body,
             there(medium.indices(waves, len(rays))),
             absorptions,
-            RayCoatings.of(rays, body.media, fresnel),
+            RayCoatings.of(rays, body.media, fresnel, body.origin),
             None if rough is None else (there(rough[0][first:]), there(rough[1])),
             fresnel,
             memory,
@@ -167,8 +172,8 @@ class _Passage:
 
     def through(self, light: RaysInBody) -> RaysInBody:
         """Rays behind the body, in their order; those that had ended before stay as they are."""
-        frames, ended, going = self.body.frames, [light.take(~light.left)], light.take(light.left)
-        entered, outside = self._entered(going if frames is None else going.turned(*frames[0]))
+        place, ended, going = self.body.placement, [light.take(~light.left)], light.take(light.left)
+        entered, outside = self._entered(going if place is None else going.turned(place.frames[0], place.factor_in))
         ended += outside
         media = {CAVITY: entered}
         for event in range(self.body.chain.events):
@@ -180,7 +185,7 @@ class _Passage:
             media = {medium: RaysInBody.joined(parts) for medium, parts in onward.items()}
         found = RaysInBody.joined(ended + [rays.ended(Fate.EVENT_LIMIT) for rays in media.values()])
         found = found.take(torch.argsort(found.numbers))
-        return found if frames is None else found.turned(*frames[1])
+        return found if place is None else found.turned(place.frames[-1], place.factor_out)
 
     def _entered(self, light: RaysInBody) -> tuple[RaysInBody, list[RaysInBody]]:
         """The rays that come into the cavity, at its opening if from below z = 0; and the others."""
@@ -320,20 +325,28 @@ class _Passage:
             return reflecting_amplitudes(at.cosine, at.ratio)
         if not self.fresnel:
             return equal + 1.0, equal
-        table, rows = self.coatings.faces.get(self.body.chain.names[number]), self.coatings.rows
-        return passing_amplitudes(face_transmittances(at.cosine, at.ratio, table, rows, numbers), at.ratio)
+        return passing_amplitudes(self._transmittances(self.body.chain.names[number], at, numbers), at.ratio)
+
+    def _transmittances(self, face: str, at: Incidence, numbers: Int[Tensor, " n"]) -> Transmittances:
+        """Transmitted shares of rays at a face, coated or not."""
+        table, rows = self.coatings.faces.get(face), self.coatings.rows
+        if table is None:
+            return fresnel_transmittances(at.cosine, at.ratio)
+        places = like(at.cosine, rows)
+        places = places if len(rows) == 1 else places[numbers]
+        return coated_transmittances(at.cosine, at.ratio, like(at.cosine, table), places)
 
     def _onward(
         self, light: RaysInBody, medium: str, reflected_totally: bool, event: int
     ) -> Iterator[tuple[str, RaysInBody]]:
         """Rays on their way to the next face, in the frame of which they stand, where faces are met in their order."""
-        last, made = event + 1 == self.body.chain.events, self.body.made
+        last, place = event + 1 == self.body.chain.events, self.body.placement
         if reflected_totally and (last or self.body.in_order):
             yield _ENDED, light.ended(Fate.TOTAL_REFLECTION)
-        elif last or made is None or not self.body.in_order:
+        elif last or place is None or not self.body.in_order:
             yield medium, light
         else:
-            light = light.turned(made.placed[0][event + 1])
+            light = light.turned(place.frames[event + 1])
             raised, path = _raised(light)
             # at the rim, below the plane in which a lowered or tilted face ends: into the body through it, or the base
             risen = (light.directions[:, 2] > 0.0) & self._inside([event + 1], raised.points)
@@ -342,7 +355,7 @@ class _Passage:
             yield medium, raised._replace(gone_mm=path).take(within)
 
     def behind_glass(self, exits: ExitRays, light: RaysInBody) -> ExitRays:
-        """``exits`` of a body, whose fields ``light`` has, behind the cover glass; see ``light.coated_glass``."""
+        """``exits``, whose fields ``light`` has, behind the cover glass; see ``light.coated_glass``."""
         glass, media = self.body.media.cover_glass, self.body.media
         if glass is None:
             return exits
@@ -352,7 +365,8 @@ class _Passage:
         nearer = torch.where(meets, glass.thickness_mm * (1.0 - ratio * outside / inside), 0.0)
         passed = exits.flux * torch.exp(-glass.absorption_per_mm * glass.thickness_mm / inside)
         if self.fresnel:
-            t_s, t_p, excess = face_transmittances(outside, ratio, self.coatings.faces.get(GLASS), self.coatings.rows)
+            at = Incidence(exits.directions, outside, ratio + 0.0 * outside)
+            t_s, t_p, excess = self._transmittances(GLASS, at, light.numbers)
             axial = torch.where(exits.left_lens, light.axial_flux, 0.0)
             in_plane = axial / torch.where(exits.flux > 0.0, exits.flux, 1.0)
             passed, exits = passed * (t_s**2 + (t_s + t_p) * excess * in_plane), replace(exits, axial=axial)

@@ -12,7 +12,6 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.errors import InputError
 from lensforge.kernels.bicubic import FaceBounds, TableSpacing, surface_bounds
 from lensforge.kernels.face_records import FacePlacement
 from lensforge.kernels.fate import Fate
@@ -87,7 +86,7 @@ def _passage(optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBun
     if exits.fields is None or exits.carried is None:
         raise ValueError("light that comes to an optic has its polarisation")
     media, place, waves = optic.media(around), tabled(optic), rays.wavelengths_nm
-    coatings = _coatings(optic, replace(rays, flux=exits.carried), media, fresnel)
+    coatings = RayCoatings.of(replace(rays, flux=exits.carried), media, fresnel, f"body {optic.name!r}: ")
     body = TracedBody(
         tables=place.tables,
         bounds=place.bounds,
@@ -140,11 +139,3 @@ def before_optics(passages: Sequence[BodyPassage], by: ByRaysOut) -> ByRaysOut:
         before = passage.back(by._replace(by_sin2=none))
         by = ByRaysOut(before.by_points, before.by_directions, none, by.by_sin2, by_fields=before.by_fields)
     return by
-
-
-def _coatings(optic: SecondaryOptic, rays: RayBundle, media: Media, fresnel: bool) -> RayCoatings:
-    """Coatings of its faces. Raises :class:`InputError` for light at whose wavelengths one is not known."""
-    try:
-        return RayCoatings.of(rays, media, fresnel)
-    except InputError as error:
-        raise InputError(str(error).replace("lens.", f"body {optic.name!r}: ", 1)) from None

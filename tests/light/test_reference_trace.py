@@ -10,14 +10,17 @@ from hard_rays import all_hits, approach, gap, hard_rays
 from landed import Landed, by_kernels, in_torch, on_device
 from scenes import DEVICES, random_surface, table_of
 from shells import BOWL, DOME
+from test_as_made import ODD
 from test_event_chains import FILM, MOVED, NAMES, TABLE
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.reference_hits import TableFace
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import CAVITY, OUTSIDE, CoverGlass, FaceCoating, Media, Medium
+from lensforge.scene.body import Body
 from lensforge.search.searches import device_of
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 GRID = TableGrid(64)
@@ -68,7 +71,7 @@ def test_every_fate_is_that_of_the_kernels(device: str) -> None:
 LOSSY = clear(absorption=0.02, coatings=mirrors(0.9, wall=OUTSIDE))
 COATED = clear(coatings=(FaceCoating("cap", CAVITY, TABLE), FaceCoating("exit", OUTSIDE, FILM)))
 TIR = collimator(0.05)
-CHAINS = {  # a body, its media, how it was made, events, Fresnel's losses
+CHAINS = {  # a body, its media, how it was made, events of a chain, Fresnel's losses
     "TIR": (TIR, clear(absorption=0.02), None, 6, True),
     "TIR, coated, behind a glass": (
         TIR, replace(COATED, cover_glass=CoverGlass(1.52, 2.0, 20.0, 0.001, FILM)), None, 6, True,
@@ -80,7 +83,14 @@ CHAINS = {  # a body, its media, how it was made, events, Fresnel's losses
     "TIR, few events, a flange": (
         TIR, clear(coatings=(*mirrors(0.0, wall=OUTSIDE), *mirrors(0.8, side=CAVITY))), None, 2, True,
     ),
-    "TIR before bodies": (TIR, replace(clear(absorption=0.02), bodies=(DOME, BOWL)), None, 6, True),
+    "TIR before bodies and a glass": (
+        TIR, replace(clear(absorption=0.02), bodies=(DOME, BOWL), cover_glass=CoverGlass(1.52, 2.0, 60.0, 0.001, FILM)),
+        None, 6, True,
+    ),
+    "two faces, as made and rough, before bodies": (
+        Body.of({"inner": sphere(3.0, 0.5), "outer": sphere(6.0, -1.0)}),
+        replace(clear(absorption=0.02), bodies=(DOME, BOWL)), ODD, None, True,
+    ),
     "reflector": (reflector(5.0, 1.0, 8.0), clear(coatings=mirrors(0.9, mirror=CAVITY)), None, 2, True),
 }  # fmt: skip
 
@@ -89,7 +99,8 @@ CHAINS = {  # a body, its media, how it was made, events, Fresnel's losses
 def test_chains_of_events_and_their_gradients_are_those_of_the_kernels(name: str, device: str) -> None:
     body, media, made, events, fresnel = CHAINS[name]
     tables = torch.from_numpy(tables_of(body, GRID)).requires_grad_()
-    scene, rays = Scene(media, GRID, fresnel, made, body.chain(events)), upwards(1500, 3, 0.5)
+    chain, rays = None if events is None else body.chain(events), upwards(1500, 3, 0.5)
+    scene = Scene(media, GRID, fresnel, made, chain)
     kernels, found = _both(device, list(tables), rays, scene)
     _agree(kernels, found)
     for lost in ("absorbed", "lost_in_glass", "lost_in_bodies"):
