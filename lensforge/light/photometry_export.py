@@ -138,7 +138,7 @@ def measure_photometry(
     if not bright.per_1000_lm:
         bright = replace(bright, lumens=len(lamps) * bright.lumens)
     source_w = len(lamps) * source.flux_w
-    largest_mm = max(lens.body.largest_mm + lamps.reach_mm, reach_mm(lens.media.bodies))
+    largest_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies)) + lamps.reach_mm
     light = trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,

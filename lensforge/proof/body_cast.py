@@ -5,11 +5,13 @@ go past the rim or are reflected totally, are lost there.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.media import FaceShape, Media, SecondaryOptic
+from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
 
 _SCANNED, _STEPS = 24, 60  # places along a ray among which its first crossing lies; halvings from there
@@ -34,20 +36,50 @@ class _Beam:
         self.points[rows], self.directions[rows], self.share[rows] = np.nan, np.nan, 0.0
 
 
-def behind_optics(
-    points: _Vectors, directions: _Vectors, media: Media, wavelengths_nm: _Values, fields: Fields | None = None
-) -> tuple[_Vectors, _Vectors, _Values]:
-    """Points (mm), directions, and what is let through, behind the cover glass or the further bodies of ``media``.
+class BehindOptics(NamedTuple):
+    """Rays behind all optics: points (mm), directions, and the shares that bodies and the cover glass let through."""
 
-    ``fields`` None: of unpolarised light.
+    points: _Vectors
+    directions: _Vectors
+    through_bodies: _Values
+    through_glass: _Values
+
+
+def behind_optics(
+    points: _Vectors,
+    directions: _Vectors,
+    media: Media,
+    wavelengths_nm: _Values,
+    fields: Fields | None = None,
+    plate: PlateOfLenses | None = None,
+) -> BehindOptics:
+    """Rays behind the bodies and then the cover glass of ``media``; those that end in a body have no place.
+
+    ``fields`` None: of unpolarised light. ``plate``: of many lenses, where each has bodies of its own.
     """
-    if not media.bodies:
-        return through_glass(points, directions, media, wavelengths_nm, fields)
-    own = unpolarised(directions) if fields is None else fields
-    beam = _Beam(points.copy(), directions.copy(), own.copy(), np.ones(len(points)))
-    for body in media.bodies:
-        _through(body, media, beam, wavelengths_nm)
-    return beam.points, beam.directions, beam.share
+    known = unpolarised(directions) if fields is None else fields
+    beam = _Beam(points.copy(), directions.copy(), known.copy(), np.ones(len(points)))
+    if media.bodies:
+        _through_bodies(beam, media, wavelengths_nm, plate)
+    ends, ways, glass = through_glass(beam.points, beam.directions, media, wavelengths_nm, beam.fields)
+    return BehindOptics(ends, ways, beam.share, glass)
+
+
+def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLenses | None) -> None:
+    """Take a beam through all bodies, in the coordinates of the lens that each ray has left."""
+    if plate is None:
+        for body in media.bodies:
+            _through(body, media, beam, waves)
+        return
+    rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
+    own, numbers = plate.at_own(beam.points[rows])
+    turns = plate.turns_to(numbers)
+    ways = np.einsum("nij,nj->ni", turns, beam.directions[rows])
+    alone = _Beam(own, ways, np.einsum("nij,nkj->nki", turns, beam.fields[rows]), beam.share[rows])
+    _through_bodies(alone, media, waves[rows], None)
+    beam.points[rows] = plate.from_own_points(alone.points, numbers)
+    beam.directions[rows] = np.einsum("nji,nj->ni", turns, alone.directions)
+    beam.fields[rows], beam.share[rows] = np.einsum("nji,nkj->nki", turns, alone.fields), alone.share
 
 
 def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values) -> None:

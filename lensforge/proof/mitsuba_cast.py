@@ -109,7 +109,7 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
             rows = [row for row, _ in event]
             passage.met[rows, number] = [place.face for _, place in event]
             _share(passage, whole, event, part.optical, media)
-        return str(mi.__version__), behind_lens(passage, rays, media)
+        return str(mi.__version__), behind_lens(passage, rays, media, part.optical.plate)
     finally:
         if before is not None:
             mi.set_variant(before)

@@ -82,6 +82,19 @@ class PlateOfLenses:
         own[:, 0], own[:, 1] = cosine * x - sine * y, sine * x + cosine * y
         return own, numbers
 
+    def turns_to(self, numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
+        """Rotations from the coordinates of the lit lens into those of the lenses of these ``numbers``."""
+        lit = 0.0 if self.lit is None else self.turns[self.lit]
+        return np.stack([_turned(lit - turn) for turn in self.turns])[numbers]
+
+    def from_own_points(
+        self, own: Float[np.ndarray, "n 3"], numbers: Int[np.ndarray, " n"]
+    ) -> Float[np.ndarray, "n 3"]:
+        """Points of the lenses of these ``numbers``, from the coordinates of each into those of the lit one."""
+        lit = np.einsum("nji,nj->ni", self.turns_to(numbers), own)
+        lit[:, :2] += self._seen[numbers]
+        return lit
+
     def placed(self, rays: RayBundle, numbers: Int[np.ndarray, " n"]) -> RayBundle:
         """Rays of one lens in its own coordinates, each at the lens of its number, in those of the plate."""
         origins, directions = rays.origins.copy(), rays.directions.copy()

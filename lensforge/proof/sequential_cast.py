@@ -17,7 +17,7 @@ from trimesh.triangles import points_to_barycentric
 from lensforge.optics.media import Media, Mirror
 from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
-from lensforge.proof.optical_faces import NO_FACE, OpticalFaces
+from lensforge.proof.optical_faces import NO_FACE, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.refraction import AtFace, Fields, LitRays, RefractingFace, unpolarised
@@ -91,15 +91,22 @@ class Passage:
         return LandedRays(**{**vars(self), "fates": fates}, landings=landings)
 
 
-def behind_lens(passage: Passage, rays: RayBundle, media: Media) -> Passage:
-    """Take the rays that left the lens through the cover glass, or the further bodies, one after the other."""
+def behind_lens(passage: Passage, rays: RayBundle, media: Media, plate: PlateOfLenses | None) -> Passage:
+    """Take the rays that left the lens, or one of a ``plate``, through the further bodies and the cover glass."""
     if media.cover_glass is None and not media.bodies:
         return passage
     waves = media.wavelengths(rays.wavelengths_nm, len(rays))
-    points, directions, through = behind_optics(passage.points, passage.directions, media, waves, passage.fields)
-    left = passage.flux * through
-    lost = {"in_bodies" if media.bodies else "in_glass": passage.flux - left}
-    return replace(passage, points=points, directions=directions, flux=left, **lost)
+    behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, plate)
+    out_of_bodies = passage.flux * behind.through_bodies
+    left = out_of_bodies * behind.through_glass
+    return replace(
+        passage,
+        points=behind.points,
+        directions=behind.directions,
+        flux=left,
+        in_bodies=passage.flux - out_of_bodies,
+        in_glass=out_of_bodies - left,
+    )
 
 
 @dataclass(frozen=True)
@@ -314,7 +321,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
         light = replace(light, directions=ways, fields=passage.fields[rows], inside=inside)
         going = np.nonzero(goes_on)[0]
         rows, leg, light = rows[going], Leg(hits.points, ways, hits.skins).take(going), light.take(going)
-    return behind_lens(passage, rays, media)
+    return behind_lens(passage, rays, media, optical.plate)
 
 
 def _leaves_freely(optical: OpticalFaces, leg: Leg, light: LitRays, hits: SurfaceHits) -> Bool[np.ndarray, " n"]:

@@ -17,7 +17,7 @@ from lensforge.proof.acceptance import stray_criteria
 from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Base, Cause, FluxBudget, Limits, PartBody, follow
-from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
+from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.proof.proof_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight
 from lensforge.proof.receiver_screen import Screen, nmse
@@ -56,7 +56,7 @@ def trace_stray(
     result = StrayLight(
         inputs=dict(inputs or {}),
         receivers=tuple(
-            _on_receiver(name, screen, budget, passage, emitted, media)
+            _on_receiver(name, screen, budget, passage, emitted, media, optical.plate)
             for name, screen in zip(names, screens, strict=True)
         ),
         rays=len(rays),
@@ -73,11 +73,17 @@ def trace_stray(
 
 
 def _on_receiver(
-    name: str, screen: Screen, budget: FluxBudget, passage: Passage, emitted: float, media: Media
+    name: str,
+    screen: Screen,
+    budget: FluxBudget,
+    passage: Passage,
+    emitted: float,
+    media: Media,
+    plate: PlateOfLenses | None,
 ) -> ReceiverStray:
     """Stray light on one receiver, of ``emitted`` (W)."""
-    sequential, landed = passage.landed(screen), _ReceivedLight.of(budget, screen, media)
-    reference, flux = screen.irradiance(sequential.landings, sequential.flux), _flux(budget, landed, media, emitted)
+    sequential, landed = passage.landed(screen), _ReceivedLight.of(budget, screen, media, plate)
+    reference, flux = screen.irradiance(sequential.landings, sequential.flux), _flux(budget, landed, emitted)
     direct, stray = (
         screen.irradiance(landed.points[rows], landed.flux[rows]) for rows in (~landed.stray, landed.stray)
     )
@@ -105,7 +111,7 @@ def _on_receiver(
 class _ReceivedLight:
     """Light on the receiver's surface: places on its chart, flux (W), causes, in the window; and what missed it (W).
 
-    ``optics_w``: what a cover glass, or further bodies, took of the light that came to them.
+    ``bodies_w`` and ``glass_w``: what the further bodies and the cover glass took of the light that came to them.
     """
 
     points: Float[np.ndarray, "n 2"]
@@ -113,19 +119,26 @@ class _ReceivedLight:
     causes: Int[np.ndarray, " n"]
     in_window: Bool[np.ndarray, " n"]
     missed_w: float
-    optics_w: float
+    bodies_w: float
+    glass_w: float
 
     @staticmethod
-    def of(budget: FluxBudget, screen: Screen, media: Media) -> "_ReceivedLight":
+    def of(budget: FluxBudget, screen: Screen, media: Media, plate: PlateOfLenses | None) -> "_ReceivedLight":
         """Land the light that has left the part."""
         escaped = budget.escaped()
         ends = escaped.points, escaped.directions
-        points, directions, through = behind_optics(*ends, media, escaped.wavelengths_nm, escaped.fields)
-        places, left = screen.land(points, directions), escaped.flux * through
-        reached = ~np.isnan(places[:, 0])
-        missed_w, optics_w = float(left[~reached].sum()), float((escaped.flux - left).sum())
-        places, flux, causes = places[reached], left[reached], escaped.causes[reached]
-        return _ReceivedLight(places, flux, causes, screen.in_window(places), missed_w, optics_w)
+        behind = behind_optics(*ends, media, escaped.wavelengths_nm, escaped.fields, plate)
+        places, out_of_bodies = screen.land(behind.points, behind.directions), escaped.flux * behind.through_bodies
+        reached, left = ~np.isnan(places[:, 0]), out_of_bodies * behind.through_glass
+        return _ReceivedLight(
+            places[reached],
+            left[reached],
+            escaped.causes[reached],
+            screen.in_window(places[reached]),
+            missed_w=float(left[~reached].sum()),
+            bodies_w=float((escaped.flux - out_of_bodies).sum()),
+            glass_w=float((out_of_bodies - left).sum()),
+        )
 
     @property
     def stray(self) -> Bool[np.ndarray, " n"]:
@@ -134,8 +147,7 @@ class _ReceivedLight:
         return stray
 
 
-def _flux(budget: FluxBudget, landed: _ReceivedLight, media: Media, emitted: float) -> StrayFlux:
-    lost = {"bodies" if media.bodies else "cover_glass": landed.optics_w / emitted}
+def _flux(budget: FluxBudget, landed: _ReceivedLight, emitted: float) -> StrayFlux:
     flux, inside, stray = landed.flux, landed.in_window, landed.stray
     return StrayFlux(
         detected_direct=float(flux[inside & ~stray].sum()) / emitted,
@@ -144,7 +156,8 @@ def _flux(budget: FluxBudget, landed: _ReceivedLight, media: Media, emitted: flo
         outside_stray=float(flux[~inside & stray].sum()) / emitted,
         backward=landed.missed_w / emitted,
         absorbed=budget.absorbed / emitted,
-        **lost,
+        cover_glass=landed.glass_w / emitted,
+        bodies=landed.bodies_w / emitted,
         base=budget.base / emitted,
         too_dim=budget.cut_off / emitted,
         leaked=budget.leaked / emitted,

@@ -233,7 +233,8 @@ class PossibleLight:
         Of bodies behind the lens the light comes out of the last.
         """
         glass, bodies = self.light.media.cover_glass, self.light.media.bodies
-        return ExitBall(reach_mm(bodies)) if bodies else self.space.grown(0.0 if glass is None else glass.thickness_mm)
+        out_of = ExitBall(reach_mm(bodies)) if bodies else self.space
+        return out_of.grown(0.0 if glass is None else glass.thickness_mm)
 
     @cached_property
     def _lamps(self) -> LampPictures:

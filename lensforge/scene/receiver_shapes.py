@@ -6,6 +6,7 @@ candela.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from math import ceil, floor
 from typing import ClassVar
 
@@ -241,18 +242,18 @@ def _require_behind_glass(spec: Spec, receivers: Sequence[PosedReceiver]) -> Non
 
 
 def _require_outside_bodies(spec: Spec, receivers: Sequence[PosedReceiver]) -> None:
-    """Refuse receivers that lie in part within a body: light meets them first."""
-    for receiver in receivers:
-        corners = receiver.corners().reshape(-1, 3)
-        for body in () if receiver.is_far else spec.media.bodies:
-            depth = depths(body, corners, inner=False)
-            inside = np.isfinite(depth) & (depth > 0.0)
-            if inside.any():
-                x, y, z = corners[int(np.argmax(inside))]
-                raise InputError(
-                    f"body {body.name!r}: a receiver lies within it, at ({x:.4g}, {y:.4g}, {z:.4g}) mm; put all of it "
-                    "outside of the last body"
-                )
+    """Refuse receivers that lie in part within a body of a lamp: light meets them first."""
+    near = [receiver.corners().reshape(-1, 3) for receiver in receivers if not receiver.is_far]
+    for body, corners, lamp in product(spec.media.bodies, near, spec.all_lamps.poses):
+        axes = ReceiverPose.facing(lamp.axis, lamp.place_mm, lamp.turn_deg).axes
+        depth = depths(body, (corners - lamp.place_mm) @ axes.T, inner=False)
+        inside = np.isfinite(depth) & (depth > 0.0)
+        if inside.any():
+            x, y, z = corners[int(np.argmax(inside))]
+            raise InputError(
+                f"body {body.name!r}: a receiver lies within it, at ({x:.4g}, {y:.4g}, {z:.4g}) mm; put all of it "
+                "outside of the last body"
+            )
 
 
 def build_receiver(section: ReceiverSection, pixels: int) -> PosedReceiver:

@@ -20,6 +20,7 @@ from lensforge.optics.media import CAVITY, DOUBLE, OUTSIDE, FaceCoating, Media, 
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.fixed_surface import FixedSurface
+from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.lens_material import OpticalData, with_optical_data
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.search_section import ConstraintsSection
@@ -164,19 +165,10 @@ def media_with(bodies: Sequence[BodySection], lens: LensShape) -> Media:
     return replace(lens.media, bodies=tuple(body.body(lens.design_wavelength_nm) for body in bodies))
 
 
-def require_bodies(
-    sections: Sequence[BodySection], lens: LensShape, limits: ConstraintsSection, *, lamps: object, robust: bool
-) -> None:
-    """Raise ``ValueError`` for bodies that do not nest about the lens, and for what does not know them.
-
-    ``lamps`` of the spec, None for one; ``robust``: the search is.
-    """
+def require_bodies(sections: Sequence[BodySection], lens: LensShape, limits: ConstraintsSection, lamps: Lamps) -> None:
+    """Raise ``ValueError`` for bodies that do not nest about the lens, or reach a cover glass or those of a lamp."""
     if not sections:
         return
-    others = {"lens.cover_glass": lens.cover_glass, "lamps": lamps, "optimise.robust": robust or None}
-    refusing = next((name for name, given in others.items() if given is not None), None)
-    if refusing is not None:
-        raise ValueError(f"bodies and {refusing}: they do not go together; leave out one of the two")
     names = [body.name for body in sections]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -188,6 +180,30 @@ def require_bodies(
     _require_within(bodies[0], _largest_lens(lens, limits), "the lens", "lower constraints.max_radius_mm")
     for one, other in pairwise(bodies):
         _require_within(other, outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
+    for body in bodies:
+        _require_before_glass(body, lens)
+        _require_beside_others(body, lamps)
+
+
+def _require_before_glass(body: SecondaryOptic, lens: LensShape) -> None:
+    """Raise ``ValueError`` where a body reaches the cover glass, which stands in front of all bodies."""
+    glass, top_mm = lens.cover_glass, float(outside_of(body)[:, 2].max())
+    if glass is not None and glass.distance_mm < top_mm:
+        raise ValueError(
+            f"lens.cover_glass.distance_mm = {glass.distance_mm:g}: body {body.name!r} reaches z = {top_mm:.4g} mm, "
+            "and the glass stands in front of all bodies; move it away"
+        )
+
+
+def _require_beside_others(body: SecondaryOptic, lamps: Lamps) -> None:
+    """Raise ``ValueError`` where the bodies of two lamps would overlap."""
+    places = outside_of(body)
+    wide_mm = 2.0 * float(np.linalg.norm(places if lamps.posed else places[:, :2], axis=1).max())
+    if lamps.nearest_mm() < wide_mm:
+        raise ValueError(
+            f"lamps: the nearest two stand {lamps.nearest_mm():.6g} mm apart, and body {body.name!r} of each reaches "
+            f"{0.5 * wide_mm:.4g} mm from its axis; move them apart, or make it smaller"
+        )
 
 
 def _require_within(body: SecondaryOptic, points: _Points, what: str, remedy: str) -> None:

@@ -9,7 +9,7 @@ from shells import BOWL, COVER_LOSS, COVER_N, DOME, LOSS, SECOND, SHELL, N, by_h
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import FaceCoating, Medium, ReflectanceTable, SecondaryOptic
+from lensforge.optics.media import CoverGlass, FaceCoating, Medium, ReflectanceTable, SecondaryOptic
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
@@ -21,6 +21,11 @@ def tables(inner, outer) -> np.ndarray:
     return np.stack([tabulate(GRID, inner), tabulate(GRID, outer)])
 
 
+MADE = AsMade(
+    source=Displacement((0.1, -0.2, 0.0), (0.02, -0.03)), lens=Displacement((0.0, 0.2, 0.1), (-0.01, 0.02)),
+    faces={"outer": Displacement((0.05, 0.1, 0.02), (0.01, 0.02))}, source_size=1.05, scale=0.98, seat_mm=1.5,
+    slopes={"inner": 2e-3, "outer": 1e-3},
+)  # fmt: skip
 CONCENTRIC = tables(sphere(2.0), sphere(5.0))
 
 
@@ -89,14 +94,17 @@ def test_light_reflected_totally_in_a_body_is_lost_there() -> None:
     assert (found.lost_in_bodies[0, total] > 0.0).all() and (found.flux[total] == 0.0).all()
 
 
-@pytest.mark.parametrize("kind", ["double", "tir"])
+@pytest.mark.parametrize("kind", ["double", "as made", "behind a glass", "tir"])
 def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> None:
     """By points, directions, flux with its polarisation, and the exit sine; through a coated and a clear body."""
     film = ReflectanceTable((0.0, 30.0, 60.0), ((0.01, 0.02, 0.2),))
     coated = replace(DOME, coatings=(FaceCoating("inner", "cavity", film),))
     media = replace(clear(N, absorption=LOSS), bodies=(coated, BOWL))
-    if kind == "double":
-        own, here = tables(sphere(3.0, 0.5), sphere(6.0, -1.0)), Scene(media, GRID)
+    if kind == "behind a glass":
+        media = replace(media, cover_glass=CoverGlass(1.52, 3.0, 40.0, 2e-3))
+    if kind != "tir":
+        own, made = tables(sphere(3.0, 0.5), sphere(6.0, -1.0)), MADE if kind == "as made" else None
+        here = Scene(media, GRID, made=made)
     else:
         body = collimator(0.03)
         own, here = tables_of(body, GRID), Scene(media, GRID, chain=body.chain(6))

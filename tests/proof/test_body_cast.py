@@ -7,14 +7,20 @@ import pytest
 from chains import clear, upwards
 from shells import DOME, SECOND, by_hand, placed, spheres_of
 
-from lensforge.optics.media import Medium
+from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.optics.media import CoverGlass, Medium
 from lensforge.proof.body_cast import behind_optics
+from lensforge.proof.optical_faces import PlateOfLenses
+from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.source_pose import rotation_about
 from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 
 def test_displaced_shells_refract_polarise_and_absorb_as_written_by_hand() -> None:
     media, rays = replace(clear(), bodies=(DOME, SECOND)), upwards(1500, 1, 3.0)
-    points, along, share = behind_optics(rays.origins, rays.directions, media, np.full(len(rays), 550.0))
+    points, along, share, _ = behind_optics(rays.origins, rays.directions, media, np.full(len(rays), 550.0))
     out = share > 0.0
     assert 0.5 < out.mean() < 1.0 and np.isnan(points[~out]).all()
     wanted = by_hand(rays.origins, rays.directions, [*spheres_of(DOME), *spheres_of(SECOND)])
@@ -27,7 +33,7 @@ def test_light_past_the_rim_or_reflected_totally_is_lost() -> None:
     hollow = placed("hollow", (sphere(12.0, -11.0), sphere(5.5)), turn=np.eye(3), medium=Medium(3.0))
     rays = upwards(600, 2)
     directions = rays.directions * np.where(np.arange(600) % 3 == 0, -1.0, 1.0)[:, None]
-    _, _, share = behind_optics(rays.origins, directions, replace(clear(), bodies=(hollow,)), np.full(600, 550.0))
+    _, _, share, _ = behind_optics(rays.origins, directions, replace(clear(), bodies=(hollow,)), np.full(600, 550.0))
     assert (share[::3] == 0.0).all()
     assert (share > 0.0).any() and (np.delete(share, np.s_[::3]) == 0.0).any()
 
@@ -36,7 +42,49 @@ def test_light_past_the_rim_or_reflected_totally_is_lost() -> None:
 def test_a_body_of_the_index_around_it_changes_no_line(index: float) -> None:
     media = replace(clear(), outside_index=index, bodies=(replace(DOME, medium=Medium(index)),))
     rays = upwards(400, 3, 2.0)
-    points, along, share = behind_optics(rays.origins, rays.directions, media, np.full(400, 550.0))
+    points, along, share, _ = behind_optics(rays.origins, rays.directions, media, np.full(400, 550.0))
     out = share > 0.0
     assert share[out] == pytest.approx(1.0, abs=1e-14) and np.abs(along - rays.directions)[out].max() < 1e-14
     assert np.abs(np.cross(points - rays.origins, rays.directions))[out].max() < 1e-12
+
+
+GLASS = CoverGlass(1.52, 3.0, 40.0, 2e-3)
+
+
+def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass() -> None:
+    """Light that a lens of displaced, rough faces, out of place, has polarised."""
+    grid = TableGrid(161)
+    tables = np.stack([tabulate(grid, each) for each in (sphere(3.0, 0.5), sphere(6.0, -1.0))])
+    media = replace(clear(absorption=0.01), bodies=(DOME, SECOND), cover_glass=GLASS)
+    made = AsMade(lens=Displacement((0.1, -0.2, 0.0), (0.02, -0.03)), slopes={"inner": 2e-3}, scale=1.01)
+    traced = TracedBundle.of(tables, Scene(media, grid, made=made), upwards(2000, 4, 0.8))
+    lens, exits = traced.at_lens, traced.exits
+    fields = lens.fields.reshape(-1, 2, 2, 3)[:, :, 0]
+    fields = fields / np.sqrt(0.5 * (fields**2).sum((1, 2)) + 1e-300)[:, None, None]
+    behind = behind_optics(lens.points, lens.directions, media, np.full(2000, 550.0), fields + 0j)
+    out = exits.left_lens
+    assert 0.4 < out.mean() < 0.95 and (np.isfinite(behind.points[:, 0]) == out)[lens.left_lens].all()
+    wanted = lens.flux[out] * behind.through_bodies[out] * behind.through_glass[out]
+    assert exits.flux[out] == pytest.approx(wanted, rel=3e-5)
+    assert exits.lost_in_glass[out] == pytest.approx(wanted * (1.0 / behind.through_glass[out] - 1.0), rel=3e-5)
+    assert np.abs(exits.directions - behind.directions)[out].max() < 1e-6
+    apart = np.cross(exits.points - behind.points, exits.directions)
+    assert np.abs(apart)[out].max() < 1e-3, "on the same lines"
+
+
+def test_each_lens_of_a_plate_has_bodies_of_its_own() -> None:
+    """Rays of lenses that are turned and shifted, as those of the first turned and shifted behind its bodies."""
+    media, rays = replace(clear(), bodies=(DOME, SECOND)), upwards(900, 6, 2.0)
+    numbers, waves = np.arange(900) % 3, np.full(900, 550.0)
+    places, turns = np.array([[0.0, 0.0], [80.0, 10.0], [-20.0, 90.0]]), np.array([0.3, 1.9, -2.5])
+    alone = behind_optics(rays.origins, rays.directions, media, waves)
+    for lit in (None, 1):
+        plate = PlateOfLenses(places, turns, lit)
+        there = plate.placed(rays, numbers)
+        wanted = plate.placed(RayBundle(alone.points, alone.directions, rays.flux), numbers)
+        seen = rotation_about("z", 0.0 if lit is None else -turns[lit]).T
+        found = behind_optics(plate.from_lit(there.origins), there.directions @ seen, media, waves, plate=plate)
+        out = alone.through_bodies > 0.0
+        assert found.through_bodies == pytest.approx(alone.through_bodies, abs=1e-12)
+        assert np.abs(found.points - plate.from_lit(wanted.origins))[out].max() < 1e-9
+        assert np.abs(found.directions - wanted.directions @ seen)[out].max() < 1e-12

@@ -8,6 +8,7 @@ from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.search.light_path import SearchParts
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import SphereParameters, settled_symmetry
 from lensforge.sources.build_source import build_source
@@ -33,28 +34,42 @@ def spec_with(**more) -> Spec:
     return parse_spec(content | more, "test")
 
 
-def test_the_slope_of_the_merit_by_a_weight_is_that_of_differences() -> None:
-    spec = spec_with()
+SCENES = {
+    "alone": {},
+    "robust": {"optimise": {"pixels": 16, "robust": True}},
+    "lamps": {"lamps": {"kind": "table", "places_mm": [[0.0, 0.0], [45.0, 10.0]], "turns_deg": [0.0, 70.0]}},
+    "behind a cover glass": {"lens__cover_glass": {"refractive_index": 1.5, "thickness_mm": 4.0, "distance_mm": 20.0}},
+}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_slope_of_the_merit_by_a_weight_is_that_of_differences(scene: str) -> None:
+    """Of the lens with its body alone; of a pair of parts of it; of lamps, each with a body; and behind a glass."""
+    changes = dict(SCENES[scene])
+    glass = changes.pop("lens__cover_glass", None)
+    lens = {"levels": [9], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}}
+    spec = spec_with(**changes, lens=lens | ({} if glass is None else {"cover_glass": glass}))
     source = build_source(spec.source)
     spec = settled_symmetry(spec, source)
     assert spec.lens.symmetry == "none"
     parametrisation = SphereParameters.of(spec, 4.0)
     merit, rays = MeritFunction.of(spec, source, parametrisation), source.sample(2**12, 3)
+    pair = SearchParts.of(spec, parametrisation).of_step(0, 3) if spec.optimise.robust else None
 
     def loss(weights: torch.Tensor) -> torch.Tensor:
         tables = parametrisation.tables(weights, torch.ones(2, dtype=torch.float64))
-        return merit.assessed(merit.light_of(tables, rays), uniform=False).loss
+        return merit.assessed(merit.light_of(tables, rays, pair), uniform=False).loss
 
     some = torch.tensor(np.random.default_rng(1).normal(size=(9, 2)) * 0.02).requires_grad_()
     loss(some).backward()
     for row, column in ((0, 1), (4, 0), (7, 1)):
         changes = []
-        for step in (1e-4, -1e-4):
+        for step in (1e-6, -1e-6):
             moved = some.detach().clone()
             moved[row, column] += step
             changes.append(float(loss(moved)))
-        slope = (changes[0] - changes[1]) / 2e-4
-        assert float(some.grad[row, column]) == pytest.approx(slope, rel=2e-2, abs=2e-4)
+        slope = (changes[0] - changes[1]) / 2e-6
+        assert float(some.grad[row, column]) == pytest.approx(slope, rel=1e-6, abs=1e-8)
 
 
 def test_bounds_allow_for_the_size_of_the_bodies_and_for_what_they_turn() -> None:

@@ -79,17 +79,29 @@ def test_what_is_no_shell_about_the_lens_is_refused(bodies, words) -> None:
         spec_with(*bodies)
 
 
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ({"lens": {"cover_glass": {"refractive_index": 1.5, "thickness_mm": 2.0, "distance_mm": 40.0}}}, "cover_glass"),
-        ({"optimise": {"robust": True}}, "optimise.robust"),
-        ({"lamps": {"kind": "grid", "columns": 2, "rows": 2, "pitch_mm": 60.0}}, "lamps"),
-    ],
-)
-def test_what_bodies_do_not_go_with_is_refused(more, words) -> None:
-    with pytest.raises(InputError, match=f"bodies and .*{words}: they do not go together"):
-        spec_with(COVER, **more)
+def test_the_cover_glass_stands_in_front_of_all_bodies_and_lamps_beside_each_other() -> None:
+    """The cover reaches 22 mm from its centre at (0, 3, -2) mm, 20 mm above z = 0 and 3 mm + 22 cos 10 deg beside."""
+
+    def glass(distance_mm: float) -> dict:
+        return {"lens": {"cover_glass": {"refractive_index": 1.5, "thickness_mm": 2.0, "distance_mm": distance_mm}}}
+
+    def lamps(pitch_mm: float) -> dict:
+        return {"lamps": {"kind": "grid", "columns": 2, "rows": 2, "pitch_mm": pitch_mm}}
+
+    for more in (glass(20.01), lamps(49.4), {"optimise": {"robust": True}}):
+        assert spec_with(COVER, **more).media.bodies
+    for more, words in ((glass(19.9), "body 'cover' reaches z = 20 mm"), (lamps(49.0), "body 'cover' of each reaches")):
+        with pytest.raises(InputError, match=words):
+            spec_with(COVER, **more)
+
+
+def test_a_receiver_within_the_body_of_any_lamp_is_refused() -> None:
+    target = {"kind": "rectangle", "width_mm": 4.0, "height_mm": 4.0, "distance_mm": 25.0, "receiver_mm": 8.0}
+    places = {"kind": "table", "places_mm": [[0.0, 0.0, 0.0], [60.0, 0.0, 12.0], [-60.0, 0.0, 0.0]]}
+    receivers_of(spec_with(COVER, target=target, lamps=places), 16)
+    places["places_mm"][0] = [0.0, 0.0, 12.0]
+    with pytest.raises(InputError, match="body 'cover': a receiver lies within it"):
+        receivers_of(spec_with(COVER, target=target, lamps=places), 16)
 
 
 def test_a_receiver_within_a_body_is_refused() -> None:
