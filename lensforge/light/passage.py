@@ -66,6 +66,13 @@ class BodyPassage:
         in_pieces(work, count, worth=_WORTH_SHARING)
         return BodyPassage(body, rays, ways, exits, precision)
 
+    @property
+    def met(self) -> Int8[np.ndarray, "n e"]:
+        """Faces that the rays met, as :class:`Ways` keeps them of all but the usual lens."""
+        if self.ways.met is None:
+            raise ValueError("rays that meet two faces in their order keep no way")
+        return self.ways.met
+
     def gradients(self, by: ByRaysOut) -> Float[np.ndarray, "f side side"]:
         """Gradients by all tables, from sensitivities to the rays behind the body.
 
@@ -93,7 +100,7 @@ class BodyPassage:
         return before
 
     def _back(self, by: ByRaysOut, totals: Float[np.ndarray, "c f side side"] | None, before: ByRaysIn | None) -> None:
-        events = self.ways.lengths.shape[1]
+        events, met = self.ways.lengths.shape[1], self.met
 
         def work(chunk: int, part: slice) -> None:
             ways = self.ways.part(part)
@@ -103,7 +110,7 @@ class BodyPassage:
                 ways,
                 self.exits.fates[part],
                 by.part(part),
-                same_way(ways.met),
+                same_way(met[part]),
                 None if totals is None else totals[chunk],
                 None if before is None else before.part(part),
                 adjoint_memory(events),

@@ -85,13 +85,14 @@ class PlateOfLenses:
     def turns_to(self, numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
         """Rotations from the coordinates of the lit lens into those of the lenses of these ``numbers``."""
         lit = 0.0 if self.lit is None else self.turns[self.lit]
-        return np.stack([_turned(lit - turn) for turn in self.turns])[numbers]
+        turns: Float[np.ndarray, "n 3 3"] = np.stack([_turned(lit - turn) for turn in self.turns])[numbers]
+        return turns
 
     def from_own_points(
         self, own: Float[np.ndarray, "n 3"], numbers: Int[np.ndarray, " n"]
     ) -> Float[np.ndarray, "n 3"]:
         """Points of the lenses of these ``numbers``, from the coordinates of each into those of the lit one."""
-        lit = np.einsum("nji,nj->ni", self.turns_to(numbers), own)
+        lit: Float[np.ndarray, "n 3"] = np.einsum("nji,nj->ni", self.turns_to(numbers), own)
         lit[:, :2] += self._seen[numbers]
         return lit
 

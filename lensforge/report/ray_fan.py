@@ -63,7 +63,7 @@ def _in_optics(bundle: TracedBundle) -> list[Points]:
     places = []
     for passage in bundle.optics:
         hits = passage.rays.origins + passage.ways.lengths[:, :1] * passage.rays.directions
-        came = passage.ways.met[:, :1] >= 0
+        came = passage.met[:, :1] >= 0
         left = passage.exits.fates[:, None] == Fate.LEFT_LENS
         places += [np.where(came, hits, np.nan), np.where(left, passage.exits.points, np.nan)]
     return places
