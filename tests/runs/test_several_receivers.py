@@ -7,6 +7,7 @@ from scenes import random_surface, small_spec
 from scipy.interpolate import RegularGridInterpolator
 
 import lensforge as lf
+from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.verbs import STRAY
 
@@ -80,3 +81,14 @@ def test_intensity_of_the_far_field_is_that_of_the_photometric_file(run: lf.Run)
     assert seen.sum() == pytest.approx(stated.sum(), rel=0.01)
     bright = stated > 0.3 * stated.max()
     assert bright.sum() > 20 and np.allclose(seen[bright], stated[bright], rtol=0.1)
+
+
+def test_parts_keep_the_bounds_of_each_receiver_under_its_name(run: lf.Run) -> None:
+    study = PartStudy(Recipe(run.lens, 4, 512, 0, 512))
+    assert not run.lens.spec.limits and {bound.metric for bound in study.bounds} <= set(study.names)
+    for name in ("nmse", "share_in_target"):
+        wall, far = (
+            next(bound.bound for bound in study.bounds if bound.metric == f"{prefix}{name}")
+            for prefix in ("", "far_field: ")
+        )
+        assert name == "nmse" or wall != far
