@@ -94,6 +94,11 @@ class Parametrisation(ABC):
         count, faces = self.size if functions is None else functions, len(self.names)
         return torch.zeros(count, faces, dtype=torch.float64), torch.ones(faces, dtype=torch.float64)
 
+    @cached_property
+    def fixed_tables(self) -> list[Float[Tensor, "side side"] | None]:
+        """Tables (mm) of the faces that are fixed."""
+        return [None if fixed is None else torch.from_numpy(tabulate(self.grid, fixed)) for fixed in self.fixed]
+
     @property
     @abstractmethod
     def start_surfaces(self) -> dict[str, Surface]:
@@ -167,13 +172,9 @@ class SphereParameters(Parametrisation):
         return torch.stack(
             [
                 mirror_mean(own.T, self.basis.symmetry) if fixed is None else fixed
-                for own, fixed in zip(free, self._fixed_tables, strict=True)
+                for own, fixed in zip(free, self.fixed_tables, strict=True)
             ]
         )
-
-    @cached_property
-    def _fixed_tables(self) -> list[Float[Tensor, "side side"] | None]:
-        return [None if fixed is None else torch.from_numpy(tabulate(self.grid, fixed)) for fixed in self.fixed]
 
     def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
         """Relative weights and offsets that give the free faces of ``lens``.

@@ -20,7 +20,7 @@ from lensforge.search.parameters import Parametrisation, mirror_mean, sums_of
 from lensforge.search.start_faces import start_faces
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import ProfiledShape
-from lensforge.surfaces.bicubic_table import APRON, BasisTables, TableGrid, dyadic_grid, tabulate
+from lensforge.surfaces.bicubic_table import APRON, BasisTables, TableGrid, dyadic_grid
 from lensforge.surfaces.profile import AXIS, HORIZON, FormedFace, ProfileBasis, ProfileFace, shrunk
 from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface, bent
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
@@ -121,7 +121,7 @@ class ProfileParameters(Parametrisation):
         weights, offsets = self._of_each(weights, offsets)
         found, sums = [], self._sums(weights[self.profile :])
         for face, own in enumerate(self.own):
-            table = self._fixed_tables[face]
+            table = self.fixed_tables[face]
             if table is not None:
                 found.append(table)
                 continue
@@ -182,10 +182,6 @@ class ProfileParameters(Parametrisation):
     @cached_property
     def _filter(self) -> Float[Tensor, "side n"]:
         return torch.from_numpy(self.grid.filter_matrix())
-
-    @cached_property
-    def _fixed_tables(self) -> list[Float[Tensor, "side side"] | None]:
-        return [None if fixed is None else torch.from_numpy(tabulate(self.grid, fixed)) for fixed in self.fixed]
 
     def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
         """Relative weights and offsets that give the free faces of ``lens``; its profiles in least squares."""
