@@ -148,14 +148,20 @@ def field_turn(packet, k, mirrored):
 
 
 @inline
+def turn_field(packet, place, face):
+    """Take a field through a face (``FieldTurn``)."""
+    real, imaginary = field_behind(three(packet, place), three(packet, place + FIELD), face)
+    write(packet, place, real)
+    write(packet, place + FIELD, imaginary)
+
+
+@inline
 def turn_all_fields(packet, count, mirrored):
     """Take the directions and fields of all rays through the face of an event."""
     for k in range(count):
         face = field_turn(packet, k, mirrored)
-        for first in range(E + k, E + 4 * FIELD + k, 2 * FIELD):
-            real, imaginary = field_behind(three(packet, first), three(packet, first + FIELD), face)
-            write(packet, first, real)
-            write(packet, first + FIELD, imaginary)
+        turn_field(packet, E + k, face)
+        turn_field(packet, E + 2 * FIELD + k, face)
         write(packet, FIRST_EVENT + D + k, face.b)
 
 
@@ -229,37 +235,40 @@ def add_by_fields(packet, count, placement, by_fields):
 
 
 @inline
-def by_exit_sine(packet, k, face, sides):
-    """Sensitivity to the cosine before a face from that to the exit sine there."""
-    if face.behind != OUTSIDE or sides.mirrors[face.face] >= 0.0:
+def by_exit_sine(face, last, sides):
+    """Derivative of the exit sine at an event by half of the squared cosine before the face, over the squared ratio."""
+    if not last or face.behind != OUTSIDE or sides.mirrors[face.face] >= 0.0:
         return 0.0
-    ratio = packet[FIRST_EVENT + INDEX_RATIO + k]
-    sign = 2.0 if is_side_way(face.face, sides) else -2.0
-    return sign * ratio * ratio * packet[C + k] * packet[BY_SIN2 + k]
+    return 2.0 if is_side_way(face.face, sides) else -2.0
+
+
+@inline
+def field_back(packet, k, part, face):
+    """Take the sensitivities to a field back through a face. Returns those to cosine, normal and both directions."""
+    place, to = E + part * FIELD + k, BY_E + part * FIELD + k
+    real, imaginary, by_n, by_u, by_d, by_b, by_a, by_k = field_adjoint(
+        three(packet, place), three(packet, place + FIELD), three(packet, to), three(packet, to + FIELD), face
+    )
+    write(packet, to, real)
+    write(packet, to + FIELD, imaginary)
+    by_c = by_a[0] * packet[A_BY_C + k] + by_a[1] * packet[A_BY_C + SIZE + k] - dot(face.d, by_u)
+    by_c += by_k[0] * packet[K_BY_C + k] + by_k[1] * packet[K_BY_C + SIZE + k]
+    return by_c, add_scaled(by_n, 1.0, by_u), add_scaled(by_d, -packet[C + k], by_u), by_b
 
 
 @inline
 def back_through(packet, count, face, last, rays, body):
     """Sensitivities to all rays before an event from those behind it."""
-    in_body = 1.0 if face.medium == BODY else 0.0
+    in_body, at_exit = 1.0 if face.medium == BODY else 0.0, by_exit_sine(face, last, body.sides)
     for k in range(count):
-        turned, c = field_turn(packet, k, face.mirrored), packet[C + k]
-        by_n, by_d, f = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), three(packet, FX + k)
-        by_c = by_exit_sine(packet, k, face, body.sides) if last else 0.0
-        for first in range(E + k, E + 4 * FIELD + k, 2 * FIELD):
-            to = first + BY_E - E
-            real, imaginary, also_n, on_u, also_d, also_b, on_a, on_k = field_adjoint(
-                three(packet, first), three(packet, first + FIELD), three(packet, to), three(packet, to + FIELD), turned
-            )
-            write(packet, to, real)
-            write(packet, to + FIELD, imaginary)
-            by_n = add_scaled(add_scaled(by_n, 1.0, also_n), 1.0, on_u)
-            by_d = add_scaled(add_scaled(by_d, 1.0, also_d), -c, on_u)
-            f = add_scaled(f, 1.0, also_b)
-            by_c += on_a[0] * packet[A_BY_C + k] + on_a[1] * packet[A_BY_C + SIZE + k] - dot(turned.d, on_u)
-            by_c += on_k[0] * packet[K_BY_C + k] + on_k[1] * packet[K_BY_C + SIZE + k]
-        by = ByEvent(three(packet, EX + k), f, by_c, by_n, by_d, in_body * packet[BY_PATH + k])
+        turned = field_turn(packet, k, face.mirrored)
+        by_c, by_n, by_d, by_b = field_back(packet, k, 0, turned)
+        also_c, also_n, also_d, also_b = field_back(packet, k, 2, turned)
+        f = add_scaled(add_scaled(three(packet, FX + k), 1.0, by_b), 1.0, also_b)
         hit = hit_at(packet, k, FIRST_EVENT, face, rays, body.slopes)
+        by_c += also_c + at_exit * hit.ratio * hit.ratio * packet[C + k] * packet[BY_SIN2 + k]
+        by_n, by_d = add_scaled(by_n, 1.0, also_n), add_scaled(by_d, 1.0, also_d)
+        by = ByEvent(three(packet, EX + k), f, by_c, by_n, by_d, in_body * packet[BY_PATH + k])
         e, f = back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays, body.slopes)
         write(packet, EX + k, e)
         write(packet, FX + k, f)

@@ -133,7 +133,7 @@ class _Changes:
 
     @property
     def codes(self) -> tuple[_Numbers, _Numbers]:
-        """Codes of what is met at that event on both sides, as in ``kernels.chain``."""
+        """Codes of what is met at that event on both sides, as in ``kernels.traced_body``."""
         rows = np.arange(len(self.fan)), self.event
         return self.met_low[rows].astype(int), self.met_high[rows].astype(int)
 
