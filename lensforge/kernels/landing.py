@@ -48,8 +48,11 @@ def write_global(x, y, z, pose, row):
 
 
 @inline
-def write_ray(gx, gy, gz, nx, ny, nz, dx, dy, dz, t, pose, by_point, by_direction):
-    """Write the sensitivities to a ray from those to its hit on a surface of normal n; all in the pose."""
+def write_ray(by_hit, normal, direction, t, pose, by_point, by_direction):
+    """Write the sensitivities to a ray from those to its hit on a surface of this normal; all in the pose."""
+    gx, gy, gz = by_hit
+    nx, ny, nz = normal
+    dx, dy, dz = direction
     across = (gx * dx + gy * dy + gz * dz) / (nx * dx + ny * dy + nz * dz)
     ex, ey, ez = gx - across * nx, gy - across * ny, gz - across * nz
     write_global(ex, ey, ez, pose, by_point)
@@ -80,7 +83,7 @@ def plane_adjoint(points, directions, pose, radius, by_hits, by_points, by_direc
             continue
         dx, dy, dz = local_direction(directions[k], pose)
         t = -local_point(points[k], pose)[2] / dz
-        write_ray(gx, gy, 0.0, 0.0, 0.0, 1.0, dx, dy, dz, t, pose, by_points[k], by_directions[k])
+        write_ray((gx, gy, 0.0), (0.0, 0.0, 1.0), (dx, dy, dz), t, pose, by_points[k], by_directions[k])
 
 
 @inline
@@ -155,7 +158,7 @@ def sphere_adjoint(points, directions, pose, radius, by_hits, by_points, by_dire
             t = to_sphere(x, y, z, dx, dy, dz, radius)
             x, y, z = (x + t * dx) / radius, (y + t * dy) / radius, (z + t * dz) / radius
             gx, gy, gz = equal_area_adjoint(x, y, z, gx, gy)
-            write_ray(gx, gy, gz, x, y, z, dx, dy, dz, t, pose, by_points[k], by_directions[k])
+            write_ray((gx, gy, gz), (x, y, z), (dx, dy, dz), t, pose, by_points[k], by_directions[k])
 
 
 @inline
@@ -191,4 +194,4 @@ def cylinder_adjoint(points, directions, pose, radius, by_hits, by_points, by_di
             dx, dy, dz = local_direction(directions[k], pose)
             t = to_cylinder(x, z, dx, dz, radius)
             nx, nz = (x + t * dx) / radius, (z + t * dz) / radius
-            write_ray(gx * nz, gy, -gx * nx, nx, 0.0, nz, dx, dy, dz, t, pose, by_points[k], by_directions[k])
+            write_ray((gx * nz, gy, -gx * nx), (nx, 0.0, nz), (dx, dy, dz), t, pose, by_points[k], by_directions[k])
