@@ -33,7 +33,7 @@ from lensforge.optics.media import CAVITY, OUTSIDE, CoatingLayer, CoverGlass, Fa
 from lensforge.proof.casts import stray_light
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_inputs import screens_of
-from lensforge.proof.verification import verify_part
+from lensforge.proof.verification import FilesOfPart, LightOfDesign, verify_part
 from lensforge.report.folder import Run, load
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.scene.pixel_grid import splat_flux
@@ -157,13 +157,8 @@ def _verify(run: Run, count: int, step: bytes | None = None) -> None:
     rays = build_source(lens.spec.source, lens.spec.lens.dispersion).sample(count, 1)
     traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
     landed, screen = design_landings(traced, lens.spec, rays)[0], screens_of(lens.spec, light.pixels)[0]
-    verify_part(
-        run.part.stl,
-        rays=rays,
-        media=lens.media,
-        expected=[Expected(screen, light.map, landed.hits, landed.flux)],
-        step=step,
-    )
+    expected = [Expected(screen, light.map, landed.hits, landed.flux)]
+    verify_part(FilesOfPart(run.part.stl, step), LightOfDesign(rays, lens.media, expected))
 
 
 def noise_of_symmetry(lens: Lens, rays: int, runs: int = 16) -> tuple[float, float]:

@@ -45,6 +45,7 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
     from lensforge.proof.proof_inputs import independent_light, lamps_on_plate, optical_of
+    from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees
 
     lens, spec = require(part, Part, "verify").lens, part.lens.spec
     rays = count_of("rays", rays)
@@ -59,24 +60,25 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     bundle = source.sample(count, seeds.of_verification(lens.seed))
     optical = optical_of(lens.body, lens.events)
     lamps = lamps_on_plate(part.plate_stl, part.lens, whole, bundle, optical)
-    proof = verify_in_sandbox(
+    files = FilesOfPart(
         part.stl,
-        lamps=lamps,
-        files=list(designed_files(part)),
-        rays=bundle,
-        media=lens.media,
-        expected=expected_of(lens, light, bundle, optical),
-        names=[receiver.name for receiver in light.receivers],
-        step=part.step,
-        second=second,
-        mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
-        own=independent_light(lens, source, light, count),
-        optical=optical,
+        part.step,
+        lamps,
+        designed=list(designed_files(part)),
         exported=part.size,
         chord_mm=1e-3 * part.triangulation.chord_error_um,
-        threads=torch.get_num_threads(),
         inputs={"lens": part.lens.sha256, "export": part.sha256, "evaluate": whole.sha256},
     )
+    of_design = LightOfDesign(
+        bundle,
+        lens.media,
+        expected_of(lens, light, bundle, optical),
+        names=[receiver.name for receiver in light.receivers],
+        own=independent_light(lens, source, light, count),
+        optical=optical,
+    )
+    referees = Referees(mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0)
+    proof = verify_in_sandbox(files, of_design, referees, torch.get_num_threads(), second)
     return proof.model_copy(update={"conditions": conditions, "altered_files": part.altered})
 
 

@@ -6,8 +6,9 @@ gives the same bits; it takes some seconds more, to start Python and load librar
 """
 
 import pickle
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.results import SimulatedResult
@@ -16,6 +17,9 @@ from lensforge.results.files import temporary_folder
 from lensforge.results.sandbox import ChildLimits, serve, work_in_child
 from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
+
+if TYPE_CHECKING:
+    from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees
 
 # A mesh of 115,200 triangles takes 0.6 GiB with the libraries, and so do hostile files of its size.
 _MEMORY_MIB, _MEMORY_KIB_PER_TRIANGLE, _STL_RECORD = 1536, 4, 50
@@ -27,16 +31,16 @@ _Result = TypeVar("_Result", bound=SimulatedResult)
 
 
 def verify_in_sandbox(
-    stl: bytes, *, rays: RayBundle, step: bytes, second: SecondProcess = IN_TURN, **given: Any
+    files: "FilesOfPart", light: "LightOfDesign", referees: "Referees", threads: int, second: SecondProcess = IN_TURN
 ) -> Proof:
     """:func:`verify_part`, in a child process unless this process made the files; ``second`` has those alone."""
-    files = [each.content for each in given.get("files", ())]
-    if all(map(made_here, (stl, step, *files))):
+    contents = [files.stl, *([] if files.step is None else [files.step]), *(each.content for each in files.designed)]
+    if all(map(made_here, contents)):
         from lensforge.proof.verification import verify_part
 
-        return verify_part(stl, rays=rays, step=step, second=second, **given)
-    own = given.get("own")
-    return _cast_in_child(Proof, len(rays) + (len(own.rays) if own else 0), stl=stl, rays=rays, step=step, **given)
+        return verify_part(files, light, referees, threads=threads, second=second)
+    count = len(light.rays) + (len(light.own.rays) if light.own else 0)
+    return _cast_in_child(Proof, count, contents, files=files, light=light, referees=referees, threads=threads)
 
 
 def stray_in_sandbox(stl: bytes, *, rays: RayBundle, **given: Any) -> StrayLight:
@@ -45,14 +49,13 @@ def stray_in_sandbox(stl: bytes, *, rays: RayBundle, **given: Any) -> StrayLight
         from lensforge.proof.stray_analysis import trace_stray
 
         return trace_stray(stl, rays=rays, **given)
-    return _cast_in_child(StrayLight, len(rays), stl=stl, rays=rays, **given)
+    return _cast_in_child(StrayLight, len(rays), [stl], stl=stl, rays=rays, **given)
 
 
-def _cast_in_child(kind: type[_Result], count: int, **given: Any) -> _Result:
-    """Leave the cast of ``count`` rays to a child process, and read the record that it writes."""
+def _cast_in_child(kind: type[_Result], count: int, contents: Sequence[bytes], **given: Any) -> _Result:
+    """Leave the cast of ``count`` rays through files to a child process, and read the record that it writes."""
     with temporary_folder("lens.stl") as folder:
         (folder / _CALL).write_bytes(pickle.dumps((kind.stage, given), protocol=pickle.HIGHEST_PROTOCOL))
-        contents = [given["stl"], *(each.content for each in given.get("files", ()))]
         most_bytes = max(map(len, contents))
         memory_mib = _MEMORY_MIB + _MEMORY_KIB_PER_TRIANGLE * most_bytes // _STL_RECORD // 1024
         limits = ChildLimits(memory_mib, _SECONDS + _SECONDS_PER_RAY * count)

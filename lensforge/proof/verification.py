@@ -6,6 +6,7 @@ picture that looks the same; its rays land elsewhere.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -52,77 +53,106 @@ from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
 
 
-def verify_part(
-    stl: bytes,
-    *,
-    rays: RayBundle,
-    media: Media,
-    expected: Sequence[Expected],
-    names: Sequence[str] = ("light",),
-    plain_rays: int = 200,
-    step: bytes | None = None,
-    step_rays: int = BREP_RAYS,
-    mitsuba_rays: int = 0,
-    own: IndependentLight | None = None,
-    optical: OpticalFaces = USUAL_LENS,
-    exported: BodySize | None = None,
-    chord_mm: float = 0.0,
-    threads: int = 1,
-    inputs: Mapping[str, str] | None = None,
-    second: SecondProcess = IN_TURN,
-    lamps: LampsOnPlate | None = None,
-    files: Sequence[DesignedFile] = (),
-) -> Proof:
-    """Cast ``rays`` into the part in the bytes of an STL file (mm), and compare with the design.
+@dataclass(frozen=True, eq=False)
+class FilesOfPart:
+    """Files of a part: the bytes of its STL (mm) and of its STEP; without that ``brep`` of the proof is None.
 
-    ``expected``: the design's light and the landings of the same rays, on each receiver, of ``names``. trimesh's own
-    ray cast traces ``plain_rays`` of the rays, to verify the grid. ``step``: the bytes of the same part's STEP file,
-    through which the CAD kernel casts ``step_rays`` of the rays; without it ``brep`` is None. Mitsuba casts
-    ``mitsuba_rays`` of the rays through the mesh; with 0 it is not loaded, and ``mitsuba`` is None. ``own``: further
-    rays, drawn by other code than the design's, and the light of the design that theirs is compared with. ``optical``:
-    the faces of the part, and the events of its light. ``exported``: size of the part as exported, its box within
-    ``chord_mm`` of the solid's. The result does not depend on ``threads``. ``inputs``: hashes of the inputs, by name.
-    ``second``: casts by the CAD kernel and by trimesh, where there is one. ``lamps``: of a plate, whose light is
-    compared with their sum. ``files``: every file of the part, these among them, to compare its form.
+    ``lamps``: of a plate, whose light is compared with their sum. ``designed``: every file of the part, these among
+    them, to compare its form. ``exported``: size of the part as exported, its box within ``chord_mm`` of the solid's.
+    ``inputs``: hashes of what it was made from, by name.
+    """
+
+    stl: bytes
+    step: bytes | None = None
+    lamps: LampsOnPlate | None = None
+    designed: Sequence[DesignedFile] = ()
+    exported: BodySize | None = None
+    chord_mm: float = 0.0
+    inputs: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class LightOfDesign:
+    """Rays, and what the design makes of them on each receiver, of ``names``: its light, and their landings.
+
+    ``own``: further rays, drawn by other code than the design's, and the light of the design that theirs is compared
+    with. ``optical``: the faces of the part, and the events of its light.
+    """
+
+    rays: RayBundle
+    media: Media
+    expected: Sequence[Expected]
+    names: Sequence[str] = ("light",)
+    own: IndependentLight | None = None
+    optical: OpticalFaces = USUAL_LENS
+
+
+@dataclass(frozen=True)
+class Referees:
+    """Rays that each further tracer casts: trimesh's own ray cast, the CAD kernel through the STEP, and Mitsuba.
+
+    With 0 Mitsuba is not loaded, and ``mitsuba`` of the proof is None.
+    """
+
+    plain_rays: int = 200
+    step_rays: int = BREP_RAYS
+    mitsuba_rays: int = 0
+
+
+def verify_part(
+    files: FilesOfPart,
+    light: LightOfDesign,
+    referees: Referees = Referees(),
+    *,
+    threads: int = 1,
+    second: SecondProcess = IN_TURN,
+) -> Proof:
+    """Cast the rays into the part in the bytes of its files, and compare with the design.
+
+    The result does not depend on ``threads``. ``second``: casts by the CAD kernel and by trimesh, where there is one.
 
     Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
     misses its criteria instead.
     """
+    rays, media, expected, optical = light.rays, light.media, light.expected, light.optical
+    step, lamps, own, exported = files.step, files.lamps, light.own, files.exported
     started = perf_counter()
     _require_rays(rays, expected)
     through, designed = None, None
     if step is not None:
         # Here it is read before the casts: a file that is refused costs no more than that.
         file: bytes | StepBody = step if second.runs else StepBody(step, optical)
-        designed = next((each for each in files if each.content == step), None)
+        designed = next((each for each in files.designed if each.content == step), None)
         sized = exported is not None
         through = cast_step(
-            file, rays, media, step_rays, optical=optical, sized=sized, designed=designed, second=second
+            file, rays, media, referees.step_rays, optical=optical, sized=sized, designed=designed, second=second
         )
-    solids = {each.name: second.call(form_in_step, each) for each in files if each.is_step and each is not designed}
-    part = read_part_mesh(stl, optical)
+    solids = {
+        each.name: second.call(form_in_step, each) for each in files.designed if each.is_step and each is not designed
+    }
+    part = read_part_mesh(files.stl, optical)
     plate = None if lamps is None else read_part_mesh(lamps.stl, lamps.optical)
     grid = Grid(part.mesh)
-    plain = cast_plain(part, grid, rays, media, plain_rays, second)
+    plain = cast_plain(part, grid, rays, media, referees.plain_rays, second)
     passage = send_through(part, grid, rays, media, threads)
     none: list[Any] = [None] * len(expected)
-    by_mitsuba = cast_mitsuba(part, rays, media, expected, mitsuba_rays) if mitsuba_rays else none
+    by_mitsuba = cast_mitsuba(part, rays, media, expected, referees.mitsuba_rays) if referees.mitsuba_rays else none
     by_own = none if own is None else _own_light(part, grid, own, media, expected, threads)
     compared = plain()
     cast = None if through is None else through()
     by_step = none if cast is None else judge_brep(cast, rays, expected, passage)
     received = tuple(
         _on_receiver(name, rays, passage, each, (brep, mitsuba, ours))
-        for name, each, brep, mitsuba, ours in zip(names, expected, by_step, by_mitsuba, by_own, strict=True)
+        for name, each, brep, mitsuba, ours in zip(light.names, expected, by_step, by_mitsuba, by_own, strict=True)
     )
-    sizes = None if exported is None else _sizes(part, cast, exported, chord_mm)
-    known = {stl: part.mesh} | ({} if lamps is None or plate is None else {lamps.stl: plate.mesh})
-    forms = mesh_forms(files, known) | {name: each.result() for name, each in solids.items()}
+    sizes = None if exported is None else _sizes(part, cast, exported, files.chord_mm)
+    known = {files.stl: part.mesh} | ({} if lamps is None or plate is None else {lamps.stl: plate.mesh})
+    forms = mesh_forms(files.designed, known) | {name: each.result() for name, each in solids.items()}
     if cast is not None and cast.form is not None:
         forms[cast.form.name] = cast.form
     heights = np.abs(passage.facets_um)
     proof = Proof(
-        inputs=dict(inputs or {}),
+        inputs=dict(files.inputs),
         receivers=received,
         rays=len(rays),
         triangles=len(part.mesh.faces),
@@ -134,7 +164,7 @@ def verify_part(
         far_facets=part.far,
         plain_cast=compared,
         together=() if lamps is None else cast_lamps(lamps, media, threads, plate),
-        forms=tuple(forms[each.name] for each in files),
+        forms=tuple(forms[each.name] for each in files.designed),
         criteria=(),
         seconds=perf_counter() - started,
     )

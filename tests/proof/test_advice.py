@@ -14,7 +14,7 @@ from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.remedies import Evidence, form_of_mesh
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage
-from lensforge.proof.verification import verify_part
+from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, verify_part
 from lensforge.results import Metric
 
 SCREEN = Screen.square(DISTANCE, 300.0, 32)
@@ -26,13 +26,9 @@ MESH = "finer mesh"
 
 def failed(part, rays=RAYS, hits=HITS, flux=FLUX, fates=FATES):
     """Remedies of the criteria that fail, by name, and the result."""
-    result = verify_part(
-        part.export(file_type="stl"),
-        rays=rays,
-        media=Media(Medium(INDEX)),
-        expected=[Expected(SCREEN, SCREEN.irradiance(hits, flux), hits, flux, fates)],
-        plain_rays=1,
-    )
+    expected = Expected(SCREEN, SCREEN.irradiance(hits, flux), hits, flux, fates)
+    light = LightOfDesign(rays, Media(Medium(INDEX)), [expected])
+    result = verify_part(FilesOfPart(part.export(file_type="stl")), light, Referees(1))
     return {criterion.key: criterion.remedy for criterion in result.criteria if not criterion.holds}, result.first
 
 

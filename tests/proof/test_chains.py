@@ -41,7 +41,7 @@ from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.sequential_cast import CastFate, send_through, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.proof.stray_analysis import trace_stray
-from lensforge.proof.verification import passage_through, verify_part
+from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, passage_through, verify_part
 from lensforge.scene import body as scene
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces import asphere
@@ -287,8 +287,8 @@ def test_every_referee_verifies_a_body_of_four_faces(mitsuba_rays):
     hits = SCREEN.land(wanted.points, wanted.directions)
     expected = Expected(SCREEN, SCREEN.irradiance(hits, wanted.flux), hits, wanted.flux)
     stl = mesh_of(OF_CONE, 60).export(file_type="stl")
-    given = {"rays": RAYS, "media": Media(Medium(INDEX)), "expected": [expected], "optical": optical, "plain_rays": 20}
-    proof = verify_part(stl, **given, step=step_of("cone"), step_rays=100, mitsuba_rays=mitsuba_rays)
+    light = LightOfDesign(RAYS, Media(Medium(INDEX)), [expected], optical=optical)
+    proof = verify_part(FilesOfPart(stl, step_of("cone")), light, Referees(20, 100, mitsuba_rays))
     assert proof.first.brep.against_design.max < 1e-6 and proof.first.brep.against_design.fates == 0
     assert proof.first.against_design.compared > 100 and proof.first.against_design.rms < 0.3
     assert (proof.plain_cast.disagreements, proof.far_facets, proof.open_edges) == (0, 0, 0)

@@ -13,7 +13,7 @@ from lensforge.proof.part_comparison import Expected
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.sequential_cast import CastFate
-from lensforge.proof.verification import verify_part
+from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, verify_part
 
 mitsuba = pytest.importorskip("mitsuba")
 RAYS = lambertian(4000, 2.0, seed=11)
@@ -64,13 +64,13 @@ def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
     stl = right().export(file_type="stl")
     mitsuba.set_variant("scalar_spectral")
     expected = Expected(SCREEN, converged(), HITS, FLUX)
-    given = {"rays": RAYS, "media": Media(Medium(INDEX)), "expected": [expected], "plain_rays": 1}
-    result = verify_part(stl, **given, mitsuba_rays=500)
+    files, light = FilesOfPart(stl), LightOfDesign(RAYS, Media(Medium(INDEX)), [expected])
+    result = verify_part(files, light, Referees(1, mitsuba_rays=500))
     assert mitsuba.variant() == "scalar_spectral"
     assert result.first.mitsuba.rays == 500
     assert result.first.gaps_mitsuba_mm[-1] == result.first.mitsuba.against_design.max
     assert "mitsuba_nmse_vs_design" in {criterion.key for criterion in result.criteria}
-    without = verify_part(stl, **given)
+    without = verify_part(files, light, Referees(1))
     assert without.first.mitsuba is None and without.first.gaps_mitsuba_mm is None
 
 

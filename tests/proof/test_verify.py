@@ -12,7 +12,7 @@ from lensforge.proof.acceptance import brep_criteria
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_result import BrepCast, Proof
 from lensforge.proof.receiver_screen import FarFieldScreen, Screen
-from lensforge.proof.verification import verify_part
+from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, verify_part
 
 SIDE, PIXELS = 300.0, 64
 RAYS = lambertian(8000, 2.0, seed=1)
@@ -38,8 +38,9 @@ def verify(design_irradiance):
     right = Expected(SCREEN, design_irradiance, HITS, WEIGHTS)
 
     def run(mesh, plain_rays=20, index=INDEX, inputs=None, step=None, rays=RAYS, **changes):
-        given = {"rays": rays, "media": Media(Medium(index)), "plain_rays": plain_rays, "inputs": inputs}
-        return verify_part(mesh.export(file_type="stl"), expected=[replace(right, **changes)], step=step, **given)
+        files = FilesOfPart(mesh.export(file_type="stl"), step, inputs=inputs or {})
+        light = LightOfDesign(rays, Media(Medium(index)), [replace(right, **changes)])
+        return verify_part(files, light, Referees(plain_rays))
 
     return run
 
