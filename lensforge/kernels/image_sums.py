@@ -11,8 +11,43 @@ as far off as can be: else light would gain by missing the plane of its receiver
 """
 
 from math import floor
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
 
 from lensforge.kernels.compiled import inline, kernel
+
+
+class RaysAtReceiver(NamedTuple):
+    """Rays as a search collects them: hits, flux, squared exit sines, which have landed, and the flux emitted."""
+
+    hits: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+    sin2_exit: Float[np.ndarray, " n"]
+    landed: Bool[np.ndarray, " n"]
+    emitted: Float[np.ndarray, " n"]
+
+    def part(self, part: slice) -> "RaysAtReceiver":
+        """Some of the rays."""
+        return RaysAtReceiver(*(each[part] for each in self))
+
+
+class ByRaysAtReceiver(NamedTuple):
+    """Sensitivities to the hits of rays, to their flux and to their squared exit sines."""
+
+    by_hits: Float[np.ndarray, "n 2"]
+    by_flux: Float[np.ndarray, " n"]
+    by_sin2: Float[np.ndarray, " n"]
+
+    @staticmethod
+    def empty(count: int) -> "ByRaysAtReceiver":
+        """Room for those to so many rays."""
+        return ByRaysAtReceiver(np.empty((count, 2)), np.empty(count), np.empty(count))
+
+    def part(self, part: slice) -> "ByRaysAtReceiver":
+        """Sensitivities to some of the rays."""
+        return ByRaysAtReceiver(*(each[part] for each in self))
 
 
 @inline
@@ -96,8 +131,9 @@ def in_window(x, y, window):
 
 
 @kernel
-def collect(hits, flux, sin2_exit, landed, emitted, size, window, image, sums):
-    """Add all rays to ``image`` (rows, columns) and to ``sums``: in the window, outside, totally reflected."""
+def collect(rays, size, window, image, sums):
+    """Add all ``rays`` (``RaysAtReceiver``) to ``image`` and to ``sums``: in the window, outside, totally reflected."""
+    hits, flux, sin2_exit, landed, emitted = rays
     for k in range(len(emitted)):
         excess = (sin2_exit[k] - SAFE_SIN2) / SIN2_SCALE
         if excess > 0.0:
@@ -116,8 +152,10 @@ def collect(hits, flux, sin2_exit, landed, emitted, size, window, image, sums):
 
 
 @kernel
-def collect_adjoint(hits, flux, sin2_exit, landed, emitted, size, window, by_image, by_sums, by_hits, by_flux, by_sin2):
-    """Fill the sensitivities to hits (n, 2), flux (n,) and squared exit sines (n,)."""
+def collect_adjoint(rays, size, window, by_image, by_sums, by_rays):
+    """Fill the sensitivities ``by_rays`` (``ByRaysAtReceiver``)."""
+    hits, flux, sin2_exit, landed, emitted = rays
+    by_hits, by_flux, by_sin2 = by_rays
     for k in range(len(emitted)):
         by_hits[k, 0], by_hits[k, 1], by_flux[k], by_sin2[k] = 0.0, 0.0, 0.0, 0.0
         excess = (sin2_exit[k] - SAFE_SIN2) / SIN2_SCALE

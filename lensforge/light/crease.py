@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect_adjoint
+from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, ByRaysAtReceiver, RaysAtReceiver, collect_adjoint
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.optics.media import CAVITY
 from lensforge.scene.as_made import through_frame
@@ -109,14 +109,12 @@ def adjoint_on(
         total = np.zeros(len(emitted))
         for receiver, by_image, by_sum in zip(receivers, by_images, by_sums, strict=True):
             landed, grid = receiver.land(traced.exits), receiver.grid
-            by_hits, by_flux, by_sin2 = np.empty((len(total), 2)), np.empty(len(total)), np.empty(len(total))
-            collect_adjoint(
-                landed.hits, landed.flux, sin2_exit, landed.landed, emitted, grid.size, receiver.window.packed(),
-                by_image, by_sum, by_hits, by_flux, by_sin2,
-            )  # fmt: skip
+            rays = RaysAtReceiver(landed.hits, landed.flux, sin2_exit, landed.landed, emitted)
+            by_rays = ByRaysAtReceiver.empty(len(total))
+            collect_adjoint(rays, grid.size, receiver.window.packed(), by_image, by_sum, by_rays)
             outside = np.maximum(np.abs(landed.hits) / (0.5 * np.array(grid.size)) - 1.0, 0.0)
             off = np.where(landed.landed, _bounded((outside**2).sum(axis=1)), 1.0)
-            total += by_flux * landed.flux + by_sum[1] * off
+            total += by_rays.by_flux * landed.flux + by_sum[1] * off
             total += by_sum[2] * _bounded(np.maximum(sin2_exit - SAFE_SIN2, 0.0) / SIN2_SCALE)
         return total
 

@@ -67,7 +67,7 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     # in one go: many small arrays take longer
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
     receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
-    exact = receiver.land(evaluation.seen(rays, lambda own: _through_exact(lens, evaluation, own)))
+    exact = receiver.land(evaluation.trace_in_lens_frame(rays, lambda own: _through_exact(lens, evaluation, own)))
     return PresetError(
         rays=len(rays),
         scrambles=_SCRAMBLES,

@@ -115,9 +115,9 @@ class TracedLens:
 
     def trace(self, rays: RayBundle) -> ExitRays:
         """Send ``rays`` through the lens."""
-        return self.seen(rays, lambda own: trace_tables(self.tables, self.scene, own))
+        return self.trace_in_lens_frame(rays, lambda own: trace_tables(self.tables, self.scene, own))
 
-    def seen(self, rays: RayBundle, trace: Callable[[RayBundle], ExitRays]) -> ExitRays:
+    def trace_in_lens_frame(self, rays: RayBundle, trace: Callable[[RayBundle], ExitRays]) -> ExitRays:
         """Exit rays of ``rays`` by a ``trace`` about the lens's own origin."""
         if self.raised_mm == 0.0:
             return trace(rays)

@@ -43,7 +43,7 @@ class CastFate(IntEnum):
     OPENING = 7  # met a surface at or below z = 0 on the way in: the wall of the base's opening, or its bottom
     STARTS_OUTSIDE = 8  # met the outside of the lens first: it started neither in the cavity nor below it
     EVENT_LIMIT = 9  # reflected by a mirror, or still not out of the lens, at its last event
-    FLANGE = 10  # met the flange: it ends in the holder
+    FLANGE = 10  # absorbed at the flange, by what holds it
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
+from lensforge.kernels.image_sums import (
+    SAFE_SIN2,
+    SIN2_SCALE,
+    ByRaysAtReceiver,
+    RaysAtReceiver,
+    collect,
+    collect_adjoint,
+)
 from lensforge.kernels.parallel import CHUNKS, in_chunks, in_pieces
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.pixel_grid import PixelGrid, Window
@@ -47,12 +54,11 @@ class _Collect(torch.autograd.Function):
         window: Window,
     ) -> Any:  # fmt: skip
         images, sums = np.zeros((CHUNKS, *grid.shape)), np.zeros((CHUNKS, 3))
-        rays = [tensor.detach().numpy() for tensor in (hits, flux, sin2_exit, landed, emitted)]
-
+        rays = RaysAtReceiver(*(tensor.detach().numpy() for tensor in (hits, flux, sin2_exit, landed, emitted)))
         places = grid.size, window.packed()
 
         def work(chunk: int, part: slice) -> None:
-            collect(*(array[part] for array in rays), *places, images[chunk], sums[chunk])
+            collect(rays.part(part), *places, images[chunk], sums[chunk])
 
         in_chunks(work, len(emitted), worth=_WORTH_SHARING)
         ctx.rays, ctx.places = rays, places
@@ -60,18 +66,14 @@ class _Collect(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, by_image: Tensor, by_sums: Tensor) -> Any:
-        rays = ctx.rays
-        by_hits, by_flux, by_sin2 = (np.empty_like(array) for array in rays[:3])
+        by_rays = ByRaysAtReceiver.empty(len(ctx.rays.flux))
         pixels, sums = by_image.contiguous().numpy(), by_sums.contiguous().numpy()
 
         def work(part: slice) -> None:
-            collect_adjoint(
-                *(array[part] for array in rays), *ctx.places, pixels, sums,
-                by_hits[part], by_flux[part], by_sin2[part],
-            )  # fmt: skip
+            collect_adjoint(ctx.rays.part(part), *ctx.places, pixels, sums, by_rays.part(part))
 
-        in_pieces(work, len(by_flux), worth=_WORTH_SHARING)
-        return *(torch.from_numpy(array) for array in (by_hits, by_flux, by_sin2)), None, None, None, None
+        in_pieces(work, len(by_rays.by_flux), worth=_WORTH_SHARING)
+        return *map(torch.from_numpy, by_rays), None, None, None, None
 
 
 def collected(

@@ -166,10 +166,10 @@ def test_a_lens_that_was_raised_is_met_higher_and_sends_its_light_from_there() -
         seen.append(own.origins)
         return lens.trace(own)
 
-    exits = replace(lens, raised_mm=0.5).seen(rays, trace)
+    exits = replace(lens, raised_mm=0.5).trace_in_lens_frame(rays, trace)
     np.testing.assert_array_equal(seen[0], rays.origins - [0.0, 0.0, 0.5])
     np.testing.assert_allclose(exits.points, rays.origins, atol=1e-15)
-    np.testing.assert_array_equal(lens.seen(rays, trace).points, rays.origins)
+    np.testing.assert_array_equal(lens.trace_in_lens_frame(rays, trace).points, rays.origins)
     np.testing.assert_array_equal(seen[1], rays.origins)
 
 
