@@ -12,19 +12,13 @@ import lensforge as lf
 from lensforge.cad.body_export import BuiltBody, build_body, prove
 from lensforge.cad.section import body_outlines
 from lensforge.cad.wall import thinnest_of
-from lensforge.light.simulation import TracedLens
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE
-from lensforge.proof.optical_faces import NO_FACE
-from lensforge.proof.proof_inputs import optical_of
-from lensforge.proof.sequential_cast import CastFate
-from lensforge.proof.verification import passage_through
 from lensforge.report.headline import task
 from lensforge.scene.body import Body, Face
 from lensforge.scene.lens import Lens
 from lensforge.search.profiles import ProfileParameters
 from lensforge.shop.check import check_lens
 from lensforge.shop.dimensions import dimensions
-from lensforge.sources.build_source import build_source
 from lensforge.spec import parse_spec
 from lensforge.spec.tolerances_section import factors_of
 from lensforge.surfaces.asphere import sphere
@@ -116,22 +110,6 @@ def test_the_wall_is_that_of_cup_and_back_and_the_drawing_has_no_apex(lens: Lens
     assert {edge.faces: edge.angle_deg for edge in check.edges}[("mouth", "cup")] == pytest.approx(
         180.0 - slope, abs=0.1
     )
-
-
-@pytest.mark.parametrize("file", [0, 1], ids=["step", "stl"])
-def test_casts_agree_with_the_design_ray_by_ray(lens: Lens, files: tuple[bytes, bytes, bytes], file: int) -> None:
-    rays = build_source(lens.spec.source, None).sample(200, 5)
-    design, optical = TracedLens.of(lens, 8.0).trace(rays), optical_of(lens.body, lens.events)
-    cast = passage_through(files[file], optical, lens.media, rays)
-    left = design.left_lens
-    assert left.sum() > 150 and np.array_equal(cast.fates == CastFate.LANDED, left)
-    assert cast.flux[left] == pytest.approx(design.flux[left], rel=1e-12)
-    assert np.abs(cast.directions - design.directions)[left].max() < 1e-3
-    beside = np.cross(design.points - cast.points, cast.directions)[left]
-    assert np.linalg.norm(beside, axis=1).max() < 1e-3, "the same lines"
-    met = optical.numbers_of(TracedLens.of(lens, 8.0).scene.names)[design.met]
-    assert np.array_equal(cast.met[left], met[left])
-    assert {NO_FACE, optical.names.index("cup"), optical.names.index("mouth")} == set(met[left].ravel().tolist())
 
 
 @pytest.mark.nightly("eight seconds")

@@ -25,7 +25,6 @@ from lensforge.cad.solid import build_solid
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.shop.check import check_lens
 from lensforge.shop.findings import plate_findings
 from lensforge.spec import BaseSection
 from lensforge.spec.lamps_section import Lamps
@@ -273,11 +272,3 @@ def test_the_walls_of_a_boss_are_judged(bore: dict[str, float], wall: float, bet
     lens = on_plate({"thickness_mm": 1.0, "width_mm": 16.0, "height_mm": 16.0, "bosses": [boss]})
     (found,) = [each for each in findings(lens) if each.key == "plate"]
     assert found.value == pytest.approx(wall, abs=1e-9) and between in found.note
-
-
-def test_the_check_of_a_lens_has_the_findings_of_its_plate() -> None:
-    hole = {"place_mm": [0.0, 8.0], "diameter_mm": 1.0}
-    plate = {"thickness_mm": 1.0, "width_mm": 20.0, "height_mm": 20.0, "holes": [hole]}
-    lens = on_plate(plate, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
-    check = check_lens(lens)
-    assert [each for each in check.verdicts if each.key in ("gap", "plate")] == list(findings(lens))
