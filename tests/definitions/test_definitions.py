@@ -265,9 +265,9 @@ SEEN = {
 }
 
 
-@pytest.mark.parametrize("case", first_by_day(3, CHAINS))
+@pytest.mark.parametrize("case", first_by_day(1, sorted(CHAINS, key="tir, mirrored beside".__ne__)))
 def test_same_rays_through_more_than_two_faces(folder: Path, case: str) -> None:
-    """The same flux by cause, picture and figures."""
+    """The same flux by cause, picture and figures; by day those of other chains are of the crooked designs."""
     name, source, material = CHAINS[case]
     count = 2**10
     at = scene(folder, name, json.dumps(source), json.dumps(material))
