@@ -13,20 +13,16 @@ from lensforge import seeds
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.mesh_files import stl_bytes
-from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import lay_out
 from lensforge.cad.plate_layout import PlateLayout, layout_of
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
 from lensforge.light.lens_light import evaluate
 from lensforge.optics.media import Media, Medium
-from lensforge.proof.acceptance import proof_criteria
-from lensforge.proof.casts import verify
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Base
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import cast_lamps
 from lensforge.proof.part_mesh import read_part_mesh
-from lensforge.proof.proof_facts import proof_facts
 from lensforge.proof.proof_inputs import lamps_on_plate, plate_of
 from lensforge.proof.proof_result import StrayLight
 from lensforge.proof.receiver_screen import Screen
@@ -147,20 +143,3 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
     (found,) = cast_lamps(replace(lamps, designed=[("light", screen, total)]), Media(Medium(INDEX)), 1)
     assert (found.lamps, found.rays) == (3, 6000) and found.nmse_vs_sum < 1e-4 < found.noise_floor_nmse
     assert found.efficiency == pytest.approx(total.sum() * screen.pixel_measure / 3.0, rel=1e-3)
-
-
-def test_verify_judges_the_light_of_the_whole_plate() -> None:
-    lens = lens_on({}, [[-5.0, 0.0], [5.0, 0.0]], [0.0, 90.0], 0.03)
-    part, light = build_part(lens), evaluate(lens, rays=2**13)
-    proof = verify(part, light, rays=2048)
-    (found,), name = proof.together, "light: plate_nmse_vs_sum"
-    assert found.efficiency == pytest.approx(light.first.efficiency.value, abs=0.02)
-    assert {each.key: each.holds for each in proof.criteria}[name]
-    (shown,) = [group for group in proof_facts(proof, {}) if group.key == "together"]
-    assert [fact.state for fact in shown.facts] == ["pass", ""]
-    # A plate's file that holds the lens, byte by byte.
-    forged = verify(part.model_copy(update={"plate_step": part.step}), light, rays=2048)
-    missed = [each.key for each in forged.criteria if not each.holds]
-    assert {"plate.step: form", "plate.step: gaps"} & set(missed) and not any("lens.step" in name for name in missed)
-    wrong = proof.model_copy(update={"together": (found.model_copy(update={"nmse_vs_sum": 9 * found.nmse_vs_sum}),)})
-    assert not {each.key: each.holds for each in proof_criteria(wrong)}[name]
