@@ -70,17 +70,6 @@ def test_the_efficiency_is_the_share_of_the_light_in_the_window(changes: dict, w
     assert found.value == pytest.approx(expected, abs=5.0 * found.standard_error + 1e-4)
 
 
-def test_the_share_in_the_target_is_the_flux_where_it_is_bright() -> None:
-    """A flat top on a receiver that only just holds it: what lands on its bright pixels, counted from the picture."""
-    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(evaluate__pixels=64), 0, FEW)
-    light = _evaluate(lens)
-    side_m = 1e-3 * light.first.width / light.pixels
-    x = np.abs(light.first.chart.x(light.pixels)) / 80.0
-    bright = np.exp(-(x[:, None] ** 18) - x[None, :] ** 18) > 0.1
-    assert light.share_in_target.value == pytest.approx(light.raw_map[bright].sum() * side_m**2, rel=0.02)
-    assert 0.3 < light.share_in_target.value / light.efficiency.value < 0.9
-
-
 @pytest.mark.parametrize("variance", [0.0, 0.3, 2.0])
 def test_the_picture_is_that_of_the_rays_under_the_gaussian_asked_for(variance: float) -> None:
     """Weights of a pixel and its eight neighbours by their distance; the edge is repeated outwards."""

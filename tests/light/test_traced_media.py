@@ -23,9 +23,6 @@ from test_as_made import ODD
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
-from lensforge.light.evaluation import evaluate_traced
-from lensforge.light.receiver_light import ReceiverLight
-from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.optics.media import (
@@ -40,11 +37,9 @@ from lensforge.optics.media import (
 )
 from lensforge.proof.refraction import AtFace, LitRays, RefractingFace, through_glass, unpolarised
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.sources.build_source import SquareEmitter, build_source
+from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
 N, GEL, WATER, Z, GRID = 1.4936, 1.41, 1.333, 1000.0, TableGrid(64)
@@ -147,13 +142,7 @@ def test_gradients_are_those_of_finite_differences(name: str, fresnel: bool) -> 
         assert (values[0] - values[1]) / 2e-7 == pytest.approx((gradient * direction).sum().item(), rel=1e-5)
 
 
-MGF2 = {"layers": [{"refractive_index": 1.38, "thickness_nm": 100.0}]}
-WHITE = {"kind": "table", "wavelength_nm": [450.0, 550.0, 650.0], "weight": [1.0, 0.5, 1.0]}
 GLASS_SPEC = {"refractive_index": 1.52, "thickness_mm": 3.0, "distance_mm": 20.0}
-
-
-def lens_of(spec: Spec) -> Lens:
-    return Lens.double(*(random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2)), spec, 0, "draft")
 
 
 def from_the_centre(media: Media, wavelength_nm: float | None = None) -> ExitRays:
@@ -306,39 +295,6 @@ def test_the_referees_send_every_ray_the_same_way_with_the_same_flux(name: str) 
     apart = points - found.points.numpy()
     apart -= np.sum(apart * directions, axis=1)[:, None] * directions  # the same line
     assert np.abs(apart[steep]).max() < 1e-8
-
-
-def seen(**changes: object) -> ReceiverLight:
-    """The light of a small lens, whose budget adds up."""
-    spec = small_spec(**changes)
-    source = build_source(spec.source, spec.lens.dispersion)
-    found = evaluate_traced(TracedLens.of(lens_of(spec), 4.0), spec, source, 4096, 0).first
-    assert sum(found.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
-    return found
-
-
-def test_the_budget_and_the_bounds_of_physics_know_what_takes_the_light() -> None:
-    bare, dim, wet = seen(), seen(lens__absorption_per_mm=0.05), seen(lens__cavity_index=GEL, lens__outside_index=WATER)
-    assert bare.flux.absorbed == bare.flux.cover_glass == 0.0
-    # 3 mm of body, and a little more for oblique rays
-    assert dim.flux.absorbed == pytest.approx(0.96 * (1.0 - np.exp(-0.05 * 3.2)), rel=0.1)
-    assert dim.efficiency.value == pytest.approx(bare.efficiency.value * np.exp(-0.05 * 3.2), rel=0.05)
-    assert dim.flux.reflected < bare.flux.reflected, "at the outer face less light arrives"
-    assert 0.0 < wet.flux.reflected < 0.01, "0.08 in air"
-    covered = seen(lens__cover_glass=GLASS_SPEC)
-    assert covered.flux.reflected == pytest.approx(bare.flux.reflected, abs=1e-12)
-    assert 0.08 < covered.flux.cover_glass < 0.3, "two faces, and grazing light"
-    assert covered.possible.efficiency >= bare.possible.efficiency
-    white = seen(lens__cover_glass=GLASS_SPEC, source__spectrum=WHITE)
-    faces = {"lens__inner__coating": MGF2, "lens__outer__coating": MGF2}
-    coated = seen(**faces, lens__cover_glass=GLASS_SPEC | {"coating": MGF2}, source__spectrum=WHITE)
-    assert coated.flux.reflected < 0.5 * white.flux.reflected
-    assert coated.flux.cover_glass < 0.7 * white.flux.cover_glass
-    assert white.possible.efficiency < coated.possible.efficiency <= 1.0
-    assert coated.efficiency.value < coated.possible.efficiency
-    dark = seen(lens__inner__coating={"reflectance": 0.3}, lens__outer__coating={"reflectance": 0.2})
-    assert dark.flux.detected + dark.flux.outside < 0.56 + 1e-12
-    assert dark.efficiency.value <= dark.possible.efficiency <= 0.56 + 1e-12
 
 
 def test_a_spec_states_them_and_a_child_process_has_them_whole() -> None:
