@@ -36,17 +36,6 @@ def test_relative_candela_are_said():
     assert "states no flux" in facts_of(small_lens(), per_1000_lm=True)["Luminous flux"].note
 
 
-def test_numbers_of_a_lamp_are_those_of_the_record():
-    lens = road_lens()
-    record, facts = make_photometry(lens).road, facts_of(lens)
-    assert facts["Light of the lamp"].text == "24\u2009000 ± 12 lm"
-    assert facts["IES distribution"].text == "V very short"
-    assert facts["BUG rating"].text == str(record.bug) == "B4 U0 G3"
-    # half of the flux between sin^2 of 30 and 60 degrees: 6000, by a table of 2 degrees
-    assert facts["forward, 30° to 60°"].text == "5999 lm"
-    assert facts["Glare class"].text == record.glare.glare_class == "G*6"
-
-
 def test_light_of_a_receiver_in_its_unit():
     lens = small_lens(lumens_per_watt=200.0)
     region = REGION.model_copy(update={"region": "bright"})
