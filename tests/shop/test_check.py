@@ -14,7 +14,6 @@ from lensforge.cad.step import parse_step
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance
 from lensforge.shop.check import check_lens, check_part
-from lensforge.shop.check_result import Check
 from lensforge.shop.face_check import check_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.shop.findings import clearance_findings
@@ -45,21 +44,6 @@ def plain():
 
 def verdict(check, name, surface):
     return next(v for v in check.verdicts if (v.key, v.place) == (name, surface))
-
-
-def test_what_is_found_is_what_is_written_and_read(rough, plain, tmp_path):
-    for number, check in enumerate((rough[1], plain)):
-        check.write(tmp_path / str(number))
-        assert sorted(path.name for path in (tmp_path / str(number)).iterdir()) == ["check.json", "check.npz"]
-        assert Check.read(tmp_path / str(number)) == check
-
-
-def test_a_part_is_checked_by_its_lens(plain):
-    part = build_part(lens(sphere(INNER_MM), sphere(OUTER_MM), wall_mm=2.0, base="none"), rings=16)
-    check = check_part(part)
-    assert check.inputs == {"lens": part.lens.sha256}
-    assert check.sha256 == plain.sha256
-    assert check == plain.model_copy(update={"seconds": check.seconds})
 
 
 def test_the_faces_measured_are_those_of_the_step_file(rough):

@@ -46,19 +46,6 @@ def domain_of(lens, name, polar):
     return radii[name] <= np.min(list(radii.values()), axis=0) + 1e-9
 
 
-def test_points_to_measure_lie_on_their_face_up_to_the_crease(handed):
-    lens, made = handed
-    lines = [line.split(",") for line in made.points_csv.decode().splitlines() if not line.startswith("#")][1:]
-    assert len(lines) == made.points
-    for name in TIR:
-        values = np.array([line[1:] for line in lines if line[0] == name], dtype=float)
-        radius = np.linalg.norm(values[:, :3], axis=1)
-        assert np.abs(radius - lens.surfaces[name].radius(values[:, :3] / radius[:, None])).max() < 5e-9
-        tried = np.arange(0.0, 90.1, 2.5)
-        wanted = tried[domain_of(lens, name, np.radians(tried))]
-        assert np.unique(values[:, 6]) == pytest.approx(wanted), "every ring where it bounds its medium, no other"
-
-
 def test_a_table_from_crease_to_rim_read_back_and_interpolated_is_within_its_stated_error(handed):
     lens, made = handed
     for name, grid in zip(TIR, made.grids, strict=True):
