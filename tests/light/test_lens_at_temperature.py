@@ -150,17 +150,3 @@ def test_the_seat_is_the_bottom_of_the_base() -> None:
     lens = lens_of(small_spec(**PLASTIC, base={"diameter_mm": 16.0, "height_mm": 3.0}))
     assert at_temperature(lens, 120.0).raised_mm == pytest.approx(3.0 * 7e-3, abs=1e-15)
     assert at_temperature(lens_of(small_spec(**PLASTIC, base={"kind": "none"})), 120.0).raised_mm == 0.0
-
-
-def test_every_led_of_a_warm_lens_is_that_of_the_warm_lens_for_it_alone() -> None:
-    leds = [
-        {"name": "near", "source": {"kind": "square", "side_mm": 1.0}},
-        {"name": "aside", "source": {"kind": "disc", "diameter_mm": 0.6, "position_mm": [0.3, -0.2, 0.1]}},
-    ]
-    spec = small_spec(source=None, sources=leds, target__uniform_mm=None, **PLASTIC)
-    warm, cold = (lf.evaluate(lens_of(spec), temperature_c=celsius) for celsius in (120.0, 25.0))
-    alone = lf.evaluate(lens_of(spec.of_each_source[1]), temperature_c=120.0)
-    (found,) = warm.others
-    assert (warm.led, found.name) == ("near", "aside")
-    assert found.receivers[0].efficiency.value == pytest.approx(alone.efficiency.value, rel=1e-12)
-    assert abs(found.receivers[0].efficiency.value - cold.others[0].receivers[0].efficiency.value) > 1e-4

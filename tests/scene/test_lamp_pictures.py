@@ -230,25 +230,6 @@ def test_what_is_possible_from_afar_is_that_of_one_lamp() -> None:
     np.testing.assert_allclose(many.map, 12.0 * alone.map, rtol=1e-12)
 
 
-def test_lamps_from_afar_have_so_many_times_the_candela_and_turn() -> None:
-    """Two lamps turned from x to y: C runs the other way."""
-    spec = small_spec(source={"kind": "square", "side_mm": 1.0, "tilt_deg": [20.0, 0.0], "flux_lm": 100.0})
-    pair = {"kind": "table", "places_mm": [[-30.0, 0.0], [30.0, 0.0]], "turns_deg": [90.0, 90.0]}
-    alone, two = (
-        measure_photometry(
-            Lens.double(sphere(3.0), sphere(6.0), each, seed=0, accuracy=FEW),
-            build_source(each.source, None), FEW, rays=2**15,
-        )
-        for each in (spec, spec.replace({"lamps": pair}))
-    )  # fmt: skip
-    assert two.source_lm == 200.0 and two.exit_lm.value == pytest.approx(2.0 * alone.exit_lm.value, rel=1e-3)
-    turn = int(np.searchsorted(alone.c_deg, 90.0))
-    turned = np.roll(alone.candela[:-1], -turn, axis=0)
-    cut = slice(*np.searchsorted(alone.gamma_deg, [30.0, 50.0]))
-    np.testing.assert_allclose(two.candela[:-1, cut].mean(axis=1), 2.0 * turned[:, cut].mean(axis=1), rtol=0.04)
-    assert np.ptp(alone.candela[:-1, cut].mean(axis=1)) > 0.5 * alone.candela[:, cut].mean()
-
-
 DIRECT: dict[str, Any] = {"rays": 2**17, "pixels": 5, "target": None, "evaluate__filter_variance": 0.0}
 
 

@@ -1,6 +1,5 @@
 """Lamps together in a spec: where they stand, which mirrors they have, and what cannot be."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.spec import Spec, parse_spec
-from lensforge.spec.lamps_section import LampKind, Lamps
+from lensforge.spec.lamps_section import Lamps
 
 GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 30.0]}
 DISC = {"kind": "disc", "diameter_mm": 9.0}
@@ -225,9 +224,3 @@ def test_what_goes_with_one_lens_alone(changes: dict[str, Any], words: str) -> N
 def test_square_bases_stand_side_by_side_only_unturned(turn: float, square: bool, apart: float) -> None:
     lamps = Lamps.level([(0.0, 0.0), (7.5, 7.5), (7.5, 30.0)], (0.0, turn, 0.0))
     assert lamps.nearest_mm(square) == pytest.approx(apart)
-
-
-def test_rays_of_each_kind_of_lens_are_by_the_root_of_its_lamps() -> None:
-    kinds = LampKind("a", tuple(range(9))), LampKind("b", tuple(range(9, 13))), LampKind("c", (13,))
-    lamps = replace(Lamps.level([(20.0 * k, 0.0) for k in range(14)]), kinds=kinds)
-    assert lamps.shares_of_rays == pytest.approx((3 / 6, 2 / 6, 1 / 6))

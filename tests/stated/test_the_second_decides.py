@@ -21,7 +21,6 @@ from lensforge.results import Metric
 from lensforge.search.profiles import ProfileParameters
 from lensforge.sources.photometric.photometric_io import photometric_of
 from lensforge.spec import parse_spec
-from lensforge.spec.lamps_section import Lamps
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 
@@ -119,14 +118,6 @@ def test_cavity_has_room_for_the_second_led_and_for_each_chip() -> None:
     extent = hypot(2 * 2.0 + 0.5, 0.3) / 2
     assert limits.cavity_radius_mm == pytest.approx(1.2 * (extent + 0.5), rel=0.01)
     assert limits.cavity_height_mm == pytest.approx(0.6 * limits.cavity_radius_mm + 1.5, abs=0.02)
-
-
-def test_two_turned_square_bases_are_apart_by_their_distance() -> None:
-    places = ((0.0, 0.0), (7.5, 7.4))
-    level, turned = Lamps.level(places, (0.0, 90.0)), Lamps.level(places, (0.0, 45.0))
-    assert level.nearest_mm(square=True) == 7.5
-    assert turned.nearest_mm(square=True) == pytest.approx(hypot(7.5, 7.4))
-    assert turned.nearest_mm() == level.nearest_mm() == pytest.approx(hypot(7.5, 7.4))
 
 
 def test_rays_of_each_kind_of_lens_by_the_root_of_its_lamps(case: Callable[[str], Case]) -> None:
