@@ -357,7 +357,7 @@ def read_tolerances(name: str, roles: tuple[FaceRole, ...] = SHELL) -> PartToler
         raise InputError(str(error).replace(PartTolerances.__name__, f"{name}: lens", 1)) from None
 
 
-def _faces_in(content: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def _faces_in(content: Mapping[str, Any]) -> dict[str, dict[str, object]]:
     """The tables of faces in a TOML file: all of its ``[lens]``, or of a whole spec the tolerances that they have."""
     lens = content.get("lens")
     tables = {face: table for face, table in lens.items() if isinstance(table, dict)} if isinstance(lens, dict) else {}

@@ -146,7 +146,7 @@ def recorded(kind: str, words: str) -> Callable[[_Kind], _Kind]:
     """
 
     def register(made: Any) -> Any:
-        types: dict[str, Any] = {field.name: (field.type, ...) for field in fields(made)}
+        types = {field.name: (field.type, ...) for field in fields(made)}
         tagged: dict[str, Any] = {"kind": (Literal[kind], ...), **types}
         record = create_model(f"{kind.capitalize()}Record", __base__=SurfaceRecord, __doc__=words, **tagged)
         record.of = made
