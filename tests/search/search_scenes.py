@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from presets import FEW
 from scenes import small_spec
 
 from lensforge.search.design_result import Design, Progress
@@ -75,7 +76,7 @@ class Stop(KeyboardInterrupt):
 
 
 def search_interrupted(
-    spec: Spec, source: Source, checkpoint: Path, stop_at: int, seed: int = 0, accuracy: AnyAccuracy = "draft"
+    spec: Spec, source: Source, checkpoint: Path, stop_at: int, seed: int = 0, accuracy: AnyAccuracy = FEW
 ) -> None:
     """A search that is interrupted after ``stop_at`` steps, and leaves its checkpoint."""
 
@@ -94,7 +95,7 @@ def require_same_bits_after(
     checkpoint: Path,
     whole: Design,
     seed: int = 0,
-    accuracy: AnyAccuracy = "draft",
+    accuracy: AnyAccuracy = FEW,
 ) -> None:
     """Assert that a search interrupted after ``stop_at`` steps goes on to the bits of the ``whole`` one."""
     search_interrupted(spec, source, checkpoint, stop_at, seed, accuracy)

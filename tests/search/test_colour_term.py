@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from presets import FEW
 from scenes import small_spec
 from scipy.ndimage import gaussian_filter
 
@@ -103,7 +104,7 @@ def test_a_search_mixes_colours() -> None:
     for weight in (0.0, 300.0):
         steps = {"optimise__steps_per_level": [15, 15], "optimise__rays": 2048}
         spec = spec_of(1.6, weight, constraints__cavity_radius_mm=1.5, **steps)
-        lens = search(spec, searched_source(spec), accuracy="draft").lens
+        lens = search(spec, searched_source(spec), accuracy=FEW).lens
         merit = MeritFunction.of(spec_of(1.6, 1.0), source_of(spec), SphereParameters.of(spec, 4.0))
         tables = np.stack([tabulate(merit.parametrisation.grid, each) for each in lens.surfaces.values()])
         lights = [merit.light_of(torch.from_numpy(tables), source_of(spec).sample(2**16, seed)) for seed in (1, 2)]

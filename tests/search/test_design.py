@@ -22,7 +22,7 @@ from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 def test_a_design_gets_better_and_keeps_its_history() -> None:
     spec = small_spec(optimise__steps_per_level=[15, 15], optimise__rays=2048)
-    result = search(spec, build_source(spec.source), accuracy="draft")
+    result = search(spec, build_source(spec.source), accuracy=FEW)
     nmse = [value for level in result.history for value in level.nmse]
     assert len(nmse) == 30
     assert np.mean(nmse[-5:]) < 0.8 * np.mean(nmse[:5])
@@ -78,7 +78,7 @@ def test_a_search_is_as_precise_as_its_preset_says() -> None:
 def test_a_search_from_a_lens_begins_with_that_lens() -> None:
     spec = small_spec(lens__symmetry="none")
     source = build_source(spec.source)
-    first = search(spec, source, accuracy="draft")
+    first = search(spec, source, accuracy=FEW)
     begun: list[Lens] = []
     still = FEW.replace("still", effort={"learning_rate": 1e-12})
     further = search(spec, source, accuracy=still, start=first.lens, progress=lambda step: begun.append(step.lens()))
@@ -110,7 +110,7 @@ def test_a_search_has_the_same_bits_on_any_number_of_threads() -> None:
 
     for threads in (1, 2):
         with threads_of_torch(threads), pytest.raises(Cancelled):
-            search(spec, source, accuracy="draft", progress=keep_second)
+            search(spec, source, accuracy=FEW, progress=keep_second)
     assert len(found) == 1
 
 

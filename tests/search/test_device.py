@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from presets import FEW
+from presets import FEW_STEPS
 from scenes import DEVICES, small_spec
 from test_bodies import COVER, spec_with
 from test_reflector import reflector
@@ -25,8 +25,8 @@ CPU = torch.device("cpu")
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_a_design_ends_where_the_kernels_end(device: str) -> None:
-    double = FEW.replace("double", single=False)
-    spec = small_spec(optimise__steps_per_level=[2, 2], optimise__rays=256)
+    double = FEW_STEPS.replace("double", single=False)
+    spec = small_spec(optimise__steps_per_level=[2, 1], optimise__rays=256)
     source = build_source(spec.source)
     kernels, found = (search(spec, source, accuracy=double, device=d) for d in (None, torch.device(device)))
     for one, other in zip(found.history, kernels.history, strict=True):
@@ -35,12 +35,12 @@ def test_a_design_ends_where_the_kernels_end(device: str) -> None:
 
 
 def test_a_checkpoint_is_not_resumed_on_another_device(tmp_path: Path) -> None:
-    spec = small_spec(optimise__steps_per_level=[2, 2], optimise__rays=256)
-    source = build_source(spec.source)
-    search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, device=CPU)
-    search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, device=CPU, resume=True)
+    spec = small_spec(optimise__steps_per_level=[1, 1], optimise__rays=256)
+    source, given = build_source(spec.source), {"accuracy": FEW_STEPS, "checkpoint": tmp_path / FILE_NAME}
+    search(spec, source, **given, device=CPU)
+    search(spec, source, **given, device=CPU, resume=True)
     with pytest.raises(InputError, match="start or device"):
-        search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, resume=True)
+        search(spec, source, **given, resume=True)
 
 
 FLANGE = {"diameter_mm": 20.0, "thickness_mm": 1.0, "setback_mm": 0.15}

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 from judgements import judge_as, judged
+from presets import FEW
 from search_scenes import small_spec
 
 from lensforge.scene.lens import Lens
@@ -57,10 +58,10 @@ def spec_of_few_steps(**changes: object) -> Spec:
 def test_a_search_that_only_loses_ends_with_its_start_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = spec_of_few_steps()
     source = build_source(spec.source)
-    better = search(spec, source, accuracy="draft")
+    better = search(spec, source, accuracy=FEW)
     assert not better.kept_start and better.ended is None
     judge_as(monkeypatch, 0.3, 0.4)
-    found = search(spec, source, accuracy="draft", start=better.lens)
+    found = search(spec, source, accuracy=FEW, start=better.lens)
     assert found.kept_start and found.steps > 0 and found.ended is not None
     assert "did not improve on its start" in found.ended and "optimise.steps_per_level" in found.ended
     assert faces_of(found.lens) == pytest.approx(faces_of(better.lens), rel=1e-9, abs=1e-9)
@@ -77,7 +78,7 @@ def test_a_projection_that_costs_more_than_the_search_gained_gives_way_to_the_st
     start = Parameters(*problem.parametrisation.start())
     end = Parameters(start.weights + 1e-3, start.offsets)
     rays, _ = ValidationRays.of(build_source(spec.source), 64, 0)
-    judge = Candidates(rays, even=False, seed=0, accuracy="draft")
+    judge = Candidates(rays, even=False, seed=0, accuracy=FEW)
     for merits, kept in (((0.4,), False), ((0.6, 0.5), True), ((0.6, 0.7), False)):  # of the end, then of the start
         judge_as(monkeypatch, *merits)
         found = judge.better(outcome(0.5), (problem, start), (problem, end))
@@ -93,12 +94,12 @@ def test_a_search_that_goes_on_from_a_checkpoint_keeps_the_same_lens(
     spec, path = spec_of_few_steps(), tmp_path / "checkpoint.bin"
     source = build_source(spec.source)
     judge_as(monkeypatch, 0.5, 0.9, 0.4, 0.4)
-    whole = search(spec, source, accuracy="draft")
+    whole = search(spec, source, accuracy=FEW)
     judge_as(monkeypatch, 0.5, 0.9)
     with pytest.raises(KeyboardInterrupt):
-        search(spec, source, accuracy="draft", checkpoint=path, progress=_stop_at_third)
+        search(spec, source, accuracy=FEW, checkpoint=path, progress=_stop_at_third)
     judge_as(monkeypatch, 0.4)
-    again = search(spec, source, accuracy="draft", checkpoint=path, resume=True)
+    again = search(spec, source, accuracy=FEW, checkpoint=path, resume=True)
     assert again.lens.sha256 == whole.lens.sha256 and again.ended == whole.ended is not None
     assert torch.equal(*(torch.from_numpy(each.lens.outer.weights_mm) for each in (again, whole)))
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 from nightly import first_by_day
+from presets import FEW
 from scenes import small_spec
 
 from lensforge.errors import InputError
@@ -29,7 +30,7 @@ SURFACES = {"inner": sphere(3.0, -1.0), "outer": Asphere(6.5, -6.0, -0.2, (-1e-5
 @pytest.mark.parametrize(("changes", "still"), first_by_day(1, [(FIXED_INNER, "inner"), (FIXED_OUTER, "outer")]))
 def test_only_the_free_surface_moves(changes, still) -> None:
     spec = small_spec(**changes)
-    lens = search(spec, build_source(spec.source), accuracy="draft").lens
+    lens = search(spec, build_source(spec.source), accuracy=FEW).lens
     moved = {"inner": lens.outer, "outer": lens.inner}[still]
     assert getattr(lens, still) == SURFACES[still]
     assert isinstance(moved, SrbfSurface)

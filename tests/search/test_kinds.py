@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from presets import FEW
 from scenes import small_spec, sphere
 from search_scenes import Stop
 
@@ -29,7 +30,7 @@ NEAR = {
         "uniform_mm": 60.0,
     },
 }  # fmt: skip
-FEW = {"lens__levels": [9], "optimise__steps_per_level": [14], "optimise__rays": 4096}
+ONE_LEVEL = {"lens__levels": [9], "optimise__steps_per_level": [14], "optimise__rays": 4096}
 
 
 def spec_of(kinds: str = "place", **changes: Any) -> Spec:
@@ -85,7 +86,7 @@ ROW = {"lamps": {**GRID, "rows": 1, "kinds": "place"}, "target__height_mm": 20.0
 
 def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
     """Interrupted among the kinds, it goes on to the same bits."""
-    spec, path, heard = spec_of(**FEW, **ROW), tmp_path / "search.bin", list[int]()
+    spec, path, heard = spec_of(**ONE_LEVEL, **ROW), tmp_path / "search.bin", list[int]()
     source = build_source(spec.source, None)
 
     def stop(now: Progress) -> None:
@@ -94,10 +95,10 @@ def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
             raise Stop
 
     with pytest.raises(Stop):
-        search_kinds(spec, source, accuracy="draft", checkpoint=path, progress=stop)
+        search_kinds(spec, source, accuracy=FEW, checkpoint=path, progress=stop)
     assert heard == list(range(1, 25))
-    found = search_kinds(spec, source, accuracy="draft", checkpoint=path, resume=True)
-    assert search_kinds(spec, source, accuracy="draft").lens.sha256 == found.lens.sha256
+    found = search_kinds(spec, source, accuracy=FEW, checkpoint=path, resume=True)
+    assert search_kinds(spec, source, accuracy=FEW).lens.sha256 == found.lens.sha256
     one, kinds = found.history
     assert (found.steps, one.level, kinds.level) == (28, 0, 1)
     assert np.mean(kinds.nmse[-3:]) < 0.9 * np.mean(one.nmse[-3:])

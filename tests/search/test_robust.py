@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from nightly import first_by_day
-from presets import FEW_STEPS
+from presets import FEW, FEW_STEPS
 from scenes import NO_TOLERANCES, small_spec, tolerance_changes
 from search_scenes import LARGE, Step, require_same_bits_after
 
@@ -101,7 +101,7 @@ def test_fine_errors_scatter_as_roughness() -> None:
 def test_a_spec_without_deviations_is_refused_in_one_line() -> None:
     spec = robust(**tolerance_changes(NO_TOLERANCES))
     with pytest.raises(InputError, match="tolerances: all of them are 0"):
-        search(spec, build_source(spec.source), accuracy="draft")
+        search(spec, build_source(spec.source), accuracy=FEW)
 
 
 @pytest.mark.parametrize("levels", first_by_day(1, [[9, 25], "auto"], "three seconds"))

@@ -5,6 +5,7 @@ from math import sqrt
 import numpy as np
 import pytest
 from known_refraction import normal_transmittance
+from presets import FEW
 from scenes import small_spec
 
 import lensforge as lf
@@ -97,7 +98,7 @@ def test_a_wrong_place_or_unit_is_refused_before_the_search(changes: dict[str, o
     spec = small_spec(**changes)
     begun = []
     with pytest.raises(InputError, match=message) as refusal:
-        lf.design(spec, accuracy="draft", progress=begun.append)
+        lf.design(spec, accuracy=FEW, progress=begun.append)
     assert not begun and "\n" not in str(refusal.value)
 
 
@@ -123,7 +124,7 @@ def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_t
     closed_form = transmitted * 12.0**2 * (60.0 * 40.0 / 500.0**2) / (np.pi * 1.5**2)
     assert target.bounds.by_etendue == pytest.approx(closed_form, rel=0.05)
     with pytest.raises(InputError) as refusal:
-        lf.design(spec, accuracy="draft")
+        lf.design(spec, accuracy=FEW)
     words = str(refusal.value)
     assert "by étendue" in words and "force" in words and "\n" not in words
     radius_mm = float(words.partition(">= ")[2].split()[0])
@@ -131,7 +132,7 @@ def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_t
     assert check(spec.replace({"constraints.max_radius_mm": radius_mm})).targets[0].bounds.by_etendue >= 0.92
     said: list[str] = []
     with pytest.raises(Cancelled):
-        lf.design(spec, accuracy="draft", force=True, progress=lambda _: False, warn=said.append)
+        lf.design(spec, accuracy=FEW, force=True, progress=lambda _: False, warn=said.append)
     assert any("by étendue" in each for each in said), "it says so all the same"
 
 
@@ -209,6 +210,6 @@ def test_an_estimated_luminance_warns_and_stops_nothing() -> None:
 def test_warnings_stand_in_the_record_of_the_design() -> None:
     spec = small_spec(target__distance_mm=3000.0, target__width_mm=300.0, target__receiver_mm=400.0)
     said: list[str] = []
-    found = lf.design(spec, accuracy="draft", warn=said.append)
+    found = lf.design(spec, accuracy=FEW, warn=said.append)
     assert any("étendue" in words for words in said)
     assert tuple(said) == found.source.warnings

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from chains import upwards
+from presets import FEW
 from scenes import small_spec
 from search_scenes import require_same_bits_after
 
@@ -74,7 +75,7 @@ def test_an_led_without_wavelengths_beside_one_with_them_has_that_of_the_design(
         and searched_source(_spec()).sample(4, 0).wavelengths_nm is None
     )
     with pytest.raises(lf.Cancelled), pytest.warns(lf.SourceWarning, match="^left: no wavelengths, as other LEDs have"):
-        lf.design(small_spec(**ONE_WITH_WAVELENGTHS, **GREEN_PMMA), accuracy="draft", progress=lambda _: False)
+        lf.design(small_spec(**ONE_WITH_WAVELENGTHS, **GREEN_PMMA), accuracy=FEW, progress=lambda _: False)
 
 
 @pytest.mark.parametrize("name", ["wavelengths_nm", "of_source", "tristimulus"])
@@ -183,7 +184,7 @@ def test_the_pictures_of_two_leds_add_up_to_that_of_their_joint_rays() -> None:
 def test_the_light_of_every_led_is_its_own_evaluation_and_is_judged() -> None:
     limit = {"kind": "zone", "at_least_share": 0.3}
     spec = _spec(limits=[limit], optimise__steps_per_level=[2, 2])
-    made = lf.design(spec, accuracy="draft")
+    made = lf.design(spec, accuracy=FEW)
     light = lf.evaluate(made.lens)
     assert list(light.by_led) == ["left", "right"]
     for led in spec.sources:
@@ -208,11 +209,11 @@ def test_the_cavity_has_room_for_the_largest_and_an_led_that_cannot_be_is_named(
     assert alone[0].cavity_radius_mm != alone[1].cavity_radius_mm
     backwards = [LEDS[0], {"name": "right", "source": {**RIGHT, "tilt_deg": [180.0, 0.0]}}]
     with pytest.raises(lf.InputError, match=r"at least 0\.1 % must enter; the LED is right"):
-        lf.design(small_spec(source=None, sources=backwards), accuracy="draft")
+        lf.design(small_spec(source=None, sources=backwards), accuracy=FEW)
 
 
 def test_an_interrupted_search_ends_with_the_same_bits(tmp_path: Path) -> None:
     spec = _spec()
     source = searched_source(spec)
-    whole = search(spec, source, accuracy="draft", seed=3)
+    whole = search(spec, source, accuracy=FEW, seed=3)
     require_same_bits_after(5, spec, source, tmp_path / "checkpoint.bin", whole, seed=3)

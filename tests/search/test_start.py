@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from presets import FEW
 from scenes import random_surface, small_spec
 
 import lensforge as lf
@@ -29,10 +30,10 @@ def started(start: Path, **changes: object) -> Spec:
 
 def test_the_search_goes_on_from_the_lens_of_the_folder(finished: Path) -> None:
     seen: list[lf.Progress] = []
-    by_spec = lf.design(started(finished), accuracy="draft", progress=seen.append)
-    by_file = lf.design(started(finished / "lens.json"), accuracy="draft")
+    by_spec = lf.design(started(finished), accuracy=FEW, progress=seen.append)
+    by_file = lf.design(started(finished / "lens.json"), accuracy=FEW)
     start = load_lens(finished / "lens.json")
-    by_argument = lf.design(started(finished).replace(lens={"start": None}), accuracy="draft", start=start)
+    by_argument = lf.design(started(finished).replace(lens={"start": None}), accuracy=FEW, start=start)
     u = fibonacci_hemisphere(100)
     for other in (by_file, by_argument):
         assert np.array_equal(by_spec.lens.outer.radius(u), other.lens.outer.radius(u))
@@ -52,7 +53,7 @@ def test_other_levels_index_and_target_start_from_the_same_surfaces(finished: Pa
     )
     seen: list[lf.Progress] = []
     with pytest.raises(lf.Cancelled):
-        lf.design(spec, accuracy="draft", progress=lambda step: seen.append(step) or False)
+        lf.design(spec, accuracy=FEW, progress=lambda step: seen.append(step) or False)
     start, begun = load_lens(finished / "lens.json"), seen[0].lens()
     u = fibonacci_hemisphere(500)
     for before, after in ((start.inner, begun.inner), (start.outer, begun.outer)):
@@ -62,11 +63,11 @@ def test_other_levels_index_and_target_start_from_the_same_surfaces(finished: Pa
 
 def test_a_start_that_is_not_there_or_no_lens_is_one_line(finished: Path, tmp_path: Path) -> None:
     with pytest.raises(lf.InputError, match="no such file") as caught:
-        lf.design(started(tmp_path), accuracy="draft")
+        lf.design(started(tmp_path), accuracy=FEW)
     assert "\n" not in str(caught.value)
     (tmp_path / "lens.json").write_text("{}", encoding="utf-8")
     with pytest.raises(lf.InputError, match=r"lens\.json") as caught:
-        lf.design(started(tmp_path), accuracy="draft")
+        lf.design(started(tmp_path), accuracy=FEW)
     assert "\n" not in str(caught.value)
 
 
@@ -74,7 +75,7 @@ def test_automatic_levels_move_the_broad_functions_of_the_lens_first_and_keep_th
     spec = small_spec(lens__start=str(finished)).with_automatic_levels()
     seen: list[lf.Progress] = []
     with pytest.raises(lf.Cancelled):
-        lf.design(spec, accuracy="draft", progress=lambda step: seen.append(step) or len(seen) < 3)
+        lf.design(spec, accuracy=FEW, progress=lambda step: seen.append(step) or len(seen) < 3)
     assert [step.functions for step in seen] == [9, 9, 9]
     start, found = load_lens(finished / "lens.json"), seen[-1].lens()
     for before, after in ((start.inner, found.inner), (start.outer, found.outer)):
@@ -85,7 +86,7 @@ def test_automatic_levels_move_the_broad_functions_of_the_lens_first_and_keep_th
     turned = Lens.double(*(_narrow_turned(each) for each in (start.inner, start.outer)), start.spec, 0, "draft")
     others: list[lf.Progress] = []
     with pytest.raises(lf.Cancelled):
-        lf.design(spec, accuracy="draft", start=turned, progress=lambda step: others.append(step) or False)
+        lf.design(spec, accuracy=FEW, start=turned, progress=lambda step: others.append(step) or False)
     assert others[0].nmse != seen[0].nmse, "the light is that of all functions"
 
 

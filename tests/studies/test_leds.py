@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from in_this_process import lensforge
+from presets import FEW
 from scenes import small_spec
 from undrawn import undrawn
 
@@ -35,7 +36,7 @@ def designed(spec: lf.Spec, folder: Path, resume: bool) -> None:
     """Design and evaluation of one LED, the files of a whole run left out; ``wide`` fails where it is alone."""
     if spec.name.endswith("-failing"):
         raise InputError("source: it cannot be")
-    found = design(spec, accuracy="draft", checkpoint=folder / CHECKPOINT)
+    found = design(spec, accuracy=FEW, checkpoint=folder / CHECKPOINT)
     found.lens.save(folder / "lens.json")
     found.write(folder)
     (folder / CHECKPOINT).unlink()
@@ -53,7 +54,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Sweep]:
     failing = lf.NamedSource(name="failing", source=SPEC.sources[0].source)
     spec = SPEC.replace(sources=[*SPEC.sources, failing])
     with undrawn():
-        return folder, run_sweep(spec, sources_of(spec.sources, spec), folder, designed, accuracy="draft")
+        return folder, run_sweep(spec, sources_of(spec.sources, spec), folder, designed, accuracy=FEW)
 
 
 def test_every_led_has_its_own_design_and_one_has_them_all(study: tuple[Path, Sweep]) -> None:
@@ -90,12 +91,12 @@ def test_a_study_goes_on_with_what_is_finished(study: tuple[Path, Sweep], tmp_pa
     again = run_sweep(
         found.spec, sources_of(found.spec.sources, found.spec), tmp_path / "leds",
         lambda spec, where, resume: made.append(spec.name) or designed(spec, where, resume),
-        accuracy="draft", resume=True,
+        accuracy=FEW, resume=True,
     )  # fmt: skip
     assert made == ["small-failing"] and again == found
     other = [SPEC.sources[0], lf.NamedSource(name="wide", source=lf.SquareSource(side_mm=1.1))]
     with pytest.raises(InputError, match="designed for another LED wide"):
-        run_sweep(found.spec, sources_of(other, SPEC), tmp_path / "leds", designed, accuracy="draft", resume=True)
+        run_sweep(found.spec, sources_of(other, SPEC), tmp_path / "leds", designed, accuracy=FEW, resume=True)
 
 
 def test_workers_get_all_options_and_their_designs_are_in_the_order_of_the_leds(
@@ -112,17 +113,17 @@ def test_workers_get_all_options_and_their_designs_are_in_the_order_of_the_leds(
 
     monkeypatch.setattr("lensforge.report.sweep_runs.runs_on_workers", backwards)
     there = run_sweep(
-        found.spec, sources_of(found.spec.sources, found.spec), tmp_path, pytest.fail, accuracy="draft", seed=2,
+        found.spec, sources_of(found.spec.sources, found.spec), tmp_path, pytest.fail, accuracy=FEW, seed=2,
         scheduler="tcp://host:8786", force=True,
     )  # fmt: skip
-    assert asked == {"accuracy": "draft", "seed": 2, "force": True, "scheduler": "tcp://host:8786"}
+    assert asked == {"accuracy": FEW, "seed": 2, "force": True, "scheduler": "tcp://host:8786"}
     assert there.values == found.values and there.failed == {"failing": "cannot be"}
 
 
 def test_a_study_without_any_design_says_why(tmp_path: Path) -> None:
     leds = [lf.NamedSource(name=f"{number}-failing", source=SPEC.source) for number in range(2)]
     with pytest.raises(InputError, match="it cannot be"):
-        run_sweep(SPEC, sources_of(leds, SPEC), tmp_path, designed, accuracy="draft")
+        run_sweep(SPEC, sources_of(leds, SPEC), tmp_path, designed, accuracy=FEW)
 
 
 def test_lists_are_files_patterns_tables_and_sections(examples: Path, tmp_path: Path) -> None:
@@ -320,10 +321,10 @@ def test_a_design_for_each_led_is_a_study_of_its_own_folder(
 def test_a_lens_for_another_led_begins_at_the_old_one(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = {}
     monkeypatch.setattr("lensforge.search.searches.design", lambda spec, **options: asked.update(spec=spec, **options))
-    old = design(small_spec(lens__symmetry="square", optimise=STEPS), accuracy="draft", seed=4).lens
+    old = design(small_spec(lens__symmetry="square", optimise=STEPS), accuracy=FEW, seed=4).lens
     lf.redesign(old, lf.SquareSource(side_mm=0.5, flux_lm=100.0), threads=1)
     spec = asked["spec"]
-    assert asked["start"] is old and (asked["accuracy"], asked["seed"], asked["threads"]) == ("draft", 4, 1)
+    assert asked["start"] is old and (asked["accuracy"], asked["seed"], asked["threads"]) == (FEW, 4, 1)
     assert (spec.source.side_mm, spec.lens.levels, spec.lens.symmetry) == (0.5, "auto", "square")
     assert spec.name == "small-0_5_mm_square_Lambertian_source"
     lf.redesign(old, lf.RectangleSource(width_mm=0.5, height_mm=0.6), accuracy="standard")
