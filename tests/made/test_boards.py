@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from parts import lens_with
+from presets import FEW
 from scenes import NO_TOLERANCES, small_spec, sphere, tolerance_changes
 
 from lensforge.errors import InputError
@@ -35,7 +36,7 @@ def study_of(
     """Of a point source in concentric spheres; as many rays of the lens as designed as of each part."""
     changes = {"target": PATTERN, "base": {"kind": "none"}, "evaluate__filter_variance": 0.0, **changes}
     own = tolerance_changes({**NO_TOLERANCES, **tolerances})
-    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(lamps=lamps, **changes, **own), 0, "draft")
+    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(lamps=lamps, **changes, **own), 0, FEW)
     return PartStudy(Recipe(lens, parts, rays, 0, rays))
 
 

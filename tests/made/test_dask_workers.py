@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from parts import lens_with
+from presets import FEW_STEPS
 from scenes import small_spec
 
 import lensforge as lf
@@ -78,8 +79,8 @@ def test_one_worker_four_and_one_killed_give_the_bits_of_this_process(cluster, s
 
 def test_searches_from_several_starts_have_the_bits_of_this_process(cluster):
     spec = small_spec(optimise__steps_per_level=[1, 1])
-    here = lf.best_design(spec, starts=2, accuracy="draft")
-    there = lf.best_design(spec, starts=2, accuracy="draft", scheduler=cluster.scheduler_address)
+    here = lf.best_design(spec, starts=2, accuracy=FEW_STEPS)
+    there = lf.best_design(spec, starts=2, accuracy=FEW_STEPS, scheduler=cluster.scheduler_address)
     assert there.lens == here.lens
     assert [(start.nmse, start.missed) for start in there.starts] == [
         (start.nmse, start.missed) for start in here.starts

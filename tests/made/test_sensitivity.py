@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from nightly import scaled
 from parts import lens_with
+from presets import FEW
 from scenes import random_surface, small_spec
 
 from lensforge.light.evaluation import evaluate_lens
@@ -13,7 +14,6 @@ from lensforge.made.sensitivity import measure_sensitivity, single_errors
 from lensforge.made.tolerance_result import Sensitivity
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
-from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.tolerances_section import amounts_of, factors_of
 from lensforge.surfaces.bicubic_table import evaluate_table
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -58,7 +58,7 @@ def test_a_shift_is_along_one_axis_and_a_form_error_has_its_rms():
 
 def test_the_lens_as_designed_is_that_of_its_evaluation():
     lens = lens_with()
-    source, preset = build_source(lens.spec.source), PRESETS["draft"]
+    source, preset = build_source(lens.spec.source), FEW
     nominal = measure_sensitivity(lens, rays=1024).nominal
     light = evaluate_lens(lens, source, preset, rays=1024)
     for name, metric in LightMetrics.of(light):
@@ -73,7 +73,7 @@ def test_the_lens_as_designed_is_that_of_its_evaluation():
 
 def square_lens():
     surfaces = (random_surface(seed, 3.0 * seed, 0.01, (9, 25), "square") for seed in (1, 2))
-    return Lens.double(*surfaces, small_spec(lens__symmetry="square"), 0, "draft")
+    return Lens.double(*surfaces, small_spec(lens__symmetry="square"), 0, FEW)
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_the_standard_error_of_the_uniformity_is_no_less_than_the_scatter(change
 
 def test_common_rays_leave_little_noise(changes):
     lens = square_lens()
-    alone = evaluate_lens(lens, build_source(lens.spec.source), PRESETS["draft"], rays=RAYS)
+    alone = evaluate_lens(lens, build_source(lens.spec.source), FEW, rays=RAYS)
     for metric in ("nmse", "efficiency"):
         assert 0.0 < changes["index", metric][:, 1].max() < 0.25 * getattr(alone, metric).standard_error
 
