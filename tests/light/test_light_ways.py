@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chains import collimator
+from presets import FEW
 from scenes import small_spec
 from tir_lenses import spot, spot_lens
 
@@ -51,7 +52,7 @@ def test_ways_add_up_to_the_light_that_leaves_and_stand_in_the_record(tmp_path: 
 
 def test_the_record_of_a_usual_lens_says_nothing_of_ways() -> None:
     spec = small_spec()
-    start = lf.Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
+    start = lf.Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)
     light = lf.evaluate(start, rays=2**8)
     assert light.ways == () and "ways" not in light.plain()
 

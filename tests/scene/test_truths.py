@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from presets import FEW
 from scenes import random_surface, small_spec
 
 import lensforge as lf
@@ -68,7 +69,7 @@ RECEIVERS = bare_spec().model_dump(exclude_unset=True)["receivers"][:2]
 
 @pytest.fixture(scope="module")
 def bare() -> lf.Light:
-    return lf.evaluate(Lens.double(sphere(3.0), sphere(6.0), bare_spec(), 0, "draft"), rays=2**20, pixels=32)
+    return lf.evaluate(Lens.double(sphere(3.0), sphere(6.0), bare_spec(), 0, FEW), rays=2**20, pixels=32)
 
 
 def image(lens: TracedLens, source: Source, number: int) -> np.ndarray:
