@@ -146,7 +146,7 @@ def started(*arguments: object, **options: object) -> "subprocess.Popen[str]":
 
 def test_sigterm_saves_the_search_and_says_so(tmp_path: Path) -> None:
     spec = tmp_path / "small.toml"
-    small_spec(optimise__steps_per_level=[20, 4000]).save(spec)
+    small_spec(optimise__steps_per_level=[2, 4000], optimise__rays=256).save(spec)
     process = started("design", spec, "--accuracy", "draft", "--out", tmp_path / "out")
     assert process.stderr is not None
     assert process.stderr.readline().startswith("level 1/2")
