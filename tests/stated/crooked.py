@@ -30,7 +30,9 @@ DESIGNS = Path(__file__).parent / "designs"
 NAMES = ("roads", "tir", "cup", "plate", "kinds", "leds", "chips")
 FILES = {"near": 1800, "far": 700}  # rays in each file
 FILE_EFFICACIES = {"near": 300.0, "far": 240.0}  # lm/W
-FEW_RAYS = WITH_TABLE_ERROR.replace("crooked", photometry_rays=(2**12, 2**12), verify_rays=2**10)
+FEW_RAYS = WITH_TABLE_ERROR.replace(
+    "crooked", photometry_rays=(2**12, 2**12), verify_rays=2**10, effort={"validation_rays": 2048}
+)
 HOT_C = 95.0  # of the lens in the results "warm"
 _SEARCHED_STEPS = 12  # for each level of a stored lens
 
