@@ -21,6 +21,7 @@ from lensforge.optics.media import (
     ReflectanceTable,
 )
 from lensforge.proof.refraction import RefractingFace
+from lensforge.spec.internal_reflection import TirSection
 
 RNG = np.random.default_rng(4)
 WAVES = RNG.uniform(400.0, 700.0, 60)
@@ -164,7 +165,8 @@ def test_no_light_passes_two_coated_faces_beyond_the_bound(face):
     assert transmittance_of(Media(Medium(1.5), coatings=coatings(half, half))) == 0.25
     # Of a lens for total internal reflection by the best of its ways: the side is bare, the wall a mirror.
     faces = {"cap": half, "exit": ReflectanceTable((0.0, 90.0), ((0.01, 0.01),)), "wall": Mirror(0.9)}
-    tir = Media(Medium(1.5), coatings=tuple(FaceCoating(name, "outside", each) for name, each in faces.items()))
+    films = tuple(FaceCoating(name, "outside", each) for name, each in faces.items())
+    tir = Media(Medium(1.5), coatings=films, faces=TirSection.roles)
     assert transmittance_of(tir) == pytest.approx(0.96 * 0.99, rel=1e-12)
     closed = tuple(FaceCoating(name, "outside", Mirror(0.9)) for name in ("wall", "exit"))
-    assert transmittance_of(Media(Medium(1.5), coatings=closed)) == 0.0
+    assert transmittance_of(Media(Medium(1.5), coatings=closed, faces=TirSection.roles)) == 0.0
