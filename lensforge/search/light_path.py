@@ -39,6 +39,8 @@ from lensforge.spec.tolerances_section import Factor, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid
 
 _FANS, _RAYS_OF_FAN = 128, 32  # 2 % of noise in the part of later creases
+# Light of a receiver that creases change, the picture first; names of :class:`Collected`.
+_OF_CREASES = "image", "in_window", "outside_receiver", "total_reflection"
 
 
 class _AtCreases(torch.autograd.Function):
@@ -55,8 +57,12 @@ class _AtCreases(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *by: Tensor) -> Any:
-        images = [each.contiguous().numpy() for each in by[::4]]
-        sums = [np.array([float(each) for each in by[first + 1 : first + 4]]) for first in range(0, len(by), 4)]
+        seen = [
+            dict(zip(_OF_CREASES, by[first : first + len(_OF_CREASES)], strict=True))
+            for first in range(0, len(by), len(_OF_CREASES))
+        ]
+        images = [each["image"].contiguous().numpy() for each in seen]
+        sums = [np.array([float(each[name]) for name in _OF_CREASES[1:]]) for each in seen]
         places = ctx.tables, ctx.scene, ctx.source, adjoint_on(ctx.receivers, images, sums)
         found = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
         return ctx.flux * torch.from_numpy(found), None, None, None, None, *by
@@ -130,12 +136,11 @@ class LightPath:
         return tuple(mean_of_lamps(lamps, [next(rest) for _ in lamps.rasters]) for lamps in self.lamps)
 
     def _with_creases(self, tables: Tensor, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
-        sums = [each for own in found for each in list(vars(own).values())[:4]]
+        sums = [getattr(own, name) for own in found for name in _OF_CREASES]
         places = self.scene, self.source, self.seen, self.flux
         same = _AtCreases.apply(tables, *places, *sums)  # type: ignore[no-untyped-call]  # as torch has it
         rest = iter(same)
-        names = ("image", "in_window", "outside_receiver", "total_reflection")
-        return tuple(replace(own, **{name: next(rest) for name in names}) for own in found)
+        return tuple(replace(own, **{name: next(rest) for name in _OF_CREASES}) for own in found)
 
     def _part(
         self, bodies: tuple[ReferenceBody, ...], bundle: RayBundle, start: int, device: torch.device
