@@ -1,12 +1,13 @@
 """Fields of the library's pydantic classes for Sphinx: a name, a short type and a description for each."""
 
 import inspect
-import re
 import types
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from dataclasses import is_dataclass
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
+from sphinx.util.inspect import stringify_signature
 
 from lensforge.spec.spec_fields import arguments_of, default_of, words_of
 from lensforge.spec.spec_section import Section
@@ -90,9 +91,20 @@ def short_signature(
     """No signature for models, whose fields stand below; in others only the type of an annotated argument."""
     if kind == "class" and isinstance(documented, type) and issubclass(documented, BaseModel):
         return "", ""
-    return arguments and re.sub(
-        r"~?(\w+\.)*Annotated\[([^\[\]]*?), (~?\w+\.)*FieldInfo\([^()]*\)\]", r"\2", arguments
-    ), result
+    if (isinstance(documented, type) and is_dataclass(documented)) or (arguments and "FieldInfo(" in arguments):
+        return _plain_signature(documented), result
+    return arguments, result
+
+
+def _plain_signature(documented: Any) -> str:
+    """Signature of a dataclass or a function whose types have no ranges: those stand in its docstring."""
+    plain, signature = get_type_hints(documented), inspect.signature(documented)
+    fields = [
+        each.replace(annotation=plain.get(name, each.empty))
+        for name, each in signature.parameters.items()
+        if name != "self"
+    ]
+    return stringify_signature(signature.replace(parameters=fields, return_annotation=signature.empty))
 
 
 def skip_member(_app: Any, _kind: str, name: str, member: Any, _skip: bool, _options: Any) -> bool | None:
