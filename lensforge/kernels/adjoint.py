@@ -23,6 +23,7 @@ from lensforge.kernels.adjoint_packet import (
     FX,
     INDEX_RATIO,
     LEFT,
+    OF_POLARISATION,
     PATH,
     RAY,
     SECOND_EVENT,
@@ -39,6 +40,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields_adjoint import (
     BY_E,
     FIELD,
+    OF_FIELDS,
     E,
     absorb_on_way,
     all_amplitudes,
@@ -50,15 +52,15 @@ from lensforge.kernels.fields_adjoint import (
     refract_all_at,
     to_next_frame,
 )
-from lensforge.kernels.frames import into_faces, out_of_first
+from lensforge.kernels.frames import INTO, into_faces, turned_back
 from lensforge.kernels.pair_adjoint import back_behind_outer, back_through_inner, forward_at_inner
 from lensforge.kernels.precision import DOUBLE_PRECISION, Precision
-from lensforge.kernels.ray_packet import COEFFICIENTS, SIZE, fetch_table, in_whole_vectors, three, write
+from lensforge.kernels.ray_packet import SIZE, fetch_table, in_whole_vectors, three, write
 from lensforge.kernels.traced_body import BODY, FROM_BEHIND, REFLECTED, index_in, own_or_shared
 
 LANES = 64  # rays that go together where their events are kept: with more, these do not fit into the cache
 _OF_EVENT = 17  # numbers of an event's block that are kept: all but the sensitivities
-ADJOINT_NUMBERS = (COEFFICIENTS + 16 + 2 * 20 + 40) * SIZE
+ADJOINT_NUMBERS = (OF_POLARISATION + OF_FIELDS) * SIZE
 
 
 class SameWay(NamedTuple):
@@ -77,7 +79,7 @@ class ByRaysIn(NamedTuple):
 
     def part(self, part: slice) -> "ByRaysIn":
         """Sensitivities to some of the rays."""
-        return ByRaysIn(*(each[part] for each in self))
+        return self._make(each[part] for each in self)
 
 
 class AdjointMemory(NamedTuple):
@@ -253,13 +255,13 @@ def store_by_rays(packet, count, placement, by_rays):
     if by_rays is not None:
         for lane in range(count):
             k, smooth = int(packet[RAY + lane]), packet[SMOOTH + lane] == 1.0
-            e = out_of_first(placement, three(packet, EX + lane))
-            f = out_of_first(placement, three(packet, FX + lane))
+            e = turned_back(placement, INTO, three(packet, EX + lane))
+            f = turned_back(placement, INTO, three(packet, FX + lane))
             for axis in range(3):
                 by_rays.by_points[k, axis] = e[axis] if smooth else 0.0
                 by_rays.by_directions[k, axis] = f[axis] if smooth else 0.0
             for part in range(4):
-                own = out_of_first(placement, three(packet, BY_E + part * FIELD + lane))
+                own = turned_back(placement, INTO, three(packet, BY_E + part * FIELD + lane))
                 for axis in range(3):
                     by_rays.by_fields[k, 3 * part + axis] = own[axis] if smooth else 0.0
 

@@ -6,7 +6,7 @@ from lensforge.kernels.bicubic import bounds_of, jet, tile_of
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import unpolarised
-from lensforge.kernels.frames import into_faces, into_first
+from lensforge.kernels.frames import INTO, into_faces, turned
 from lensforge.kernels.nearest_face import CLEAR, FIELDS, LAST, MEDIUM
 from lensforge.kernels.ray_packet import SIZE, store_ray, write
 from lensforge.kernels.traced_body import CAVITY, own_or_shared
@@ -51,7 +51,7 @@ def begin_fields(packet, lane, k, d, fields, placement, sides):
         packet[MEDIUM + lane], packet[LAST + lane], packet[CLEAR + lane] = CAVITY, -1.0, 1.0
         if fields is not None:
             for part in range(0, 12, 3):
-                own = into_first(placement, (fields[k, part], fields[k, part + 1], fields[k, part + 2]))
+                own = turned(placement, INTO, (fields[k, part], fields[k, part + 1], fields[k, part + 2]))
                 write(packet, FIELDS + part * SIZE + lane, own)
         else:
             one, other = unpolarised(d)

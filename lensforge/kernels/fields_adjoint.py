@@ -31,15 +31,7 @@ from lensforge.kernels.adjoint_packet import (
 )
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fields import FieldTurn, field_adjoint, field_behind, passing, reflect, reflecting, unpolarised
-from lensforge.kernels.frames import (
-    back_into_faces,
-    into_first,
-    to_next_face,
-    turn_from_next,
-    turn_in,
-    turn_to_next,
-    z_axis,
-)
+from lensforge.kernels.frames import BACK, BETWEEN, INTO, back_into_faces, to_next_face, turned, turned_back, z_axis
 from lensforge.kernels.fresnel import refract, through
 from lensforge.kernels.next_event import is_side_way
 from lensforge.kernels.ray_packet import SIZE, fields, three, write
@@ -51,6 +43,7 @@ from lensforge.kernels.vectors import add_scaled, dot, scaled, unit
 # derivatives by the cosine.
 E, BY_E = fields(OF_POLARISATION, 24)[::12]
 C, Q_SQUARED, N, _, _, B, _, _, A, _, K, _, A_BY_C, _, K_BY_C, _ = fields(OF_POLARISATION + 24, 16)
+OF_FIELDS = 24 + 16  # more than what the closed form takes there
 FIELD = 3 * SIZE  # from one part of a field to the next
 
 
@@ -69,7 +62,7 @@ def begin_forward(packet, count, own, placement):
             k = int(packet[RAY + lane])
             for part in range(4):
                 field = own[k, 3 * part], own[k, 3 * part + 1], own[k, 3 * part + 2]
-                write(packet, E + part * FIELD + lane, into_first(placement, field))
+                write(packet, E + part * FIELD + lane, turned(placement, INTO, field))
 
 
 @inline
@@ -182,7 +175,7 @@ def to_next_frame(packet, count, placement):
             write(packet, FIRST_EVENT + P + k, p)
             write(packet, FIRST_EVENT + D + k, d)
             for first in range(E + k, E + 4 * FIELD + k, FIELD):
-                write(packet, first, turn_to_next(placement, three(packet, first)))
+                write(packet, first, turned(placement, BETWEEN, three(packet, first)))
 
 
 @inline
@@ -190,10 +183,10 @@ def from_next_frame(packet, count, placement):
     """Take all sensitivities from the frame of the outer one of two faces into that of the inner one."""
     if placement is not None:
         for k in range(count):
-            write(packet, EX + k, turn_from_next(placement, three(packet, EX + k)))
-            write(packet, FX + k, turn_from_next(placement, three(packet, FX + k)))
+            write(packet, EX + k, turned_back(placement, BETWEEN, three(packet, EX + k)))
+            write(packet, FX + k, turned_back(placement, BETWEEN, three(packet, FX + k)))
             for first in range(BY_E + k, BY_E + 4 * FIELD + k, FIELD):
-                write(packet, first, turn_from_next(placement, three(packet, first)))
+                write(packet, first, turned_back(placement, BETWEEN, three(packet, first)))
 
 
 @inline
@@ -227,7 +220,7 @@ def add_by_fields(packet, count, placement, by_fields):
             k, value = int(packet[RAY + lane]), 0.0
             for part in range(4):
                 also = by_fields[k, 3 * part], by_fields[k, 3 * part + 1], by_fields[k, 3 * part + 2]
-                also = turn_in(placement, also)
+                also = turned_back(placement, BACK, also)
                 value += 0.5 * dot(also, three(packet, E + part * FIELD + lane))
                 by_field = add_scaled(three(packet, BY_E + part * FIELD + lane), 1.0, also)
                 write(packet, BY_E + part * FIELD + lane, by_field)

@@ -3,6 +3,9 @@
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.vectors import add_scaled, dot, length_of
 
+# Frames of a placement: into the first face's, from the inner one of two faces into the outer one's, and the last back.
+INTO, BETWEEN, BACK = 0, 1, -1
+
 
 @inline
 def turn(frame, v):
@@ -32,23 +35,23 @@ def turn_back(frame, v):
 
 
 @inline
+def turned(placement, number, v):
+    """A vector, or a direction, behind the frame of this number; itself where all faces are in place."""
+    return v if placement is None else turn(placement.frames[number], v)
+
+
+@inline
+def turned_back(placement, number, v):
+    """Sensitivity to a vector before the frame of this number from that behind it."""
+    return v if placement is None else turn_back(placement.frames[number], v)
+
+
+@inline
 def into_faces(placement, p, d):
     """Point and direction of a ray that comes, in the frame of the first face."""
     if placement is None:
         return p, d
-    return place(placement.frames[0], placement.factor_in, p), turn(placement.frames[0], d)
-
-
-@inline
-def into_first(placement, v):
-    """A vector of the frame of the rays in that of the first face."""
-    return v if placement is None else turn(placement.frames[0], v)
-
-
-@inline
-def out_of_first(placement, v):
-    """A sensitivity in the frame of the rays from that in the frame of the first face."""
-    return v if placement is None else turn_back(placement.frames[0], v)
+    return place(placement.frames[INTO], placement.factor_in, p), turn(placement.frames[INTO], d)
 
 
 @inline
@@ -56,19 +59,7 @@ def to_next_face(placement, p, d):
     """Point and direction of a ray behind the inner one of two faces in the frame of the outer one."""
     if placement is None:
         return p, d
-    return place(placement.frames[1], 1.0, p), turn(placement.frames[1], d)
-
-
-@inline
-def turn_to_next(placement, v):
-    """A vector of the inner one of two faces in the frame of the outer one."""
-    return v if placement is None else turn(placement.frames[1], v)
-
-
-@inline
-def turn_from_next(placement, v):
-    """A sensitivity in the frame of the inner one of two faces from that in the frame of the outer one."""
-    return v if placement is None else turn_back(placement.frames[1], v)
+    return place(placement.frames[BETWEEN], 1.0, p), turn(placement.frames[BETWEEN], d)
 
 
 @inline
@@ -76,8 +67,7 @@ def out_of_faces(placement, p, d):
     """Point and direction of a ray that leaves, in the frame of the receivers."""
     if placement is None:
         return p, d
-    frame = placement.frames[len(placement.frames) - 1]
-    return place(frame, placement.factor_out, p), turn(frame, d)
+    return place(placement.frames[BACK], placement.factor_out, p), turn(placement.frames[BACK], d)
 
 
 @inline
@@ -85,26 +75,14 @@ def back_into_faces(placement, e, f):
     """Sensitivities to the point and the direction of a ray that leaves, in the frame of the last face."""
     if placement is None:
         return e, f
-    frame, factor = placement.frames[len(placement.frames) - 1], placement.factor_out
+    frame, factor = placement.frames[BACK], placement.factor_out
     return turn_back(frame, (factor * e[0], factor * e[1], factor * e[2])), turn_back(frame, f)
-
-
-@inline
-def turn_out(placement, v):
-    """A vector in the frame of the receivers."""
-    return v if placement is None else turn(placement.frames[len(placement.frames) - 1], v)
-
-
-@inline
-def turn_in(placement, v):
-    """A vector of the frame of the receivers in that of the last face."""
-    return v if placement is None else turn_back(placement.frames[len(placement.frames) - 1], v)
 
 
 @inline
 def z_axis(placement):
     """The axis z in the last face's frame."""
-    return turn_in(placement, (0.0, 0.0, 1.0))
+    return turned_back(placement, BACK, (0.0, 0.0, 1.0))
 
 
 @inline

@@ -168,7 +168,7 @@ def start_outside(rays, count, face, body):
 
 
 @inline
-def keep_entry(rays, count, going, face):
+def keep_entry(rays, going, face):
     """Move the rays that were on their way to their entry into one face of the cavity; others never enter it."""
     for lane in range(going):
         k = int(rays[ASKED + lane])
@@ -234,7 +234,7 @@ def back_into_cavity(rays, count, body):
                 going = start_outside(rays, count, face, body)
                 if going > 0:
                     first_hits(rays, going, body.tables[face], body.grid, bounds_of(body.bounds, face), True, True)
-                    keep_entry(rays, count, going, float(face))
+                    keep_entry(rays, going, float(face))
                     moved += going
     for k in range(count):
         status = rays[BACK_STATUS + k]

@@ -24,7 +24,7 @@ from lensforge.kernels.adjoint_packet import (
     hit_at,
 )
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.frames import back_into_faces, to_next_face, turn_from_next, turn_to_next, z_axis
+from lensforge.kernels.frames import BETWEEN, back_into_faces, to_next_face, turned, turned_back, z_axis
 from lensforge.kernels.fresnel import SecondFace, refract, through, through_both
 from lensforge.kernels.ray_packet import fields, three, write
 from lensforge.kernels.traced_body import BODY, CAVITY, OUTSIDE, own_or_shared
@@ -62,7 +62,7 @@ def refract_inner(packet, count, film, rays, body):
         write(packet, FIRST + k, (t_s, t_p, excess * per_behind))
         write(packet, SLOPES + k, (slopes[0], slopes[1], slopes[2] * per_behind))
         p, b = to_next_face(body.placement, hit.p, b)
-        write(packet, NORMAL + k, turn_to_next(body.placement, n))
+        write(packet, NORMAL + k, turned(body.placement, BETWEEN, n))
         write(packet, SECOND_EVENT + P + k, p)
         write(packet, SECOND_EVENT + D + k, b)
 
@@ -103,9 +103,9 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
         f = add_scaled(f, arrived, by_b)
         by = ByEvent(e, f, by_cosine, scaled(arrived, by_n), scaled(arrived, by_d), by_path)
         e, f = back_to_ray(packet, k, SECOND_EVENT, face, hit, by, rays, body.slopes)
-        write(packet, BY_NORMAL + k, turn_from_next(body.placement, scaled(arrived, by_m)))
-        write(packet, EX + k, turn_from_next(body.placement, e))
-        write(packet, FX + k, turn_from_next(body.placement, f))
+        write(packet, BY_NORMAL + k, turned_back(body.placement, BETWEEN, scaled(arrived, by_m)))
+        write(packet, EX + k, turned_back(body.placement, BETWEEN, e))
+        write(packet, FX + k, turned_back(body.placement, BETWEEN, f))
 
 
 @inline

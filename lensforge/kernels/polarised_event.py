@@ -9,7 +9,7 @@ from math import sqrt
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fields import FieldTurn, field_behind, passing, reflect, reflecting, squared_lengths
 from lensforge.kernels.first_hit import FOUND
-from lensforge.kernels.frames import rough_normal, turn_out, z_axis
+from lensforge.kernels.frames import BACK, rough_normal, turned, z_axis
 from lensforge.kernels.fresnel import (
     SecondFace,
     axial_share,
@@ -190,7 +190,7 @@ def keep_fields(packet, lane, placement, fields):
     if fields is not None:
         k = int(packet[RAY + lane])
         for part in range(4):
-            own = turn_out(placement, three(packet, FIELDS + 3 * part * SIZE + lane))
+            own = turned(placement, BACK, three(packet, FIELDS + 3 * part * SIZE + lane))
             fields[k, 3 * part], fields[k, 3 * part + 1], fields[k, 3 * part + 2] = own
 
 

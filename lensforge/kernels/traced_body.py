@@ -90,7 +90,7 @@ class Ways(NamedTuple):
 
     def part(self, part: slice) -> "Ways":
         """Ways of some rays."""
-        return Ways(self.lengths[part], _some(self.met, part))
+        return self._make(_some(each, part) for each in self)
 
 
 class RaysOut(NamedTuple):
@@ -112,11 +112,7 @@ class RaysOut(NamedTuple):
 
     def part(self, part: slice) -> "RaysOut":
         """Some of the rays."""
-        return RaysOut(
-            *(each[part] for each in (self.points, self.directions, self.flux, self.absorbed)),
-            *(each[part] for each in (self.sin2_exit, self.fates)),
-            *(_some(each, part) for each in (self.axial, self.fields)),
-        )
+        return self._make(_some(each, part) for each in self)
 
 
 class ByRaysOut(NamedTuple):
@@ -131,10 +127,7 @@ class ByRaysOut(NamedTuple):
 
     def part(self, part: slice) -> "ByRaysOut":
         """Sensitivities to some of the rays."""
-        return ByRaysOut(
-            *(each[part] for each in (self.by_points, self.by_directions, self.by_flux, self.by_sin2)),
-            *(_some(each, part) for each in (self.by_axial, self.by_fields)),
-        )
+        return self._make(_some(each, part) for each in self)
 
 
 @inline

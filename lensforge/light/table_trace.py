@@ -10,7 +10,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.bicubic import FaceBounds, SurfaceBounds, TableSpacing, surface_bounds
 from lensforge.kernels.face_records import FaceMedia
 from lensforge.kernels.nearly_convex import chain_bounds
-from lensforge.kernels.parallel import in_parallel
+from lensforge.kernels.parallel import in_parallel_map
 from lensforge.kernels.precision import DOUBLE_PRECISION, SINGLE_PRECISION, Precision
 from lensforge.kernels.traced_body import ByRaysOut, RaysIn, TracedBody
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
@@ -186,13 +186,7 @@ def _at_lens(lens: BodyPassage, scene: Scene) -> ExitRays:
 
 def checked_bounds(tables: Tables | Sequence[Table], scene: Scene) -> list[SurfaceBounds]:
     """The bounds of all tables. Raises :class:`InputError` when a surface has a radius that is not positive."""
-    found = dict[int, SurfaceBounds]()
-
-    def work(face: int) -> None:
-        found[face] = surface_bounds(tables[face], scene.grid.origin, scene.grid.step)
-
-    in_parallel(work, len(tables))
-    bounds = [found[face] for face in range(len(tables))]
+    bounds = in_parallel_map(lambda table: surface_bounds(table, scene.grid.origin, scene.grid.step), list(tables))
     for name, bound in zip(scene.names, bounds, strict=True):
         if not (bound.least > 0.0 and np.isfinite(bound.most) and np.isfinite(bound.tiles).all()):
             raise InputError(f"{name} surface: its radius falls to {bound.least:.3g} mm; it must stay above 0")
