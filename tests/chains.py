@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE, FaceCoating, Media, Medium, Mirror
+from lensforge.optics.media import BODY, CAVITY, OUTSIDE, FaceCoating, FaceRole, Media, Medium, Mirror
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.ray_bundle import RayBundle
@@ -106,4 +106,7 @@ class MixedLight:
 
 def clear(index: float = 1.49, coatings: tuple[FaceCoating, ...] = (), absorption: float = 0.0) -> Media:
     """A body of one index in air."""
-    return Media(Medium(index, absorption), coatings=coatings)
+    roles = tuple(
+        FaceRole(each.face, *((CAVITY, BODY) if each.around == CAVITY else (BODY, OUTSIDE))) for each in coatings
+    )
+    return Media(Medium(index, absorption), coatings=coatings, faces=roles)

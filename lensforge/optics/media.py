@@ -361,6 +361,12 @@ class Media:
     bodies: tuple[SecondaryOptic, ...] = ()
     faces: tuple[FaceRole, ...] = SHELL
 
+    def __post_init__(self) -> None:
+        """Raise :class:`ValueError` for a coating of a face that is none of the body's: nothing would ask for it."""
+        names = {face.name for face in self.faces}
+        if not {each.face for each in self.coatings} <= names:
+            raise ValueError(f"coatings of {[each.face for each in self.coatings]}, and the faces are {sorted(names)}")
+
     def coating(self, face: str) -> Coating | None:
         """Coating of the face of this name; None for a bare one."""
         return next((each.coating for each in self.coatings if each.face == face), None)

@@ -78,10 +78,11 @@ def test_the_same_rays_are_bent_and_dimmed_by_what_each_medium_answers() -> None
 
 def test_coatings_and_what_lies_around_are_found_by_name() -> None:
     bright, dark = (ReflectanceTable((0.0, 90.0), ((each, each),)) for each in (0.01, 0.5))
-    media = Media(
-        Medium(1.5), 1.1, 1.2, coatings=(FaceCoating("side", CAVITY, bright), FaceCoating("exit", OUTSIDE, dark))
-    )
-    assert (media.coating("side"), media.coating("exit"), media.coating("cap")) == (bright, dark, None)
+    films = FaceCoating("inner", CAVITY, bright), FaceCoating("outer", OUTSIDE, dark)
+    media = Media(Medium(1.5), 1.1, 1.2, coatings=films)
+    assert (media.coating("inner"), media.coating("outer"), media.coating("cap")) == (bright, dark, None)
+    with pytest.raises(ValueError, match=r"'wall'.*faces are"):  # nothing would ask for it, and bounds be too low
+        Media(Medium(1.5), coatings=(*films, FaceCoating("wall", OUTSIDE, dark)))
     assert (media.around(CAVITY), media.around(OUTSIDE)) == (1.1, 1.2)
     assert media.coated and not Media(Medium(1.5)).coated
     assert media.wavelengths(None, 2).tolist() == [587.5618] * 2 and media.wavelengths(WAVES, 40) is WAVES

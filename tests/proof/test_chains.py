@@ -7,6 +7,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from chains import clear
 from creased_bodies import (
     BALL,
     CAP,
@@ -82,7 +83,7 @@ def test_the_oracle_sees_every_kind_of_chain():
 def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
     """The share of each way, and of all that leaves by the wall, with their errors."""
     faces = (PlaneFace(24.0, 2.5), asphere.sphere(3.0), ConeFace(24.0, 6.0, 1.0), PlaneFace(24.0, 10.0))
-    lens = TracedLens.of_body(body_of(*faces), Media(Medium(INDEX), coatings=coatings), events, 12.0)
+    lens = TracedLens.of_body(body_of(*faces), clear(INDEX, coatings), events, 12.0)
     found, shares = FluxByWay.none_yet(lens.scene.chain, 4), Counter()
     for k, rays in enumerate(RAYS.take(slice(first, first + 50)) for first in (0, 50, 100, 150)):
         for half in (0.5, 0.5):
@@ -110,7 +111,7 @@ def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
 )
 def test_the_kernel_sends_every_ray_along_its_chain(name, events, absorption):
     wanted, (body, coatings, _) = exact(name, events, absorption), {"cone": CONE, "ball": BRIGHT_BALL}[name]
-    media = Media(Medium(INDEX, absorption), coatings=coatings)
+    media = clear(INDEX, coatings, absorption)
     found = send_through_body(StepBody(step_of(name), optical_of(body, events)), RAYS, media)
     out = np.isfinite(wanted.points[:, 0])
     # The oracle ends where a ray comes back to the cavity; the cast follows it through, where there are events left.
@@ -147,7 +148,7 @@ def test_light_ends_at_a_flange_with_what_the_face_before_has_left():
 
 @pytest.mark.parametrize(("name", "events", "precision"), [("cone", 3, 3e-3), ("ball", 4, 2e-5)])
 def test_facets_send_every_ray_along_its_chain(name, events, precision):
-    wanted, media = exact(name, events), Media(Medium(INDEX), coatings={"cone": (), "ball": SILVERED}[name])
+    wanted, media = exact(name, events), clear(INDEX, {"cone": (), "ball": SILVERED}[name])
     out, errors = np.isfinite(wanted.points[:, 0]), []
     for count in (30, 60):
         part, grid = part_of(name, count, events)
@@ -193,7 +194,7 @@ def test_bouguers_invariant_holds_along_the_chain(name):
 @pytest.mark.parametrize("name", ["cone", "ball"])
 def test_all_flux_is_accounted_for_and_the_path_of_the_cast_is_no_stray_light(name):
     part, grid = part_of(name, 30, 4)
-    media = Media(Medium(INDEX, 0.01), coatings={"cone": (), "ball": SILVERED}[name])
+    media = clear(INDEX, {"cone": (), "ball": SILVERED}[name], 0.01)
     budget = follow(PartBody(part, grid, media), RAYS, Limits(cut_off=1e-6, depth=40))
     escaped, passage = budget.escaped(), send_through(part, grid, RAYS, media)
     total = escaped.flux.sum() + budget.absorbed + budget.base + budget.cut_off + budget.leaked
@@ -205,7 +206,7 @@ def test_all_flux_is_accounted_for_and_the_path_of_the_cast_is_no_stray_light(na
 
 def test_the_event_limit_is_a_fate_of_their_own_with_its_flux():
     part, grid = part_of("ball", 30, 3)
-    media = Media(Medium(INDEX), coatings=SILVERED)
+    media = clear(INDEX, SILVERED)
     found = send_through(part, grid, RAYS, media)
     budget = flux_budget(RAYS, found.landed(SCREEN), SCREEN)
     ends = found.fates == CastFate.EVENT_LIMIT
@@ -218,7 +219,7 @@ def test_the_event_limit_is_a_fate_of_their_own_with_its_flux():
 
 
 def test_names_in_the_file_say_which_face_it_is_and_shapes_where_there_are_none():
-    media, optical = Media(Medium(INDEX), coatings=SILVERED), optical_of(OF_BALL, 4)
+    media, optical = clear(INDEX, SILVERED), optical_of(OF_BALL, 4)
     rays = RAYS.take(slice(0, 60))
     swapped = OPTICAL | {"wall": "OPTICAL_EXIT", "exit": "OPTICAL_WALL"}
     named, bare, other = (
@@ -303,7 +304,7 @@ def test_every_referee_verifies_a_body_of_four_faces(mitsuba_rays):
 @NO_MITSUBA
 @pytest.mark.parametrize("name", ["cone", "ball"])
 def test_mitsuba_sends_every_ray_along_its_chain(name):
-    wanted, media = exact(name, 4), Media(Medium(INDEX), coatings={"cone": (), "ball": SILVERED}[name])
+    wanted, media = exact(name, 4), clear(INDEX, {"cone": (), "ball": SILVERED}[name])
     found = send_through_mitsuba(part_of(name, 60, 4)[0], RAYS, media)[1]
     out = np.isfinite(wanted.points[:, 0])
     assert np.mean((found.fates == CastFate.LANDED) != out) < 0.02
