@@ -21,7 +21,8 @@ from lensforge.light.crease import crease_gradients
 from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import TracedBundle
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE, Media, Medium
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
+from lensforge.optics.media import Media, Medium
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.build_source import build_source

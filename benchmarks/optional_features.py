@@ -28,8 +28,9 @@ from lensforge.cad.form_error import fit_to_form
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.plan import make_plan
 from lensforge.light.simulation import TracedLens, design_landings
+from lensforge.optics.face_roles import CAVITY, OUTSIDE
 from lensforge.optics.material import MATERIALS
-from lensforge.optics.media import CAVITY, OUTSIDE, CoatingLayer, CoverGlass, FaceCoating, IndexCurve, LayerStack, Media
+from lensforge.optics.media import CoatingLayer, CoverGlass, FaceCoating, IndexCurve, LayerStack, Media
 from lensforge.proof.casts import stray_light
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_inputs import screens_of

@@ -12,7 +12,8 @@ import lensforge as lf
 from lensforge.cad.body_export import build_body, prove
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import TracedBundle
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE, FaceCoating, Media, Medium, Mirror
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
+from lensforge.optics.media import FaceCoating, Media, Medium, Mirror
 from lensforge.proof.proof_inputs import optical_of
 from lensforge.proof.verification import passage_through
 from lensforge.scene.body import Body, Face

@@ -35,8 +35,9 @@ def _forget_unknown_backend() -> None:
 _forget_unknown_backend()
 
 if TYPE_CHECKING:
+    from lensforge.spec.far_field_targets import *  # noqa: F403
     from lensforge.spec.fixed_surface import *  # noqa: F403
-    from lensforge.spec.further_targets import *  # noqa: F403
+    from lensforge.spec.picture_targets import *  # noqa: F403
     from lensforge.spec.receiver_sections import *  # noqa: F403
     from lensforge.spec.shape_targets import *  # noqa: F403
     from lensforge.spec.source_sections import *  # noqa: F403

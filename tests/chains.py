@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE, FaceCoating, FaceRole, Media, Medium, Mirror
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, FaceRole
+from lensforge.optics.media import FaceCoating, Media, Medium, Mirror
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.ray_bundle import RayBundle

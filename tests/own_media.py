@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from lensforge.optics.face_roles import CAVITY, OUTSIDE
 from lensforge.optics.material import Absorption, IndexTable, Material
-from lensforge.optics.media import CAVITY, OUTSIDE, Coating, FaceCoating, Medium
+from lensforge.optics.media import Coating, FaceCoating, Medium
 from lensforge.sources.ray_bundle import RayBundle
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.face_roles import DOUBLE
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.tolerances_section import PartTolerances, amounts_of
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate

@@ -21,7 +21,7 @@ from lensforge.cad.body_export import build_body, prove
 from lensforge.kernels.fate import Fate
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.proof.proof_inputs import independent_rays, optical_of, screens_of
 from lensforge.proof.sequential_cast import CastFate
 from lensforge.proof.verification import passage_through

@@ -12,7 +12,7 @@ from pydantic import Field
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE, FaceRole
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, FaceRole
 from lensforge.scene.body import Chain
 from lensforge.scene.lens import Lens
 from lensforge.search.parameters import SphereParameters

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.face_roles import DOUBLE
 from lensforge.results.refined_maximum import Places, in_disc
 from lensforge.scene.body import Body, Face
 from lensforge.scene.lens import Lens

@@ -18,7 +18,7 @@ from lensforge.cad.boundary import Boundary, Shape, StarShaped, TrimmedFace, as_
 from lensforge.cad.flange import FlangeRing
 from lensforge.cad.outline import FULL_TURN, Arc, Outline, Radius, arcs_between, circle, outline_of, sampled_azimuths
 from lensforge.errors import InputError, remedy
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.face_roles import DOUBLE
 from lensforge.spec import BaseSection
 from lensforge.spec.part_section import FeetSection
 from lensforge.surfaces.surface import grid, to_sphere

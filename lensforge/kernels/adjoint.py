@@ -56,7 +56,7 @@ from lensforge.kernels.frames import INTO, into_faces, turned_back
 from lensforge.kernels.pair_adjoint import back_behind_outer, back_through_inner, forward_at_inner
 from lensforge.kernels.precision import DOUBLE_PRECISION, Precision
 from lensforge.kernels.ray_packet import SIZE, fetch_table, in_whole_vectors, three, write
-from lensforge.kernels.traced_body import BODY, FROM_BEHIND, REFLECTED, index_in, own_or_shared
+from lensforge.kernels.traced_body import BODY, FROM_BEHIND, REFLECTED, index_in, own_or_shared, some_of
 
 LANES = 64  # rays that go together where their events are kept: with more, these do not fit into the cache
 _OF_EVENT = 17  # numbers of an event's block that are kept: all but the sensitivities
@@ -79,7 +79,7 @@ class ByRaysIn(NamedTuple):
 
     def part(self, part: slice) -> "ByRaysIn":
         """Sensitivities to some of the rays."""
-        return self._make(each[part] for each in self)
+        return some_of(self, part)
 
 
 class AdjointMemory(NamedTuple):

@@ -3,7 +3,7 @@
 Each field that may be None is known to the compiler: of a bare, polished body no kernel has code for films and noise.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int, Int8
@@ -17,8 +17,12 @@ CAVITY, BODY, OUTSIDE = 0, 1, 2  # the media
 REFLECTED, FROM_BEHIND = 2, 1  # more than four times the number of the face, in what a ray met
 
 
-def _some(values: np.ndarray | None, part: slice) -> np.ndarray | None:
-    return None if values is None else values[part]
+_Record = TypeVar("_Record", bound=NamedTuple)
+
+
+def some_of(record: _Record, part: slice) -> _Record:
+    """The record of some of the rays, of which each field has a row for each; None where nobody asks."""
+    return record._make(None if values is None else values[part] for values in record)
 
 
 class RaysIn(NamedTuple):
@@ -45,7 +49,7 @@ class RaysIn(NamedTuple):
         return RaysIn(
             *(each[part] for each in (self.origins, self.directions, self.emitted)),
             *(part_of(each, part) for each in (self.indices, self.absorptions, self.film_rows)),
-            *(_some(each, part) for each in (self.noise, self.fields)),
+            *(None if each is None else each[part] for each in (self.noise, self.fields)),
         )
 
 
@@ -90,7 +94,7 @@ class Ways(NamedTuple):
 
     def part(self, part: slice) -> "Ways":
         """Ways of some rays."""
-        return self._make(_some(each, part) for each in self)
+        return some_of(self, part)
 
 
 class RaysOut(NamedTuple):
@@ -112,7 +116,7 @@ class RaysOut(NamedTuple):
 
     def part(self, part: slice) -> "RaysOut":
         """Some of the rays."""
-        return self._make(_some(each, part) for each in self)
+        return some_of(self, part)
 
 
 class ByRaysOut(NamedTuple):
@@ -127,7 +131,7 @@ class ByRaysOut(NamedTuple):
 
     def part(self, part: slice) -> "ByRaysOut":
         """Sensitivities to some of the rays."""
-        return self._make(_some(each, part) for each in self)
+        return some_of(self, part)
 
 
 @inline

@@ -25,7 +25,7 @@ from jaxtyping import Float, Int
 
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, ByRaysAtReceiver, RaysAtReceiver, collect_adjoint
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
-from lensforge.optics.media import CAVITY
+from lensforge.optics.face_roles import CAVITY
 from lensforge.scene.as_made import through_frame
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.seeds import sobol

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int, Int8
 from pydantic import Field
 
 from lensforge.light.metrics import jackknife_metric
-from lensforge.optics.media import OUTSIDE, RIM_FLANGE
+from lensforge.optics.face_roles import OUTSIDE, RIM_FLANGE
 from lensforge.results import Fact, Group, Metric, Record, Text
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays

@@ -16,7 +16,8 @@ from lensforge.light.secondary_optics import TWO_FACES, tabled
 from lensforge.light.table_trace import Scene, Tables, checked_bounds
 from lensforge.optics.arrays import like
 from lensforge.optics.dielectric import unpolarised_fields
-from lensforge.optics.media import BODY, OUTSIDE, Media, Mirror, SecondaryOptic
+from lensforge.optics.face_roles import BODY, OUTSIDE
+from lensforge.optics.media import Media, Mirror, SecondaryOptic
 from lensforge.scene.as_made import AsMade, through_frame
 from lensforge.scene.body import Chain
 from lensforge.sources.ray_bundle import RayBundle

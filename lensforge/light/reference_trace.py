@@ -34,7 +34,7 @@ from lensforge.optics.dielectric import (
     refract,
     transmitted_cosine_squared,
 )
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle
 

@@ -18,7 +18,8 @@ from lensforge.kernels.fate import Fate
 from lensforge.kernels.traced_body import ByRaysOut, RaysIn, TracedBody
 from lensforge.light.coated_glass import RayCoatings
 from lensforge.light.passage import BodyPassage
-from lensforge.optics.media import DOUBLE, Media, SecondaryOptic
+from lensforge.optics.face_roles import DOUBLE
+from lensforge.optics.media import Media, SecondaryOptic
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle

@@ -16,7 +16,8 @@ from lensforge.kernels.traced_body import ByRaysOut, RaysIn, TracedBody
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
 from lensforge.light.passage import BodyPassage
 from lensforge.light.secondary_optics import TWO_FACES, before_optics, polarised, through_optics
-from lensforge.optics.media import DOUBLE, Media
+from lensforge.optics.face_roles import DOUBLE
+from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade, Roughness
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities

@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.optics.coatings import Span, least_reflectances
-from lensforge.optics.media import BODY, CAVITY, Media, Mirror, bounding
+from lensforge.optics.face_roles import BODY, CAVITY, bounding
+from lensforge.optics.media import Media, Mirror
 
 Turns = Float[np.ndarray, "*n"]
 Ways = tuple[float | None, ...]  # reflectances of the faces by which light may pass; None: one that is bare

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.face_roles import DOUBLE
 from lensforge.sources.ray_bundle import RayBundle
 
 NO_FACE = -1  # at or below z = 0 lies no optical face

@@ -15,8 +15,8 @@ from numpy.random import Generator
 from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
+from lensforge.optics.face_roles import BODY
 from lensforge.optics.image_reading import read_light
-from lensforge.optics.media import BODY
 from lensforge.proof import independent_draws
 from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsOnPlate

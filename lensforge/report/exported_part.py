@@ -14,7 +14,7 @@ from jaxtyping import Float
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
-from lensforge.optics.media import CAVITY
+from lensforge.optics.face_roles import CAVITY
 from lensforge.proof.proof_facts import stray_budget, suffix
 from lensforge.proof.proof_result import Proof, ReceiverProof, StrayLight
 from lensforge.report import lens_figures, light_figures, study_figures

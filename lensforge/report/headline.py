@@ -8,7 +8,7 @@ from lensforge.cad.part import Part
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds
 from lensforge.light.photometry_result import Photometry
-from lensforge.optics.media import CAVITY, bounding
+from lensforge.optics.face_roles import CAVITY, bounding
 from lensforge.proof.proof_result import Proof
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results import Fact, Group, State

@@ -10,7 +10,8 @@ from lensforge.kernels.traced_body import FROM_BEHIND, REFLECTED
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import TracedBundle
 from lensforge.optics.dielectric import refract
-from lensforge.optics.media import BODY, Media
+from lensforge.optics.face_roles import BODY
+from lensforge.optics.media import Media
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.surface import Surface

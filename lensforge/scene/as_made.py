@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from lensforge.kernels.face_records import FacePlacement
 from lensforge.optics.arrays import Array, like
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.face_roles import DOUBLE
 
 
 class Roughness(NamedTuple):

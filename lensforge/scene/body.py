@@ -16,19 +16,8 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.kernels.face_records import FaceMedia
-from lensforge.optics.media import (
-    BODY,
-    CAVITY,
-    DOUBLE,
-    MEDIA,
-    MOST_EVENTS,
-    OPENING,
-    SHELL,
-    FaceRole,
-    FaceSides,
-    Media,
-    Mirror,
-)
+from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, MEDIA, MOST_EVENTS, OPENING, SHELL, FaceRole, FaceSides
+from lensforge.optics.media import Media, Mirror
 from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, grid, to_sphere

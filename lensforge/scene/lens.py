@@ -17,8 +17,9 @@ import numpy as np
 from pydantic import Field, JsonValue
 
 from lensforge.errors import InputError, WrongFields
+from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.material import Material
-from lensforge.optics.media import DOUBLE, Media
+from lensforge.optics.media import Media
 from lensforge.results import Count, Record, Text
 from lensforge.results.files import json_in, read_json_bytes, write_json
 from lensforge.results.notebook_html import section_html, table_text

@@ -22,7 +22,8 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.optics.arrays import Array, like, module_of
-from lensforge.optics.media import FaceRole, Media
+from lensforge.optics.face_roles import FaceRole
+from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.scene.body import Chain
 from lensforge.scene.perturbations import Deviations

@@ -26,7 +26,8 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.photometric.photometric_file import far_field_warnings, turned_over
 from lensforge.spec import ArrayTarget, ImageTarget, TableTarget, TargetSection, TextTarget
-from lensforge.spec.further_targets import PhotometricTarget, PictureTarget
+from lensforge.spec.far_field_targets import PhotometricTarget
+from lensforge.spec.picture_targets import PictureTarget
 from lensforge.spec.target_sections import Places
 
 LightAt = Callable[[Places, Places], Places]

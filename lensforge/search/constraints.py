@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from lensforge.optics.media import BODY, CAVITY
+from lensforge.optics.face_roles import BODY, CAVITY
 from lensforge.search.constraint_points import (
     PER_NODE,
     ChartOperator,

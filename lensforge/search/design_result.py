@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
-from lensforge.optics.media import BODY, CAVITY, FaceRole, bounding
+from lensforge.optics.face_roles import BODY, CAVITY, FaceRole, bounding
 from lensforge.results import (
     Count,
     Fact,

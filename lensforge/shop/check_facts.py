@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from lensforge.optics.media import CAVITY
+from lensforge.optics.face_roles import CAVITY
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.criteria import named, state_of
 from lensforge.results.fact_table import Row, facts_of

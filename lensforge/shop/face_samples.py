@@ -25,7 +25,7 @@ from lensforge.cad.boundary import WHOLE, Domain
 from lensforge.cad.outline import Outline
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
 from lensforge.cad.patch import Jet, Patch, PrincipalCurvatures, principal_curvatures
-from lensforge.optics.media import CAVITY
+from lensforge.optics.face_roles import CAVITY
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.body import Face
 from lensforge.spec.part_section import ManufactureSection

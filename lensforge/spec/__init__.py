@@ -4,9 +4,10 @@ from lensforge.spec.accuracy import Accuracy, AnyAccuracy, Preset
 from lensforge.spec.design_spec import Spec, load_spec, parse_spec
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.face_section import FaceSection, FlangeSection
-from lensforge.spec.further_targets import ArrayTarget, BeamTarget, ImageTarget, TableTarget, TextTarget
+from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.internal_reflection import ExitFace, TirSection
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection, Tool
+from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.reflector import CupSection, ReflectorSection
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection

@@ -15,8 +15,9 @@ from jaxtyping import Float
 from pydantic import Field, ValidationInfo, model_validator
 
 from lensforge.errors import InputError
+from lensforge.optics.face_roles import CAVITY, DOUBLE, OUTSIDE
 from lensforge.optics.material import MATERIALS, Material, by_abbe_number
-from lensforge.optics.media import CAVITY, DOUBLE, OUTSIDE, FaceCoating, Media, Medium, SecondaryOptic
+from lensforge.optics.media import FaceCoating, Media, Medium, SecondaryOptic
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.fixed_surface import FixedSurface

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from lensforge.optics.media import SHELL
+from lensforge.optics.face_roles import SHELL
 from lensforge.spec.derived_values import WHY, LensSizes, three_digits
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import LensShape, StartConditions

@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from lensforge.optics.media import BODY, CAVITY, RIM_FLANGE, FaceRole, bounding
+from lensforge.optics.face_roles import BODY, CAVITY, RIM_FLANGE, FaceRole, bounding
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.spec_section import Millimetres, Section, check

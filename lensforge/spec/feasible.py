@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, FaceRole
+from lensforge.optics.face_roles import BODY, CAVITY, FaceRole
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.fixed_surface import FixedFace
 from lensforge.spec.lens_section import LensShape

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceRole
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceRole
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.lens_section import Beam, ProfiledShape, StartConditions
 from lensforge.spec.spec_section import check

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from lensforge.errors import InputError
+from lensforge.optics.face_roles import RIM_FLANGE
 from lensforge.optics.material import (
     D_LINE_NM,
     HIGHEST_C,
@@ -31,7 +32,7 @@ from lensforge.optics.material import (
     by_abbe_number,
 )
 from lensforge.optics.material_files import read_material
-from lensforge.optics.media import RIM_FLANGE, FaceCoating, Media, Medium, Mirror
+from lensforge.optics.media import FaceCoating, Media, Medium, Mirror
 from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
 from lensforge.spec.spec_files import full_path

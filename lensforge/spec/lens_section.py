@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitBall, ExitColumn, ExitSpace
-from lensforge.optics.media import MOST_EVENTS
+from lensforge.optics.face_roles import MOST_EVENTS
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_material import LensMaterial

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitColumn, ExitSpace
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE, FaceRole
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, FaceRole
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import Beam, ProfiledShape, StartConditions
 from lensforge.spec.search_section import ConstraintsSection

@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 from pydantic import BeforeValidator, Field
 
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, SHELL, FaceRole
+from lensforge.optics.face_roles import BODY, CAVITY, SHELL, FaceRole
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import Section, check, section_of

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from lensforge.errors import WrongFields
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.face_roles import DOUBLE
 from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
 from lensforge.results.validation import given_words, shortened

@@ -22,7 +22,7 @@ from lensforge.cad.section import profile
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.cad.wall import thickest, thinnest
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.scene.body import Body, Face
 from lensforge.spec import BaseSection
 from lensforge.spec.lamps_section import Lamps

@@ -12,7 +12,7 @@ import lensforge as lf
 from lensforge.cad.body_export import BuiltBody, build_body, prove
 from lensforge.cad.section import body_outlines
 from lensforge.cad.wall import thinnest_of
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.report.headline import task
 from lensforge.scene.body import Body, Face
 from lensforge.scene.lens import Lens

@@ -12,8 +12,8 @@ from lensforge.errors import InputError
 from lensforge.light.crease import adjoint_on, crease_gradients
 from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.optics.material import MATERIALS
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.scene.body import Body, Face
 from lensforge.scene.pixel_grid import PixelGrid

@@ -12,17 +12,8 @@ from nightly import NIGHTLY, first_by_day
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import (
-    BODY,
-    CAVITY,
-    OUTSIDE,
-    CoatingLayer,
-    CoverGlass,
-    FaceCoating,
-    IndexCurve,
-    LayerStack,
-    ReflectanceTable,
-)
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
+from lensforge.optics.media import CoatingLayer, CoverGlass, FaceCoating, IndexCurve, LayerStack, ReflectanceTable
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import Sensitivities

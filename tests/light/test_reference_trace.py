@@ -16,7 +16,8 @@ from test_event_chains import FILM, MOVED, NAMES, TABLE
 from lensforge.kernels.fate import Fate
 from lensforge.light.reference_hits import TableFace
 from lensforge.light.table_trace import Scene
-from lensforge.optics.media import CAVITY, OUTSIDE, CoverGlass, FaceCoating, Media, Medium
+from lensforge.optics.face_roles import CAVITY, OUTSIDE
+from lensforge.optics.media import CoverGlass, FaceCoating, Media, Medium
 from lensforge.scene.body import Body
 from lensforge.search.searches import device_of
 from lensforge.sources.ray_bundle import RayBundle

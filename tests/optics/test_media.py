@@ -7,18 +7,9 @@ import pytest
 from scenes import sphere, table_of
 
 from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.optics.face_roles import CAVITY, OUTSIDE
 from lensforge.optics.material import MATERIALS, Absorption, Formula, Material
-from lensforge.optics.media import (
-    _KNOWN,
-    CAVITY,
-    OUTSIDE,
-    FaceCoating,
-    Media,
-    Medium,
-    ReflectanceTable,
-    some_of,
-    values_at,
-)
+from lensforge.optics.media import _KNOWN, FaceCoating, Media, Medium, ReflectanceTable, some_of, values_at
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid

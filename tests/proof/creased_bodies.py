@@ -13,7 +13,7 @@ from lens_meshes import band, rings
 
 from lensforge.cad.solid import Solid
 from lensforge.cad.step import step_bytes
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.scene.body import Body, Face
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.surface import Surface

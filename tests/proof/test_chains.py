@@ -30,7 +30,8 @@ from nightly import first_by_day
 from lensforge.errors import InputError
 from lensforge.light.light_ways import FluxByWay
 from lensforge.light.simulation import TracedLens
-from lensforge.optics.media import OUTSIDE, FaceCoating, Media, Medium, Mirror, ReflectanceTable
+from lensforge.optics.face_roles import OUTSIDE
+from lensforge.optics.media import FaceCoating, Media, Medium, Mirror, ReflectanceTable
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.mitsuba_cast import send_through_mitsuba
 from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow

@@ -13,7 +13,7 @@ from lensforge.cad.mesh_files import stl_bytes
 from lensforge.cad.step import step_bytes
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import OUTSIDE
+from lensforge.optics.face_roles import OUTSIDE
 from lensforge.proof.casts import expected_of
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_mesh import read_part_mesh

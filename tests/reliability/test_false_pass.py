@@ -16,7 +16,7 @@ import pytest
 from nightly import first_by_day
 
 import lensforge as lf
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.face_roles import DOUBLE
 from lensforge.report import own_judgements
 from lensforge.report.folder import RunFolder
 from lensforge.report.pipeline import write_report

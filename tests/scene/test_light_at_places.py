@@ -8,7 +8,7 @@ import pytest
 
 from lensforge.scene.target_light import photometric
 from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.spec.further_targets import BatwingTarget, BeamTarget
+from lensforge.spec.far_field_targets import BatwingTarget, BeamTarget
 from lensforge.spec.shape_targets import PolygonTarget
 
 NEAR = 1e-9

@@ -9,7 +9,7 @@ import pytest
 import torch
 from scenes import random_surface, small_spec, sphere, table_of
 
-from lensforge.optics.media import DOUBLE, SHELL
+from lensforge.optics.face_roles import DOUBLE, SHELL
 from lensforge.scene.lens import Lens
 from lensforge.search.constraint_points import (
     ChartOperator,

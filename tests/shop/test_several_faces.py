@@ -7,7 +7,7 @@ import pytest
 from known_shapes import exported, sphere
 
 from lensforge.cad.boundary import boundaries
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.scene.body import Body, Face
 from lensforge.shop.ball_clearance import wall_retreat_mm
 from lensforge.shop.face_check import check_face, face_result

@@ -11,7 +11,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.scene.body import Body, Face
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.spec.accuracy import PRESETS
