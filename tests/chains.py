@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, FaceRole
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, SHELL, FaceRole
 from lensforge.optics.media import FaceCoating, Media, Medium, Mirror
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import Sensitivities
@@ -106,8 +106,8 @@ class MixedLight:
 
 
 def clear(index: float = 1.49, coatings: tuple[FaceCoating, ...] = (), absorption: float = 0.0) -> Media:
-    """A body of one index in air."""
+    """A body of one index in air: of the usual lens, or of the faces that are coated."""
     roles = tuple(
         FaceRole(each.face, *((CAVITY, BODY) if each.around == CAVITY else (BODY, OUTSIDE))) for each in coatings
     )
-    return Media(Medium(index, absorption), coatings=coatings, faces=roles)
+    return Media(Medium(index, absorption), coatings=coatings, faces=roles or SHELL)

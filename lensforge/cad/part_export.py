@@ -14,6 +14,7 @@ from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import FormError, face_error, fit_lens, worst
 from lensforge.cad.keep_out import keep_out_distance, mesh_error_mm, read_keep_out
+from lensforge.cad.keep_out_distance import KeepOutDistance, keep_out_criteria
 from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
 from lensforge.cad.part import (
     STEP_FILE,
@@ -26,10 +27,8 @@ from lensforge.cad.part import (
     stamp_of,
 )
 from lensforge.cad.part_limits import (
-    KeepOutDistance,
     Signature,
     UntrimmedSurfaces,
-    keep_out_criteria,
     mass_g,
     mesh_volume_limit,
     part_criteria,
