@@ -105,7 +105,7 @@ class _RoadGrid:
         return max(float((side * self.across[there]).max()), 0.0) if there.any() else 0.0
 
     def roundness(self, light: Degrees) -> float:
-        """Least over largest reach of the line of half the light, over all lateral angles."""
+        """Ratio of the least to the largest reach of the line of half the light, over all lateral angles."""
         bright = (light >= _HALF * light.max()).reshape(_LATERAL_STEPS, -1)
         far = np.tan(np.deg2rad(self.gamma_deg)).reshape(_LATERAL_STEPS, -1)
         reaches = np.where(bright, far, 0.0).max(axis=1)

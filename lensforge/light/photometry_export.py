@@ -218,7 +218,7 @@ def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
 
 def _warnings(bright: SourceLumens, source: Source, light: ExitLight, spec: Spec) -> Iterator[str]:
     if spec.all_lamps.period_mm is not None:
-        yield "lamps without an end have no far field: the files are those of one lamp"
+        yield "an infinite lattice has no far field: the files are those of one lamp"
     if spec.all_lamps.posed:
         yield "each of the lamps has its height and aim: the files are those of one, in its own axes"
     if bright.per_1000_lm:

@@ -5,7 +5,7 @@ lamp, and of the change that the errors of each lamp make to its picture. For th
 share of the rays, which are added where they land and taken off where the lens as designed would send them. So the flux
 of the lamps adds no noise, rays that an error does not move add none, and a board takes as many rays as one lamp.
 
-Of a lattice without an end a patch of some periods is drawn, and repeated without an end: its light is measured over
+Of an infinite lattice a patch of some periods is drawn, and repeated without end: its light is measured over
 all of the patch, its limits in each of its periods.
 """
 

@@ -84,7 +84,7 @@ class PartStudy:
 
     @cached_property
     def boards(self) -> tuple[LampPictures, ...]:
-        """Each receiver, of a lattice without an end that of a patch."""
+        """Each receiver, of an infinite lattice that of a patch."""
         spec = self.recipe.lens.spec
         return tuple(pictures_of(each, periods_of(spec)) for each in receivers_of(spec, spec.evaluate.pixels))
 

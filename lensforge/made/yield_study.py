@@ -310,7 +310,7 @@ def _of_lamps(study: PartStudy) -> str:
     common = "; ".join(factor.words for factor in study.factors if factor.name in study.draws.common) or "nothing"
     piece = "board" if spec.plate is None else "plate"
     if spec.all_lamps.period_mm is not None:
-        piece = f"{piece} of {columns} × {rows} periods of the lattice, which is repeated without an end,"
+        piece = f"{piece} of {columns} × {rows} periods of the lattice, repeated without end,"
     return f"each part is a {piece} with {len(study.lamps)} lamps, drawn apart; in common: {common}"
 
 

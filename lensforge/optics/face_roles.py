@@ -11,7 +11,7 @@ OPENING = CAVITY, OUTSIDE  # sides of a face without material: the plane in whic
 
 class FaceSides:
     """A face by the media ``before`` it, on the origin's side, and ``behind`` it; ``is_flange``: a flange begins there,
-    and light that meets it ends in the holder.
+    and light that meets it is absorbed.
     """
 
     before: str

@@ -3,7 +3,7 @@
 A lamp at its place lights a receiver as one at the origin lights the receiver as it is seen from there. On a plane
 above the lamps these views differ by a move alone. Where that is whole pixels, all are parts of one picture of one lamp
 on a wider plane: rays are deposited once, however many the lamps. Elsewhere, and where lamps have heights and aims,
-each view has a picture of its own. In the far field only the turns and aims differ. The light of a lattice without an
+each view has a picture of its own. In the far field only the turns and aims differ. The light of an infinite
 end is that of one lamp, each landing moved by whole periods into one: nothing is left out.
 
 A sum is linear, and its adjoint moves the sensitivities back.
@@ -227,7 +227,7 @@ def _period(receiver: PosedReceiver, number: int) -> Raster:
 
 
 def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPictures:
-    """The rasters of a patch of a lattice, ``columns`` x ``rows`` periods, which is repeated without an end.
+    """The rasters of a patch of a lattice, ``columns`` x ``rows`` periods, repeated without end.
 
     ``receiver``: one period. Its lamps stand in each of them, those of one period after those of the one on its left.
     """

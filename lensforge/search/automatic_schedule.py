@@ -69,7 +69,7 @@ class SearchTime:
         """The field of the spec."""
         return f"optimise.seconds = {self.seconds:g}"
 
-    def is_up(self, last: _Ended) -> bool:
+    def expired(self, last: _Ended) -> bool:
         """True where nothing is left after the stage ``last``."""
         return self.seconds is not None and last.outcome.seconds >= _UP * self.seconds
 
@@ -213,7 +213,7 @@ class AutomaticSchedule(Schedule):
             course.how = _IMPROVED
             if not gain.reaches(self.step_gain):
                 course.how = NextStage(None, "best", improved)
-                if self._budget.is_up(course.last):
+                if self._budget.expired(course.last):
                     return f"{self._budget.words} are used"
                 steps = course.last.outcome.steps
                 return f"the last {steps} steps lowered the error by {_judged(gain, self.step_gain)}"
@@ -236,7 +236,7 @@ class AutomaticSchedule(Schedule):
         """Reason why a level is left out, or why none follows the first one."""
         at_start = level == self.stages.start_level
         more = "the first steps" if at_start else f"{self.stages.levels.counts[level]} functions more"
-        if not at_start and self._budget.is_up(last):
+        if not at_start and self._budget.expired(last):
             return f"{self._budget.words} leaves no time for {more}"
         return f"{more} lower the error by {_judged(gain, self.stages.effort.level_gain)}"
 

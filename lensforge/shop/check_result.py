@@ -78,7 +78,7 @@ class BallClearance(Record):
         """
         has_base = bool(self.faces) if face is None else face in self.faces
         larger = largest_mm is None or largest_mm > shop_mm
-        return f"; the base is checked for {shop_mm:g} mm only" if has_base and larger else ""
+        return f"; base checked with a {shop_mm:g} mm ball" if has_base and larger else ""
 
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]

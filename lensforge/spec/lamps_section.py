@@ -1,4 +1,4 @@
-"""Lamps together: the places and turns of a grid, a hexagon, a ring, a table, or a lattice without an end.
+"""Lamps together: the places and turns of a grid, a hexagon, a ring, a table, or an infinite lattice.
 
 All stand on the plane z = 0, their axes along z, but for those of a table, which may have heights and aims. Every
 receiver sees the light of all. Receivers keep their places about the origin, the middle of the lamps. All have one
@@ -37,7 +37,7 @@ Place = tuple[float, float]
 class Lamps:
     """Lamps with equal LEDs, each at its pose.
 
-    ``period_mm``: width and height of the rectangle that a lattice without an end repeats; the lamps are those of one.
+    ``period_mm``: width and height of the rectangle that an infinite lattice repeats; the lamps are those of one.
     ``kinds``: two or more that share the lamps out, each with a lens of its own; none where all have the same lens.
     """
 
@@ -85,7 +85,7 @@ class Lamps:
         if self.period_mm is None:
             kinds = f" with lenses of {len(self.kinds)} kinds" if self.kinds else ""
             return "" if self.is_single else f", lit by {len(self)} lamps{kinds}"
-        return f", lit by a lattice without an end, {len(self)} in {self.period_mm[0]:g} × {self.period_mm[1]:.4g} mm"
+        return f", lit by an infinite lattice, {len(self)} in {self.period_mm[0]:g} × {self.period_mm[1]:.4g} mm"
 
     @property
     def reach_mm(self) -> float:
@@ -337,7 +337,7 @@ class TableLamps(LampsSection):
 
 
 class EndlessLamps(LampsSection):
-    """A lattice without an end, as of a large backlight; its receivers are planes above it of one period each.
+    """An infinite lattice, as of a large backlight; its receivers are planes above it of one period each.
 
     A lamp stands on the origin. The period of a hexagonal lattice is ``pitch_mm`` wide, 1.732 times as high, and has
     two lamps.

@@ -113,7 +113,7 @@ def _read_outline(content: bytes, path: Path) -> DrawnOutline:
 
 
 class PlateMark(Section):
-    """Fields of what stands at a place of the plate."""
+    """Common fields of holes and pins."""
 
     place_mm: tuple[Coordinate, Coordinate]
     """Place (x, y) of its axis."""
@@ -300,7 +300,7 @@ def require_plate(plate: PlateSection, lamps: LampsSection | None, limits: Const
     """
     endless = isinstance(lamps, EndlessLamps)
     if endless != (plate.columns is not None):
-        words = "a lattice without an end needs them" if endless else 'they go with lamps of kind = "endless"'
+        words = "an infinite lattice needs them" if endless else 'they go with lamps of kind = "endless"'
         raise ValueError(f"plate.columns and plate.rows: {words}; {'give both' if endless else 'leave them out'}")
     lenses, lens_mm = plate.lenses(lamps), limits.max_radius_mm
     if lenses.posed:

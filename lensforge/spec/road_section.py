@@ -153,7 +153,7 @@ class RoadSection(Section):
     wet_uniformity: Share | None = None
     """Least over mean luminance of the wet road that is wanted at least; by default 0.15, as every class M asks."""
     uniformity_along: Share | None = None
-    """Least over largest luminance Ul on the middle of a lane that is wanted at least."""
+    """Longitudinal uniformity Ul, least over largest luminance on the middle of a lane that is wanted at least."""
     glare_percent: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = None
     """Largest threshold increment TI."""
     luminance_per_lux: Annotated[float, Field(ge=1e-9, le=1.0)] | None = None

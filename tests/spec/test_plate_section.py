@@ -88,7 +88,7 @@ def test_a_plate_is_read_as_it_was_written(tmp_path: Any) -> None:
 @pytest.mark.parametrize(
     ("plate", "lamps", "words"),
     [
-        ({}, ENDLESS, "plate.columns and plate.rows: a lattice without an end needs them; give both"),
+        ({}, ENDLESS, "plate.columns and plate.rows: an infinite lattice needs them; give both"),
         ({"columns": 3, "rows": 3}, GRID, 'they go with lamps of kind = "endless"; leave them out'),
         ({"columns": 3}, ENDLESS, "columns and rows go together"),
         ({"columns": 30, "rows": 30}, ENDLESS, "plate: 900 lenses, at most 400"),
