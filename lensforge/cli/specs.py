@@ -6,34 +6,28 @@ import shlex
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from copy import deepcopy
-from functools import reduce
-from operator import attrgetter, getitem
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
 
 import lensforge
+from lensforge.cli.new_scene import CUTTERS, NewScene, limits_of, millimetres
 from lensforge.cli.options import with_force
 from lensforge.errors import InputError
-from lensforge.light.lens_light import source_of
 from lensforge.optics.material import MATERIALS
 from lensforge.results.files import replacing, require_writable
-from lensforge.shop.findings import GOOD_DRAFT_DEG
-from lensforge.sources.build_source import cavity_around
-from lensforge.spec import LensSection, Spec, parse_spec
-from lensforge.spec.derived_values import WHY
-from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, new_text, source_in, target_in
-from lensforge.spec.source_sections import RayfileSource
+from lensforge.spec.lens_section import LensShape
+from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, source_in, target_in
 from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
 
-Tables = dict[str, Any]  # of a spec, by their names
+if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
+    from lensforge.search.lens_advice import LensAdvice
 
 _MATERIAL = "PMMA"
-_OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
-_CUTTER, _CUTTERS = "1", "radius of the shop's ball cutter in mm, mould, or none"
+_CUTTER = "1"
+_MOST_ALIKE = 4  # examples that a new spec names
 
 
 def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
@@ -51,14 +45,16 @@ def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter
 @click.option("--source", metavar="SOURCE", help=f"The LED: {SOURCES}.", shell_complete=_completed(SOURCE_KINDS))
 @click.option("--target", metavar="TARGET", help=f"The light: {TARGETS}.", shell_complete=_completed(TARGET_KINDS))
 @click.option("--max-radius", type=click.FloatRange(1e-6, 1e9), help="Largest radius of the lens in mm.")
+@click.option("--lens", type=click.Choice([*LensShape.kinds]), help="Kind; default: the one that suits the light.")
 @click.option("--material", help=f"One of {', '.join(MATERIALS)}; default: {_MATERIAL}.")
-@click.option("--cutter", metavar="CUTTER", help=f"What the shop needs: {_CUTTERS}; default: {_CUTTER}.")
+@click.option("--cutter", metavar="CUTTER", help=f"What the shop needs: {CUTTERS}; default: {_CUTTER}.")
 @with_force
 def new(
     spec: Path | None,
     source: str | None,
     target: str | None,
     max_radius: float | None,
+    lens: str | None,
     material: str | None,
     cutter: str | None,
     force: bool,
@@ -66,16 +62,24 @@ def new(
     """Write a commented SPEC.toml; what is not given is asked for in a terminal. Without SPEC.toml: to stdout."""
     if spec is not None and spec.exists():
         raise InputError(f"{spec}: is there already and stays as it is; give another name")
-    sections = {
-        "source": source_in(source) if source else _asked("--source", f"LED ({SOURCES})", source_in),
-        "target": target_in(target) if target else _asked("--target", f"light ({TARGETS})", target_in),
-    }
-    radius = max_radius or _asked("--max-radius", "largest radius of the lens in mm", _radius)
-    named = material or (_asked("--material", "material", str, _MATERIAL) if _at_terminal() else _MATERIAL)
-    shop = cutter or (_asked("--cutter", _CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
-    content = _content(_name(spec), sections, radius, named, _made_by(shop))
+    scene = NewScene.of(
+        "lens" if spec is None else spec.stem,
+        target_in(target) if target else _asked("--target", f"light ({TARGETS})", target_in),
+        source_in(source) if source else _asked("--source", f"LED ({SOURCES})", source_in),
+        max_radius or _asked("--max-radius", "largest radius of the lens in mm", _radius),
+    )
+    advice = scene.of_material(material or _MATERIAL).advice()
+    kind = lens or _suitable(advice)
+    if not scene.takes_material(kind):
+        if material is not None:
+            raise InputError(f"--material {material}: no light enters a lens of kind {kind!r}; leave it out")
+    elif material is None:
+        material = _asked("--material", "material", str, _MATERIAL) if _at_terminal() else _MATERIAL
+    shop = cutter or (_asked("--cutter", CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
     folder = Path() if spec is None else spec.parent
-    text = _checked_text(content, folder, force)
+    text = scene.of_material(material).text(kind, limits_of(shop), folder, _alike(kind, scene.target["kind"]), force)
+    if lens is None and not _at_terminal():
+        click.echo(f"lensforge: lens: {advice.words}; {kind} is taken, --lens takes another", err=True)
     if spec is None:
         click.echo(text, nl=False)
         return
@@ -83,6 +87,14 @@ def new(
     if not (folder / SCHEMA_FILE).exists():
         _write(folder / SCHEMA_FILE, _schema_text())
     click.echo(f"{spec}\tlensforge design {shlex.quote(str(spec))}")
+
+
+def _suitable(advice: "LensAdvice") -> str:
+    """The kind of lens that suits the light, or that a person at the terminal chooses."""
+    if not _at_terminal():
+        return advice.advised
+    words = f"kind of lens, one of {', '.join(advice.options)} ({advice.words})"
+    return str(_asked("--lens", words, advice.chosen, advice.advised))
 
 
 def _asked(option: str, words: str, read: Callable[[str], Any], default: str | None = None) -> Any:
@@ -104,88 +116,7 @@ def _at_terminal() -> bool:
 
 
 def _radius(answer: str) -> float:
-    return _millimetres(f"--max-radius {answer}", answer, "a number of mm above 0")
-
-
-def _millimetres(given: str, answer: str, allowed: str) -> float:
-    """Length (mm) in ``answer``. Raises :class:`InputError` that quotes ``given`` and says what is ``allowed``."""
-    try:
-        value = float(answer)
-    except ValueError:
-        value = 0.0
-    if not 1e-6 <= value <= 1e9:
-        raise InputError(f"{given}: must be {allowed}")
-    return value
-
-
-def _made_by(cutter: str) -> Tables:
-    """Fields that let ``cutter`` make a lens, as the check would advise: a ``face`` of it, and tables of its spec."""
-    if cutter == "none":
-        return {}
-    if cutter == "mould":
-        return {"face": {"draft_deg": GOOD_DRAFT_DEG}, "manufacture": {"make": "insert"}}
-    radius = _millimetres(f"--cutter {cutter}", cutter, f"the {_CUTTERS}")
-    return {"face": {"concave_radius_mm": radius, "draft_deg": 0.0}, "manufacture": {"cutter_radius_mm": radius}}
-
-
-def _name(spec: Path | None) -> str:
-    name = "lens" if spec is None else spec.stem
-    return "".join(each if each.isascii() and (each.isalnum() or each in "-_") else "_" for each in name)[:64] or "lens"
-
-
-def _content(name: str, sections: Tables, radius_mm: float, material: str, made_by: Tables) -> Tables:
-    if material not in MATERIALS:
-        raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
-    faces = {role.name: {**made_by.get("face", {})} for role in LensSection.roles}
-    content = {
-        "name": name,
-        "source": sections["source"],
-        "lens": {"material": material, "levels": "auto", **faces},
-        "constraints": {"max_radius_mm": radius_mm},
-        "target": sections["target"],
-        **({"manufacture": made_by["manufacture"]} if made_by else {}),
-    }
-    if radius_mm > _OF_USUAL_BASE_MM:
-        content["base"] = {"diameter_mm": 1.8 * radius_mm, "height_mm": 0.125 * radius_mm}
-    return content
-
-
-def _checked_text(content: Tables, folder: Path, force: bool) -> str:
-    """TOML of ``content`` with derived values, after the check of what is possible. Raises :class:`InputError`."""
-    from lensforge.search.scene_check import SceneCheck
-
-    resolved = deepcopy(content)
-    if content["source"]["kind"] == "rayfile":
-        measured = cavity_around(RayfileSource(**resolved["source"]))
-        content["constraints"].update(measured)
-        resolved["constraints"].update(measured)
-    made: Spec = parse_spec(resolved, "new")
-    scene = SceneCheck.of(made, source_of(made))
-    scene.require_light(force=force)
-    for words in scene.warnings():
-        click.echo(f"lensforge: {words}", err=True)
-    reasons = {}
-    for name, why in WHY.items():
-        section, _, field = name.rpartition(".")
-        if section.removeprefix("lens.") not in (*content, *made.lens.names):
-            continue  # a face of another kind of lens
-        value, table = attrgetter(name)(made), reduce(getitem, section.split("."), content)
-        if field not in table and value is not None:
-            table[field], reasons[name] = value, why
-    for section in ("source", "target"):
-        if "file" in content[section]:
-            content[section]["file"] = _relative(getattr(made, section).file.resolve(), folder)
-    title = f"{made.source.title}, target {made.target.kind}" if made.target is not None else made.source.title
-    possible = f"The target: {scene.targets[0].possible_words} through the largest lens."
-    return new_text(content, reasons, title[:1].upper() + title[1:], possible)
-
-
-def _relative(file: Path, folder: Path) -> str:
-    """Name of ``file`` as a spec in ``folder`` has it."""
-    try:
-        return file.relative_to(folder.resolve()).as_posix()
-    except ValueError:
-        return str(file)
+    return millimetres(f"--max-radius {answer}", answer, "a number of mm above 0")
 
 
 def _schema_text() -> str:
@@ -233,6 +164,18 @@ def examples(name: str | None) -> None:
         with replacing(Path(path.name)) as temporary:
             temporary.write_bytes(path.read_bytes())
     click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {shlex.quote(wanted[0].name)}")
+
+
+def _alike(kind: str, target_kind: str) -> str:
+    """Names of a few shipped specs with this kind of lens, those of this kind of target first, in a line of a spec."""
+    same, others = list[str](), list[str]()
+    folder = next((place for place in _PLACES if place.is_dir()), None)
+    for path in sorted(folder.glob("*.toml")) if folder is not None else ():
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        if content.get("lens", {}).get("kind", LensShape.usual_kind) == kind:
+            (same if content.get("target", {}).get("kind") == target_kind else others).append(path.stem)
+    names = [*same, *others][:_MOST_ALIKE]
+    return f"\n# Shipped examples of a {LensShape.kinds[kind].title}: {', '.join(names)}." if names else ""
 
 
 def shipped_folder() -> Path:

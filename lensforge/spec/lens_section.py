@@ -21,6 +21,7 @@ from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, leve
 from lensforge.surfaces.surface import Surface
 
 _OF_ERRORS = (9,)  # functions of form errors as wide as astigmatism and coma
+_FIRST_LEVELS = (25, 81)  # of a new lens beyond its profiles, as of the shipped ones
 _FEW_FUNCTIONS = 25  # of the finest level: with fewer, each is wider than 28 degrees
 _Numbers = Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)]
 # chosen by its type, so that a wrong number is named, not both forms
@@ -66,14 +67,15 @@ class LensShape(LensMaterial, OfSeveralKinds):
     """Material of a lens of any kind, and the SRBFs that will shape the faces that are free.
 
     A kind is a class of its own in a module of its own: its faces with their ``roles``, the faces from which a
-    search begins, and what else differs from here. ``title``: words for such a lens. ``parametrisation``:
-    how a search shapes its faces, a name in ``search.problem``. ``may_be_round``: it has a shape without any level,
-    faces of revolution. ``radius_about_axis``: its radius is its distance from the axis, not from the LED: its exit or
-    mouth is flat, and it lies in a cylinder.
+    search begins, and what else differs from here. ``title``: words for such a lens. ``draws``: shapes of light for
+    which it is advised (``search.lens_advice``). ``parametrisation``: how a search shapes its faces, a name in
+    ``search.problem``. ``may_be_round``: it has a shape without any level, faces of revolution. ``radius_about_axis``:
+    its radius is its distance from the axis, not from the LED: its exit or mouth is flat, and it lies in a cylinder.
     """
 
     usual_kind = "double"
     title: ClassVar[str] = ""
+    draws: ClassVar[frozenset[str]] = frozenset({"round", "patch", "picture"})
     parametrisation: ClassVar[str] = "spheres"
     may_be_round: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False
@@ -88,6 +90,11 @@ class LensShape(LensMaterial, OfSeveralKinds):
     """
     start: Annotated[FilePath, AfterValidator(lens_file)] | None = None
     """Result folder, or its lens.json, from whose lens the search goes on instead of from the hemispheres."""
+
+    @classmethod
+    def first_tables(cls, shape: str) -> dict[str, dict[str, object]]:
+        """Fields of a new spec with such a lens, by section; ``shape``: of its light, as in ``draws``."""
+        return {"lens": {"levels": "auto"}}
 
     @check
     def _levels_are_some(self) -> None:
@@ -180,6 +187,7 @@ class ProfiledShape(LensShape):
 
     parametrisation = "profiles"
     may_be_round = radius_about_axis = True
+    draws = frozenset({"round", "patch"})
 
     levels: _Numbers = ()
     """Functions of each level, coarse to fine, that shape the free faces beyond their profiles; none: faces of
@@ -189,6 +197,11 @@ class ProfiledShape(LensShape):
     """Coefficients of the profile of each free face."""
     events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = 6
     """Largest number of faces that a ray meets; what goes on then is counted as its own fate."""
+
+    @classmethod
+    def first_tables(cls, shape: str) -> dict[str, dict[str, object]]:
+        """Faces of revolution for round light, else also some functions beyond their profiles."""
+        return {"lens": {} if shape == "round" else {"levels": list(_FIRST_LEVELS)}}
 
     @property
     def most_events(self) -> int:

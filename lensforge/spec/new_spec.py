@@ -112,8 +112,6 @@ _NOTES = {
     "lens.material": "its index by wavelength comes from the catalogue",
     "source.origin": "the file's virtual focus lies at the lens origin",
     **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),
-    "lens.inner.concave_radius_mm": "no hollow is tighter than the ball that mills it",
-    "lens.inner.draft_deg": "no undercut, as seen from the tool or the mould's other half",
     "manufacture.cutter_radius_mm": "of the ball",
     "manufacture.make": "inserts of a mould are cut, not the lens; shrinkage = 0.005: of its material",
     "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
@@ -121,19 +119,29 @@ _NOTES = {
 }
 
 
+_OF_FACES = {  # said of the first face alone
+    "concave_radius_mm": "no concave radius below that of the ball that mills it",
+    "draft_deg": "no undercut, as seen from the tool or the mould's other half",
+}
+
+
 def new_text(content: Mapping[str, Any], derived: Mapping[str, str], title: str, possible: str) -> str:
     """TOML of ``content``, its ``derived`` values as comments with the reasons under their dotted names."""
+    first = next((face for face, fields in content["lens"].items() if isinstance(fields, Mapping)), "")
+    notes = _NOTES | {f"lens.{first}.{field}": words for field, words in _OF_FACES.items()}
     head = _HEAD.format(schema=SCHEMA_FILE, title=title, possible=possible)
-    return "\n".join([head + _line("name", content["name"], ""), *_sections(content, derived)]) + "\n"
+    return "\n".join([head + _line("name", content["name"], ""), *_sections(content, derived, notes)]) + "\n"
 
 
-def _sections(content: Mapping[str, Any], derived: Mapping[str, str]) -> Iterator[str]:
+def _sections(content: Mapping[str, Any], derived: Mapping[str, str], notes: Mapping[str, str]) -> Iterator[str]:
     for section, table in content.items():
         if isinstance(table, Mapping):
-            yield from _section(section, table, derived)
+            yield from _section(section, table, derived, notes)
 
 
-def _section(section: str, table: Mapping[str, Any], derived: Mapping[str, str]) -> Iterator[str]:
+def _section(
+    section: str, table: Mapping[str, Any], derived: Mapping[str, str], notes: Mapping[str, str]
+) -> Iterator[str]:
     """Lines of a table; the tables within it follow, as TOML has it."""
     yield f"\n[{section}]"
     for field, value in table.items():
@@ -141,10 +149,10 @@ def _section(section: str, table: Mapping[str, Any], derived: Mapping[str, str])
         if name in derived:
             yield _line(field, value, f"derived: {derived[name]}", "# ")
         elif not isinstance(value, Mapping):
-            yield _line(field, value, _NOTES.get(name, ""))
+            yield _line(field, value, notes.get(name, ""))
     far = section == "target" and "distance_mm" not in table
     yield from (f"# {words}" for words in _OPTIONS.get(section, ()) if not far)
-    yield from _sections({f"{section}.{name}": value for name, value in table.items()}, derived)
+    yield from _sections({f"{section}.{name}": value for name, value in table.items()}, derived, notes)
 
 
 def _line(field: str, value: object, comment: str, before: str = "") -> str:

@@ -39,7 +39,7 @@ class ReflectorSection(ProfiledShape):
         FaceRole("back", BODY, OUTSIDE, widens=True, follows="cup"),
         FaceRole("mouth", CAVITY, OUTSIDE, on_axis=True),
     )
-    title = "reflector"
+    title, draws = "reflector", frozenset()
     kind: Literal["reflector"] = "reflector"
     material: Label = "metallised plastic"
     """Material of the body, a label: no light enters it."""
@@ -49,6 +49,11 @@ class ReflectorSection(ProfiledShape):
     """Face behind the mirror, at the least wall and a little more; it has no fields of its own."""
     mouth: FaceSection = Field(default_factory=FaceSection)
     """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
+
+    @classmethod
+    def first_tables(cls, shape: str) -> dict[str, dict[str, object]]:
+        """Fields for as much light as can be where it is wanted, whatever its picture; without a base."""
+        return {"lens": {}, "base": {"kind": "none"}, "optimise": {"aim": "share"}}
 
     @check
     def _only_the_cup_is_a_mirror(self) -> None:

@@ -1,6 +1,7 @@
 """``lensforge new``: a commented spec that is valid, its derived values those of a spec without them, and refusals."""
 
 import json
+import re
 import shlex
 import tomllib
 from pathlib import Path
@@ -13,6 +14,7 @@ from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.spec import load_spec, parse_spec
 from lensforge.spec.derived_values import WHY
+from lensforge.spec.lens_section import LensShape
 from lensforge.spec.new_spec import source_in, target_in
 from lensforge.spec.spec_reference import spec_schema
 
@@ -22,7 +24,7 @@ LAMP = ("--source", "disc:1", "--target", "rectangle:200x150@300", "--max-radius
 
 def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:
     code, _, errors = lensforge("new", tmp_path / "lamp.toml", *LAMP)
-    assert (code, errors) == (0, "")
+    assert code == 0 and "double is taken, --lens takes another" in errors
     text = (tmp_path / "lamp.toml").read_text(encoding="utf-8")
     assert text.startswith("#:schema ./lensforge.schema.json\n") and "at most 90" in text
     assert json.loads((tmp_path / "lensforge.schema.json").read_text(encoding="utf-8")) == spec_schema()
@@ -59,6 +61,54 @@ def test_a_new_spec_has_the_limits_of_the_shop(
     assert {name: getattr(spec.manufacture, name) for name in manufacture} == manufacture
 
 
+@pytest.mark.parametrize(
+    ("light", "kind"),
+    [
+        ("beam:12", "tir"), ("beam:60", "double"), ("disc:60@300", "tir"), ("disc:600@500", "double"),
+        ("ring:60x40@300", "double"), ("cross:60x12@300", "double"), ("rectangle:30x20@300", "tir"),
+    ],
+)  # fmt: skip
+def test_the_kind_of_lens_suits_the_light(light: str, kind: str) -> None:
+    """Two faces come near where they need to turn little; a picture takes a lens of one way."""
+    code, output, errors = lensforge("new", "--source", "square:0.5", "--target", light, "--max-radius", "12")
+    spec = parse_spec(tomllib.loads(output), "lamp")
+    assert code == 0 and spec.lens.kind == kind and f"; {kind} is taken" in errors
+    even = light.startswith("rectangle")
+    assert spec.lens.levels == ("auto" if kind == "double" else (25, 81) if even else ())
+    if light == "beam:12":
+        bounds = [float(each) for each in re.findall(r"([0-9.]+) % by a ", errors)]
+        assert bounds == [92.3, 88.4, 86.1], "total reflection, a reflector, two faces"
+
+
+def test_a_lens_that_has_no_room_is_not_advised() -> None:
+    code, output, errors = lensforge(
+        "new", "--source", "square:12", "--target", "beam:6", "--max-radius", "14", "--force"
+    )
+    assert code == 0 and parse_spec(tomllib.loads(output), "lamp").lens.kind == "double"
+    assert "total internal reflection" not in errors
+
+
+@pytest.mark.parametrize("kind", LensShape.kinds)
+def test_a_new_spec_of_every_kind_is_valid_and_names_examples(kind: str, tmp_path: Path) -> None:
+    light = ("--source", "square:1.5", "--target", "beam:20", "--max-radius", "12", "--lens", kind)
+    code, _, errors = lensforge("new", tmp_path / "new.toml", *light, "--cutter", "0.7")
+    spec = load_spec(tmp_path / "new.toml")
+    assert (code, errors, spec.lens.kind) == (0, "", kind)
+    shaped = [face for face in spec.lens.faces.values() if face.concave_radius_mm is not None]
+    assert len(shaped) == {"double": 2, "tir": 4, "reflector": 1}[kind]
+    assert all((face.concave_radius_mm, face.draft_deg) == (0.7, 0.0) for face in shaped)
+    text = (tmp_path / "new.toml").read_text(encoding="utf-8")
+    (named,) = re.findall(r"# Shipped examples of a .*: (.*)\.", text)
+    assert all(load_spec(EXAMPLES / f"{name}.toml").lens.kind == kind for name in named.split(", "))
+    assert text.count("no concave radius below") == 1 and text.count("concave_radius_mm = 0.7") == len(shaped)
+
+
+def test_a_reflector_has_no_material() -> None:
+    light = ("--source", "square:1.5", "--target", "beam:20", "--max-radius", "12", "--lens", "reflector")
+    code, _, errors = lensforge("new", *light, "--material", "PC")
+    assert code == 2 and "--material PC: no light enters a lens of kind 'reflector'; leave it out" in errors
+
+
 def test_the_size_of_a_new_spec_can_be_changed_by_hand() -> None:
     _, output, _ = lensforge("new", *LAMP)
     smaller = parse_spec(tomllib.loads(output.replace("max_radius_mm = 14.0", "max_radius_mm = 8.0")), "lamp")
@@ -74,7 +124,7 @@ def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
 
 
 def test_what_is_impossible_is_said_at_once_and_not_written(tmp_path: Path) -> None:
-    cob = ("--source", "disc:3", "--target", "rectangle:60x40@500", "--max-radius", "14")
+    cob = ("--source", "disc:3", "--target", "rectangle:60x40@500", "--max-radius", "14", "--lens", "double")
     code, output, errors = lensforge("new", tmp_path / "cob.toml", *cob)
     assert (code, output) == (2, "") and not list(tmp_path.iterdir())
     assert "at most 25.2 % (by étendue) of the light" in errors and "a larger lens (>= 26.81 mm)" in errors
@@ -105,11 +155,12 @@ def answered(answers: str, *arguments: str) -> Result:
 
 
 def test_a_terminal_is_asked_again_until_the_answer_is_one() -> None:
-    found = answered("disk:1\ndisc:1\nrectangle:200x150@300\n-3\n14\n\n2.5\n")
+    found = answered("rectangle:200x150@300\ndisk:1\ndisc:1\n-3\n14\ncube\n\n\n2.5\n")
     assert found.exit_code == 0, found.output
     spec = parse_spec(tomllib.loads(found.stdout), "asked")
     assert spec.source.diameter_mm == 1.0 and spec.manufacture.cutter_radius_mm == 2.5
     assert all(f"{kind}:" in found.stderr for kind in ("ellipse", "cross", "ring", "text", "beam"))
+    assert spec.lens.kind == "double" and "--lens cube: must be one of double, tir, reflector" in found.stderr
     assert "disk:1: neither a kind" in found.stderr and "--max-radius -3: must be" in found.stderr
 
 

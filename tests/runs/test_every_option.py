@@ -259,6 +259,7 @@ def of_new(flag: str, here: Path) -> bool:
         "--max-radius": "20",
         "--material": "PC",
         "--cutter": "2",
+        "--lens": "tir",
     }
     text, base = other.get(flag, ""), [each for pair in LAMP.items() for each in pair]
     if flag in FORCE:
@@ -275,7 +276,7 @@ def of_new(flag: str, here: Path) -> bool:
 SHOWN = {
     "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", *OUTPUT)),
     "road": (of_road, ("--road", "--street-c", "--spacing", *OUTPUT)),
-    "new": (of_new, (*LAMP, "--material", "--cutter", *FORCE)),
+    "new": (of_new, (*LAMP, "--lens", "--material", "--cutter", *FORCE)),
     "schema": (lambda *_: printed("schema", "--page").startswith("#") and printed("schema")[0] == "{", ("--page",)),
     "examples": (None, ()),
 }

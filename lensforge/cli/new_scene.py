@@ -1,0 +1,169 @@
+"""Spec of ``lensforge new``: from a light, an LED and a size to the tables of a spec, and to its checked text."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import attrgetter, getitem
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lensforge.errors import InputError
+from lensforge.light.lens_light import source_of
+from lensforge.optics.material import MATERIALS
+from lensforge.shop.findings import GOOD_DRAFT_DEG
+from lensforge.sources.build_source import cavity_around
+from lensforge.spec import Spec, parse_spec
+from lensforge.spec.derived_values import WHY
+from lensforge.spec.lens_section import LensShape
+from lensforge.spec.new_spec import new_text
+from lensforge.spec.source_sections import RayfileSource
+from lensforge.spec.tolerances_section import lets_light_in
+
+if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
+    from lensforge.search.lens_advice import LensAdvice
+
+Tables = dict[str, Any]  # of a spec, by their names
+
+_OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
+CUTTERS = "radius of the shop's ball cutter in mm, mould, or none"
+
+
+def millimetres(given: str, answer: str, allowed: str) -> float:
+    """Length (mm) in ``answer``. Raises :class:`InputError` that quotes ``given`` and says what is ``allowed``."""
+    try:
+        value = float(answer)
+    except ValueError:
+        value = 0.0
+    if not 1e-6 <= value <= 1e9:
+        raise InputError(f"{given}: must be {allowed}")
+    return value
+
+
+@dataclass(frozen=True)
+class NewScene:
+    """A scene without its lens: tables of ``target``, ``source`` and ``constraints``, and the ``material``, if any."""
+
+    name: str
+    target: Tables
+    source: Tables
+    constraints: Tables
+    material: str | None = None
+
+    @staticmethod
+    def of(name: str, target: Tables, source: Tables, max_radius_mm: float) -> "NewScene":
+        """The scene of these tables; the cavity around a ray file is measured. Raises :class:`InputError`."""
+        known = "".join(each if each.isascii() and (each.isalnum() or each in "-_") else "_" for each in name)[:64]
+        constraints: Tables = {"max_radius_mm": max_radius_mm}
+        if source["kind"] == "rayfile":
+            constraints |= cavity_around(RayfileSource(**deepcopy(source)))
+        return NewScene(known or "lens", target, source, constraints)
+
+    def of_material(self, material: str | None) -> "NewScene":
+        """The scene with a lens of this material. Raises :class:`InputError` for one that is not known."""
+        if material is not None and material not in MATERIALS:
+            raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
+        return replace(self, material=material)
+
+    @staticmethod
+    def takes_material(kind: str) -> bool:
+        """True for a lens that light enters."""
+        return lets_light_in(LensShape.kinds[kind].roles)
+
+    def advice(self) -> "LensAdvice":
+        """Advice on the kinds of lens for its target. Raises :class:`InputError` where the usual one has no room."""
+        from lensforge.search.lens_advice import LensAdvice, light_shape
+
+        usual = self._spec(self.content(LensShape.usual_kind))
+        shape = light_shape(usual)
+        return LensAdvice.of(dict(self._specs(shape)), source_of(usual), shape)
+
+    def _specs(self, shape: str) -> Iterator[tuple[str, Spec]]:
+        """A spec with each kind of lens that has room within these sizes, by its name."""
+        from lensforge.search.start_faces import start_faces
+
+        for kind in LensShape.kinds:
+            with suppress(InputError):
+                made = self._spec(self.content(kind, shape=shape))
+                start_faces(made)
+                yield kind, made
+
+    def content(self, kind: str, shop: Tables | None = None, shape: str = "picture") -> Tables:
+        """Tables of a spec with this ``kind`` of lens for light of a ``shape``; ``shop``: as of :func:`limits_of`."""
+        section, made_by = LensShape.kinds[kind], shop or {}
+        first = section.first_tables(shape)
+        shaped = [role.name for role in section.roles if role.follows is None and not role.is_open]
+        named = {} if kind == LensShape.usual_kind else {"kind": kind}
+        material = {"material": self.material} if self.takes_material(kind) else {}
+        radius_mm = self.constraints["max_radius_mm"]
+        wide = {"diameter_mm": 1.8 * radius_mm, "height_mm": 0.125 * radius_mm}
+        base = first.get("base") or (wide if radius_mm > _OF_USUAL_BASE_MM else None)
+        tables = {
+            "source": self.source,
+            "lens": {**named, **material, **first["lens"], **{name: {**made_by.get("face", {})} for name in shaped}},
+            "constraints": self.constraints,
+            "target": self.target,
+            "manufacture": made_by.get("manufacture"),
+            "base": base,
+            "optimise": first.get("optimise"),
+        }
+        return {"name": self.name, **{name: deepcopy(table) for name, table in tables.items() if table is not None}}
+
+    def text(self, kind: str, shop: Tables, folder: Path, examples: str, force: bool) -> str:
+        """TOML of the spec with derived values, after the check of what is possible. Raises :class:`InputError`.
+
+        Files are named as from ``folder``; ``examples``: names of shipped specs that are alike.
+        """
+        from lensforge.search.lens_advice import light_shape
+        from lensforge.search.scene_check import SceneCheck
+
+        content = self.content(kind, shop, light_shape(self._spec(self.content(kind))))
+        made = self._spec(content)
+        scene = SceneCheck.of(made, source_of(made))
+        scene.require_light(force=force)
+        for words in scene.warnings():
+            click.echo(f"lensforge: {words}", err=True)
+        reasons = _with_derived(content, made)
+        for section in ("source", "target"):
+            if "file" in content[section]:
+                content[section]["file"] = _relative(getattr(made, section).file.resolve(), folder)
+        title = f"{made.source.title}, target {made.target.kind}" if made.target is not None else made.source.title
+        possible = f"The target: {scene.targets[0].possible_words} through the largest {made.lens.title}.{examples}"
+        return new_text(content, reasons, title[:1].upper() + title[1:], possible)
+
+    def _spec(self, content: Tables) -> Spec:
+        return parse_spec(deepcopy(content), "new")
+
+
+def limits_of(cutter: str) -> Tables:
+    """Fields that let ``cutter`` make a lens, as the check would advise: a ``face`` of it, and tables of its spec."""
+    if cutter == "none":
+        return {}
+    if cutter == "mould":
+        return {"face": {"draft_deg": GOOD_DRAFT_DEG}, "manufacture": {"make": "insert"}}
+    radius = millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")
+    return {"face": {"concave_radius_mm": radius, "draft_deg": 0.0}, "manufacture": {"cutter_radius_mm": radius}}
+
+
+def _with_derived(content: Tables, made: Spec) -> dict[str, str]:
+    """Add the derived values of ``made`` to its tables; the reasons for them, under their dotted names."""
+    reasons = {}
+    for name, why in WHY.items():
+        section, _, field = name.rpartition(".")
+        if section.removeprefix("lens.") not in (*content, *made.lens.names):
+            continue  # a face of another kind of lens
+        value, table = attrgetter(name)(made), reduce(getitem, section.split("."), content)
+        if field not in table and value is not None:
+            table[field], reasons[name] = value, why
+    return reasons
+
+
+def _relative(file: Path, folder: Path) -> str:
+    """Name of ``file`` as a spec in ``folder`` has it."""
+    try:
+        return file.relative_to(folder.resolve()).as_posix()
+    except ValueError:
+        return str(file)
