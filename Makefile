@@ -44,6 +44,8 @@ lint: setup  ## style and types
 	$(BIN)/ruff check --no-cache .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	mkdir -p build && $(BIN)/python tests/library/specs_in_python.py build/specs_in_python.py
+	$(BIN)/mypy --strict --config-file= build/specs_in_python.py
 
 bench: setup  ## a gradient step taken apart, as ratios within one run
 	$(BIN)/python benchmarks/gradient_step.py

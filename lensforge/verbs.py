@@ -64,6 +64,8 @@ from lensforge.spec import (
     load_spec,
 )
 from lensforge.spec.accuracy import preset_of
+from lensforge.spec.bodies_section import BodySection, ShellFace
+from lensforge.spec.coating_section import CoatingSection, CoverGlassSection, LayerSection
 from lensforge.spec.emitter_section import (
     CosineIntensity,
     EmitterSection,
@@ -75,6 +77,8 @@ from lensforge.spec.emitter_section import (
     TableSpectrum,
 )
 from lensforge.spec.fixed_surface import FixedFace
+from lensforge.spec.lamps_section import EndlessLamps, GridLamps, HexagonLamps, RingLamps, TableLamps
+from lensforge.spec.lens_material import OpticalData
 from lensforge.spec.light_limits import (
     BeamAngleLimit,
     ColourSection,
@@ -84,23 +88,29 @@ from lensforge.spec.light_limits import (
     PointsLimit,
     ZoneLimit,
 )
+from lensforge.spec.part_section import FeetSection
+from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateGate, PlateHole, PlatePin, PlateSection
+from lensforge.spec.road_section import RoadSection
 from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
 from lensforge.version import __version__
 
 __all__ = [
-    "BaseSection", "BeamAngleLimit", "Cancelled", "Check", "Chip", "ColourSection", "Conditions",
-    "ConstraintsSection", "Correction", "CosineIntensity", "CriterionMissed", "CupSection", "Design",
-    "DrawingSection", "EvaluateSection", "ExitFace", "FaceSection", "FaceTolerances", "Fact", "FileSpectrum",
-    "FileWarning", "FlangeSection", "GaussianSpectrum", "GlareLimit", "Handover", "InputError", "Lens", "LensSection",
-    "LensforgeError", "Light", "LineLimit", "LineSpectrum", "ManufactureSection", "Metric", "MissingResult",
-    "NamedSource", "OptimiseSection", "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity",
-    "PhotometricSummary", "Photometry", "PhotometrySection", "PointsLimit", "Possible", "Preset", "Progress", "Proof",
-    "RayFileSummary", "RayfilePart", "ReflectorSection", "Results", "Run", "Sensitivity", "SourceWarning", "Spec",
-    "StrayLight", "SurfaceComparison", "Sweep", "TableIntensity", "TableSpectrum", "TirSection", "ToleranceSpec",
-    "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build",
-    "check", "compare", "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry",
-    "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light", "sweep", "tolerance", "tradeoff", "verify",
+    "BaseSection", "BeamAngleLimit", "BodySection", "Cancelled", "Check", "Chip", "CoatingSection", "ColourSection",
+    "Conditions", "ConstraintsSection", "Correction", "CosineIntensity", "CoverGlassSection", "CriterionMissed",
+    "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection", "ExitFace",
+    "FaceSection", "FaceTolerances", "Fact", "FeetSection", "FileSpectrum", "FileWarning", "FlangeSection",
+    "GaussianSpectrum", "GlareLimit", "GridLamps", "Handover", "HexagonLamps", "InputError", "LayerSection", "Lens",
+    "LensSection", "LensforgeError", "Light", "LineLimit", "LineSpectrum", "ManufactureSection", "Metric",
+    "MissingResult", "NamedSource", "OpticalData", "OptimiseSection", "Part", "PartTolerances", "PhotoComparison",
+    "PhotometricIntensity", "PhotometricSummary", "Photometry", "PhotometrySection", "PlateBoss", "PlateGate",
+    "PlateHole", "PlatePin", "PlateSection", "PointsLimit", "Possible", "Preset", "Progress", "Proof",
+    "RayFileSummary", "RayfilePart", "ReflectorSection", "Results", "RingLamps", "RoadSection", "Run", "Sensitivity",
+    "ShellFace", "SourceWarning", "Spec", "StrayLight", "SurfaceComparison", "Sweep", "TableIntensity", "TableLamps",
+    "TableSpectrum", "TirSection", "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield",
+    "ZoneLimit", "__version__", "best_design", "build", "check", "compare", "correct", "design", "evaluate",
+    "handover", "load", "load_lens", "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity",
+    "stray_light", "sweep", "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
 
 _OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)

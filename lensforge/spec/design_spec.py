@@ -63,12 +63,17 @@ _MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS, _MOST_BODIES = 16, 16, 1000, 8
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
 
+def _unless(_other: str) -> Any:
+    """A field without a default that a type checker lets out, as another one may be given in its place."""
+    return Field()
+
+
 class Spec(Section):
     """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
     """Name of the design, by default the name of the file. Its results go to cad_out/NAME."""
-    source: EmitterSection
+    source: EmitterSection = _unless("sources")
     """The LED: where light starts, how much, and in which directions; or give ``sources``."""
     sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = ()
     """LEDs that one lens is for, in the place of ``source``. What is stated for one LED alone is of the first."""
