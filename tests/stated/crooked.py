@@ -155,9 +155,9 @@ class Record:
     @contextmanager
     def kept(self) -> Iterator[None]:
         """What is traced is kept: bundles of a simulation, and what goes to the far field."""
-        from lensforge.light import exit_light, simulation
+        from lensforge.light import evaluation, exit_light, simulation
 
-        drawn, sent, fitted = simulation.bundles, exit_light.exit_rays, exit_light.fit
+        drawn, sent, fitted, exact = simulation.bundles, exit_light.exit_rays, exit_light.fit, evaluation._through_exact
 
         def bundles(*arguments: Any) -> Iterator[Any]:
             kept = list[Any]()
@@ -169,6 +169,10 @@ class Record:
         def exit_rays(lens: Any, rays: Any, *more: Any) -> Any:
             self.rays.setdefault("photometry", []).append(arrays(rays))
             return sent(lens, rays, *more)
+
+        def through_exact(lens: Any, traced: Any, rays: Any) -> Any:
+            self.rays.setdefault(f"{self.stage} tables", []).append(arrays(rays))
+            return exact(lens, traced, rays)
 
         def fit(finest: Any, deposits: Any) -> Any:
             found = fitted(finest, deposits)
@@ -183,6 +187,7 @@ class Record:
             patch.setattr(simulation, "bundles", bundles)
             patch.setattr(exit_light, "exit_rays", exit_rays)
             patch.setattr(exit_light, "fit", fit)
+            patch.setattr(evaluation, "_through_exact", through_exact)
             yield
 
 

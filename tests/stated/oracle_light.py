@@ -2,6 +2,7 @@
 
 import numpy as np
 from crooked import HOT_C, Expected
+from oracle_tables import tables_record
 from page_colour import beam_colour, flux_and_efficacy, tristimulus_at
 from page_figures import (
     NEAR,
@@ -326,7 +327,8 @@ def evaluated(case, stage):
     (led, first), others = records[0], records[1:]
     chart, held = first["receivers"][0], {"criteria": [...]}
     record = first | {
-        "table_nodes": ..., "table_error_nm": ..., "preset_error": ..., "conditions": ..., "led": led if others else "",
+        **tables_record(case, flux_and_efficacy(leds[0][1], case.files)[0], stage == "warm"),
+        "conditions": ..., "led": led if others else "",
         "replicates": 16, "pixels": spec["evaluate"]["pixels"],
         "filter": f"3x3 Gaussian, variance {spec['evaluate']['filter_variance']:g} pixel^2, hard bins", "seed": 3,
         "fitted": first.get("fitted"),
@@ -472,7 +474,22 @@ def pixels_fact(case, place):
     return Expected(f"{columns} × {rows}")
 
 
+def table_fact(key, unit=""):
+    """Of the tables of the evaluation; in the far field the angle at that distance from the axis."""
+
+    def oracle(case, place):
+        found = stated(evaluation(case, place.stage)[0]["preset_error"]["evaluation"][key])
+        if not unit:
+            return found
+        far = receivers_of(case.lens["spec"])[0].kind == "far_field"
+        factor = np.degrees(1) if far else 1.0  # of twice the arcsine of half of a small distance
+        return Expected(factor * found.value, factor * found.within, "°" if far else unit)
+
+    return oracle
+
+
 ORACLES = {
+    "table_nmse": table_fact("irradiance_nmse"), "table_hits": table_fact("hit_mm", "mm"),
     "nmse": nmse_fact, "share_in_target": share_fact, "level": level_fact, "u": evenness_fact,
     "efficiency": from_receiver("efficiency", factor=100, unit="%", possible=...),
     "uniformity": from_receiver("uniformity"), "rsd": from_receiver("rsd"), "peak": from_receiver("in_region", "peak"),
