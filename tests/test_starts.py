@@ -11,6 +11,7 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.report.stored import load_results
 from lensforge.search.design_result import Start
+from lensforge.search.searches import SeededSearch, _light_by_other_rays
 from lensforge.surfaces.imported_face import LENS_FILE
 
 
@@ -41,6 +42,16 @@ def test_rays_of_a_file_that_judge_the_best_do_not_choose_it(monkeypatch):
     monkeypatch.setattr("lensforge.light.evaluation.held_back", lambda _: pytest.fail("held back"))
     found = lf.best_design(spec, starts=2, accuracy=FEW, force=True)
     assert len(found.starts) == 2
+
+
+def test_limits_that_a_start_misses_with_the_second_led_count():
+    """Of two LEDs the second has a quarter of the light, and is too dim in the middle."""
+    leds = [{"name": n, "source": {"kind": "square", "side_mm": 1.0, "flux_w": w}} for n, w in (("a", 2.0), ("b", 0.5))]
+    limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "w_per_m2", "at_least": 30.0}
+    spec = small_spec(source=None, sources=leds, target__uniform_mm=None, limits=[limit])
+    found, start = SeededSearch(spec, FEW, (), None, 7).made(0)
+    states = [each.state for light in _light_by_other_rays(found.lens, 7) for each in light.limits]
+    assert states == ["pass", "fail"] and start.missed == 1 + sum(not each.holds for each in found.criteria)
 
 
 def test_a_lens_that_misses_a_constraint_is_no_better_for_its_light():

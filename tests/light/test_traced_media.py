@@ -331,7 +331,10 @@ def test_light_outside_of_a_coating_is_one_line(coating: Coating, message: str) 
     scene = Scene(Media(Medium(N), coatings=coatings(outer=coating)), GRID)
     with pytest.raises(InputError, match=message):
         trace_tables(TABLES, scene, wide)
-    few = replace(RAYS, wavelengths_nm=np.where(np.arange(512) < 4, 380.0, 480.0))  # a tail has that of the end
+    tail = np.arange(512) < 40  # has that of the end, where it has little flux
+    few = replace(RAYS, wavelengths_nm=np.where(tail, 380.0, 480.0), flux=np.where(tail, 0.1, 1.0))
+    with pytest.raises(InputError, match=r"480 nm: 4\.07 % of the flux is outside"):
+        trace_tables(TABLES, scene, replace(few, flux=np.where(tail, 0.5, 1.0)))
     ends = replace(few, wavelengths_nm=np.maximum(few.wavelengths_nm, 420.0 if coating is BROAD else 400.0))
     one, other = (trace_tables(TABLES, scene, each).flux for each in (few, ends))
     assert torch.allclose(one, other, rtol=1e-5)

@@ -129,6 +129,9 @@ def test_a_cutter_that_only_just_fits_the_design_fits_the_correction():
 
     assert free.smoothed_more_share == 0.0 and corrected_mm(free) < 0.95 * tightest
     assert 0.005 < bound.smoothed_more_share < 0.6 and corrected_mm(bound) > 0.998 * tightest
+    half = limited_by_cutter(surface, face, filtered, 0.5, tightest)
+    assert half.smoothed_more_share > 0.0
+    np.testing.assert_allclose(half.change.radius(u), -0.5 * half.filtered.change.radius(u), atol=1e-12)
     # Cut back where it must be, and nowhere else.
     taken = 1e3 * np.abs(bound.change.radius(u) - free.change.radius(u))
     assert 0.5 < taken.max() < 20.0 and np.median(taken) < 0.1 * taken.max()

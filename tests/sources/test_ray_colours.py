@@ -93,14 +93,15 @@ def test_rays_of_chips_disperse_by_the_spectra_of_their_own(proof: bool) -> None
 
 @pytest.mark.parametrize("material", [None, "PMMA"])
 def test_several_ray_files_have_a_colour_each(material: str | None, tmp_path: Path) -> None:
-    """The mean over many rays is that of the parts by their power, dispersed or not."""
+    """The mean over many rays is that of the parts by their power, dispersed or not; a file's own spectrum decides."""
     for number, name in enumerate(("blue", "red")):
         write_rayfile(tmp_path / f"{name}.tm25ray", rays(4000, seed=number), "tm25")
     parts = [
         lf.RayfilePart(file=tmp_path / f"{name}.tm25ray", flux_w=power, spectrum=spectrum)
-        for name, power, spectrum in (("blue", 3.0, BLUE), ("red", 1.0, RED))
+        for name, power, spectrum in (("blue", 3.0, BLUE), ("red", 1.0, None))
     ]
-    source = build_source(lf.RayfilesSource(files=parts), material and MATERIALS[material], coloured=True)
+    spec = lf.RayfilesSource(files=parts, spectrum=RED)
+    source = build_source(spec, material and MATERIALS[material], coloured=True)
     found = source.sample(8000, 1)
     mean = found.flux @ of(found) / found.flux.sum()
     np.testing.assert_allclose(mean, 0.75 * xyz(BLUE) + 0.25 * xyz(RED), rtol=1e-9 if material is None else 0.02)

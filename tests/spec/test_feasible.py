@@ -130,3 +130,12 @@ def test_a_base_inside_the_cavity_is_refused_for_a_part(base: dict[str, object],
         require_base_around_cavity(spec.lens, spec.constraints, BaseSection(**base))
     for kind in ("none", "cylinder"):
         require_base_around_cavity(spec.lens, spec.constraints, BaseSection(kind=kind, diameter_mm=16.0))
+
+
+def test_a_base_is_wider_than_the_widest_meridian_of_a_cavity_that_is_not_round() -> None:
+    """Paraboloids of 3 mm: half axes of sqrt(2 · 3 · 1.5) and sqrt(2 · 3 · 3) mm."""
+    oval = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -1.5, "radius_y_mm": -3.0}
+    spec = small_spec(lens=LENS | {"inner": {"fixed": oval | {"conic_x": -1.0, "conic_y": -1.0}}})
+    with pytest.raises(InputError, match=r"lens\.inner\.fixed opens to a radius of 4\.243 mm .* above 8\.4\d+,"):
+        require_base_around_cavity(spec.lens, spec.constraints, BaseSection(diameter_mm=8.4))
+    require_base_around_cavity(spec.lens, spec.constraints, BaseSection(diameter_mm=8.6))
