@@ -70,6 +70,19 @@ def test_the_outline_of_a_picture_is_that_of_its_light() -> None:
     np.testing.assert_allclose(PICTURE.corners(), [[-0.5, -0.75], [0.5, -0.75], [0.5, 0.25], [-0.5, 0.25]])
 
 
+MIRRORED = {
+    "none": [[1, 2, 3], [4, 5, 6]], "mirror_x": [[1, 2, 1], [4, 5, 4]], "mirror_y": [[1, 2, 3], [1, 2, 3]],
+    "diagonal": [[3, 2, 1], [5, 6, 2], [4, 5, 3]], "rectangle": [[1, 2, 1]] * 2,
+    "square": [[1, 2, 1], [2, 3, 2], [1, 2, 1]],
+}  # fmt: skip
+
+
+def test_a_picture_has_the_mirrors_of_its_pixels() -> None:
+    """The first row is the upper one: x and y are exchanged about the diagonal that rises to the right."""
+    for name, rows in MIRRORED.items():
+        assert LuminanceImage(np.array(rows) / 10.0, 1.0).symmetry == name
+
+
 def test_a_picture_is_as_wide_as_stated_and_all_of_it_has_the_flux(tmp_path: Path) -> None:
     Image.fromarray(np.array([[50, 0, 0, 100], [0, 0, 0, 50]], dtype=np.uint8)).save(tmp_path / "led.png")
     found = planar_emitter(LuminanceSource(file=tmp_path / "led.png", width_mm=6.0)).area
