@@ -159,8 +159,11 @@ def test_the_referee_finds_the_light_that_the_flange_takes(lit: lf.Light) -> Non
 
 def test_views_and_sizes_show_it() -> None:
     lens, ring, _ = built()
-    sizes = {each.name: each.value_mm for each in dimensions(lens)}
+    drawn = {each.name: each for each in dimensions(lens)}
+    sizes = {name: each.value_mm for name, each in drawn.items()}
     assert sizes["thickness of the rim's flange"] == pytest.approx(1.0)
+    for name in ("thickness of the rim's flange", "underside of the rim's flange above z = 0"):
+        assert {across for _, across in drawn[name].ends or ()} == {-10.0}, "on the side of the heights, not across"
     assert sizes["diameter of the rim's flange"] == sizes["largest width"] == 20.0
     assert sizes["underside of the rim's flange above z = 0"] == pytest.approx(ring.low_mm)
     assert [face.name for face in faces_to_cut(lens)] == list(TIR), "it is no optical face"
