@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from lensforge.optics.arrays import module_of
+from lensforge.optics.pose import Vector
 from lensforge.proof.proof_inputs import drawn_points
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.pixel_grid import Window
@@ -18,7 +19,7 @@ from lensforge.sources.rayfiles.ray_file import FORMATS, Format, RayFile, regist
 from lensforge.sources.rayfiles.ray_file_rows import FileImage
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.fixed_surface import FixedFace
-from lensforge.spec.receiver_fields import Point, ReceiverSection
+from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.shape_targets import ShapeTarget
 from lensforge.spec.source_sections import PlanarSource
 from lensforge.spec.spec_section import Millimetres
@@ -100,7 +101,7 @@ class GableReceiver(ReceiverSection):
     """A roof of two slopes over the lens, its ridge along y, unfolded."""
 
     words: ClassVar[str] = "on a gable at {0.ridge_mm:g} mm"
-    facing: ClassVar[Point] = (0.0, 0.0, 1.0)
+    facing: ClassVar[Vector] = (0.0, 0.0, 1.0)
 
     kind: Literal["gable"] = "gable"
     ridge_mm: Millimetres
@@ -113,14 +114,14 @@ class GableReceiver(ReceiverSection):
     """Angle by which each slope falls."""
 
     @property
-    def centre_mm(self) -> Point:
+    def centre_mm(self) -> Vector:
         return 0.0, 0.0, self.ridge_mm
 
     @property
     def size(self) -> tuple[float, float]:
         return self.width_mm, self.depth_mm
 
-    def clear_mm(self, place_mm: Point) -> float:
+    def clear_mm(self, place_mm: Vector) -> float:
         pitch = np.radians(self.pitch_deg)
         return float((self.ridge_mm - place_mm[2]) * np.cos(pitch) - abs(place_mm[0]) * np.sin(pitch))
 

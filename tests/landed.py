@@ -12,10 +12,11 @@ from lensforge.light.reference_hits import TracedFace
 from lensforge.light.reference_trace import as_arrays, trace_reference
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import Media
+from lensforge.optics.pose import Pose
 from lensforge.scene.as_made import AsMade
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import Landings, ReceiverPose
+from lensforge.scene.receiver import Landings
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.search.light_path import landed_through
 from lensforge.sources.ray_bundle import RayBundle
@@ -64,7 +65,7 @@ class Landed:
 
 
 def plane_at(distance: float) -> Plane:
-    return Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance)), PixelGrid.square(2.0 * distance, 16))
+    return Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance)), PixelGrid.square(2.0 * distance, 16))
 
 
 def as_tensors(exits: ExitRays) -> ExitRays:

@@ -3,24 +3,23 @@
 import numpy as np
 
 from lensforge.optics.media import Medium, SecondaryOptic
-from lensforge.sources.source_pose import rotation_about
+from lensforge.optics.pose import ORIGIN, Pose
 from lensforge.surfaces.asphere import Asphere, sphere
 
 N, COVER_N, LOSS, COVER_LOSS = 1.49, 1.586, 0.01, 0.004
-TURN = rotation_about("y", 0.11) @ rotation_about("x", -0.17)
+TURN = Pose.of_tilts(tilt_deg=(-10.0, 6.0))
 
 
-def placed(name: str, shells: tuple[Asphere, Asphere], centre=(0.0, 0.0, 0.0), turn=TURN, **fields) -> SecondaryOptic:
-    rows = tuple(tuple(float(value) for value in row) for row in turn)
-    return SecondaryOptic(name, fields.pop("medium", Medium(COVER_N, COVER_LOSS)), *shells, centre, rows, **fields)
+def placed(name: str, shells: tuple[Asphere, Asphere], centre=ORIGIN, turn=TURN, **fields) -> SecondaryOptic:
+    return SecondaryOptic(name, fields.pop("medium", Medium(COVER_N, COVER_LOSS)), *shells, turn.at(centre), **fields)
 
 
 SHELL = sphere(12.0), sphere(14.5)
 DOME = placed("dome", (sphere(20.0), sphere(21.5, 0.8)), (1.5, -2.0, -1.0))
-BOWL = placed("bowl", (Asphere(29.0, -30.0, 0.4), Asphere(32.5, -31.0, 0.2)), (-2.0, 1.0, -3.0), TURN.T)
+BOWL = placed("bowl", (Asphere(29.0, -30.0, 0.4), Asphere(32.5, -31.0, 0.2)), (-2.0, 1.0, -3.0), TURN.inverse)
 
 
-SECOND = placed("second", (sphere(30.0, -2.0), sphere(33.0)), (3.0, 2.0, 0.5), TURN.T)
+SECOND = placed("second", (sphere(30.0, -2.0), sphere(33.0)), (3.0, 2.0, 0.5), TURN.inverse)
 
 
 def spheres_of(body: SecondaryOptic) -> list[tuple]:
@@ -28,7 +27,7 @@ def spheres_of(body: SecondaryOptic) -> list[tuple]:
     found = []
     for face, before, behind, loss in ((body.inner, 1.0, COVER_N, 0.0), (body.outer, COVER_N, 1.0, COVER_LOSS)):
         radius = -face.radius_mm
-        centre = np.array(body.centre_mm) + np.array(body.turn) @ [0.0, 0.0, face.vertex_mm - radius]
+        centre = body.pose.points(np.array([0.0, 0.0, face.vertex_mm - radius]))
         found.append((centre, radius, before, behind, loss))
     return found
 

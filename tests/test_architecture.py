@@ -236,7 +236,7 @@ def test_verification_shares_nothing_with_the_design() -> None:
 
 
 def test_rays_that_verification_draws_use_no_code_of_the_design_s_sampler() -> None:
-    samplers = {"emitting_area", "planar_emitter", "radiance_emitter", "intensity", "inverse_cdf", "source_pose"}
+    samplers = {"emitting_area", "planar_emitter", "radiance_emitter", "intensity", "inverse_cdf", "build_source"}
     for name in ("proof_inputs.py", "independent_draws.py"):
         nodes = [node for node, _ in _walked(PACKAGE / "proof" / name)]
         for node in filter(lambda node: isinstance(node, ast.ImportFrom), nodes):

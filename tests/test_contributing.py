@@ -22,13 +22,13 @@ from lensforge.kernels.fate import Fate
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
+from lensforge.optics.pose import Pose
 from lensforge.proof.proof_inputs import independent_rays, optical_of, screens_of
 from lensforge.proof.sequential_cast import CastFate
 from lensforge.proof.verification import passage_through
 from lensforge.results.arguments import threads_of_torch
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane, receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.sources.build_source import build_source
@@ -197,7 +197,7 @@ def test_a_receiver_of_ones_own_lands_rays_as_the_planes_of_which_it_is(added: M
     by_hits[~found.landed] = 0.0
     by, pitch = gable.sensitivities(rays, by_hits), np.radians(20.0)
     for side in (1.0, -1.0):
-        pose = ReceiverPose.facing((side * np.sin(pitch), 0.0, np.cos(pitch)), (0.0, 0.0, 100.0))
+        pose = Pose.facing((side * np.sin(pitch), 0.0, np.cos(pitch)), (0.0, 0.0, 100.0))
         plane, here = Plane(pose, gable.grid), found.landed & (side * found.hits[:, 0] > 0.0)
         assert here.sum() > 100
         assert found.hits[here] == pytest.approx(plane.land(rays).hits[here], abs=1e-9)

@@ -5,7 +5,7 @@ volume follows from them in closed form.
 """
 
 from dataclasses import dataclass
-from math import cos, hypot, pi, radians, sin
+from math import hypot, pi
 
 import numpy as np
 from jaxtyping import Float
@@ -73,12 +73,8 @@ class PlateLayout:
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
         """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
-        turn = radians(self.lenses.turns_deg[number])
-        moved = np.array(points)
-        if turn:
-            moved[:, :2] = points[:, :2] @ np.array([[cos(turn), sin(turn)], [-sin(turn), cos(turn)]])
-        moved[:, :2] += self.lenses.places_mm[number]
-        return moved
+        pose, width = self.lenses.lamps[number].pose, points.shape[1]
+        return np.asarray(points @ pose.rotation[:width, :width].T + pose.origin_mm[:width])
 
     def thinnest_wall(self, opening: Float[np.ndarray, "n 2"]) -> PlateWall | None:
         """The thinnest wall at its holes, pins and bosses; ``opening``: points (mm) around a cavity in z = 0.

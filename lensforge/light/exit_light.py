@@ -54,10 +54,8 @@ def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:
         )
     else:
         traced = lens.trace(rays)
-    turns, up = np.radians(lamps.turns_deg), np.zeros(len(lamps))
-    axes = np.array([[np.cos(turns), -np.sin(turns), up], [np.sin(turns), np.cos(turns), up], [up, up, up + 1.0]])
-    turned = axes.transpose(2, 0, 1)[own]
-    places = np.column_stack([lamps.places_mm, up])[own]
+    poses = [lamp.pose for lamp in lamps.lamps]
+    turned, places = (np.array(each)[own] for each in zip(*((p.rotation, p.origin_mm) for p in poses), strict=True))
     points, directions = (np.einsum("nij,nj->ni", turned, each) for each in (traced.points, traced.directions))
     return replace(traced, points=points + places, directions=directions)
 

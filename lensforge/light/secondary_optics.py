@@ -20,6 +20,7 @@ from lensforge.light.coated_glass import RayCoatings
 from lensforge.light.passage import BodyPassage
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media, SecondaryOptic
+from lensforge.optics.pose import IN_PLACE, placed_faces
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle
@@ -51,11 +52,7 @@ def tabled(optic: SecondaryOptic) -> TabledOptic:
             break
         nodes *= 2
     bounds = FaceBounds.of([surface_bounds(table, grid.origin, grid.step) for table in tables])
-    axes, centre = np.array(optic.turn), np.array(optic.centre_mm)
-    into, between = np.column_stack([axes.T, -axes.T @ centre]), np.eye(3, 4)
-    return TabledOptic(
-        tables, grid, bounds, FacePlacement(np.stack([into, between, np.column_stack([axes, centre])]), 1.0, 1.0)
-    )
+    return TabledOptic(tables, grid, bounds, placed_faces([optic.pose.inverse, IN_PLACE, optic.pose]))
 
 
 def polarised(exits: ExitRays, fields: Float[np.ndarray, "n 12"] | None) -> ExitRays:

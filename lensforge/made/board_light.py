@@ -12,10 +12,9 @@ all of the patch, its limits in each of its periods.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import radians
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from scipy import sparse
 
 from lensforge.errors import InputError
@@ -32,7 +31,7 @@ from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.target_pattern import DrawnTarget
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
-from lensforge.spec.lamps_section import Place
+from lensforge.spec.lamp_places import Lamp
 
 _PERIODS = 3  # along x and along y, of a lattice without a plate
 _MOST_PIXELS = 2**20  # of a patch, of which a study keeps sixteen pictures at a time
@@ -182,20 +181,14 @@ class BoardLight(PartLight):
         ]
 
 
-def in_plate(found: Deviations, place: Place, turn_deg: float) -> Deviations:
+def in_plate(found: Deviations, lamp: Lamp) -> Deviations:
     """Deviations of one lens of a plate, in its own frame, from those of the plate about its middle.
 
     A plate that shrinks or tilts moves its lenses, each as far as it stands from the middle.
     """
-    none = np.zeros(2)
-    (x, y), (about_x, about_y) = place, found.get("lens_tilt_deg", none).tolist()
-    moved = found.get("lens_shift_mm", none) + float(found.get("shrinkage", none)[0]) * np.array(place)
+    none, (x, y, _) = np.zeros(2), lamp.place_mm
+    about_x, about_y = found.get("lens_tilt_deg", none).tolist()
+    moved = found.get("lens_shift_mm", none) + float(found.get("shrinkage", none)[0]) * np.array([x, y])
     raised = float(found.get("lens_height_mm", none)[0]) + about_x * y - about_y * x
-    turn = np.exp(-1j * radians(turn_deg))
-    shift, tilt = complex(*moved) * turn, complex(about_x, about_y) * turn
-    own: dict[str, Float[np.ndarray, " k"]] = {
-        "lens_shift_mm": np.array([shift.real, shift.imag]),
-        "lens_height_mm": np.array([raised]),
-        "lens_tilt_deg": np.array([tilt.real, tilt.imag]),
-    }
-    return {**found, **own}
+    shift, tilt = lamp.pose.own_directions(np.array([[*moved, raised], [about_x, about_y, 0.0]]))
+    return {**found, "lens_shift_mm": shift[:2], "lens_height_mm": shift[2:], "lens_tilt_deg": tilt[:2]}

@@ -18,7 +18,7 @@ from lensforge.light.table_trace import Scene
 from lensforge.made.first_cut import FirstCut, Request
 from lensforge.made.measurement_result import (
     DeviationExtent,
-    Pose,
+    RegisteredPose,
     Registration,
     SurfaceComparison,
     area_extent,
@@ -163,11 +163,11 @@ def compare_surface(
     )
 
 
-def pose_of(motion: RigidMotion) -> Pose:
+def pose_of(motion: RigidMotion) -> RegisteredPose:
     """The record of a motion."""
     rotation = np.degrees([motion.rotation_rad, motion.rotation_error_rad])
     translation = np.array([motion.translation_mm, motion.translation_error_mm])
-    return Pose(
+    return RegisteredPose(
         **{f"rotation_{axis}_deg": _fitted(pair, "deg") for axis, pair in zip("xyz", rotation.T, strict=True)},
         **{f"translation_{axis}_mm": _fitted(pair, "mm") for axis, pair in zip("xyz", translation.T, strict=True)},
     )

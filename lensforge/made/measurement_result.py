@@ -194,7 +194,7 @@ def surface_criteria(used: float, covered: float) -> Criteria:
     )
 
 
-class Pose(Record):
+class RegisteredPose(Record):
     """Rotation vector and translation that register the points to the design.
 
     Standard errors are by noise and form error of the part; None for what was not fitted, or is not determined.
@@ -252,7 +252,7 @@ class SurfaceComparison(SimulatedResult):
     point_count: Count
     used_share: Share
     covered_share: Share
-    pose: Pose
+    pose: RegisteredPose
     point_deviation_um: DeviationExtent
     form_deviation_um: DeviationExtent
     residual_rms_um: NotNegative
@@ -329,7 +329,7 @@ class Correction(SimulatedResult):
     point_spacing_mm: Positive
     used_share: Share
     covered_share: Share
-    pose: Pose
+    pose: RegisteredPose
     gain: Positive
     wavelength_mm: Positive
     wavelength_given: Flag

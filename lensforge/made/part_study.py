@@ -204,8 +204,7 @@ class PartStudy:
     def made(self, found: Sequence[Deviations]) -> tuple[MadePart, ...]:
         """The lenses of a part with these deviations, one after the other."""
         if self.recipe.lens.spec.plate is not None:
-            lamps = zip(self.lamps.places_mm, self.lamps.turns_deg, strict=True)
-            found = [in_plate(each, *lamp) for each, lamp in zip(found, lamps, strict=True)]
+            found = [in_plate(each, lamp) for each, lamp in zip(found, self.lamps.lamps, strict=True)]
         return tuple(map(self.maker.part, found))
 
     def measure(self, number: int, scales: Scales | None = None) -> Float[np.ndarray, "m 2"]:

@@ -21,11 +21,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import least_squares, nnls
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from lensforge.cad.patch import Patch
 from lensforge.errors import InputError
 from lensforge.made.measurement_result import Registration
+from lensforge.optics.pose import Pose
 from lensforge.surfaces.point_cloud import LEAST_POINTS
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import HALF_WIDTH, to_chart
@@ -109,9 +109,10 @@ class RigidMotion:
     rotation_error_rad: Float[np.ndarray, "3"]
     translation_error_mm: Float[np.ndarray, "3"]
 
-    def apply(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """``points`` (mm) in lens coordinates."""
-        return moved(points, np.concatenate([self.rotation_rad, self.translation_mm]))
+    @property
+    def pose(self) -> Pose:
+        """Place of the frame of the points in lens coordinates."""
+        return Pose.displaced(self.translation_mm, self.rotation_rad)
 
 
 @dataclass(frozen=True)
@@ -126,14 +127,14 @@ class Registered:
 def registered(patch: Patch, cloud: Float[np.ndarray, "k 3"], registration: Registration = "rigid") -> Registered:
     """Register ``cloud`` (mm) to the surface of ``patch`` as :func:`register` does, and keep what lies over it."""
     motion = register(patch, cloud, registration)
-    placed = motion.apply(cloud)
+    placed = motion.pose.points(cloud)
     over = over_surface(placed)
     return Registered(motion, placed[over], float(over.mean()))
 
 
 def moved(points: Float[np.ndarray, "n 3"], motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
     """``points`` rotated and translated by ``motion``: a rotation vector (rad) and a translation (mm)."""
-    return np.asarray(Rotation.from_rotvec(motion[:3]).apply(points) + motion[3:])
+    return np.asarray(Pose.displaced(motion[3:], motion[:3]).points(points))
 
 
 def over_surface(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:

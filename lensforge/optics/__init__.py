@@ -1,6 +1,7 @@
 """What does matter do to light? Media, materials, coatings, the bounds set by étendue, and images of light.
 
 - ``face_roles.FaceRole``: a face by the media on both sides, and by what it is there for
+- ``pose.Pose``: where a thing stands and how it is turned
 - ``media.Media``: index, absorption and coatings along a ray
 - ``material.Material``: index and absorption by wavelength and temperature
 - ``material.MATERIALS``: the materials that a spec may name

@@ -9,11 +9,12 @@ from typing import Protocol, runtime_checkable
 from weakref import ref
 
 import numpy as np
-from jaxtyping import Float, Inexact
+from jaxtyping import Float
 
 from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.face_roles import CAVITY, OUTSIDE, SHELL, FaceRole, bounding
 from lensforge.optics.material import Material
+from lensforge.optics.pose import IN_PLACE, Pose
 
 
 @dataclass(frozen=True)
@@ -234,45 +235,21 @@ class FaceShape(Protocol):
         ...
 
 
-_Vectors = Float[np.ndarray, "n 3"]
-
-
 @dataclass(frozen=True)
 class SecondaryOptic:
     """A given body in the light behind the lens, such as a dome: what surrounds the lens lies on both sides of it.
 
-    Light comes to it from its cavity, within ``inner``, and leaves by ``outer``. Its own axes are the columns of
-    ``turn`` (rows of a matrix), its origin is at ``centre_mm``; it ends in the plane z = 0 of its own frame.
-    ``coatings``: of its faces, which have the names of those of the usual lens.
+    Light comes to it from its cavity, within ``inner``, and leaves by ``outer``. It ends in the plane z = 0 of its own
+    frame, which stands in that of the lens by ``pose``. ``coatings``: of its faces, which have the names of those of
+    the usual lens.
     """
 
     name: str
     medium: Medium
     inner: FaceShape
     outer: FaceShape
-    centre_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turn: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    pose: Pose = IN_PLACE
     coatings: tuple[FaceCoating, ...] = ()
-
-    def own_points(self, points: _Vectors) -> _Vectors:
-        """Points (mm) of the lens's frame in its own."""
-        own: _Vectors = (points - np.array(self.centre_mm)) @ np.array(self.turn)
-        return own
-
-    def own_directions(self, directions: Inexact[np.ndarray, "*n 3"]) -> Inexact[np.ndarray, "*n 3"]:
-        """Directions, or fields, of the lens's frame in its own."""
-        own: Inexact[np.ndarray, "*n 3"] = directions @ np.array(self.turn)
-        return own
-
-    def placed_points(self, own: _Vectors) -> _Vectors:
-        """Points (mm) of its own frame in that of the lens."""
-        placed: _Vectors = own @ np.array(self.turn).T + np.array(self.centre_mm)
-        return placed
-
-    def placed_directions(self, own: Inexact[np.ndarray, "*n 3"]) -> Inexact[np.ndarray, "*n 3"]:
-        """Directions, or fields, of its own frame in that of the lens."""
-        placed: Inexact[np.ndarray, "*n 3"] = own @ np.array(self.turn).T
-        return placed
 
     def media(self, around: "Media") -> "Media":
         """Its own media, in what surrounds the lens of the media ``around``."""

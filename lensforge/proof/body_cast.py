@@ -85,7 +85,7 @@ def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLen
 def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values) -> None:
     """Take a beam into a body and out of it."""
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
-    points, along = body.own_points(beam.points[rows]), body.own_directions(beam.directions[rows])
+    points, along = body.pose.own_points(beam.points[rows]), body.pose.own_directions(beam.directions[rows])
     enters, points = _from_the_rim(points, along)
     beam.end(rows[~enters])
     rows, points, along = rows[enters], points[enters], along[enters]
@@ -102,13 +102,13 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values) ->
         before, behind = (indices, around) if leaving else (around, indices)
         refracting = RefractingFace(before, behind, own.coating(face), waves[rows], not leaving)
         normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
-        at = AtFace.of(refracting, along, normals, body.own_directions(beam.fields[rows]))
+        at = AtFace.of(refracting, along, normals, body.pose.own_directions(beam.fields[rows]))
         beam.share[rows] *= at.transmittance
-        beam.fields[rows] = body.placed_directions(at.passed)
+        beam.fields[rows] = body.pose.directions(at.passed)
         passes = at.transmittance > 0.0
         beam.end(rows[~passes])
         rows, points, along = rows[passes], points[passes], at.bent[passes]
-    beam.points[rows], beam.directions[rows] = body.placed_points(points), body.placed_directions(along)
+    beam.points[rows], beam.directions[rows] = body.pose.points(points), body.pose.directions(along)
 
 
 def _from_the_rim(points: _Vectors, along: _Vectors) -> tuple[Bool[np.ndarray, " n"], _Vectors]:

@@ -28,7 +28,6 @@ from lensforge.results.figure_style import (
 )
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Level
-from lensforge.sources.source_pose import SourcePose
 from lensforge.surfaces.placed_bodies import depths
 from lensforge.surfaces.placed_bodies import reach_mm as bodies_reach_mm
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -91,7 +90,7 @@ def _draw_further_bodies(axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"]
     flat = points.reshape(-1, 3)
     for number, body in enumerate(lens.media.bodies):
         outer, inner = (depths(body, flat, inner=each) for each in (False, True))
-        height = body.own_points(flat)[:, 2]
+        height = body.pose.own_points(flat)[:, 2]
         within = np.where(height > 0.0, np.minimum(np.minimum(outer, -inner), height), height)
         within = within.reshape(_CUT_NODES, _CUT_NODES)
         colour = (GREY, GREEN)[number % 2]
@@ -109,7 +108,7 @@ def _draw_fan(
     traced: TracedLens | None,
 ) -> None:
     """Rays from the centre of the source that start in the section, on the side to which its axis points."""
-    theta, axis = np.radians(_FAN_DEG), SourcePose.of(lens.spec.source).rotation[:, 2]
+    theta, axis = np.radians(_FAN_DEG), np.array(lens.spec.source.pose.axes[2])
     directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
     directions = directions[directions @ axis > 0.0]
     centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from lensforge.kernels.face_records import FacePlacement
 from lensforge.optics.arrays import Array, like
 from lensforge.optics.face_roles import DOUBLE
+from lensforge.optics.pose import IN_PLACE, ORIGIN, Pose, Vector, placed_faces
 
 
 class Roughness(NamedTuple):
@@ -28,48 +29,20 @@ _NOISE_SEED = 20_29  # of the roughness: any number; the same in every trace, so
 
 
 @dataclass(frozen=True)
-class Displacement:
-    """A rigid displacement: a turn about ``centre_mm`` by ``tilt_rad`` about x and y, then a shift by ``shift_mm``.
-
-    The two tilts are the components of one rotation vector.
-    """
-
-    shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    tilt_rad: tuple[float, float] = (0.0, 0.0)
-    centre_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    @property
-    def rotation(self) -> Float[np.ndarray, "3 3"]:
-        """Matrix of the turn (Rodrigues' formula)."""
-        x, y = self.tilt_rad
-        angle = float(np.hypot(x, y))
-        cross = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
-        half = np.sinc(0.5 * angle / np.pi)
-        turn: Float[np.ndarray, "3 3"] = np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * cross @ cross
-        return turn
-
-    @property
-    def shift(self) -> Float[np.ndarray, "3"]:
-        """Image (mm) of the origin."""
-        centre = np.array(self.centre_mm)
-        moved: Float[np.ndarray, 3] = centre - self.rotation @ centre + np.array(self.shift_mm)
-        return moved
-
-
-@dataclass(frozen=True)
 class AsMade:
     """Deviations of one made lens from its design, the same for all rays.
 
     ``names``: of the faces, from the source on. ``source``: displacement of the source, which is ``source_size`` times
-    as large about the centre of that displacement; ``lens``: of the whole lens, which is ``scale`` times as large about
-    its seat, ``seat_mm`` below its origin; ``faces``: of a face against the body, whose place is that of the first
-    face. ``slopes``: roughness of a face, rms of the slope along any line on it. Faces left out are as designed.
+    as large about ``source_centre_mm``; ``lens``: of the whole lens, which is ``scale`` times as large about its seat,
+    ``seat_mm`` below its origin; ``faces``: of a face against the body, whose place is that of the first face.
+    ``slopes``: roughness of a face, rms of the slope along any line on it. Faces left out are as designed.
     """
 
     names: tuple[str, ...] = DOUBLE
-    source: Displacement = field(default_factory=Displacement)
-    lens: Displacement = field(default_factory=Displacement)
-    faces: Mapping[str, Displacement] = field(default_factory=dict)
+    source: Pose = IN_PLACE
+    source_centre_mm: Vector = ORIGIN
+    lens: Pose = IN_PLACE
+    faces: Mapping[str, Pose] = field(default_factory=dict)
     source_size: float = 1.0
     scale: float = 1.0
     seat_mm: float = 0.0
@@ -82,23 +55,16 @@ class AsMade:
         Frames go from the source to the first face, from face to face, and from the last one to the world. The seat
         stays: an origin ``seat_mm`` above it comes to lie ``seat_mm (scale - 1)`` higher.
         """
-        lens, source = self.lens.rotation, self.source.rotation
-        centre, up = np.array(self.source.centre_mm), np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
         # source: o' = R (c + k (o - c)) + shift; lens: p' = R (s p + up) + shift
-        emitted = source @ centre * (1.0 - self.source_size) + self.source.shift
-        at = (lens.T @ (emitted - self.lens.shift) - up) / self.scale
-        faces = [self.faces.get(name, Displacement()) for name in self.names]
-        turns, shifts = [each.rotation for each in faces], [each.shift for each in faces]
-        back = lens @ (self.scale * shifts[-1] + up) + self.lens.shift
-        between = pairwise(zip(turns, shifts, strict=True))
-        frames = np.stack(
-            [
-                np.column_stack([turns[0].T @ lens.T @ source, turns[0].T @ (at - shifts[0])]),
-                *(np.column_stack([own.T @ last, own.T @ (left - shift)]) for (last, left), (own, shift) in between),
-                np.column_stack([lens @ turns[-1], back]),
-            ]
+        centre, up = np.array(self.source_centre_mm), np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
+        emitted = self.source.directions(centre) * (1.0 - self.source_size) + np.array(self.source.origin_mm)
+        source = self.source.seen_from(self.lens).at((self.lens.own_points(emitted) - up) / self.scale)
+        faces = [self.faces.get(name, IN_PLACE) for name in self.names]
+        last = faces[-1].at(self.scale * np.array(faces[-1].origin_mm) + up)
+        between = [one.seen_from(other) for one, other in pairwise(faces)]
+        return placed_faces(
+            [source.seen_from(faces[0]), *between, self.lens.after(last)], self.source_size / self.scale, self.scale
         )
-        return FacePlacement(frames, self.source_size / self.scale, self.scale)
 
     def rough(self, rays: int) -> Roughness | None:
         """Roughness of all faces for so many rays; None where all are polished."""

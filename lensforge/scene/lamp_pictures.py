@@ -19,11 +19,11 @@ from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.optics.arrays import Array, module_of
+from lensforge.optics.pose import ORIGIN, Pose
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import WHOLE, Plane
-from lensforge.spec.lamp_places import LampPose
 from lensforge.spec.lamps_section import ALONE, Lamps
 
 _MOST_PIXELS = 2**22  # of a picture, of which an evaluation keeps sixteen: half a gigabyte
@@ -147,7 +147,7 @@ class LampPictures:
         total = np.zeros((len(whole), *self.receiver.grid.shape))
         for (x, y), i, j in product(self.receiver.lamps.places_mm, around.tolist(), around.tolist()):
             place = x - i * period[0], y - j * period[1], 0.0
-            total += amounts(replace(self.receiver, pose=pose.seen_from(LampPose(place)))) / count
+            total += amounts(replace(self.receiver, pose=pose.seen_from(Pose(place)))) / count
         rest = np.maximum(whole - total.sum(axis=(1, 2)), 0.0)
         return np.asarray(total + rest[:, None, None] / total[0].size)
 
@@ -161,15 +161,15 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
     lamps, rasters = receiver.lamps, list[Raster]()
     if lamps.is_single:
         return LampPictures(receiver, (Raster(receiver, 1),))
-    moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T / receiver.grid.pixel
-    level = receiver.is_flat and not any(receiver.pose.rows[2][:2]) and not lamps.posed
+    moves = np.array(lamps.places_mm) @ receiver.pose.rotation[:2, :2] / receiver.grid.pixel
+    level = receiver.is_flat and not any(receiver.pose.axes[2][:2]) and not lamps.posed
     for own in _alike(receiver, moves, level):
         if lamps.period_mm is not None:
             rasters.append(_period(receiver, own[0]))
         elif level:
             rasters.append(_wider(receiver, own, moves[own]))
         else:
-            pose = receiver.pose.seen_from(lamps.poses[own[0]])
+            pose = receiver.pose.seen_from(lamps.lamps[own[0]].pose)
             seen = replace(receiver, pose=pose, lamps=ALONE)
             rasters.append(Raster(seen, len(own), ((0, 0),) * len(own), tuple(own)))
     return LampPictures(receiver, tuple(rasters))
@@ -181,7 +181,7 @@ def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool
     for number, turn in enumerate(lamps.turns_deg):
         key: object = number
         if receiver.is_far:
-            key = round(turn % 360.0, 9), *(round(along, 12) for along in lamps.poses[number].axis)
+            key = round(turn % 360.0, 9), *(round(along, 12) for along in lamps.lamps[number].axis)
         elif level and lamps.period_mm is None:
             parts = np.round((moves[number] - np.round(moves[number])) / WHOLE).astype(int)
             key = (round(turn % 360.0, 9), *(parts % round(1.0 / WHOLE)).tolist())
@@ -200,9 +200,8 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
             f'{_MOST_PIXELS}; take fewer pixels (evaluate.pixels, optimise.pixels), fewer lamps, or kind = "endless"'
         )
     x, y = (-0.5 * (high + low) * pixel).tolist()
-    middle = np.array(receiver.pose.centre_mm) + np.array([x, y]) @ receiver.pose.axes[:2]
-    centre = (float(middle[0]), float(middle[1]), float(middle[2]))
-    pose = replace(receiver.pose, centre_mm=centre).seen_from(LampPose(turn_deg=receiver.lamps.turns_deg[own[0]]))
+    turned = receiver.lamps.lamps[own[0]]._replace(place_mm=ORIGIN)
+    pose = receiver.pose.after(Pose((x, y, 0.0))).seen_from(turned.pose)
     wide = PixelGrid(columns * float(pixel[0]), rows * float(pixel[1]), columns, rows)
     corners = np.round(high - moves).astype(int)
     return Raster(
@@ -215,11 +214,8 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
 
 def _period(receiver: PosedReceiver, number: int) -> Raster:
     """One period as lamp ``number`` of it sees it, and a pixel around it for the splat of rays near its edge."""
-    pose, grid, (width, height) = (
-        receiver.pose.seen_from(receiver.lamps.poses[number]._replace(turn_deg=0.0)),
-        receiver.grid,
-        receiver.grid.pixel,
-    )
+    grid, (width, height) = receiver.grid, receiver.grid.pixel
+    pose = receiver.pose.seen_from(receiver.lamps.lamps[number]._replace(turn_deg=0.0).pose)
     rows, columns = grid.shape
     around = PixelGrid(grid.width + 2.0 * width, grid.height + 2.0 * height, columns + 2, rows + 2)
     corners = tuple((1 + i * rows, 1 + j * columns) for i in (-1, 0, 1) for j in (-1, 0, 1))
@@ -242,7 +238,7 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
     corners = tuple(((a - j) * height, (b - i) * width) for i, j, a, b in turns)
     rasters = tuple(
         Raster(
-            PeriodPlane(receiver.pose.seen_from(LampPose((x, y, 0.0))), grid, Window(), lamps),
+            PeriodPlane(receiver.pose.seen_from(Pose((x, y, 0.0))), grid, Window(), lamps),
             len(each),
             corners,
             tuple(number + kind * (i + columns * j) for i, j, _, _ in turns),
@@ -255,7 +251,7 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
 def seen_by(receiver: PosedReceiver, number: int) -> PosedReceiver:
     """The receiver as one of its lamps sees it, in whose frame rays start from the origin."""
     lamps = receiver.lamps
-    pose = receiver.pose.seen_from(lamps.poses[number])
+    pose = receiver.pose.seen_from(lamps.lamps[number].pose)
     if lamps.period_mm is not None:
         return PeriodPlane(pose, receiver.grid, Window(), lamps)
     return replace(receiver, pose=pose, lamps=ALONE)

@@ -24,7 +24,8 @@ from jaxtyping import Float
 from lensforge.optics.arrays import Array, like, module_of
 from lensforge.optics.face_roles import FaceRole
 from lensforge.optics.media import Media
-from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.optics.pose import IN_PLACE, ORIGIN, Pose, Vector
+from lensforge.scene.as_made import AsMade
 from lensforge.scene.body import Chain
 from lensforge.scene.perturbations import Deviations
 from lensforge.spec import Spec
@@ -133,7 +134,6 @@ _SEED = 5  # of the shapes of waviness: any number; those of two faces differ
 _NONE = np.zeros(2)
 _FIELDS = ("form_um", "waviness_um", "ripple_um")  # errors of a face that have tables
 _IN_CHAINS = (*_FIELDS, *PLACEMENT)  # of a face that is one of several between the same media
-_ORIGIN = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +173,7 @@ class PartMaker:
     roles: tuple[FaceRole, ...]
     errors: dict[str, ErrorField]
     seat_mm: float
-    source_mm: tuple[float, float, float]
+    source_mm: Vector
 
     @staticmethod
     def of(spec: Spec, surfaces: Mapping[str, Surface], grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
@@ -204,16 +204,17 @@ class PartMaker:
         def one(name: str) -> float:
             return float(deviations[name][0]) if name in deviations else 0.0
 
-        def placed(of: str, height: str, centre: tuple[float, float, float] = _ORIGIN) -> Displacement:
+        def placed(of: str, height: str, centre_mm: Vector = ORIGIN) -> Pose:
             if height in self.errors:  # it is out of place by its table
-                return Displacement()
+                return IN_PLACE
             x, y = deviations.get(f"{of}_shift_mm", _NONE).tolist()
             about_x, about_y = deviations.get(f"{of}_tilt_deg", _NONE).tolist()
-            return Displacement((x, y, one(height)), (about_x, about_y), centre)
+            return Pose.displaced((x, y, one(height)), (about_x, about_y, 0.0), centre_mm)
 
         made = AsMade(
             names=self.names,
             source=placed("source", "source_height_mm", self.source_mm),
+            source_centre_mm=self.source_mm,
             lens=placed("lens", "lens_height_mm"),
             faces={name: placed(name, factor_name(self.roles, name, "gap_mm")) for name in self.names[1:]},
             source_size=1.0 + one("source_size"),

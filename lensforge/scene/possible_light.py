@@ -363,8 +363,7 @@ class PossibleLight:
             return np.zeros(1)
         nearest_mm = float(np.linalg.norm(corners, axis=-1).min())
         if receiver.is_flat:  # between the corners it may be nearer
-            pose = receiver.pose
-            nearest_mm = abs(float(pose.axes[2] @ pose.centre_mm))
+            nearest_mm = abs(receiver.pose.inverse.origin_mm[2])
         off_mm = np.array([self._exit.radius_mm])
         if self.light.media.open_mirror is not None:
             glass = self.light.media.cover_glass

@@ -1,7 +1,7 @@
 """Receivers in a pose, which map exit rays to hits without knowing the lens.
 
-A pose is a centre, and axes by a normal and a turn about it. A receiver is a pixel grid on the chart of some surface,
-or of all directions; charts keep areas, so that pixels are alike.
+A receiver is a pixel grid on the chart of some surface, or of all directions; charts keep areas, so that pixels are
+alike.
 """
 
 from abc import ABC, abstractmethod
@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.parallel import in_pieces
-from lensforge.optics.arrays import Array, like, module_of, replaced, rows_of
+from lensforge.optics.arrays import Array, module_of, replaced, rows_of
+from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.spec.lamp_places import LampPose
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.spec.receiver_fields import ReceiverSection
 
@@ -48,60 +48,6 @@ class Landings:
         return Landings(*(each[rows] for each in (self.hits, self.flux, self.landed, self.missed_receiver)))
 
 
-@dataclass(frozen=True)
-class ReceiverPose:
-    """A right-handed frame in the lens's coordinates: ``centre_mm``, and its unit axes x, y, z as ``rows``."""
-
-    centre_mm: tuple[float, float, float]
-    rows: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-
-    @staticmethod
-    def facing(
-        direction: tuple[float, float, float], centre_mm: tuple[float, float, float], rotation_deg: float = 0.0
-    ) -> "ReceiverPose":
-        """The frame whose z axis is ``direction``: the lens's own, tilted the shortest way, then turned about it.
-
-        A direction along -z, to which all ways are as short, is reached about the y axis.
-        """
-        z = np.array(direction) / np.linalg.norm(direction)
-        axes = _shortest(z) if rotation_deg == 0.0 else _turn(rotation_deg) @ _shortest(z)
-        x, y, z = ((float(row[0]), float(row[1]), float(row[2])) for row in axes)
-        return ReceiverPose(centre_mm, (x, y, z))
-
-    @property
-    def axes(self) -> Float[np.ndarray, "3 3"]:
-        """The unit axes x, y, z as rows."""
-        return np.array(self.rows)
-
-    def seen_from(self, lamp: LampPose) -> "ReceiverPose":
-        """The pose in the frame of a lamp: at its place, turned, and tilted to its axis."""
-        own = ReceiverPose.facing(lamp.axis, lamp.place_mm, lamp.turn_deg).axes
-        centre, rows = own @ (np.array(self.centre_mm) - lamp.place_mm), self.axes @ own.T
-        x, y, z, w = ((float(each[0]), float(each[1]), float(each[2])) for each in (centre, *rows))
-        return ReceiverPose(x, (y, z, w))
-
-    def packed(self) -> Float[np.ndarray, "4 3"]:
-        """Centre and axes in one array, as the kernels take them."""
-        return np.array([self.centre_mm, *self.rows])
-
-
-def _shortest(z: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """Rows x, y, z of the lens's frame after the shortest rotation that takes its z axis to ``z`` (Rodrigues)."""
-    if z[2] <= -1.0 + 1e-12:
-        return np.diag([-1.0, 1.0, -1.0])
-    cross = np.array([[0.0, 0.0, z[0]], [0.0, 0.0, z[1]], [-z[0], -z[1], 0.0]])
-    rotation: Float[np.ndarray, "3 3"] = np.eye(3) + cross + cross @ cross / (1.0 + z[2])
-    return rotation.T
-
-
-def _turn(degrees: float) -> Float[np.ndarray, "3 3"]:
-    """Rows of a frame turned about its z axis, from x towards y; quarter turns are exact."""
-    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    if degrees % 90.0 == 0.0:
-        cosine, sine = round(cosine), round(sine)
-    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-
-
 Kernel = Callable[..., Any]
 
 
@@ -114,7 +60,7 @@ class PosedReceiver(ABC):
     each pixel.
     """
 
-    pose: ReceiverPose
+    pose: Pose
     grid: PixelGrid
     window: Window = field(default_factory=Window)
     lamps: Lamps = ALONE
@@ -162,8 +108,7 @@ class PosedReceiver(ABC):
 
     def land_by_arrays(self, rays: ExitRays) -> Landings:
         """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable."""
-        axes, centre = like(rays.points, self.pose.axes), like(rays.points, self.pose.centre_mm)
-        points, directions = (rays.points - centre) @ axes.T, rays.directions @ axes.T
+        points, directions = self.pose.own_points(rays.points), self.pose.own_directions(rays.directions)
         landed = rays.left_lens & self._reached(points, directions)
         rows = rows_of(landed)
         none = module_of(points).zeros_like(points[:, :2])
@@ -191,7 +136,7 @@ class PosedReceiver(ABC):
 
     def places(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
         """Points (mm) of the lens's space at places on the chart; of a far field unit directions."""
-        points: Float[np.ndarray, "*n 3"] = self.pose.centre_mm + self._local(x, y) @ self.pose.axes
+        points: Float[np.ndarray, "*n 3"] = self.pose.points(self._local(x, y))
         return points
 
     @abstractmethod
@@ -219,7 +164,7 @@ class PosedReceiver(ABC):
 
 
 @singledispatch
-def posed_receiver(section: ReceiverSection, pose: ReceiverPose, grid: PixelGrid) -> PosedReceiver:
+def posed_receiver(section: ReceiverSection, pose: Pose, grid: PixelGrid) -> PosedReceiver:
     """The receiver of a ``section`` in its pose; its window is all of it unless the section names one.
 
     A kind of receiver registers its function here.

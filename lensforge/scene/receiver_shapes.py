@@ -27,17 +27,16 @@ from lensforge.kernels.landing import (
     sphere_adjoint,
 )
 from lensforge.optics.arrays import Array, lengths, module_of
+from lensforge.optics.pose import Pose
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import (
     Kernel,
     PosedReceiver,
-    ReceiverPose,
     equal_area,
     from_equal_area,
     posed_receiver,
 )
 from lensforge.spec import ReceiverSection, Spec
-from lensforge.spec.lamp_places import LampPose
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.receiver_fields import OF_RECEIVER
 from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
@@ -186,16 +185,15 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
 
 def seen_by_lamp(spec: Spec, number: int) -> Spec:
     """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
-    sections = tuple(_seen_from(spec.all_lamps.poses[number], each) for each in spec.all_receivers)
+    lamp = spec.all_lamps.lamps[number].pose
+    sections = tuple(_alone(each).posed(each.pose.seen_from(lamp)) for each in spec.all_receivers)
     return spec.of_one_lamp.model_copy(update={"target": None, "receivers": sections})
 
 
-def _seen_from(lamp: LampPose, section: ReceiverSection) -> ReceiverSection:
-    pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg).seen_from(lamp)
-    turned = pose.axes @ ReceiverPose.facing(pose.rows[2], section.centre_mm).axes.T
+def _alone(section: ReceiverSection) -> ReceiverSection:
+    """The section with targets that imply no receiver of their own."""
     targets = tuple(target.model_copy(update=dict.fromkeys(OF_RECEIVER)) for target in section.targets)
-    rotation_deg = float(np.degrees(np.arctan2(turned[0, 1], turned[0, 0])))
-    return section.model_copy(update={"targets": targets}).posed(pose.centre_mm, pose.rows[2], rotation_deg)
+    return section.model_copy(update={"targets": targets})
 
 
 _FEWER, _MORE = 0.75, 1.3  # pixels over those asked for, so that lamps may lie alike on them
@@ -209,7 +207,7 @@ def with_all_lamps(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
     """
     grid = receiver.grid
     if receiver.is_flat and lamps.period_mm is None and not lamps.posed:
-        moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T
+        moves = np.array(lamps.places_mm) @ receiver.pose.rotation[:2, :2]
         columns, rows = _alike(grid.columns, moves[:, 0] / grid.width), _alike(grid.rows, moves[:, 1] / grid.height)
         grid = replace(grid, columns=columns, rows=rows)
     return replace(receiver, grid=grid, lamps=lamps.in_far_field if receiver.is_far else lamps)
@@ -244,9 +242,8 @@ def _require_behind_glass(spec: Spec, receivers: Sequence[PosedReceiver]) -> Non
 def _require_outside_bodies(spec: Spec, receivers: Sequence[PosedReceiver]) -> None:
     """Refuse receivers that lie in part within a body of a lamp: light meets them first."""
     near = [receiver.corners().reshape(-1, 3) for receiver in receivers if not receiver.is_far]
-    for body, corners, lamp in product(spec.media.bodies, near, spec.all_lamps.poses):
-        axes = ReceiverPose.facing(lamp.axis, lamp.place_mm, lamp.turn_deg).axes
-        depth = depths(body, (corners - lamp.place_mm) @ axes.T, inner=False)
+    for body, corners, lamp in product(spec.media.bodies, near, spec.all_lamps.lamps):
+        depth = depths(body, lamp.pose.own_points(corners), inner=False)
         inside = np.isfinite(depth) & (depth > 0.0)
         if inside.any():
             x, y, z = corners[int(np.argmax(inside))]
@@ -258,8 +255,7 @@ def _require_outside_bodies(spec: Spec, receivers: Sequence[PosedReceiver]) -> N
 
 def build_receiver(section: ReceiverSection, pixels: int) -> PosedReceiver:
     """One receiver; its window is all of it unless the section names one."""
-    pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg)
-    return posed_receiver(section, pose, PixelGrid.of(*section.size, pixels))
+    return posed_receiver(section, section.pose, PixelGrid.of(*section.size, pixels))
 
 
 posed_receiver.register(
@@ -272,11 +268,11 @@ posed_receiver.register(
 
 
 @posed_receiver.register
-def _(section: FarFieldReceiver, pose: ReceiverPose, grid: PixelGrid) -> PosedReceiver:
+def _(section: FarFieldReceiver, pose: Pose, grid: PixelGrid) -> PosedReceiver:
     return FarField(pose, grid, Window(radius=chart_radius(section.half_angle_deg)))
 
 
 @posed_receiver.register
-def _(section: SphereReceiver, pose: ReceiverPose, grid: PixelGrid) -> PosedReceiver:
+def _(section: SphereReceiver, pose: Pose, grid: PixelGrid) -> PosedReceiver:
     radius = section.radius_mm * chart_radius(section.half_angle_deg)
     return SphericalReceiver(pose, grid, Window(radius=radius), radius_mm=section.radius_mm)

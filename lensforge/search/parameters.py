@@ -295,10 +295,10 @@ def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
     """Action of a mirror group's generators on a receiver's chart; None where its mirror image is another receiver."""
     if not receiver.lamps.has_mirrors(name):
         return None
-    mirrors, axes, centre = [], receiver.pose.axes, np.array(receiver.pose.centre_mm)
+    mirrors, centre = [], np.array(receiver.pose.origin_mm)
     for mirror in generators(name):
         moved = np.linalg.norm(mirror @ centre - centre)
-        action = axes @ mirror @ axes.T
+        action = receiver.pose.own_map(mirror)
         signs = np.round(action[:2, :2])
         swaps = signs[0, 0] == 0.0
         whole = np.block([[signs, np.zeros((2, 1))], [np.zeros((1, 2)), 1.0]])

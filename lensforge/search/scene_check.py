@@ -27,7 +27,6 @@ from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source
-from lensforge.sources.source_pose import SourcePose
 from lensforge.spec import Spec
 from lensforge.spec.feasible import smallest_cavity_mm
 from lensforge.spec.source_sections import Placement
@@ -302,7 +301,7 @@ def source_clearance_warnings(spec: Spec, source: Source) -> tuple[str, ...]:
         f"source: it reaches ({x:.4g}, {y:.4g}, {z:.4g}) mm, {np.hypot(x, y):.4g} mm from the axis, outside {kept}; "
         "only that is kept clear, and the lens may touch the source"
     )
-    if SourcePose.of(spec.source).moves:
+    if spec.source.pose.moves:
         raise InputError(f"{problem}; raise the limits, or change source.position_mm or tilt_deg")
     return (f"{problem}; raise the limits",)
 

@@ -9,6 +9,6 @@
 - ``rayfiles.ray_file_io.read_rayfile``: nine formats of ray files
 - ``photometric.read_photometric``: IES, EULUMDAT and TM-33 files
 - ``measured_rays.held_back``: rays that judge a search, and no others
-- ``source_pose.SourcePose``: where an LED sits
+- ``build_source.PlacedSource``: an LED at its place
 - ``source_summary.SourceSummary``: flux, size and warnings of a source
 """

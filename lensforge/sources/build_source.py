@@ -1,29 +1,32 @@
 """Sources built from the ``[source]`` of a spec; modules that one kind needs are loaded for that kind only.
 
-The paper's source, a square Lambertian emitter in the plane z = 0, needs none. Around any source lies a smallest cavity
-of usual proportions.
+The paper's source, a square Lambertian emitter in the plane z = 0, needs none. Any source may stand in a place of its
+own, and around it lies a smallest cavity of usual proportions.
 """
 
 from dataclasses import dataclass
-from functools import singledispatch
+from functools import cached_property, singledispatch
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
+from lensforge.optics.pose import ALONG_Z, Pose
 from lensforge.seeds import sobol
 from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.radiance_emitter import radiance_emitter
-from lensforge.sources.ray_bundle import RayBundle, Source, aimed
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source, aimed
 from lensforge.sources.ray_colours import TristimulusSource, tristimulus_of_spectrum
 from lensforge.sources.source_flux import chip_fluxes, emitter_flux
-from lensforge.sources.source_pose import PlacedSource, SourcePose
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.derived_values import CAVITY_HEIGHT, rounded_length
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.source_sections import ChipsSource, PlanarSource, RadianceSource, RaySetSource, SquareSource
+from lensforge.surfaces.mirror_group import group, largest_symmetry
+
+_SAME = 1e-12  # elements of a rotation by 45 degrees, rounded, are this close to those of a mirror
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,43 @@ class SquareEmitter:
         return np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
 
 
+@dataclass(frozen=True, eq=False)
+class PlacedSource(ChangedSource):
+    """``source``, which emits about its own origin, at ``pose`` in the lens; its rays are the same, moved."""
+
+    pose: Pose
+
+    @cached_property
+    def symmetry(self) -> str:
+        """Largest mirror group about the lens axis whose images are images of the source itself, at the same place."""
+        return largest_symmetry(self._keeps)
+
+    def _keeps(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
+        """True where a mirror leaves the place as it is and is, for the source itself, one of its own."""
+        if not np.array_equal(mirror @ self.pose.origin_mm, self.pose.origin_mm):
+            return False
+        own = self.pose.own_map(mirror)
+        return any(np.allclose(own, image, rtol=0.0, atol=_SAME) for image in group(self.source.symmetry))
+
+    @property
+    def is_round(self) -> bool:
+        """True where it is moved and turned along and about the axis alone."""
+        return super().is_round and not any(self.pose.origin_mm[:2]) and self.pose.axes[2] == ALONG_Z
+
+    def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
+        """The rays, moved."""
+        return rays.placed(self.pose)
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of a sample, each turned to its target (mm); their flux is W/sr there."""
+        return super().towards(self.pose.own_points(targets), seed)
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """Outline (mm) of the source itself, moved."""
+        outline: Float[np.ndarray, "k 3"] = self.pose.points(self.source.outline())
+        return outline
+
+
 def build_source(spec: EmitterSection, material: Material | None = None, *, coloured: bool = False) -> Source:
     """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used.
 
@@ -78,7 +118,7 @@ def build_source(spec: EmitterSection, material: Material | None = None, *, colo
         from lensforge.sources.ray_set_loading import load_ray_set
 
         return load_ray_set(spec, material, colours=coloured)
-    emitter, pose = emitter_of(spec, disperses=material is not None, coloured=coloured), SourcePose.of(spec)
+    emitter, pose = emitter_of(spec, disperses=material is not None, coloured=coloured), spec.pose
     if pose.moves:
         emitter = PlacedSource(emitter, pose)
     if material is not None and isinstance(spec, ChipsSource) and spec.spectra:

@@ -106,7 +106,7 @@ class TurnedRays(ChangedSource):
         """Draw rays of the source itself, and turn them; each starts as far from the plane as it did."""
         rays, pose = self.source.sample(count, seed), self.source.pose
         turns = self.sigma_rad * np.random.default_rng(seed).standard_normal((count, 3))
-        return _turned(rays, turns) if pose is None else pose.placed(_turned(pose.own(rays), turns))
+        return _turned(rays.seen_from(pose), turns).placed(pose)
 
     def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
         """The rays of a sample, each turned from its point in the source's plane to its target (mm), in W/sr there.
@@ -115,7 +115,7 @@ class TurnedRays(ChangedSource):
         ``(1 + c^2/sigma^2) / (2 pi) exp(-(1 - c^2) / (2 sigma^2))`` per sr, but for ``exp(-1 / (2 sigma^2))``.
         """
         rays, pose, variance = self.source.sample(len(targets), seed), self.source.pose, self.sigma_rad**2
-        own = rays if pose is None else pose.own(rays)
+        own = rays.seen_from(pose)
         along, rise = own.directions, own.directions[:, 2:]
         steep = np.abs(rise) > _LEAST_RISE
         crossings = np.where(steep, own.origins - own.origins[:, 2:] / np.where(steep, rise, 1.0) * along, own.origins)
@@ -126,9 +126,7 @@ class TurnedRays(ChangedSource):
             return lobe / (2.0 * np.pi)
 
         start = replace(own, origins=crossings)
-        if pose is None:
-            return aimed(start, targets, density)
-        return pose.placed(aimed(start, pose.own_points(targets), density))
+        return aimed(start, pose.own_points(targets), density).placed(pose)
 
 
 def _turned(rays: RayBundle, turns: Float[np.ndarray, "n 3"]) -> RayBundle:

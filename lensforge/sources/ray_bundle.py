@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
 from lensforge.optics.media import some_of
+from lensforge.optics.pose import Pose
 
 BLOCK_RAYS = 2**18  # rays handled at a time: bounds the memory whatever their number
 
@@ -73,6 +74,18 @@ class RayBundle:
         numbers = None if self.of_source is None else self.of_source[rows]
         colours = None if self.tristimulus is None else self.tristimulus[rows]
         return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], waves, numbers, colours)
+
+    def placed(self, pose: Pose) -> "RayBundle":
+        """Rays of the coordinates of a thing in those of what it stands in."""
+        if not pose.moves:
+            return self
+        return replace(self, origins=pose.points(self.origins), directions=pose.directions(self.directions))
+
+    def seen_from(self, pose: Pose) -> "RayBundle":
+        """Rays in the coordinates of a thing that stands among them."""
+        if not pose.moves:
+            return self
+        return replace(self, origins=pose.own_points(self.origins), directions=pose.own_directions(self.directions))
 
     def divided(self, parts: int) -> list["RayBundle"]:
         """Consecutive parts: those of a low-discrepancy sample are such samples themselves."""

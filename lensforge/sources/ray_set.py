@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float, Int, UInt64
 
 from lensforge.errors import InputError
+from lensforge.optics.pose import IN_PLACE, Pose
 from lensforge.sources.emitting_area import convex_hull, hull_points
 from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, chosen, number_type, with_flux
-from lensforge.sources.source_pose import SourcePose
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.source_sections import Placement
 
@@ -23,7 +23,7 @@ _Crossings = tuple[Float[np.ndarray, "_ 2"], Float[np.ndarray, " _"]]  # points 
 _Values = tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]  # values, and the flux at each
 
 
-def outline_of(rays: Rays, pose: SourcePose | None) -> Float[np.ndarray, "k 3"]:
+def outline_of(rays: Rays, pose: Pose) -> Float[np.ndarray, "k 3"]:
     """Convex hull (mm) of the points where 95 % of the forward flux crosses, or seems to cross, a plane.
 
     It is the plane z = 0 of the source before ``pose`` turned, tilted and shifted it to its place. All rays count;
@@ -31,12 +31,12 @@ def outline_of(rays: Rays, pose: SourcePose | None) -> Float[np.ndarray, "k 3"]:
     """
 
     def blocks() -> Iterator[RayBundle]:
-        return (block if pose is None else pose.own(block) for block in blocks_of(rays))
+        return (block.seen_from(pose) for block in blocks_of(rays))
 
     forward = any(bool((block.directions[:, 2] > 0.0).any()) for block in blocks())
     corners = _around(lambda: (_crossings(block, forward) for block in blocks()))
-    outline = np.column_stack([corners, np.zeros(len(corners))])
-    return outline if pose is None else pose.points(outline)
+    outline: Float[np.ndarray, "k 3"] = pose.points(np.column_stack([corners, np.zeros(len(corners))]))
+    return outline
 
 
 def _crossings(rays: RayBundle, forward: bool) -> _Crossings:
@@ -122,11 +122,11 @@ _MIRROR = {"none": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)
 
 def placed(rays: RayBundle, origin_mm: Float[np.ndarray, " 3"], placement: Placement) -> RayBundle:
     """Transform ``rays`` of a file to lens coordinates; ``origin_mm``, a point of the file, becomes the lens origin."""
-    pose = SourcePose.of(placement)
+    pose = placement.pose
     matrix = pose.rotation @ np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
     origins = _turned(placement.scale * (rays.origins - origin_mm), matrix)
-    if pose.position_mm.any():
-        origins = origins + pose.position_mm
+    if any(pose.origin_mm):
+        origins = origins + np.array(pose.origin_mm)
     return replace(rays, origins=origins, directions=_turned(rays.directions, matrix))
 
 
@@ -143,7 +143,7 @@ class RaySetEmitter:
 
     Rays that go backwards, or start below z = 0 or beyond the cavity, are kept: the tracer counts them as lost, by
     cause. Only unusable rays are dropped; ``summary`` holds their number, and what else was done to a file: None for
-    rays made by a program. ``pose``: of the source in the lens, None at the origin; the outline is drawn there.
+    rays made by a program. ``pose``: of the source in the lens; the outline is drawn there.
     ``rays`` of a large file are not in memory: those of a sample are read when it is drawn.
     """
 
@@ -151,7 +151,7 @@ class RaySetEmitter:
     flux_w: float
     summary: SourceSummary | None = None
     symmetry: str = "none"
-    pose: SourcePose | None = None
+    pose: Pose = IN_PLACE
 
     def __len__(self) -> int:
         return len(self.rays)

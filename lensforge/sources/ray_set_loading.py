@@ -30,7 +30,6 @@ from lensforge.sources.source_flux import (
     spectral_efficacy,
     with_spectrum_compared,
 )
-from lensforge.sources.source_pose import SourcePose
 from lensforge.sources.source_spectrum import spectrum_of, usable_wavelengths
 from lensforge.sources.source_summary import (
     AppliedPlacement,
@@ -258,8 +257,7 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     )
     if index_range is not None:
         summary = summary.model_copy(update=index_range.fields())
-    pose = SourcePose.of(spec)
-    return RaySetEmitter(rays, flux_w, summary, pose=pose if pose.moves else None)
+    return RaySetEmitter(rays, flux_w, summary, pose=spec.pose)
 
 
 def _whole_range(parts: Sequence[_Loaded]) -> IndexRange | None:

@@ -7,7 +7,6 @@ outside. The search changes none of them, and no file for the shop has them.
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from math import cos, radians, sin
 from typing import Annotated, Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from lensforge.errors import InputError
 from lensforge.optics.face_roles import CAVITY, DOUBLE, OUTSIDE
 from lensforge.optics.material import MATERIALS, Material, by_abbe_number
 from lensforge.optics.media import FaceCoating, Media, Medium, SecondaryOptic
+from lensforge.optics.pose import Pose
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.fixed_surface import FixedSurface
@@ -122,14 +122,9 @@ class BodySection(Section):
         )
 
     @property
-    def turn(self) -> Float[np.ndarray, "3 3"]:
-        """Axes of the body in the coordinates of the lens, as columns."""
-        a, b, c = (radians(angle) for angle in (*self.tilt_deg, self.rotate_z_deg))
-        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cos(a), -sin(a)], [0.0, sin(a), cos(a)]])
-        about_y = np.array([[cos(b), 0.0, sin(b)], [0.0, 1.0, 0.0], [-sin(b), 0.0, cos(b)]])
-        about_z = np.array([[cos(c), -sin(c), 0.0], [sin(c), cos(c), 0.0], [0.0, 0.0, 1.0]])
-        turn: Float[np.ndarray, "3 3"] = about_y @ about_x @ about_z
-        return turn
+    def pose(self) -> Pose:
+        """Place of the body in the lens."""
+        return Pose.of_tilts(self.centre_mm, self.tilt_deg, self.rotate_z_deg)
 
     def body(self, design_wavelength_nm: float) -> SecondaryOptic:
         """The body as rays meet it; those without a wavelength have that one.
@@ -147,14 +142,12 @@ class BodySection(Section):
             for name, face in zip(DOUBLE, (self.inner, self.outer), strict=True)
             if face.coating is not None
         )
-        rows = tuple(tuple(float(value) for value in row) for row in self.turn)
         return SecondaryOptic(
             self.name,
             Medium(index, absorption, material),
             self.inner.fixed.surface,
             self.outer.fixed.surface,
-            self.centre_mm,
-            rows,  # type: ignore[arg-type]  # three of three
+            self.pose,
             coatings,
         )
 

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from lensforge.optics.photopic import LARGEST_LM_PER_W
+from lensforge.optics.pose import Pose
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.spec_section import Coordinate, FilePath, Lumens, Section, Watts, Weight, check
 
@@ -137,10 +138,8 @@ class EmitterSection(OfSeveralKinds, FluxSection):
     ``flux_w``, ``flux_lm``: of the whole source; with neither it has 1 W, or what its file states.
 
     ``rotate_z_deg``, ``tilt_deg`` and ``position_mm`` say where the source sits, in lens coordinates, and apply in
-    this order: the source is turned about the z axis, then about the x axis by the first angle of ``tilt_deg``, then
-    about the y axis by the second, each about the lens origin by the right-hand rule, and then shifted by
-    ``position_mm`` = (x, y, z). So its axis, +z before, points along (cos a sin b, -sin a, cos a cos b) for
-    ``tilt_deg`` = (a, b), and its centre is at ``position_mm``.
+    this order. So its axis, +z before, points along (cos a sin b, -sin a, cos a cos b) for ``tilt_deg`` = (a, b), and
+    its centre is at ``position_mm``.
     """
 
     words: ClassVar[str]  # for the source, by its fields
@@ -168,6 +167,11 @@ class EmitterSection(OfSeveralKinds, FluxSection):
                 f"luminous_efficacy_lm_per_w = {efficacy:g}, but flux_lm = {self.flux_lm:g} of flux_w = "
                 f"{self.flux_w:g} is {stated:.4g} lm/W; give two of the three"
             )
+
+    @property
+    def pose(self) -> Pose:
+        """Place in the lens."""
+        return Pose.of_tilts(self.position_mm, self.tilt_deg, self.rotate_z_deg)
 
     @property
     def extent_mm(self) -> float | None:

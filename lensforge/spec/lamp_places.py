@@ -1,4 +1,4 @@
-"""Stands of lamps: place, aim and turn of each; and kinds of lens by place: in the middle, at the rim, at its corners.
+"""Places of lamps: place, aim and turn of each; and kinds of lens by place: in the middle, at the rim, at its corners.
 
 A lamp at the rim is turned to face outwards, with its LED and lens, and its lens is its own mirror image: about its x
 axis along a side, about the diagonal at the corner of a grid. So the mirror image of a place takes the same moulded
@@ -10,19 +10,20 @@ from dataclasses import dataclass
 from math import atan2, degrees, hypot, inf
 from typing import NamedTuple
 
-Vector = tuple[float, float, float]
-ALONG_Z: Vector = (0.0, 0.0, 1.0)
+from lensforge.optics.pose import ALONG_Z, ORIGIN, Pose, Vector
 
 
-class LampPose(NamedTuple):
-    """LampPose of a lamp: the place (mm) of its origin, the direction of its axis, and its turn (degrees).
+class Lamp(NamedTuple):
+    """A lamp as it is stated: the place (mm) of its origin, the direction of its axis, and its turn (degrees)."""
 
-    It is turned about z, from x towards y, and then tilted the shortest way.
-    """
-
-    place_mm: Vector = (0.0, 0.0, 0.0)
+    place_mm: Vector = ORIGIN
     axis: Vector = ALONG_Z
     turn_deg: float = 0.0
+
+    @property
+    def pose(self) -> Pose:
+        """Place of the lamp, its axes turned and tilted."""
+        return Pose.facing(self.axis, self.place_mm, self.turn_deg)
 
 
 _SAME = 1e-9  # relative: an axis as near to z is along it

@@ -14,13 +14,12 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
+from lensforge.optics.pose import ALONG_Z, ORIGIN, Vector
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.lamp_places import (
-    ALONG_Z,
     KindOfPlace,
+    Lamp,
     LampKind,
-    LampPose,
-    Vector,
     aimed_from,
     in_grid,
     in_hexagon,
@@ -35,13 +34,13 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Lamps:
-    """Lamps with equal LEDs, each at its pose.
+    """Lamps with equal LEDs, each at its place.
 
     ``period_mm``: width and height of the rectangle that an infinite lattice repeats; the lamps are those of one.
     ``kinds``: two or more that share the lamps out, each with a lens of its own; none where all have the same lens.
     """
 
-    poses: tuple[LampPose, ...] = (LampPose(),)
+    lamps: tuple[Lamp, ...] = (Lamp(),)
     period_mm: tuple[float, float] | None = None
     kinds: tuple[LampKind, ...] = ()
 
@@ -53,21 +52,21 @@ class Lamps:
         places = tuple(places_mm)
         turns = tuple(turns_deg) or (0.0,) * len(places)
         return Lamps(
-            tuple(LampPose((*each, 0.0), ALONG_Z, turn) for each, turn in zip(places, turns, strict=True)), period_mm
+            tuple(Lamp((*each, 0.0), ALONG_Z, turn) for each, turn in zip(places, turns, strict=True)), period_mm
         )
 
     def __len__(self) -> int:
-        return len(self.poses)
+        return len(self.lamps)
 
     @property
     def places_mm(self) -> tuple[Place, ...]:
         """Places (x, y) of their origins."""
-        return tuple(pose.place_mm[:2] for pose in self.poses)
+        return tuple(lamp.place_mm[:2] for lamp in self.lamps)
 
     @property
     def turns_deg(self) -> tuple[float, ...]:
         """Turns (degrees) about their axes, from x towards y."""
-        return tuple(pose.turn_deg for pose in self.poses)
+        return tuple(lamp.turn_deg for lamp in self.lamps)
 
     @property
     def is_single(self) -> bool:
@@ -77,7 +76,7 @@ class Lamps:
     @property
     def posed(self) -> bool:
         """True where a lamp has a height of its own, or an axis that is not along z."""
-        return any(pose.place_mm[2] != 0.0 or pose.axis != ALONG_Z for pose in self.poses)
+        return any(lamp.place_mm[2] != 0.0 or lamp.axis != ALONG_Z for lamp in self.lamps)
 
     @property
     def words(self) -> str:
@@ -90,17 +89,17 @@ class Lamps:
     @property
     def reach_mm(self) -> float:
         """Distance of the farthest lamp from the origin."""
-        return max(hypot(*pose.place_mm) for pose in self.poses)
+        return max(hypot(*lamp.place_mm) for lamp in self.lamps)
 
     @property
     def in_far_field(self) -> "Lamps":
         """The same as they are seen from far away, where all are at one place."""
-        together = tuple(pose._replace(place_mm=(0.0, 0.0, 0.0)) for pose in self.poses)
-        return self if self.is_single else replace(self, poses=together, period_mm=None)
+        together = tuple(lamp._replace(place_mm=ORIGIN) for lamp in self.lamps)
+        return self if self.is_single else replace(self, lamps=together, period_mm=None)
 
     def of_kind(self, kind: LampKind) -> "Lamps":
         """The lamps that have one lens."""
-        return Lamps(tuple(self.poses[number] for number in kind.numbers))
+        return Lamps(tuple(self.lamps[number] for number in kind.numbers))
 
     @property
     def shares_of_rays(self) -> tuple[float, ...]:
@@ -119,12 +118,12 @@ class Lamps:
         return all(self._is_mirrored(kind, group) for kind in self.kinds or (LampKind("", tuple(range(len(self)))),))
 
     def _is_mirrored(self, kind: LampKind, group: str) -> bool:
-        own = self.of_kind(kind).poses
-        places, axes = np.array([pose.place_mm for pose in own]), np.array([pose.axis for pose in own])
-        as_it_is = self._as_rows(places, axes, [pose.turn_deg for pose in own])
+        own = self.of_kind(kind).lamps
+        places, axes = np.array([lamp.place_mm for lamp in own]), np.array([lamp.axis for lamp in own])
+        as_it_is = self._as_rows(places, axes, [lamp.turn_deg for lamp in own])
         for mirror in generators(group):
             axis_deg = 0.5 * degrees(atan2(mirror[1, 0], mirror[0, 0]))
-            turns = [kind.mirrored_deg(pose.turn_deg, axis_deg) for pose in own]
+            turns = [kind.mirrored_deg(lamp.turn_deg, axis_deg) for lamp in own]
             if not np.array_equal(self._as_rows(places @ mirror.T, axes @ mirror.T, turns), as_it_is):
                 return False
         return True
@@ -132,7 +131,7 @@ class Lamps:
     def _as_rows(
         self, places: Float[np.ndarray, "n 3"], axes: Float[np.ndarray, "n 3"], turns_deg: Sequence[float]
     ) -> Float[np.ndarray, "n 7"]:
-        """Stands, of a lattice within its period, and with turns within 360 degrees, rounded and in one order."""
+        """Places, of a lattice within its period, and with turns within 360 degrees, rounded and in one order."""
         if self.period_mm is not None:
             places = np.column_stack([np.round(places[:, :2] / self.period_mm, 6) % 1.0 * self.period_mm, places[:, 2]])
         rows = np.round(np.column_stack([places, np.round(turns_deg, 6) % 360.0, axes]), 6) + 0.0
@@ -141,7 +140,7 @@ class Lamps:
 
     def _between(self) -> Float[np.ndarray, "m 3"]:
         """Ways (mm) from each lamp to every other one; in a lattice also to those around."""
-        places = np.array([pose.place_mm for pose in self.poses])
+        places = np.array([lamp.place_mm for lamp in self.lamps])
         ways = (places[:, None] - places[None]).reshape(-1, 3)
         ways = ways[np.arange(len(ways)) % (len(places) + 1) != 0]  # not to itself
         if self.period_mm is None:
@@ -307,12 +306,12 @@ class TableLamps(LampsSection):
         places: list[Vector] = [(*place, 0.0)[:3] for place in self.places_mm]
         aims = self.aims_mm or [None] * len(places)
         turns = self.turns_deg or (0.0,) * len(places)
-        poses = []
+        lamps = []
         for place, aim, turn in zip(places, aims, turns, strict=True):
             axis, side = (ALONG_Z, 0.0) if aim is None else aimed_from(place, aim)
-            poses.append(LampPose(place, axis, turn + side))
+            lamps.append(Lamp(place, axis, turn + side))
         flat = [place[:2] for place in places]
-        return Lamps(tuple(poses), kinds=kinds_of(flat, self.kinds, [""] * len(self.kinds)))
+        return Lamps(tuple(lamps), kinds=kinds_of(flat, self.kinds, [""] * len(self.kinds)))
 
     @property
     def of_one_kind(self) -> Self:

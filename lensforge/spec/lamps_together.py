@@ -51,7 +51,7 @@ def _require_seen_by(receiver: ReceiverSection, lamps: Lamps, limits: Constraint
     """Raise ``ValueError`` for a receiver between the lamps or inside a lens, or one that a lattice cannot light."""
     if lamps.period_mm is not None:
         _require_period(receiver, lamps.period_mm)
-    for place, _, _ in lamps.poses:
+    for place, _, _ in lamps.lamps:
         away_mm = receiver.clear_mm(place)
         if away_mm <= limits.max_radius_mm:
             at = ", ".join(f"{each:.4g}" for each in place[: 3 if place[2] else 2])

@@ -9,7 +9,8 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
 
-from lensforge.spec.receiver_fields import ORIGIN, ReceiverSection, require_on
+from lensforge.optics.pose import ORIGIN
+from lensforge.spec.receiver_fields import ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
 from lensforge.spec.spec_section import Coordinate, Label, Section, check

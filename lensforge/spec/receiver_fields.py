@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
 
+from lensforge.optics.pose import ORIGIN, Pose, Vector
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.lens_section import LensShape
@@ -18,8 +19,6 @@ OF_RECEIVER = ("distance_mm", "receiver_mm", "half_angle_deg")  # fields of a ta
 _MOST_TARGETS = 1000
 _Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 Direction = tuple[_Number, _Number, _Number]
-Point = tuple[float, float, float]  # mm
-ORIGIN = (0.0, 0.0, 0.0)
 
 
 class ReceiverSection(OfSeveralKinds, Section):
@@ -36,7 +35,7 @@ class ReceiverSection(OfSeveralKinds, Section):
     if TYPE_CHECKING:  # fields of most kinds; of some they follow from others
 
         @property
-        def centre_mm(self) -> Point:
+        def centre_mm(self) -> Vector:
             """Middle of the chart, or of its curvature."""
 
         @property
@@ -84,14 +83,20 @@ class ReceiverSection(OfSeveralKinds, Section):
         """Angle of a pixel, of so many along the longer side, as seen from the lens where the receiver is nearest."""
         return max(self.size) / pixels / self.clear_mm(ORIGIN)
 
-    def clear_mm(self, place_mm: Point) -> float:
+    def clear_mm(self, place_mm: Vector) -> float:
         """Distance of the receiver from a place on its lit side, where it is nearest."""
         raise NotImplementedError
 
-    def posed(self, centre_mm: Point, facing: Direction, rotation_deg: float) -> Self:
+    @property
+    def pose(self) -> Pose:
+        """Place of the chart: its middle or that of its curvature, and its axes."""
+        return Pose.facing(self.facing, self.centre_mm, self.rotation_deg)
+
+    def posed(self, pose: Pose) -> Self:
         """The receiver in another pose."""
-        pose = {"centre_mm": centre_mm, self.faces_by: facing, "tilt_deg": None, "rotation_deg": rotation_deg}
-        return self.model_copy(update={name: pose[name] for name in pose if name in type(self).model_fields})
+        centre_mm, facing, turn_deg = pose.origin_mm, pose.axes[2], pose.turn_deg
+        fields = {"centre_mm": centre_mm, self.faces_by: facing, "tilt_deg": None, "rotation_deg": turn_deg}
+        return self.model_copy(update={name: fields[name] for name in fields if name in type(self).model_fields})
 
     def require_outside(self, lens: LensShape, limits: ConstraintsSection, distance: str) -> None:
         """Raise ``ValueError`` for a receiver inside the largest lens, or where its light cannot come.

@@ -9,9 +9,10 @@ from typing import Annotated, ClassVar, Literal, TypeVar
 from pydantic import Field
 
 from lensforge.errors import InputError
+from lensforge.optics.pose import ORIGIN, Pose, Vector
 from lensforge.spec.emitter_section import Degrees
 from lensforge.spec.lens_section import LensShape
-from lensforge.spec.receiver_fields import ORIGIN, Direction, Point, ReceiverSection, largest_of
+from lensforge.spec.receiver_fields import Direction, ReceiverSection, largest_of
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Coordinate, Millimetres, check
 from lensforge.spec.target_sections import HalfAngle, TargetSection, Unit
@@ -50,8 +51,7 @@ class PlaneReceiver(ReceiverSection):
     @property
     def facing(self) -> Direction:
         """Direction of the normal, away from the lens."""
-        a, b = (radians(angle) for angle in self.tilt_deg or (0.0, 0.0))
-        x, y, z = self.normal or (cos(a) * sin(b), -sin(a), cos(a) * cos(b))
+        x, y, z = self.normal or Pose.of_tilts(tilt_deg=self.tilt_deg or (0.0, 0.0)).axes[2]
         away = x * self.centre_mm[0] + y * self.centre_mm[1] + z * self.centre_mm[2]
         return (x, y, z) if away >= 0.0 else (-x, -y, -z)
 
@@ -60,7 +60,7 @@ class PlaneReceiver(ReceiverSection):
         """Distance of the plane from the lens origin."""
         return self.clear_mm(ORIGIN)
 
-    def clear_mm(self, place_mm: Point) -> float:
+    def clear_mm(self, place_mm: Vector) -> float:
         """Distance of the plane from a place before it."""
         x, y, z = self.facing
         length: float = (x * x + y * y + z * z) ** 0.5
@@ -103,7 +103,7 @@ class FarFieldReceiver(ReceiverSection):
 
     unit: ClassVar[Unit] = "deg"
     words: ClassVar[str] = "in the far field, to {0.half_angle_deg:g}°"
-    centre_mm: ClassVar[Point] = ORIGIN
+    centre_mm: ClassVar[Vector] = ORIGIN
     is_round: ClassVar[bool] = True
     faces_by: ClassVar[str] = "axis"
 
@@ -133,7 +133,7 @@ class FarFieldReceiver(ReceiverSection):
         """Side of a pixel on the chart."""
         return max(self.size) / pixels
 
-    def clear_mm(self, place_mm: Point) -> float:
+    def clear_mm(self, place_mm: Vector) -> float:
         """Infinite: it is far away."""
         return inf
 
@@ -161,7 +161,7 @@ class _CurvedReceiver(ReceiverSection):
         """Angle of a pixel seen from the centre."""
         return max(self.size) / pixels / self.radius_mm
 
-    def clear_mm(self, place_mm: Point) -> float:
+    def clear_mm(self, place_mm: Vector) -> float:
         """Distance of the screen from a place within it."""
         return self.radius_mm - dist(self.centre_mm, place_mm)
 

@@ -20,9 +20,10 @@ from lensforge.light.evaluation import evaluate_lens
 from lensforge.light.evaluation_result import Light
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
+from lensforge.optics.pose import Pose
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, splat_flux
-from lensforge.scene.receiver import Landings, ReceiverPose
+from lensforge.scene.receiver import Landings
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.collected_light import Collected, collected
@@ -173,7 +174,7 @@ PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
 
 
 def light_on(side: float, pixels: int, target: TargetSection) -> np.ndarray:
-    plane = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(side, pixels))
+    plane = Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(side, pixels))
     return target_light((target,), plane)
 
 

@@ -15,7 +15,8 @@ from lensforge.kernels.fate import Fate
 from lensforge.kernels.precision import DOUBLE_PRECISION, SINGLE_PRECISION, ByPrecision, in_single
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media, Medium
-from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.optics.pose import Pose
+from lensforge.scene.as_made import AsMade
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
@@ -93,9 +94,9 @@ def test_rays_through_rough_lenses_of_any_size_have_the_same_fates(roughness: fl
 
 FILM = LayerStack((CoatingLayer(IndexCurve((1.38,)), 100.0),), IndexCurve((1.49,)), (300.0, 900.0))
 MADE = AsMade(
-    source=Displacement((0.05, -0.03, 0.02), (0.01, -0.02), (0.1, 0.0, 0.0)), lens=Displacement((0.1, 0.0, 0.05)),
-    faces={"outer": Displacement((0.02, 0.05, -0.03), (0.004, 0.01))}, source_size=1.1, scale=0.99,
-    slopes={"inner": 1e-3, "outer": 2e-3},
+    source=Pose.displaced((0.05, -0.03, 0.02), (0.01, -0.02, 0.0), (0.1, 0.0, 0.0)), source_centre_mm=(0.1, 0.0, 0.0),
+    lens=Pose.displaced((0.1, 0.0, 0.05)), faces={"outer": Pose.displaced((0.02, 0.05, -0.03), (0.004, 0.01, 0.0))},
+    source_size=1.1, scale=0.99, slopes={"inner": 1e-3, "outer": 2e-3},
 )  # fmt: skip
 SCENES = {
     "bare": Scene(clear(), GRID),

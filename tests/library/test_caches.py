@@ -109,7 +109,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
          (ExitColumn(5.0, ((0.0, 2.0),)), 60.0), (ExitColumn(5.0, ((0.0, 2.5),)), 50.0)]),
     "scene.as_made._noise": (_noise, [(9, 2), (10, 2), (9, 3)]),
     "scene.lamp_pictures._pictures": (
-        lambda each: [raster.receiver.pose.centre_mm for raster in _pictures(each).rasters],
+        lambda each: [raster.receiver.pose.origin_mm for raster in _pictures(each).rasters],
         [(receiver(),), (receiver({**ROW, "places_mm": [[-30.0, 0.0], [40.0, 0.0]]}),),
          (receiver({**ROW, "turns_deg": [0.0, 20.0]}),), (receiver(centre_mm=[0.0, 0.0, 110.0]),)]),
     "scene.lens._lens_in": (lambda outer, folder: _of_file(outer, folder), [(6.0, Path()), (6.5, Path())]),

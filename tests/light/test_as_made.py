@@ -15,7 +15,8 @@ from scenes import random_surface, sphere, table_of
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
-from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.optics.pose import Pose
+from lensforge.scene.as_made import AsMade
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -26,9 +27,10 @@ BUMPY = random_surface(1, 0.8, 0.01), random_surface(2, 2.45, 0.008)
 TABLES = [table_of(surface, GRID) for surface in BUMPY]
 RAYS = SquareEmitter(1.1).sample(512, 0)  # its corners lie near the rim of the cavity
 ODD = AsMade(
-    source=Displacement((0.01, -0.02, 0.015), (0.02, -0.01), (0.05, 0.0, 0.0)),
-    lens=Displacement((-0.02, 0.01, -0.03), (-0.015, 0.02)),
-    faces={"outer": Displacement((0.03, 0.02, -0.02), (0.01, 0.03))},
+    source=Pose.displaced((0.01, -0.02, 0.015), (0.02, -0.01, 0.0), (0.05, 0.0, 0.0)),
+    source_centre_mm=(0.05, 0.0, 0.0),
+    lens=Pose.displaced((-0.02, 0.01, -0.03), (-0.015, 0.02, 0.0)),
+    faces={"outer": Pose.displaced((0.03, 0.02, -0.02), (0.01, 0.03, 0.0))},
     source_size=1.05,
     scale=0.98,
     seat_mm=1.5,
@@ -62,21 +64,20 @@ def test_the_tracer_in_torch_agrees(absorption: float) -> None:
 
 
 def test_a_rigid_motion_of_everything_moves_the_light_and_nothing_else() -> None:
-    whole = Displacement((0.3, -0.2, 0.4), (0.1, 0.05))
+    whole = Pose.displaced((0.3, -0.2, 0.4), (0.1, 0.05, 0.0))
     plain = trace_tables(TABLES, _scene(None), RAYS)
     moved = trace_tables(TABLES, _scene(AsMade(source=whole, lens=whole)), RAYS)
     assert torch.equal(plain.fates, moved.fates)
     assert (plain.flux - moved.flux).abs().max() < 1e-15
     out = plain.left_lens
-    turn, shift = torch.from_numpy(whole.rotation), torch.from_numpy(whole.shift)
-    assert (plain.points[out] @ turn.T + shift - moved.points[out]).abs().max() < 1e-12
-    assert (plain.directions[out] @ turn.T - moved.directions[out]).abs().max() < 1e-12
+    assert (whole.points(plain.points[out]) - moved.points[out]).abs().max() < 1e-12
+    assert (whole.directions(plain.directions[out]) - moved.directions[out]).abs().max() < 1e-12
 
 
 def test_a_source_moved_one_way_is_a_lens_moved_the_other() -> None:
     by = (0.04, -0.03, 0.02)
-    source = trace_tables(TABLES, _scene(AsMade(source=Displacement(by))), RAYS)
-    lens = trace_tables(TABLES, _scene(AsMade(lens=Displacement(tuple(-x for x in by)))), RAYS)
+    source = trace_tables(TABLES, _scene(AsMade(source=Pose.displaced(by))), RAYS)
+    lens = trace_tables(TABLES, _scene(AsMade(lens=Pose.displaced(tuple(-x for x in by)))), RAYS)
     by_hand = trace_tables(TABLES, _scene(None), replace(RAYS, origins=RAYS.origins + np.array(by)))
     out = source.left_lens
     assert torch.equal(source.fates, by_hand.fates)
@@ -106,31 +107,22 @@ def test_a_lens_that_shrinks_keeps_its_seat() -> None:
     assert (shrunk.points - by_hand.points - torch.from_numpy(up))[out].abs().max() < 1e-12
 
 
-def test_a_tilt_is_a_turn_about_its_centre() -> None:
-    tilt = Displacement((0.0, 0.0, 0.0), (0.03, 0.04), (1.0, 2.0, 3.0))
-    centre = np.array([1.0, 2.0, 3.0])
-    assert np.allclose(tilt.rotation @ tilt.rotation.T, np.eye(3), atol=1e-15)
-    assert np.allclose(tilt.rotation @ [0.03, 0.04, 0.0], [0.03, 0.04, 0.0], atol=1e-16)
-    assert np.isclose(np.trace(tilt.rotation), 1.0 + 2.0 * np.cos(0.05))
-    assert np.allclose(tilt.rotation @ centre + tilt.shift, centre)
-
-
 def test_faces_of_a_body_of_four_are_met_each_in_its_own_frame() -> None:
     """A point goes through the frames as by hand: into the lens, from face to face by where they lie, and out."""
     names, moves = ("cap", "side", "wall", "exit"), [ODD.source, ODD.lens, ODD.faces["outer"]]
     made = replace(ODD, names=names, faces=dict(zip(names[1:], moves, strict=True)), slopes={"wall": 1e-3})
     frames, into, out = made.placed
     assert frames.shape == (5, 3, 4)
-    own = made.source.rotation @ (1.05 * (np.array([0.1, 0.2, 0.3]) - made.source.centre_mm)) + made.source.shift_mm
-    raised = made.lens.rotation.T @ (own + made.source.centre_mm - made.lens.shift)
+    centre = np.array(made.source_centre_mm)
+    world = made.source.points(centre + 1.05 * ([0.1, 0.2, 0.3] - centre))
+    raised = made.lens.own_points(world)
     in_body = (raised - [0.0, 0.0, 1.5 * (0.98 - 1.0)]) / 0.98
     point = into * frames[0, :, :3] @ [0.1, 0.2, 0.3] + frames[0, :, 3]
     assert np.allclose(point, in_body, atol=1e-15)
     for frame, name in zip(frames[1:], names[1:], strict=False):
         point, face = frame[:, :3] @ point + frame[:, 3], made.faces[name]
-        assert np.allclose(face.rotation @ point + face.shift, in_body, atol=1e-15)
-    world = made.source.rotation @ (1.05 * (np.array([0.1, 0.2, 0.3]) - made.source.centre_mm)) + made.source.shift_mm
-    assert np.allclose(out * frames[4, :, :3] @ point + frames[4, :, 3], world + made.source.centre_mm, atol=1e-15)
+        assert np.allclose(face.points(point), in_body, atol=1e-15)
+    assert np.allclose(out * frames[4, :, :3] @ point + frames[4, :, 3], world, atol=1e-15)
     noise, slopes = made.rough(7)
     assert noise.shape == (7, 12) and slopes.tolist() == [0.0, 0.0, 1e-3, 0.0]
     assert replace(made, slopes={}).rough(7) is None
@@ -143,16 +135,16 @@ def test_spheres_about_another_centre_refract_as_closed_forms_say() -> None:
     along /= np.linalg.norm(along, axis=1)[:, None]
     rays = RayBundle(np.repeat(shift[None], 3, axis=0), along, np.ones(3))
     spheres = [table_of(sphere(r), GRID) for r in (1.0, 3.0)]
-    everything = AsMade(source=Displacement(), lens=Displacement(tuple(shift)))
+    everything = AsMade(source=Pose(), lens=Pose.displaced(tuple(shift)))
     found = trace_tables(spheres, _scene(everything), rays)
     assert np.allclose(found.points.numpy(), shift + 3.0 * along, atol=1e-9)
-    only_outer = AsMade(faces={"outer": Displacement(tuple(shift))})
+    only_outer = AsMade(faces={"outer": Pose.displaced(tuple(shift))})
     found = trace_tables(spheres, Scene(Media(Medium(1.0)), GRID, made=only_outer), rays)
     assert np.allclose(found.points.numpy(), shift + 3.0 * along, atol=1e-9)
 
 
 def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane_or_the_base() -> None:
-    raised, media = AsMade(faces={"outer": Displacement((0.0, 0.0, 0.3))}), Media(Medium(1.0))
+    raised, media = AsMade(faces={"outer": Pose.displaced((0.0, 0.0, 0.3))}), Media(Medium(1.0))
     along = np.array([[1.0, 0.0, 0.05], [1.0, 0.0, 0.3], [1.0, 0.0, 0.2]])
     along /= np.linalg.norm(along, axis=1)[:, None]
     rays, balls = RayBundle(np.zeros((3, 3)), along, np.ones(3)), [sphere(r) for r in (1.0, 2.0)]

@@ -14,16 +14,16 @@ from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.optics.material import MATERIALS
-from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.optics.pose import Pose
+from lensforge.scene.as_made import AsMade
 from lensforge.scene.body import Body, Face
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import FarField
 from lensforge.search.collected_light import collected
 from lensforge.search.light_path import landed_through
 from lensforge.search.merit import nmse_loss
 from lensforge.seeds import sobol
-from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.build_source import PlacedSource, SquareEmitter
 from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.emitting_area import Disc
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
@@ -32,7 +32,6 @@ from lensforge.sources.planar_emitter import PlanarEmitter
 from lensforge.sources.radiance_emitter import RadianceEmitter, RadianceTable
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.sources.ray_set import RaySetEmitter
-from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -40,7 +39,7 @@ from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 
 GRID = TableGrid(161)
 SMALL = 1e-4
-ASKEW = SourcePose(rotation_about("x", 0.1), np.array([0.4, 0.2, 0.05]))
+ASKEW = Pose.of_tilts((0.4, 0.2, 0.05), (6.0, 0.0))
 LED = PlacedSource(PlanarEmitter(Disc(1.0), CosinePower(1.5)), ASKEW)
 
 
@@ -161,7 +160,7 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
     """Differences of the error of a far-field picture by the same rays, those that change faces included."""
     base = BASES[pocket][0]
     tables, here = tables_of(pocket(**base), GRID), scene(pocket(**base))
-    receiver = FarField(ReceiverPose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 1.0, 9, 7))
+    receiver = FarField(Pose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 1.0, 9, 7))
     wanted = torch.from_numpy(np.random.default_rng(1).uniform(0.0, 0.02, receiver.grid.shape))
     way = sum(step * by_parameter(pocket, base, name) for _, name, step in STEPS)  # of all parameters together
 
@@ -211,7 +210,7 @@ SOURCES: dict[str, Source] = {
     "planes": PlanarEmitter(Disc(1.0), TabulatedIntensity(PLANES, GAMMAS, VALUES[0, 0]), 2.0),
     "radiance": RadianceEmitter(RadianceTable(CELLS, CELLS, PLANES, GAMMAS, VALUES), 2.0),
     "placed and coloured": ColouredSource.of(LED, LINE, MATERIALS["PMMA"]),
-    "ray file": TurnedRays(RaySetEmitter(ASKEW.placed(SquareEmitter(1.0).sample(2**15, 4)), 2.0, pose=ASKEW), 0.1),
+    "ray file": TurnedRays(RaySetEmitter(SquareEmitter(1.0).sample(2**15, 4).placed(ASKEW), 2.0, pose=ASKEW), 0.1),
 }  # fmt: skip
 
 
@@ -233,10 +232,10 @@ def test_light_into_directions_is_the_light_of_a_sample(name: str) -> None:
 
 def test_the_crease_of_a_part_with_its_led_out_of_place_is_that_of_a_led_that_stands_there() -> None:
     """Tilted and shifted by the tolerances of the part, or by its own pose: the same light and the same gradient."""
-    made = Displacement((0.2, -0.3, 0.15), (0.06, -0.09))
+    made = Pose.displaced((0.2, -0.3, 0.15), (0.06, -0.09, 0.0))
     tables, here = tables_of(pocket(**BASES[pocket][0]), GRID), scene(pocket(**BASES[pocket][0]))
     own = PlanarEmitter(Disc(1.0), CosinePower(1.5))
-    there = PlacedSource(own, SourcePose(made.rotation, made.shift))
+    there = PlacedSource(own, made)
     wanted = crease_gradients(tables, here, there, mixed, 2**10, 3)
     names = tuple(face.name for face in pocket().faces)
     found = crease_gradients(tables, replace(here, made=AsMade(names, source=made)), own, mixed, 2**10, 3)

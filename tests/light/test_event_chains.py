@@ -14,7 +14,8 @@ from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.optics.media import CoatingLayer, CoverGlass, FaceCoating, IndexCurve, LayerStack, ReflectanceTable
-from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.optics.pose import Pose
+from lensforge.scene.as_made import AsMade
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.surfaces.asphere import sphere
@@ -27,8 +28,8 @@ TABLE = ReflectanceTable((0.0, 30.0, 60.0), ((0.01, 0.02, 0.2),))
 NAMES = ("cap", "side", "wall", "exit")
 MOVED = AsMade(
     names=NAMES,
-    source=Displacement((0.01, 0.02, 0.03), (0.01, 0.02), (0.0, 0.0, 0.0)),
-    lens=Displacement((0.02, -0.01, 0.03), (0.003, 0.002)),
+    source=Pose.displaced((0.01, 0.02, 0.03), (0.01, 0.02, 0.0), (0.0, 0.0, 0.0)),
+    lens=Pose.displaced((0.02, -0.01, 0.03), (0.003, 0.002, 0.0)),
     source_size=1.02, scale=1.001, seat_mm=5.0,
 )  # fmt: skip
 ROUGH = AsMade(names=NAMES, slopes=dict.fromkeys(NAMES, 0.01))

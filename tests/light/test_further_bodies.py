@@ -10,7 +10,8 @@ from shells import BOWL, COVER_LOSS, COVER_N, DOME, LOSS, SECOND, SHELL, N, by_h
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import CoverGlass, FaceCoating, Medium, ReflectanceTable, SecondaryOptic
-from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.optics.pose import Pose
+from lensforge.scene.as_made import AsMade
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
@@ -22,9 +23,10 @@ def tables(inner, outer) -> np.ndarray:
 
 
 MADE = AsMade(
-    source=Displacement((0.1, -0.2, 0.0), (0.02, -0.03)), lens=Displacement((0.0, 0.2, 0.1), (-0.01, 0.02)),
-    faces={"outer": Displacement((0.05, 0.1, 0.02), (0.01, 0.02))}, source_size=1.05, scale=0.98, seat_mm=1.5,
-    slopes={"inner": 2e-3, "outer": 1e-3},
+    source=Pose.displaced((0.1, -0.2, 0.0), (0.02, -0.03, 0.0)),
+    lens=Pose.displaced((0.0, 0.2, 0.1), (-0.01, 0.02, 0.0)),
+    faces={"outer": Pose.displaced((0.05, 0.1, 0.02), (0.01, 0.02, 0.0))},
+    source_size=1.05, scale=0.98, seat_mm=1.5, slopes={"inner": 2e-3, "outer": 1e-3},
 )  # fmt: skip
 CONCENTRIC = tables(sphere(2.0), sphere(5.0))
 
@@ -86,7 +88,7 @@ def test_the_flux_that_leaves_the_lens_is_kept_or_lost_by_body() -> None:
 
 def test_light_reflected_totally_in_a_body_is_lost_there() -> None:
     """A ball of a high index whose cavity is flat: oblique light does not leave it."""
-    hollow = placed("hollow", (sphere(12.0, -11.0), sphere(5.5)), turn=np.eye(3), medium=Medium(3.0))
+    hollow = placed("hollow", (sphere(12.0, -11.0), sphere(5.5)), turn=Pose(), medium=Medium(3.0))
     rays = upwards(2000, 5)
     found = TracedBundle.of(tables(sphere(0.5), sphere(0.9)), scene(hollow), rays).exits
     total = found.fates == Fate.TOTAL_REFLECTION
@@ -126,19 +128,14 @@ def test_the_lens_as_made_polarises_as_the_designed_one_does() -> None:
     assert np.array_equal(one.fates, other.fates) and one.left_lens.mean() > 0.5
     assert other.flux == pytest.approx(one.flux, rel=1e-9)
     assert other.directions == pytest.approx(one.directions, abs=1e-10)
-    turned = Displacement((0.1, -0.2, 0.0), (0.02, -0.03), (0.0, 0.0, 0.0))
+    turned = Pose.displaced((0.1, -0.2, 0.0), (0.02, -0.03, 0.0))
     moved = TracedBundle.of(bumpy, replace(designed, made=AsMade(source=turned, lens=turned)), rays).exits
-    rotation, shift = turned.rotation, turned.shift
-    bodies = tuple(
-        replace(body, turn=tuple(map(tuple, (rotation.T @ np.array(body.turn)).tolist())),
-                centre_mm=tuple(((np.array(body.centre_mm) - shift) @ rotation).tolist()))
-        for body in media.bodies
-    )  # fmt: skip
+    bodies = tuple(replace(body, pose=body.pose.seen_from(turned)) for body in media.bodies)
     seen = TracedBundle.of(bumpy, replace(designed, media=replace(media, bodies=bodies)), rays).exits
     assert (moved.fates == seen.fates).mean() > 0.995
     both = moved.left_lens & seen.left_lens
     assert moved.flux[both] == pytest.approx(seen.flux[both], rel=1e-8)
-    assert moved.directions[both] == pytest.approx((seen.directions @ rotation.T)[both], abs=1e-9)
+    assert moved.directions[both] == pytest.approx(turned.directions(seen.directions)[both], abs=1e-9)
 
 
 def test_colours_are_bent_apart_by_the_index_of_each() -> None:

@@ -13,9 +13,9 @@ from lensforge.light.exit_light import exit_rays
 from lensforge.light.photometry_export import measure_photometry
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.simulation import TracedLens
+from lensforge.optics.pose import Pose
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.photometric import read_photometric
@@ -36,7 +36,7 @@ THROUGH = normal_transmittance(1.4936) ** 2
 
 
 def _plane_at(distance_mm: float) -> Plane:
-    return Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance_mm)), PixelGrid.square(100.0, 10))
+    return Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance_mm)), PixelGrid.square(100.0, 10))
 
 
 def test_exit_rays_go_where_the_tracer_says():

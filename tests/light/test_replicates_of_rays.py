@@ -14,15 +14,15 @@ from lensforge.light.received_flux import flux_by_fate
 from lensforge.light.simulation import TracedLens, bundles, simulate
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
+from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, table_error
 
-PLANE = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 10.0)), PixelGrid(6.0, 4.0, 3, 2), Window(4.0, 3.0))
+PLANE = Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 10.0)), PixelGrid(6.0, 4.0, 3, 2), Window(4.0, 3.0))
 
 
 def upwards(count: int, flux: Sequence[float] | None = None) -> RayBundle:

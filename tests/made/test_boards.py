@@ -16,9 +16,10 @@ from lensforge.made.part_study import PartStudy, Recipe, require_feasible_tolera
 from lensforge.made.sensitivity import measure_sensitivity
 from lensforge.made.yield_facts import pass_sentence
 from lensforge.made.yield_study import contributions, measure_yield
-from lensforge.scene.as_made import Displacement
+from lensforge.optics.pose import Pose
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws
+from lensforge.spec.lamp_places import Lamp
 from lensforge.spec.tolerances_section import Factor
 
 PATTERN = {"kind": "rectangle", "width_mm": 20.0, "height_mm": 20.0, "distance_mm": 20.0, "receiver_mm": 40.0}
@@ -126,15 +127,15 @@ def test_lamps_are_drawn_apart_and_their_mean_scatters_as_that_of_independent_on
     sums = [np.bincount(own.replicate, own.rays.flux) for own in study.light.held.shared_out(6)]
     np.testing.assert_allclose(sums, study.light.held.emitted_w / 6.0, rtol=1e-12)
     parts = study.part(5)
-    assert len({part.index for part in parts}) == 1 and len({part.made.lens.shift_mm for part in parts}) == 6
+    assert len({part.index for part in parts}) == 1 and len({part.made.lens.origin_mm for part in parts}) == 6
     again = study_of({"source_flux": 0.1, "index": 1e-3, "lens_shift_mm": 0.1}, GRID, parts=64)
     assert [part.flux for part in again.part(5)] == [part.flux for part in parts]  # more parts change none
     whole = study_of({"lens_shift_mm": 0.1, "source_shift_mm": 0.1}, GRID, plate=PLATE).part(5)
-    assert len({part.made.lens.shift_mm for part in whole}) == 1 and len({part.made.source for part in whole}) == 6
+    assert len({part.made.lens for part in whole}) == 1 and len({part.made.source for part in whole}) == 6
     tilted = study_of({"lens_tilt_deg": 0.1}, GRID, plate=PLATE)
     for part, (x, y) in zip(tilted.part(5), tilted.lamps.places_mm, strict=True):
-        about_x, about_y = part.made.lens.tilt_rad
-        assert part.made.lens.shift_mm[2] == pytest.approx(about_x * y - about_y * x, abs=1e-12) != 0.0
+        about_x, about_y = part.made.lens.axes[1][2], -part.made.lens.axes[0][2]
+        assert part.made.lens.origin_mm[2] == pytest.approx(about_x * y - about_y * x, rel=1e-5) != 0.0
 
 
 def test_lenses_of_a_plate_move_with_it_as_one_body() -> None:
@@ -142,18 +143,17 @@ def test_lenses_of_a_plate_move_with_it_as_one_body() -> None:
     place, turn, shrinkage = (40.0, -25.0), 35.0, 1e-5
     plate = {"lens_shift_mm": np.array([0.01, -0.02]), "lens_height_mm": np.array([0.03]), "index": np.array([1e-3])}
     plate |= {"lens_tilt_deg": np.array([2e-5, -3e-5]), "shrinkage": np.array([shrinkage])}
-    own = in_plate(plate, place, turn)
+    lamp = Lamp((*place, 0.0), turn_deg=turn)
+    own = in_plate(plate, lamp)
     points = np.random.default_rng(0).normal(size=(5, 3))
-    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
-    turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def moved(found: Any, at: np.ndarray) -> np.ndarray:
         x, y = found["lens_shift_mm"]
-        body = Displacement((x, y, found["lens_height_mm"][0]), tuple(found["lens_tilt_deg"]))
-        return np.asarray(at * (1.0 + shrinkage)) @ body.rotation.T + body.shift
+        body = Pose.displaced((x, y, found["lens_height_mm"][0]), (*found["lens_tilt_deg"], 0.0))
+        return np.asarray(body.points(at * (1.0 + shrinkage)))
 
-    by_lens = moved(own, points) @ turned.T + (*place, 0.0)
-    np.testing.assert_allclose(by_lens, moved(plate, points @ turned.T + (*place, 0.0)), atol=1e-7)
+    by_lens = lamp.pose.points(moved(own, points))
+    np.testing.assert_allclose(by_lens, moved(plate, lamp.pose.points(points)), atol=1e-7)
     assert own["index"] is plate["index"]
 
 

@@ -85,7 +85,7 @@ def test_a_moved_surface_is_moved_back():
     back = Rotation.from_rotvec(ROTATION).inv()
     np.testing.assert_allclose(motion.rotation_rad, back.as_rotvec(), atol=1e-7)
     np.testing.assert_allclose(motion.translation_mm, -back.apply(SHIFT), atol=1e-6)
-    gaps, _ = distances(PATCH, motion.apply(cloud)[over_surface(motion.apply(cloud))])
+    gaps, _ = distances(PATCH, motion.pose.points(cloud)[over_surface(motion.pose.points(cloud))])
     assert np.abs(gaps).max() < 2e-5
 
 

@@ -12,6 +12,7 @@ from lensforge.light.evaluation_result import LightMetrics
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.sensitivity import measure_sensitivity, single_errors
 from lensforge.made.tolerance_result import Sensitivity
+from lensforge.optics.pose import Pose
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
 from lensforge.spec.tolerances_section import amounts_of, factors_of
@@ -44,9 +45,10 @@ def test_a_shift_is_along_one_axis_and_a_form_error_has_its_rms():
     for factor in study.factors:
         for error in single_errors(study, factor):
             found[error.name, error.amount > 0.0] = study.maker.part(error.deviations)
-    assert found["source, decentre in y", True].made.source.shift_mm == (0.0, 0.05, 0.0)
-    assert found["source, height", False].made.source.shift_mm == (0.0, 0.0, -0.05)
-    assert found["outer face against inner, tilt about x", True].made.faces["outer"].tilt_rad == (np.radians(0.05), 0.0)
+    assert found["source, decentre in y", True].made.source.origin_mm == (0.0, 0.05, 0.0)
+    assert found["source, height", False].made.source.origin_mm == (0.0, 0.0, -0.05)
+    tilted = found["outer face against inner, tilt about x", True].made.faces["outer"]
+    assert tilted == Pose.displaced(rotation_rad=(np.radians(0.05), 0.0, 0.0))
     assert found["refractive index", False].index == -1e-3
     u = fibonacci_hemisphere(3000)
     for name, rms_mm in (("form, inner face", 1e-3), ("form, outer face", 1e-3)):

@@ -9,11 +9,11 @@ from shells import DOME, SECOND, by_hand, placed, spheres_of
 
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import CoverGlass, Medium
+from lensforge.optics.pose import Pose
 from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.optical_faces import PlateOfLenses
-from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.scene.as_made import AsMade
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.sources.source_pose import rotation_about
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
@@ -30,7 +30,7 @@ def test_displaced_shells_refract_polarise_and_absorb_as_written_by_hand() -> No
 
 def test_light_past_the_rim_or_reflected_totally_is_lost() -> None:
     """A small lens in a ball far off its cavity: oblique light does not leave; nor does what goes down past the rim."""
-    hollow = placed("hollow", (sphere(12.0, -11.0), sphere(5.5)), turn=np.eye(3), medium=Medium(3.0))
+    hollow = placed("hollow", (sphere(12.0, -11.0), sphere(5.5)), turn=Pose(), medium=Medium(3.0))
     rays = upwards(600, 2)
     directions = rays.directions * np.where(np.arange(600) % 3 == 0, -1.0, 1.0)[:, None]
     _, _, share, _ = behind_optics(rays.origins, directions, replace(clear(), bodies=(hollow,)), np.full(600, 550.0))
@@ -56,7 +56,7 @@ def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass()
     grid = TableGrid(161)
     tables = np.stack([tabulate(grid, each) for each in (sphere(3.0, 0.5), sphere(6.0, -1.0))])
     media = replace(clear(absorption=0.01), bodies=(DOME, SECOND), cover_glass=GLASS)
-    made = AsMade(lens=Displacement((0.1, -0.2, 0.0), (0.02, -0.03)), slopes={"inner": 2e-3}, scale=1.01)
+    made = AsMade(lens=Pose.displaced((0.1, -0.2, 0.0), (0.02, -0.03, 0.0)), slopes={"inner": 2e-3}, scale=1.01)
     traced = TracedBundle.of(tables, Scene(media, grid, made=made), upwards(2000, 4, 0.8))
     lens, exits = traced.at_lens, traced.exits
     fields = lens.fields.reshape(-1, 2, 2, 3)[:, :, 0]
@@ -82,7 +82,7 @@ def test_each_lens_of_a_plate_has_bodies_of_its_own() -> None:
         plate = PlateOfLenses(places, turns, lit)
         there = plate.placed(rays, numbers)
         wanted = plate.placed(RayBundle(alone.points, alone.directions, rays.flux), numbers)
-        seen = rotation_about("z", 0.0 if lit is None else -turns[lit]).T
+        seen = Pose.of_tilts(turn_deg=0.0 if lit is None else np.degrees(turns[lit])).rotation
         found = behind_optics(plate.from_lit(there.origins), there.directions @ seen, media, waves, plate=plate)
         out = alone.through_bodies > 0.0
         assert found.through_bodies == pytest.approx(alone.through_bodies, abs=1e-12)

@@ -87,7 +87,7 @@ def test_a_cast_shows_the_first_lamp_of_the_kind_of_its_lens() -> None:
     lens = lens_of(poles, uneven(0), uneven(1))
     assert lens.kind == "narrow"
     (receiver,) = receivers_of(_of_first_lamp(lens), 8)
-    assert receiver.pose.centre_mm == pytest.approx((0.0, -2.0, 36.0))
+    assert receiver.pose.origin_mm == pytest.approx((0.0, -2.0, 36.0))
 
 
 def test_every_kind_of_lens_expands() -> None:

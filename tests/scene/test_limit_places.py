@@ -5,12 +5,13 @@ import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
+from lensforge.optics.pose import Pose
 from lensforge.scene.limit_readings import LightLimit, _bilinear, _cut, light_limits
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import PosedReceiver, ReceiverPose
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import Plane, receivers_of
 
-AXIAL = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0))
+AXIAL = Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0))
 WALL = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 120.0, "height_mm": 80.0,
         "targets": [{"kind": "disc", "diameter_mm": 20.0}]}  # fmt: skip
 FAR = {"kind": "far_field", "name": "sky", "half_angle_deg": 50.0, "targets": [{"kind": "beam", "fwhm_deg": 30.0}]}

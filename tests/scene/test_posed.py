@@ -9,22 +9,23 @@ from landed import as_tensors
 from scenes import DEVICES
 
 from lensforge.kernels.fate import Fate
+from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import PosedReceiver, ReceiverPose
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver
 
 GRID = PixelGrid(200.0, 120.0, 20, 12)
 UNIT = PixelGrid(2.0, 2.0, 16, 16)
 AWRY = (0.3, -0.5, 0.8)
 RECEIVERS = {
-    "plane on the axis": Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), GRID),
-    "plane": Plane(ReceiverPose.facing(AWRY, (40.0, -70.0, 90.0), 33.0), GRID),
-    "wall": Plane(ReceiverPose.facing((1.0, 0.0, 0.0), (150.0, 20.0, 30.0), 90.0), GRID),
-    "far field": FarField(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), UNIT),
-    "tilted far field": FarField(ReceiverPose.facing(AWRY, (0.0, 0.0, 0.0), -20.0), UNIT),
-    "cylinder": Cylinder(ReceiverPose.facing(AWRY, (5.0, 7.0, -9.0), 15.0), GRID, radius_mm=130.0),
-    "sphere": SphericalReceiver(ReceiverPose.facing(AWRY, (5.0, 7.0, -9.0), 15.0), GRID, radius_mm=130.0),
+    "plane on the axis": Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), GRID),
+    "plane": Plane(Pose.facing(AWRY, (40.0, -70.0, 90.0), 33.0), GRID),
+    "wall": Plane(Pose.facing((1.0, 0.0, 0.0), (150.0, 20.0, 30.0), 90.0), GRID),
+    "far field": FarField(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), UNIT),
+    "tilted far field": FarField(Pose.facing(AWRY, (0.0, 0.0, 0.0), -20.0), UNIT),
+    "cylinder": Cylinder(Pose.facing(AWRY, (5.0, 7.0, -9.0), 15.0), GRID, radius_mm=130.0),
+    "sphere": SphericalReceiver(Pose.facing(AWRY, (5.0, 7.0, -9.0), 15.0), GRID, radius_mm=130.0),
 }
 each_receiver = pytest.mark.parametrize("receiver", RECEIVERS.values(), ids=list(RECEIVERS))
 
@@ -43,7 +44,7 @@ def exits(count: int = 2000) -> ExitRays:
 
 def on_surface(receiver: PosedReceiver, points: np.ndarray) -> np.ndarray:
     """Distances (mm) of points from the surface of a receiver, by its equation in space."""
-    away = points - receiver.pose.centre_mm
+    away = points - receiver.pose.origin_mm
     _, y, z = receiver.pose.axes
     if receiver.is_flat:
         return np.abs(away @ z)

@@ -17,10 +17,11 @@ from lensforge.optics.coatings import whole_span
 from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.fundamental_limits import best_transmittance, least_by_way
 from lensforge.optics.media import CoverGlass, Media, Medium
+from lensforge.optics.pose import Pose
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleLight, SourceLight
-from lensforge.scene.receiver import PosedReceiver, ReceiverPose
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver, receivers_of
 from lensforge.scene.target_pattern import drawn_target
 from lensforge.search.start_faces import start_faces
@@ -57,7 +58,7 @@ def largest_share(
 
 
 def plane(side_mm: float, pixels: int, distance_mm: float) -> Plane:
-    return Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance_mm)), PixelGrid.square(side_mm, pixels))
+    return Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance_mm)), PixelGrid.square(side_mm, pixels))
 
 
 def whole(receiver: PosedReceiver) -> np.ndarray:
@@ -130,7 +131,7 @@ def test_the_least_nmse_is_that_of_the_nearest_pattern_within_the_bounds() -> No
 @pytest.mark.parametrize("width_mm", [50.0, 400.0, 2500.0])
 def test_the_bound_of_a_window_is_that_of_a_receiver_of_its_size(width_mm: float) -> None:
     """Whether the window is narrower than the receiver, or wider and to both sides of what the light can reach."""
-    pose = ReceiverPose.facing((0.2, -0.1, 1.0), (60.0, -40.0, 500.0))
+    pose = Pose.facing((0.2, -0.1, 1.0), (60.0, -40.0, 500.0))
     receiver = Plane(pose, PixelGrid(200.0, 120.0, 40, 24), Window(width_mm, 0.4 * width_mm))
     own = Plane(pose, PixelGrid(width_mm, 0.4 * width_mm, 40, 24))
     found, expected = possible(receiver, 9.0, 1.5).in_window(), largest_share(whole(own), own, 9.0, 1.5)
@@ -140,7 +141,7 @@ def test_the_bound_of_a_window_is_that_of_a_receiver_of_its_size(width_mm: float
 
 def test_the_bound_of_a_round_window_is_that_of_its_disc() -> None:
     """Wider than the receiver's pixels along y."""
-    pose = ReceiverPose.facing((0.2, -0.1, 1.0), (60.0, -40.0, 500.0))
+    pose = Pose.facing((0.2, -0.1, 1.0), (60.0, -40.0, 500.0))
     receiver = Plane(pose, PixelGrid(200.0, 120.0, 40, 24), Window(math.inf, math.inf, 70.0))
     own = Plane(pose, PixelGrid.square(140.0, 56))
     disc = np.hypot(*np.meshgrid(own.grid.x(), own.grid.y())) <= 70.0
@@ -149,12 +150,12 @@ def test_the_bound_of_a_round_window_is_that_of_its_disc() -> None:
 
 
 GRID = PixelGrid(60.0, 40.0, 6, 4)
-AHEAD = ReceiverPose.facing((0.0, 0.6, 0.8), (10.0, 30.0, 50.0))
+AHEAD = Pose.facing((0.0, 0.6, 0.8), (10.0, 30.0, 50.0))
 RECEIVERS = {
     "plane": Plane(AHEAD, GRID),
-    "cylinder": Cylinder(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 5.0)), GRID, radius_mm=60.0),
-    "sphere": SphericalReceiver(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 4.0, 5.0)), GRID, radius_mm=60.0),
-    "far field": FarField(ReceiverPose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 0.8, 6, 4)),
+    "cylinder": Cylinder(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 5.0)), GRID, radius_mm=60.0),
+    "sphere": SphericalReceiver(Pose.facing((0.0, 0.0, 1.0), (0.0, 4.0, 5.0)), GRID, radius_mm=60.0),
+    "far field": FarField(Pose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 0.8, 6, 4)),
 }
 each_receiver = pytest.mark.parametrize("receiver", RECEIVERS.values(), ids=list(RECEIVERS))
 PIXELS = np.zeros((4, 6), dtype=bool)

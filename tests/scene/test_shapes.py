@@ -9,8 +9,9 @@ from scenes import small_spec
 from scipy.special import ndtr, ndtri
 
 from lensforge.errors import FileWarning, InputError
+from lensforge.optics.pose import Pose
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import PosedReceiver, ReceiverPose
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import Plane, receivers_of
 from lensforge.scene.target_pattern import coarser_target, drawn_target, target_light, uniform_region
 from lensforge.sources.intensity import TabulatedIntensity
@@ -143,7 +144,7 @@ def test_shapes_in_the_far_field_are_angles() -> None:
     assert solid_angle == pytest.approx(2.0 * np.pi * (1.0 - np.cos(np.radians(30.0))), rel=3e-3)
 
 
-AXIAL = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0))
+AXIAL = Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0))
 OBLONG = Plane(AXIAL, PixelGrid(120.0, 80.0, 24, 8))  # pixels of 5 x 10 mm
 
 

@@ -7,14 +7,14 @@ import pytest
 from picture_files import png, tiff
 
 from lensforge.errors import InputError
+from lensforge.optics.pose import Pose
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.scene.target_light import drawn_text, read_table
 from lensforge.scene.target_pattern import target_light
 from lensforge.spec import ImageTarget, TextTarget
 
-PLANE = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))
+PLANE = Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
 RNG = np.random.default_rng(2)
 GREY16 = RNG.integers(0, 2**16, (32, 32), dtype=np.uint16)  # a pixel of the picture for each of the receiver's

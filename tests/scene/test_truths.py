@@ -7,17 +7,17 @@ from scenes import random_surface, small_spec
 
 import lensforge as lf
 from lensforge.light.simulation import TracedLens
+from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, bin_flux
-from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import FarField, Plane, chart_radius, receivers_of
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.surfaces.asphere import sphere
 
-UPRIGHT = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+UPRIGHT = Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 OUTER_MM = 6.0
 
 
@@ -34,7 +34,7 @@ def test_intensity_is_irradiance_a_hundred_thousand_radii_away_times_the_square_
     """Pixels of a far field, and the same directions on a plane: I = E D^2 / cos^3."""
     rays, distance_mm = exit_rays(), 1e5 * OUTER_MM
     far = FarField(UPRIGHT, PixelGrid.square(2.0 * chart_radius(60.0), 64))
-    plane = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance_mm)), PixelGrid.square(1e12, 2))
+    plane = Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance_mm)), PixelGrid.square(1e12, 2))
     directions, landed = far.land(rays), plane.land(rays)
     both = directions.landed & landed.landed
     radius = np.hypot(*landed.hits[both].T) / distance_mm  # tan gamma

@@ -82,7 +82,7 @@ def test_steps_draw_other_parts_and_the_same_again() -> None:
     assert parts.of_step(2, 0)[0].made != made[0]
     assert parts.of_validation(1, 2)[0][0].made != made[0]
     one, other = parts.of_step(1, 0)
-    assert np.allclose(np.array(one.made.source.shift_mm), -np.array(other.made.source.shift_mm))
+    assert np.allclose(np.array(one.made.source.origin_mm), -np.array(other.made.source.origin_mm))
     assert np.allclose(one.errors["outer"], -other.errors["outer"]) and one.index == -other.index
     assert one.made.slopes == other.made.slopes
 

@@ -6,8 +6,9 @@ import torch
 from scenes import small_spec
 
 from lensforge.errors import InputError
+from lensforge.optics.pose import Pose
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import PosedReceiver, ReceiverPose
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver
 from lensforge.search.parameters import chart_mirrors, mirrored_light, settled_symmetry
 from lensforge.sources.build_source import SquareEmitter
@@ -18,8 +19,8 @@ from lensforge.surfaces.mirror_group import generators
 UP, SQUARE, OBLONG = (0.0, 0.0, 1.0), PixelGrid(60.0, 60.0, 6, 6), PixelGrid(60.0, 40.0, 6, 5)
 
 
-def pose(rotation_deg: float = 0.0, centre: tuple[float, float, float] = (0.0, 0.0, 50.0), facing=UP) -> ReceiverPose:
-    return ReceiverPose.facing(facing, centre, rotation_deg)
+def pose(rotation_deg: float = 0.0, centre: tuple[float, float, float] = (0.0, 0.0, 50.0), facing=UP) -> Pose:
+    return Pose.facing(facing, centre, rotation_deg)
 
 
 RECEIVERS = {

@@ -132,7 +132,7 @@ def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> 
     source, parameters = build_source(spec.source, None), begun()
     merit, pair = MeritFunction.of(spec, source, parameters), SearchParts.of(spec, parameters).of_step(0, 3)
     (weights, offsets), rays = parameters.start(), source.sample(2**15, 3)
-    assert abs(pair[0].made.source.shift_mm[0]) > 0.03 and pair[0].flux != 1.0
+    assert abs(pair[0].made.source.origin_mm[0]) > 0.03 and pair[0].flux != 1.0
 
     def loss(moved: torch.Tensor, own: MeritFunction = merit) -> torch.Tensor:
         return own.assessed(own.light_of(parameters.tables(weights, moved), rays, pair), False).loss

@@ -12,15 +12,15 @@ from lensforge.light.received_flux import ReceivedFlux
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media, Medium
+from lensforge.optics.pose import Pose
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_colours import coloured_by_wavelength
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 INNER, OUTER, Z = 3.0, 6.0, 100.0
-RECEIVER = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, Z)), PixelGrid.square(200.0, 16))
+RECEIVER = Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, Z)), PixelGrid.square(200.0, 16))
 SHIFT = (1.2, -0.5, 0.0)
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from lensforge.optics.pose import Pose
 from lensforge.sources import ray_bundle
 from lensforge.sources.ray_bundle import LazyRays, RayBundle
 from lensforge.sources.ray_set import _around, _crossings, _value_at, outline_of
-from lensforge.sources.source_pose import SourcePose, rotation_about
 
 
 def rays(count: int, seed: int = 0, down: float = 0.1) -> RayBundle:
@@ -62,14 +62,14 @@ def test_the_outline_is_around_the_nearest_of_the_crossings(
     monkeypatch.setattr(ray_bundle, "BLOCK_RAYS", 100)
     found = rays(900, down=down)
     assert (found.directions[:, 2] > 0.0).any() == forward
-    agrees(outline_of(LazyRays([found]) if unread else found, None), by_loop(found, forward)[0])
+    agrees(outline_of(LazyRays([found]) if unread else found, Pose()), by_loop(found, forward)[0])
 
 
 def test_the_outline_of_a_posed_source_is_that_of_the_source_posed() -> None:
-    own, pose = rays(300), SourcePose(rotation_about("x", 2.5), np.array([1.0, 2.0, -3.0]))
-    posed = RayBundle(pose.points(own.origins), pose.directions(own.directions), own.flux)
+    own, pose = rays(300), Pose.of_tilts((1.0, 2.0, -3.0), (145.0, 0.0))
+    posed = own.placed(pose)
     assert (posed.directions[:, 2] > 0.0).any() and (posed.directions[:, 2] < 0.0).any()
-    found, expected = outline_of(posed, pose), pose.points(outline_of(own, None))
+    found, expected = outline_of(posed, pose), pose.points(outline_of(own, Pose()))
     order, other = np.lexsort(np.round(found, 6).T), np.lexsort(np.round(expected, 6).T)
     np.testing.assert_allclose(found[order], expected[other], atol=1e-9)
 
@@ -102,10 +102,10 @@ def test_one_ray_of_many_that_has_the_light_of_many_is_in_the_outline() -> None:
     found.origins[:, :2] = np.random.default_rng(5).uniform(-1.0, 1.0, (count, 2))
     found.flux[:] = 1.0
     found.origins[70_003, :2], found.flux[70_003] = (-3.0, 10.0), 0.064 * count
-    outline = outline_of(LazyRays([found]), None)
+    outline = outline_of(LazyRays([found]), Pose())
     assert [-3.0, 10.0, 0.0] in outline.tolist()
     found.flux[70_003] = 0.05 * count  # 4.8 %: left out, and all others are within
-    np.testing.assert_allclose(outline_of(LazyRays([found]), None), outline_of(found, None), rtol=0.0, atol=0.0)
+    np.testing.assert_allclose(outline_of(LazyRays([found]), Pose()), outline_of(found, Pose()), rtol=0.0, atol=0.0)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.95])

@@ -5,8 +5,9 @@ import pytest
 
 from lensforge import seeds
 from lensforge.errors import InputError
+from lensforge.optics.pose import Pose
 from lensforge.search.problem import ValidationRays
-from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.build_source import PlacedSource, SquareEmitter
 from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
 from lensforge.sources.ray_bundle import (
     LazyRays,
@@ -20,7 +21,6 @@ from lensforge.sources.ray_bundle import (
 )
 from lensforge.sources.ray_set import RaySetEmitter, placed
 from lensforge.sources.rayfiles.ray_file_statistics import RaySums
-from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.spec.source_sections import Placement
 
 COUNT = 7
@@ -78,7 +78,7 @@ def test_rays_are_shifted_scaled_turned_to_the_axis_mirrored_and_posed(axis: str
     )
     origin = np.array([0.5, -1.0, 2.0])
     found = placed(RAYS, origin, placement)
-    pose = SourcePose.of(placement)
+    pose = placement.pose
     for number in range(COUNT):
         for vector, turned, shift in (
             (2.0 * (RAYS.origins[number] - origin), found.origins[number], np.array([1.0, 2.0, 3.0])),
@@ -144,17 +144,14 @@ def turned_by_hand(rays: RayBundle, turns: np.ndarray) -> list[tuple[np.ndarray,
 def test_each_ray_is_turned_by_a_normal_number_for_each_coordinate(posed: bool) -> None:
     count, sigma, seed = 400, 0.15, 5
     own = bundle(count)
-    pose = SourcePose(rotation_about("x", 0.4), np.array([0.3, -0.2, 1.0])) if posed else None
-    placed_rays = RayBundle(pose.points(own.origins), pose.directions(own.directions), own.flux) if pose else own
-    found = TurnedRays(RaySetEmitter(placed_rays, 1.0, pose=pose), sigma).sample(count, seed)
+    pose = Pose.of_tilts((0.3, -0.2, 1.0), (23.0, 0.0)) if posed else Pose()
+    found = TurnedRays(RaySetEmitter(own.placed(pose), 1.0, pose=pose), sigma).sample(count, seed)
     expected = turned_by_hand(own, sigma * np.random.default_rng(seed).standard_normal((count, 3)))
     same = [np.array_equal(way, before) for (_, way), before in zip(expected, own.directions, strict=True)]
     assert 20 < sum(same) < 200, "flat ones stay"
     starts, ways = (np.array(each) for each in zip(*expected, strict=True))
-    if pose:
-        starts, ways = pose.points(starts), pose.directions(ways)
-    np.testing.assert_allclose(found.origins, starts, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(found.directions, ways, atol=1e-12)
+    np.testing.assert_allclose(found.origins, pose.points(starts), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.directions, pose.directions(ways), atol=1e-12)
 
 
 @pytest.mark.parametrize(("count", "sigma"), [(13_000, 0.15), (30_000, 0.1), (120_000, 0.05)])
@@ -167,7 +164,7 @@ def test_rays_are_turned_by_an_angle_within_which_600_of_them_are(count: int, si
 
 
 def test_a_measured_source_of_another_kind_is_divided_and_turned_by_its_rays() -> None:
-    source = PlacedSource(RaySetEmitter(RAYS, 5.0, symmetry="mirror_x"), SourcePose(np.eye(3), np.zeros(3)))
+    source = PlacedSource(RaySetEmitter(RAYS, 5.0, symmetry="mirror_x"), Pose())
     first, second = divided(source, 0.5, 2)
     assert (len(first), len(second), first.symmetry, second.flux_w) == (4, 3, "mirror_x", 5.0)
     assert sorted([*first.rays.origins[:, 0], *second.rays.origins[:, 0]]) == RAYS.origins[:, 0].tolist()

@@ -8,11 +8,11 @@ import pytest
 from PIL import Image
 
 from lensforge.optics.material import MATERIALS
+from lensforge.optics.pose import Pose
 from lensforge.scene.possible_light import EtendueCurve, _cells, _curve, _phase_space
-from lensforge.sources.build_source import SquareEmitter, build_source
+from lensforge.sources.build_source import PlacedSource, SquareEmitter, build_source
 from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.source_sections import (
@@ -143,7 +143,7 @@ def test_rays_are_taken_where_they_lie_closest_together() -> None:
 
 
 def test_a_source_that_is_moved_and_dispersed_has_its_own_radiances() -> None:
-    pose = SourcePose(rotation_about("x", 0.3), np.array([1.0, 0.0, 2.0]))
+    pose = Pose.of_tilts((1.0, 0.0, 2.0), (20.0, 0.0))
     line = Spectrum(np.array([500.0]), np.ones(1))
     source = ColouredSource.of(PlacedSource(SquareEmitter(2.0, 3.0), pose), line, PMMA)
     found = EtendueCurve.of_source(source, source.sample(64, 1), 1)

@@ -12,45 +12,23 @@ import lensforge as lf
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
-from lensforge.sources.build_source import SquareEmitter, build_source, summarise
+from lensforge.optics.pose import Pose
+from lensforge.sources.build_source import PlacedSource, SquareEmitter, build_source, summarise
 from lensforge.sources.ray_bundle import BLOCK_RAYS, ChangedSource, RayBundle, block_slices, drawn, total_of
-from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.spec.source_sections import SquareSource
 from lensforge.surfaces.bicubic_table import TableGrid
-
-
-@pytest.mark.parametrize(
-    ("axis", "turned"),
-    [
-        ("x", [[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
-        ("y", [[0, 0, -1], [0, 1, 0], [1, 0, 0]]),
-        ("z", [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
-    ],
-)
-def test_a_quarter_turn_is_right_handed(axis: str, turned: list[list[int]]) -> None:
-    """Images of the three axes; and of any smaller angle, the trace and the determinant of a rotation."""
-    np.testing.assert_allclose(rotation_about(axis, np.pi / 2.0).T, turned, atol=1e-15)
-    some = rotation_about(axis, 0.3)
-    assert np.trace(some) == pytest.approx(1.0 + 2.0 * np.cos(0.3))
-    np.testing.assert_allclose(some @ some.T, np.eye(3), atol=1e-15)
-    np.testing.assert_allclose(some @ some, rotation_about(axis, 0.6), atol=1e-15)
-
 
 SLANTED = SquareSource(side_mm=1.0, rotate_z_deg=25.0, tilt_deg=(15.0, -40.0), position_mm=(0.5, -1.0, 2.0))
 
 
-def test_a_pose_turns_then_tilts_about_x_then_about_y_then_shifts() -> None:
-    pose = SourcePose.of(SLANTED)
-    points = np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, 0.0]])
-    about = [rotation_about(axis, np.deg2rad(angle)) for axis, angle in (("z", 25.0), ("x", 15.0), ("y", -40.0))]
-    for point, placed, way in zip(points, pose.points(points), pose.directions(points), strict=True):
-        expected = about[2] @ (about[1] @ (about[0] @ point))
-        np.testing.assert_allclose(way, expected, atol=1e-14)
-        np.testing.assert_allclose(placed, expected + np.array([0.5, -1.0, 2.0]), atol=1e-14)
+def test_rays_are_moved_to_the_place_of_their_source_and_back() -> None:
+    pose, points = SLANTED.pose, np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, 0.0]])
     rays = RayBundle(points, points, np.ones(len(points)))
-    back = pose.own(pose.placed(rays))
-    np.testing.assert_allclose(back.origins, points, atol=1e-14)
-    np.testing.assert_allclose(back.directions, points, atol=1e-14)
+    placed, back = rays.placed(pose), rays.placed(pose).seen_from(pose)
+    there = [pose.points(points), pose.directions(points)]
+    np.testing.assert_allclose([placed.origins, placed.directions], there, atol=1e-14)
+    np.testing.assert_allclose([back.origins, back.directions], [points, points], atol=1e-14)
+    assert rays.placed(Pose()) is rays is rays.seen_from(Pose())
 
 
 BUNDLE = RayBundle(

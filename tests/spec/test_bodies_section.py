@@ -36,20 +36,12 @@ def sphere(radius_mm: float, **fields) -> dict:
 
 def test_a_body_stands_where_it_is_put() -> None:
     (body,) = spec_with(COVER).media.bodies
-    apex = body.placed_points(np.array([[0.0, 0.0, 22.0]]))[0]
+    apex = body.pose.points(np.array([[0.0, 0.0, 22.0]]))[0]
     tilt = np.radians(10.0)
     assert apex == pytest.approx([0.0, 3.0 - 22.0 * np.sin(tilt), -2.0 + 22.0 * np.cos(tilt)])
-    assert body.own_points(apex[None])[0] == pytest.approx([0.0, 0.0, 22.0])
+    assert body.pose.own_points(apex[None])[0] == pytest.approx([0.0, 0.0, 22.0])
     assert body.medium.refractive_index == pytest.approx(1.585, abs=2e-3)
     assert body.medium.material is not None, "dispersive"
-
-
-def test_a_body_is_turned_about_its_axis_then_tilted_about_x_and_then_about_y() -> None:
-    (body,) = spec_with({**COVER, "tilt_deg": [10.0, 20.0], "rotate_z_deg": 30.0}).media.bodies
-    (ca, sa), (cb, sb), (cc, sc) = ((np.cos(angle), np.sin(angle)) for angle in np.radians([10.0, 20.0, 30.0]))
-    x, y, z = cc, sc * ca, sc * sa  # of its own x axis, turned, and tilted about x
-    wanted = [[x * cb + z * sb, y, -x * sb + z * cb], [ca * sb, -sa, ca * cb]]
-    np.testing.assert_allclose(body.placed_directions(np.eye(3)[[0, 2]]), wanted, atol=1e-15)
 
 
 def test_a_spec_with_bodies_is_saved_and_read(tmp_path) -> None:

@@ -20,11 +20,11 @@ from lensforge.cad.plate_layout import layout_of
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.road_judgement import judge_road
 from lensforge.light.road_lighting import RoadJudgement
+from lensforge.optics.pose import Pose
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.perturbations import quantiles
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import FarField, receivers_of
 from lensforge.scene.road_field import RoadReadings
 from lensforge.scene.target_pattern import target_light
@@ -125,7 +125,7 @@ def symmetry(name: str) -> Case:
 def profile(name: str) -> Case:
     """Intensity at a quarter of the width, over that of the axis."""
     beam = lf.BeamTarget(fwhm_deg=40.0, profile=name, half_angle_deg=45.0)
-    field = FarField(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid.square(1.2, 121))
+    field = FarField(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid.square(1.2, 121))
     light = target_light((beam,), field)
     side = 2.0 * np.sin(np.radians(0.5 * 10.0))
     column = round(60 + side / 1.2 * 121)

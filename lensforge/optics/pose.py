@@ -1,0 +1,170 @@
+"""Poses: where a thing stands and how it is turned, the same for a source, a lamp, a body, a receiver and a made part.
+
+A thing has right-handed axes of its own. It is turned about its z axis, from x towards y, then its z axis is tilted:
+by angles about the fixed axes x and then y of what it stands in, by the right-hand rule; or the shortest way into a
+direction, and about y by half a turn into -z, to which all ways are as short. Last it is shifted. Angles of a spec are
+in degrees, and quarter turns are exact. A small displacement is one rotation vector (rad) instead.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import atan2, cos, degrees, hypot, pi, radians, sin
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Inexact
+
+from lensforge.kernels.face_records import FacePlacement
+from lensforge.optics.arrays import Array, like
+
+Vector = tuple[float, float, float]
+ORIGIN: Vector = (0.0, 0.0, 0.0)
+ALONG_Z: Vector = (0.0, 0.0, 1.0)
+_X, _Y, _Z = range(3)  # numbers of the axes
+_Three = Vector | Float[np.ndarray, "3"]
+_Matrix = Float[np.ndarray, "3 3"]
+_STRAIGHT_BACK = -1.0 + 1e-12  # z of a unit vector, as straight as numbers of 16 digits can tell
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A right-handed frame in another: its ``origin_mm`` and its unit ``axes`` x, y, z, in coordinates of that other.
+
+    The module says in which order a thing is turned, tilted and shifted. Its own coordinates are ``own``.
+    """
+
+    origin_mm: Vector = ORIGIN
+    axes: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), ALONG_Z)
+
+    @staticmethod
+    def of_axes(axes: Float[np.ndarray, "3 3"], origin_mm: _Three = ORIGIN) -> "Pose":
+        """The frame with the unit vectors x, y, z in the rows of ``axes``."""
+        x, y, z, origin = (_vector(each) for each in (*axes, origin_mm))
+        return Pose(origin, (x, y, z))
+
+    @staticmethod
+    def of_tilts(
+        origin_mm: Vector = ORIGIN, tilt_deg: tuple[float, float] = (0.0, 0.0), turn_deg: float = 0.0
+    ) -> "Pose":
+        """The frame turned about its z axis, tilted about x and then about y, each by its angle, and shifted."""
+        about_x, about_y = tilt_deg
+        rotation = _about(_Y, about_y) @ _about(_X, about_x) @ _about(_Z, turn_deg)
+        return Pose.of_axes(rotation.T, origin_mm)
+
+    @staticmethod
+    def facing(direction: Vector, origin_mm: Vector = ORIGIN, turn_deg: float = 0.0) -> "Pose":
+        """The frame turned about its z axis, tilted the shortest way to where that is along ``direction``, and shifted.
+
+        The direction may have any length but 0.
+        """
+        tilt = _shortest(np.array(direction) / np.linalg.norm(direction))
+        return Pose.of_axes((tilt @ _about(_Z, turn_deg)).T, origin_mm)
+
+    @staticmethod
+    def displaced(shift_mm: _Three = ORIGIN, rotation_rad: _Three = ORIGIN, centre_mm: Vector = ORIGIN) -> "Pose":
+        """The frame turned about ``centre_mm`` by the rotation vector, and then shifted (Rodrigues' formula)."""
+        x, y, z = rotation_rad
+        angle, cross = hypot(x, y, z), np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        half = np.sinc(0.5 * angle / pi)
+        rotation = np.eye(3) + np.sinc(angle / pi) * cross + 0.5 * half**2 * cross @ cross
+        centre = np.array(centre_mm)
+        return Pose.of_axes(rotation.T, centre - rotation @ centre + np.array(shift_mm))
+
+    @property
+    def rotation(self) -> _Matrix:
+        """Matrix that takes directions of its own to those of what it stands in: the axes are its columns."""
+        return np.array(self.axes).T
+
+    @property
+    def moves(self) -> bool:
+        """False where everything stays where it is."""
+        return self != IN_PLACE
+
+    @property
+    def turn_deg(self) -> float:
+        """Turn (degrees) about its z axis, before that is tilted the shortest way."""
+        x, y, _ = self.seen_from(Pose.facing(self.axes[2], self.origin_mm)).axes[0]
+        return degrees(atan2(y, x))
+
+    def at(self, origin_mm: _Three) -> "Pose":
+        """The frame moved to this origin."""
+        return Pose(_vector(origin_mm), self.axes)
+
+    def points(self, own: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
+        """Points (mm) of its own coordinates in those of what it stands in; NumPy or torch, as all that follow."""
+        placed = own @ like(own, self.axes)
+        placed += like(own, self.origin_mm)
+        return placed
+
+    def directions(self, own: Inexact[Array, "*n 3"]) -> Inexact[Array, "*n 3"]:
+        """Directions, or fields, of its own coordinates in those of what it stands in."""
+        return own @ like(own, self.axes)
+
+    def own_points(self, points: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
+        """Points (mm) in its own coordinates."""
+        return (points - like(points, self.origin_mm)) @ like(points, self.axes).T
+
+    def own_directions(self, directions: Inexact[Array, "*n 3"]) -> Inexact[Array, "*n 3"]:
+        """Directions, or fields, in its own coordinates."""
+        return directions @ like(directions, self.axes).T
+
+    def own_map(self, linear: _Matrix) -> _Matrix:
+        """A linear map of directions, such as a mirror, in its own coordinates."""
+        axes = np.array(self.axes)
+        return np.asarray(axes @ linear @ axes.T)
+
+    def after(self, inner: "Pose") -> "Pose":
+        """The frame that stands in this one as ``inner`` says, in coordinates of what this one stands in."""
+        return Pose.of_axes(self.directions(np.array(inner.axes)), self.points(np.array(inner.origin_mm)))
+
+    def seen_from(self, other: "Pose") -> "Pose":
+        """The same frame in coordinates of another one that stands in the same."""
+        return Pose.of_axes(other.own_directions(np.array(self.axes)), other.own_points(np.array(self.origin_mm)))
+
+    @property
+    def inverse(self) -> "Pose":
+        """The frame of what it stands in, in its own coordinates."""
+        return IN_PLACE.seen_from(self)
+
+    def packed(self) -> Float[np.ndarray, "4 3"]:
+        """Origin and axes in one array, as the kernels of receivers take them."""
+        return np.array([self.origin_mm, *self.axes])
+
+
+IN_PLACE = Pose()
+
+
+def placed_faces(steps: Sequence[Pose], factor_in: float = 1.0, factor_out: float = 1.0) -> FacePlacement:
+    """Places of the faces of a body as the kernels take them.
+
+    ``steps``: each frame in the next one, from that of the rays into the first face's to the way back. ``factor_in``,
+    ``factor_out``: of lengths on the first and the last step.
+    """
+    frames = [np.column_stack([step.rotation, step.origin_mm]) for step in steps]
+    return FacePlacement(np.stack(frames), factor_in, factor_out)
+
+
+def _vector(values: Any) -> Vector:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _about(axis: int, angle_deg: float) -> _Matrix:
+    """The right-handed rotation about one of the axes."""
+    cosine, sine = cos(radians(angle_deg)), sin(radians(angle_deg))
+    if angle_deg % 90.0 == 0.0:
+        cosine, sine = round(cosine), round(sine)
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    rotation = np.eye(3)
+    rotation[one, one] = rotation[other, other] = cosine
+    rotation[other, one], rotation[one, other] = sine, -sine
+    return rotation
+
+
+def _shortest(z: Float[np.ndarray, " 3"]) -> _Matrix:
+    """The shortest rotation that takes +z to the unit vector ``z`` (Rodrigues)."""
+    if z[2] <= _STRAIGHT_BACK:
+        return np.diag([-1.0, 1.0, -1.0])
+    cross = np.array([[0.0, 0.0, z[0]], [0.0, 0.0, z[1]], [-z[0], -z[1], 0.0]])
+    rotation: _Matrix = np.eye(3) + cross + cross @ cross / (1.0 + z[2])
+    return rotation
