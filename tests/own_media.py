@@ -25,4 +25,4 @@ def with_own(
     table = IndexTable(tuple(waves.tolist()), tuple(values.tolist()))
     absorbing = None if absorptions is None else Absorption(table.wavelengths_nm, tuple(absorptions.tolist()))
     material = Material("of tests", table, (400.0, 700.0), "", None, absorbing)
-    return replace(rays, wavelengths_nm=waves), replace(body, material=material)
+    return rays.with_wavelengths(waves), replace(body, material=material)

@@ -50,7 +50,7 @@ def test_each_ray_has_the_index_at_its_own_wavelength(rays):
     given = RaySource(rays[:100], wavelengths_nm=waves)
     source = build_source(given, spec.lens.dispersion)
     assert np.array_equal(source.rays.wavelengths_nm, waves)
-    assert np.array_equal(spec.lens.media.body.index(source.rays.wavelengths_nm), spec.lens.dispersion.index(waves))
+    assert np.array_equal(spec.lens.media.body.index(source.rays.waves), spec.lens.dispersion.index(waves))
     summary = summarise(source, given)
     assert summary.wavelengths_nm == (450.0, 650.0)
     assert summary.refractive_indices == tuple(spec.lens.dispersion.index(np.array([450.0, 650.0])))

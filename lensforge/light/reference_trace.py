@@ -145,7 +145,7 @@ class _Passage:
     def of(
         body: ReferenceBody, rays: RayBundle, fresnel: bool, device: torch.device, memory: HitMemory, first: int
     ) -> "_Passage":
-        medium, made, waves = body.media.body, body.made, rays.wavelengths_nm
+        medium, made, waves = body.media.body, body.made, rays.waves
 
         def there(array: np.ndarray) -> Tensor:
             return torch.tensor(array, dtype=torch.float64, device=device)

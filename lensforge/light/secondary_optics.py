@@ -83,7 +83,7 @@ def _passage(optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBun
     """Rays through one optic."""
     if exits.fields is None or exits.carried is None:
         raise ValueError("light that comes to an optic has its polarisation")
-    media, place, waves = optic.media(around), tabled(optic), rays.wavelengths_nm
+    media, place, waves = optic.media(around), tabled(optic), rays.waves
     coatings = RayCoatings.of(replace(rays, flux=exits.carried), media, fresnel, f"body {optic.name!r}: ")
     body = TracedBody(
         tables=place.tables,

@@ -89,7 +89,7 @@ class Scene:
 
     def coming(self, rays: RayBundle, coatings: RayCoatings) -> RaysIn:
         """Rays of a source as the kernels take them, with what the lens is for each."""
-        medium, waves = self.media.body, rays.wavelengths_nm
+        medium, waves = self.media.body, rays.waves
         absorptions = medium.absorption(waves)
         if self.made is not None:
             absorptions = absorptions * self.made.scale  # paths are those in the lens as designed

@@ -6,7 +6,6 @@ coating, which replaces Fresnel's reflectance.
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
-from weakref import ref
 
 import numpy as np
 from jaxtyping import Float
@@ -94,60 +93,48 @@ class CoverGlass:
     coating: Film | None = None
 
 
-_Waves = Float[np.ndarray, " n"]
 _Rows = np.ndarray | slice  # numbers, a mask
 _Values = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"] | None]
 
 
 @dataclass(eq=False)
-class _Known:
-    """Wavelengths as long as their array lives: of which others they are some, and the last answer at them.
+class Wavelengths:
+    """Wavelengths (nm) of rays, which nobody changes, with what a material was asked last to be at them.
 
     The same rays go through part after part, and every step of a search takes some of the same file: a formula of many
-    powers takes half as long as their trace.
+    powers takes half as long as their trace. ``chosen_from``: those that have the answers, and rows of theirs.
     """
 
-    array: "ref[np.ndarray]"
-    of: tuple[np.ndarray, _Rows] | None
+    nm: Float[np.ndarray, " n"]
+    chosen_from: "tuple[Wavelengths, _Rows] | None" = None
     answer: tuple[Material, _Values] | None = None
 
+    def take(self, rows: _Rows) -> "Wavelengths":
+        """Wavelengths of some of the rays."""
+        return Wavelengths(self.nm[rows], (self, rows))
 
-_KNOWN: dict[int, _Known] = {}  # by the identity of the array
+    def __reduce__(self) -> tuple[type["Wavelengths"], tuple[Float[np.ndarray, " n"]]]:
+        """Themselves alone, for another process."""
+        return Wavelengths, (self.nm,)
 
+    def values_of(self, material: Material) -> _Values:
+        """Index of ``material`` at each wavelength, and its absorption (1/mm) where it states one."""
+        if self.answer is None or self.answer[0] != material:
+            self.answer = material, self._found(material)
+        return self.answer[1]
 
-def some_of(wavelengths_nm: _Waves, rows: _Rows) -> Float[np.ndarray, " k"]:
-    """Wavelengths (nm) of some of the rays; neither array is changed afterwards."""
-    chosen: Float[np.ndarray, " k"] = wavelengths_nm[rows]
-    _known(chosen, (wavelengths_nm, rows))
-    return chosen
+    def _found(self, material: Material) -> _Values:
+        if self.chosen_from is not None:
+            whole, rows = self.chosen_from
+            indices, absorptions = whole.values_of(material)
+            return indices[rows], None if absorptions is None else absorptions[rows]
+        indices = np.empty(len(self.nm))
 
+        def work(_: int, part: slice) -> None:
+            indices[part] = material.nearest_index(self.nm[part])
 
-def values_at(material: Material, wavelengths_nm: _Waves) -> _Values:
-    """Index of ``material`` at each wavelength (nm), and its absorption (1/mm) where it states one."""
-    known = _known(wavelengths_nm)
-    if known.answer is None or known.answer[0] != material:
-        known.answer = material, _found(material, wavelengths_nm, known.of)
-    return known.answer[1]
-
-
-def _known(array: np.ndarray, of: tuple[np.ndarray, _Rows] | None = None) -> _Known:
-    key, drop = id(array), _KNOWN.pop
-    if key not in _KNOWN:  # an array that ends takes its entry along
-        _KNOWN[key] = _Known(ref(array, lambda _: drop(key, None)), of)
-    return _KNOWN[key]
-
-
-def _found(material: Material, wavelengths_nm: _Waves, of: tuple[np.ndarray, _Rows] | None) -> _Values:
-    if of is not None:
-        indices, absorptions = values_at(material, of[0])
-        return indices[of[1]], None if absorptions is None else absorptions[of[1]]
-    indices = np.empty(len(wavelengths_nm))
-
-    def work(_: int, part: slice) -> None:
-        indices[part] = material.nearest_index(wavelengths_nm[part])
-
-    in_chunks(work, len(wavelengths_nm))
-    return indices, None if material.absorption is None else material.absorption.at(wavelengths_nm)
+        in_chunks(work, len(self.nm))
+        return indices, None if material.absorption is None else material.absorption.at(self.nm)
 
 
 @dataclass(frozen=True)
@@ -163,28 +150,28 @@ class Medium:
     material: Material | None = None
     index_error: float = 0.0
 
-    def index(self, wavelengths_nm: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " k"]:
+    def index(self, waves: Wavelengths | None) -> Float[np.ndarray, " k"]:
         """Index for each ray; one for all where none has a wavelength, or where that does not count."""
-        if wavelengths_nm is None or self.material is None:
+        if waves is None or self.material is None:
             return np.array([self.refractive_index + self.index_error])
-        indices = values_at(self.material, wavelengths_nm)[0]
+        indices = waves.values_of(self.material)[0]
         return indices if self.index_error == 0.0 else indices + self.index_error
 
-    def absorption(self, wavelengths_nm: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " k"]:
+    def absorption(self, waves: Wavelengths | None) -> Float[np.ndarray, " k"]:
         """Absorption (1/mm) for each ray, or one for all; empty where the medium is clear."""
-        if wavelengths_nm is not None and self.material is not None:
-            own = values_at(self.material, wavelengths_nm)[1]
+        if waves is not None and self.material is not None:
+            own = waves.values_of(self.material)[1]
             if own is not None:
                 return own
         return np.full(int(self.absorption_per_mm > 0.0), self.absorption_per_mm)
 
-    def indices(self, wavelengths_nm: Float[np.ndarray, " n"] | None, count: int) -> Float[np.ndarray, " n"]:
+    def indices(self, waves: Wavelengths | None, count: int) -> Float[np.ndarray, " n"]:
         """Index for each of ``count`` rays."""
-        return _of_each(self.index(wavelengths_nm), count)
+        return _of_each(self.index(waves), count)
 
-    def absorptions(self, wavelengths_nm: Float[np.ndarray, " n"] | None, count: int) -> Float[np.ndarray, " n"]:
+    def absorptions(self, waves: Wavelengths | None, count: int) -> Float[np.ndarray, " n"]:
         """Absorption (1/mm) for each of ``count`` rays, 0 where the medium is clear."""
-        return _of_each(self.absorption(wavelengths_nm), count)
+        return _of_each(self.absorption(waves), count)
 
 
 def _of_each(values: Float[np.ndarray, " k"], count: int) -> Float[np.ndarray, " n"]:

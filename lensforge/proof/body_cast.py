@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.optics.media import FaceShape, Media, SecondaryOptic
+from lensforge.optics.media import FaceShape, Media, SecondaryOptic, Wavelengths
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
 
@@ -95,12 +95,13 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values) ->
         beam.end(rows[~met])
         rows, along, starts, paths = rows[met], along[met], points[met], paths[met]
         points = starts + paths[:, None] * along
-        indices, leaving = body.medium.indices(waves[rows], len(rows)), face == "outer"
+        here, leaving = Wavelengths(waves[rows]), face == "outer"
+        indices = body.medium.indices(here, len(rows))
         if leaving:
-            beam.share[rows] *= np.exp(-body.medium.absorptions(waves[rows], len(rows)) * paths)
+            beam.share[rows] *= np.exp(-body.medium.absorptions(here, len(rows)) * paths)
         around = np.full(len(rows), inside)
         before, behind = (indices, around) if leaving else (around, indices)
-        refracting = RefractingFace(before, behind, own.coating(face), waves[rows], not leaving)
+        refracting = RefractingFace(before, behind, own.coating(face), here.nm, not leaving)
         normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
         at = AtFace.of(refracting, along, normals, body.pose.own_directions(beam.fields[rows]))
         beam.share[rows] *= at.transmittance

@@ -91,7 +91,7 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
     try:
         caster, passage = _Caster(mi, part, media), Passage.of(rays, part.optical.events)
         met: list[list[tuple[int, _Met]]] = [[] for _ in range(part.optical.events)]
-        index = media.body.indices(rays.wavelengths_nm, len(rays))
+        index = media.body.indices(rays.waves, len(rays))
         steps = np.column_stack([index / media.cavity_index, index / media.outside_index])
         table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
         for row, (origin, direction, indices) in enumerate(table):

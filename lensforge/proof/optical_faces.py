@@ -103,7 +103,7 @@ class PlateOfLenses:
             rows, turned = numbers == number, _turned(turn).T
             origins[rows] = rays.origins[rows] @ turned + np.array([*place, 0.0])
             directions[rows] = rays.directions[rows] @ turned
-        return RayBundle(origins, directions, rays.flux, rays.wavelengths_nm)
+        return RayBundle(origins, directions, rays.flux, rays.waves)
 
     @cached_property
     def _seen(self) -> Float[np.ndarray, "k 2"]:

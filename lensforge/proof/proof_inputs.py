@@ -134,8 +134,8 @@ def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBu
     if spec.lens.dispersion is None:
         return rays
     if isinstance(section, ChipsSource) and section.spectra:
-        return replace(rays, wavelengths_nm=_of_chips(random, points[:, :2], section))
-    return rays if section.spectrum is None else replace(rays, wavelengths_nm=_waves(random, count, section.spectrum))
+        return rays.with_wavelengths(_of_chips(random, points[:, :2], section))
+    return rays if section.spectrum is None else rays.with_wavelengths(_waves(random, count, section.spectrum))
 
 
 def _waves(random: Generator, count: int, spectrum: SpectrumSpec) -> Float[np.ndarray, " n"]:

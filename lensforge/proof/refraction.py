@@ -41,9 +41,10 @@ class LitRays(RayRows):
     @staticmethod
     def of(rays: RayBundle, media: Media) -> "LitRays":
         """Unpolarised light that has met nothing yet."""
-        seen = media.body.indices, media.body.absorptions, media.wavelengths
-        of_rays = [each(rays.wavelengths_nm, len(rays)) for each in seen]
-        return LitRays(rays.directions, unpolarised(rays.directions), np.zeros(len(rays), dtype=bool), *of_rays)
+        count, body = len(rays), media.body
+        in_body = body.indices(rays.waves, count), body.absorptions(rays.waves, count)
+        waves = media.wavelengths(rays.wavelengths_nm, count)
+        return LitRays(rays.directions, unpolarised(rays.directions), np.zeros(count, dtype=bool), *in_body, waves)
 
 
 @dataclass(frozen=True)

@@ -198,9 +198,9 @@ class SourceLight:
         if mirror is not None:  # what need not turn leaves directly, all else by one reflection at least
             return np.where(turns_rad > 0.0, mirror.reflectance, 1.0)
         turns_rad = np.zeros_like(turns_rad) if self.reflects else turns_rad
-        media, waves = self.media, self.rays.wavelengths_nm
-        least = least_by_way(media, whole_span(waves, media))
-        indices = media.body.indices(waves, len(self.rays))
+        media = self.media
+        least = least_by_way(media, whole_span(self.rays.wavelengths_nm, media))
+        indices = media.body.indices(self.rays.waves, len(self.rays))
         return best_transmittance(turns_rad, indices, media.cavity_index, media.outside_index, least)
 
     @cached_property

@@ -1,7 +1,7 @@
 """Wavelengths of a source's rays, and how much is known of the lens's index at them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -70,7 +70,7 @@ def coloured(rays: Rays, material: Material, name: str) -> tuple[Rays, IndexRang
 
     def usable(some: RayBundle) -> RayBundle:
         waves = _wavelengths(some)
-        return replace(some, wavelengths_nm=np.where(usable_wavelengths(waves), waves, mean_nm))
+        return some.with_wavelengths(np.where(usable_wavelengths(waves), waves, mean_nm))
 
     return changed(rays, usable), indices
 
@@ -158,4 +158,4 @@ class ColouredSource(ChangedSource):
 
     def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
         """The rays, each with a wavelength drawn by ``seed``."""
-        return rays if self.spectrum is None else replace(rays, wavelengths_nm=self.spectrum.draw(len(rays), seed))
+        return rays if self.spectrum is None else rays.with_wavelengths(self.spectrum.draw(len(rays), seed))

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import some_of
+from lensforge.optics.media import Wavelengths
 from lensforge.optics.pose import Pose
 
 BLOCK_RAYS = 2**18  # rays handled at a time: bounds the memory whatever their number
@@ -53,7 +53,7 @@ def _first_half(count: int) -> int:
 class RayBundle:
     """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
 
-    ``wavelengths_nm``: of each, at which media answer their index; None where that does not count, or is not known.
+    ``waves``: wavelength of each, at which media answer their index; None where that does not count, or is not known.
     ``of_source``: number of the LED of each, where a lens is for several. ``tristimulus``: X, Y, Z (lm) per W of each;
     None where nobody asks for colour.
     """
@@ -61,16 +61,25 @@ class RayBundle:
     origins: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
-    wavelengths_nm: Float[np.ndarray, " n"] | None = None
+    waves: Wavelengths | None = None
     of_source: Int[np.ndarray, " n"] | None = None
     tristimulus: Float[np.ndarray, "n 3"] | None = None
 
     def __len__(self) -> int:
         return len(self.flux)
 
+    @property
+    def wavelengths_nm(self) -> Float[np.ndarray, " n"] | None:
+        """Wavelength (nm) of each; None where that does not count."""
+        return None if self.waves is None else self.waves.nm
+
+    def with_wavelengths(self, wavelengths_nm: Float[np.ndarray, " n"] | None) -> "RayBundle":
+        """The rays with these wavelengths (nm), or with none."""
+        return replace(self, waves=None if wavelengths_nm is None else Wavelengths(wavelengths_nm))
+
     def take(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "RayBundle":
         """Select some of the rays."""
-        waves = None if self.wavelengths_nm is None else some_of(self.wavelengths_nm, rows)
+        waves = None if self.waves is None else self.waves.take(rows)
         numbers = None if self.of_source is None else self.of_source[rows]
         colours = None if self.tristimulus is None else self.tristimulus[rows]
         return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], waves, numbers, colours)
@@ -98,7 +107,11 @@ class RayBundle:
 
         Raises ``ValueError`` where some parts have wavelengths, numbers or colours, and others none: all have, or none.
         """
-        return cls(**{name: _joined(name, [getattr(part, name) for part in parts]) for name in vars(parts[0])})
+        rays = cls(**{name: _joined(name, [getattr(part, name) for part in parts]) for name in _ARRAYS})
+        return rays.with_wavelengths(_joined("wavelengths_nm", [part.wavelengths_nm for part in parts]))
+
+
+_ARRAYS = ("origins", "directions", "flux", "of_source", "tristimulus")
 
 
 def _joined(name: str, columns: Sequence[np.ndarray | None]) -> Any:

@@ -115,4 +115,4 @@ class ChipColours:
         waves = np.empty(len(rays))
         for number, spectrum in enumerate(self.spectra):
             waves[chips == number] = spectrum.at(numbers[chips == number])
-        return replace(rays, wavelengths_nm=waves)
+        return rays.with_wavelengths(waves)

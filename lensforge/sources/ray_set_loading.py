@@ -139,7 +139,7 @@ def _loaded(
     sums = replace(RaySums.of(rays), dropped=stored.dropped).possible(rayfile)
     flux = _flux(rayfile, stored, sums, stated, spec, spectrum)
     factor = flux.flux_w / sums.flux
-    rays = changed(rays, lambda some: replace(some, flux=some.flux * factor, wavelengths_nm=None))
+    rays = changed(rays, lambda some: replace(some, flux=some.flux * factor, waves=None))
     figures, index_range, dispersion = RaySums.of(rays), None, tuple[str, ...]()
     material, name = asked.material, rayfile.path if spectrum is None else "source.spectrum"
     if material is not None:
@@ -172,10 +172,10 @@ def _with_colours(rays: Rays, stored: StoredRays, factor: float, spectrum: Spect
     def usable(some: RayBundle) -> RayBundle:
         assert some.wavelengths_nm is not None
         waves = np.where(usable_wavelengths(some.wavelengths_nm), some.wavelengths_nm, mean_nm)
-        return replace(some, flux=some.flux * factor, wavelengths_nm=waves)
+        return replace(some, flux=some.flux * factor).with_wavelengths(waves)
 
     coloured = coloured_set(changed(own.loaded(), usable), None, name)
-    return changed(coloured, lambda some: replace(some, wavelengths_nm=None))
+    return changed(coloured, lambda some: replace(some, waves=None))
 
 
 def _flux(

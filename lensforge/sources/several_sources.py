@@ -47,7 +47,7 @@ class SeveralSources:
         several = len(self.sources)
         of_each = -(-count // several)
         parts = [source.sample(of_each, seed) for source in self.sources]
-        if any(part.wavelengths_nm is not None for part in parts):
+        if any(part.waves is not None for part in parts):
             parts = [self._with_wavelengths(part) for part in parts]
         rays = RayBundle.joined(parts)
         numbers = np.repeat(np.arange(several, dtype=np.int16), of_each)
@@ -55,13 +55,12 @@ class SeveralSources:
         return replace(rays, of_source=numbers).take(in_turn)
 
     def _with_wavelengths(self, rays: RayBundle) -> RayBundle:
-        known = rays.wavelengths_nm is not None
-        return rays if known else replace(rays, wavelengths_nm=np.full(len(rays), self.wavelength_nm))
+        return rays if rays.waves is not None else rays.with_wavelengths(np.full(len(rays), self.wavelength_nm))
 
     @property
     def without_wavelengths(self) -> tuple[int, ...]:
         """Numbers of the LEDs whose rays have no wavelength of their own, where those of another have."""
-        without = [source.sample(1, 0).wavelengths_nm is None for source in self.sources]
+        without = [source.sample(1, 0).waves is None for source in self.sources]
         return () if all(without) else tuple(np.flatnonzero(without).tolist())
 
     def shared_out(self, rays: RayBundle) -> list[RayBundle]:

@@ -120,7 +120,7 @@ def test_rays_and_gradients_of_every_scene_are_those_in_double(name: str, colour
     rng, scene = np.random.default_rng(3), SCENES[name]
     tables = np.stack([tabulate(GRID, random_surface(k, (3.0, 6.0)[k], 0.01, (25, 81))) for k in range(2)])
     rays = upwards(2000, 5, 0.5)
-    rays = replace(rays, wavelengths_nm=rng.uniform(400.0, 700.0, len(rays))) if coloured else rays
+    rays = rays.with_wavelengths(rng.uniform(400.0, 700.0, len(rays))) if coloured else rays
     double, single = _both(tables, scene, rays)
     assert (double.at_lens.fates == single.at_lens.fates).all()
     assert 0.5 < (double.at_lens.fates == Fate.LEFT_LENS).mean() < 1.0

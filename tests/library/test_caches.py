@@ -25,8 +25,7 @@ from lensforge.cad.keep_out import read_keep_out
 from lensforge.light.secondary_optics import tabled
 from lensforge.optics.coatings import coating_tables, least_reflectance, reflectance_of
 from lensforge.optics.exit_space import ExitColumn, _on_level
-from lensforge.optics.material import MATERIALS
-from lensforge.optics.media import Media, Medium, ReflectanceTable, SecondaryOptic, values_at
+from lensforge.optics.media import Media, Medium, ReflectanceTable, SecondaryOptic
 from lensforge.scene.as_made import _noise
 from lensforge.scene.lamp_pictures import _pictures
 from lensforge.scene.lens import Lens, load_lens
@@ -198,13 +197,3 @@ def test_a_keep_out_of_the_same_name_is_another_one(tmp_path: Path) -> None:
         vertices = read_keep_out(tmp_path / "clip.step").solids[0].vertices
         tall.append(float(np.ptp(vertices[:, 2])))
     assert tall == pytest.approx([2.0, 3.0, 2.0])
-
-
-def test_indices_at_wavelengths_are_those_of_the_material_that_is_asked_for() -> None:
-    """The same array with one glass, another, and the first again; another array at the same place in memory."""
-    for shift in (0.0, 20.0):
-        waves = np.array([450.0, 550.0, 650.0]) + shift
-        for name in ("PMMA", "PC", "PMMA"):
-            material = MATERIALS[name]
-            assert values_at(material, waves)[0] == pytest.approx(material.index(waves.copy()), abs=1e-14)
-        del waves

@@ -142,10 +142,10 @@ def test_colours_are_bent_apart_by_the_index_of_each() -> None:
     from lensforge.optics.material import MATERIALS
 
     glass = MATERIALS["PC"]
-    rays = replace(upwards(600, 9, 0.5), wavelengths_nm=np.linspace(450.0, 650.0, 600))
+    rays = upwards(600, 9, 0.5).with_wavelengths(np.linspace(450.0, 650.0, 600))
     coloured = replace(DOME, medium=Medium(1.586, 0.0, glass))
     found = TracedBundle.of(CONCENTRIC, scene(coloured), rays).exits
     for wave in (0, 300, 599):
         one = replace(DOME, medium=Medium(float(glass.index(rays.wavelengths_nm[wave : wave + 1])[0])))
-        alone = TracedBundle.of(CONCENTRIC, scene(one), replace(rays, wavelengths_nm=None)).exits
+        alone = TracedBundle.of(CONCENTRIC, scene(one), replace(rays, waves=None)).exits
         assert found.directions[wave] == pytest.approx(alone.directions[wave], abs=1e-13)

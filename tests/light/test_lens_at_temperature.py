@@ -80,7 +80,7 @@ def test_rays_with_an_index_of_their_own_have_that_of_their_wavelength() -> None
     lens = lens_of(small_spec(lens__material="N-BK7", source__spectrum=LINE))
     warm = at_temperature(lens, 85.0)
     rays = build_source(lens.spec.source, warm.dispersion).sample(10, 0)
-    assert warm.media.body.index(rays.wavelengths_nm) == pytest.approx([hot] * 10, abs=1e-15)
+    assert warm.media.body.index(rays.waves) == pytest.approx([hot] * 10, abs=1e-15)
     assert warm.media.body.refractive_index != hot, "that at the design wavelength, for rays without their own"
     assert warm.sha256 == lens.sha256
     constants = {"lens__index_per_k": (hot - cold) / 65.0, "lens__expansion_per_k": 7.1e-6}

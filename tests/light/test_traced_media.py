@@ -47,7 +47,7 @@ TABLES = [table_of(each, GRID) for each in (random_surface(3, 0.8, 0.03), random
 RAYS, RNG = SquareEmitter(0.9).sample(512, 1), np.random.default_rng(3)
 LOSING, LOSES = with_own(RAYS, Medium(N, 0.21), absorptions=RNG.uniform(0.0, 0.5, 512))
 BENDING, BENDS = with_own(RAYS, Medium(N), indices=RNG.uniform(1.3, 1.7, 512))
-COLOURED = replace(RAYS, wavelengths_nm=RNG.uniform(420.0, 680.0, 512))
+COLOURED = RAYS.with_wavelengths(RNG.uniform(420.0, 680.0, 512))
 
 
 def stack(*layers: tuple[float, float], body: float = N) -> LayerStack:
@@ -148,7 +148,7 @@ GLASS_SPEC = {"refractive_index": 1.52, "thickness_mm": 3.0, "distance_mm": 20.0
 def from_the_centre(media: Media, wavelength_nm: float | None = None) -> ExitRays:
     """Light from the centre of two spheres, 3 mm apart: 300 rays of 1 W, all at right angles to both."""
     waves = None if wavelength_nm is None else np.full(300, wavelength_nm)
-    rays = RayBundle(np.zeros((300, 3)), hemisphere_directions(300), np.ones(300), wavelengths_nm=waves)
+    rays = RayBundle(np.zeros((300, 3)), hemisphere_directions(300), np.ones(300)).with_wavelengths(waves)
     return trace_tables((table_of(sphere(r), GRID) for r in (2.0, 5.0)), Scene(media, GRID), rays)
 
 
@@ -199,7 +199,7 @@ def test_each_ray_loses_by_its_own_path_and_nothing_else_changes(scene: Scene, r
     out, length = clear.left_lens, paths(RAYS)
     assert torch.equal(dim.fates, clear.fates) and torch.equal(dim.points, clear.points)
     assert out.sum() > 400
-    left = torch.exp(-torch.from_numpy(scene.media.body.absorptions(rays.wavelengths_nm, len(rays))) * length)
+    left = torch.exp(-torch.from_numpy(scene.media.body.absorptions(rays.waves, len(rays))) * length)
     assert torch.allclose(dim.flux[out], (clear.flux * left)[out], rtol=1e-13, atol=0.0)
     # what reached the outer surface was absorbed, or is still there, whatever became of it
     assert clear.absorbed is None and dim.absorbed is not None
@@ -272,7 +272,7 @@ def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray, n
         along = np.sum(points * directions, axis=1)
         lengths = -along + np.sqrt(along**2 - np.sum(points**2, axis=1) + radius**2)
         if radius == radii[1]:
-            flux = flux * np.exp(-media.body.absorptions(rays.wavelengths_nm, len(rays)) * lengths)
+            flux = flux * np.exp(-media.body.absorptions(rays.waves, len(rays)) * lengths)
         points = points + lengths[:, None] * directions
         at = AtFace.of(face, directions, points / radius, fields)
         directions, fields, flux = at.bent, at.passed, flux * at.transmittance
@@ -327,15 +327,15 @@ def test_a_glass_that_cannot_be_is_one_line(changes: dict[str, float], message: 
     ],
 )
 def test_light_outside_of_a_coating_is_one_line(coating: Coating, message: str) -> None:
-    wide = replace(RAYS, wavelengths_nm=np.linspace(380.0, 640.0, 512))
+    wide = RAYS.with_wavelengths(np.linspace(380.0, 640.0, 512))
     scene = Scene(Media(Medium(N), coatings=coatings(outer=coating)), GRID)
     with pytest.raises(InputError, match=message):
         trace_tables(TABLES, scene, wide)
     tail = np.arange(512) < 40  # has that of the end, where it has little flux
-    few = replace(RAYS, wavelengths_nm=np.where(tail, 380.0, 480.0), flux=np.where(tail, 0.1, 1.0))
+    few = replace(RAYS, flux=np.where(tail, 0.1, 1.0)).with_wavelengths(np.where(tail, 380.0, 480.0))
     with pytest.raises(InputError, match=r"480 nm: 4\.07 % of the flux is outside"):
         trace_tables(TABLES, scene, replace(few, flux=np.where(tail, 0.5, 1.0)))
-    ends = replace(few, wavelengths_nm=np.maximum(few.wavelengths_nm, 420.0 if coating is BROAD else 400.0))
+    ends = few.with_wavelengths(np.maximum(few.wavelengths_nm, 420.0 if coating is BROAD else 400.0))
     one, other = (trace_tables(TABLES, scene, each).flux for each in (few, ends))
     assert torch.allclose(one, other, rtol=1e-5)
     blue = replace(scene, media=replace(scene.media, wavelength_nm=300.0))

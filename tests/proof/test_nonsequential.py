@@ -78,7 +78,7 @@ def test_a_coated_window_transmits_as_the_series_of_its_echoes_and_its_bare_base
     assert backward(budget) == pytest.approx(0.02 + 0.98 * 0.3 * 0.98 / (1 - 0.02 * 0.3), rel=1e-12)
     assert total(budget) == pytest.approx(1.0, abs=1e-12)
     by_wave = ReflectanceTable((0.0, 90.0), ((0.1, 0.1), (0.2, 0.2)), (400.0, 500.0))
-    rays = replace(beam(), wavelengths_nm=np.full(50, 450.0))
+    rays = beam().with_wavelengths(np.full(50, 450.0))
     budget = follow(window(2.0, coatings=coatings(outer=by_wave)), rays, EVERYTHING)
     assert landed(budget, Cause.SEQUENTIAL) == pytest.approx((1 - R) * 0.85, rel=1e-12)
     assert (budget.escaped().wavelengths_nm == 450.0).all()

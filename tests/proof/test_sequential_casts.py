@@ -148,7 +148,7 @@ def test_coated_faces_let_pass_what_they_do_not_reflect(caster):
     bare = Media(Medium(INDEX), cover_glass=CoverGlass(1.5, 2.0, 30.0))
     media = replace(bare, coatings=coatings(inner, outer), cover_glass=glass)
     waves = np.random.default_rng(1).uniform(400.0, 600.0, len(RAYS))
-    rays = replace(RAYS, wavelengths_nm=waves)
+    rays = RAYS.with_wavelengths(waves)
     at_lens = rays.flux * (0.9 - 0.2 * (waves - 400.0) / 200.0) * 0.95
     found, was = send(rays, media), send(rays, bare)
     np.testing.assert_array_equal(found.fates, was.fates)

@@ -80,11 +80,9 @@ def test_an_led_without_wavelengths_beside_one_with_them_has_that_of_the_design(
 
 @pytest.mark.parametrize("name", ["wavelengths_nm", "of_source", "tristimulus"])
 def test_bundles_of_which_one_has_no_wavelength_number_or_colour_are_not_joined(name: str) -> None:
-    rays = searched_source(_spec()).sample(8, 0)
-    with_it, without = (
-        replace(rays, **{"wavelengths_nm": None, "of_source": None, "tristimulus": None, **own})
-        for own in ({name: np.ones(8)}, {})
-    )
+    without = replace(searched_source(_spec()).sample(8, 0), waves=None, of_source=None, tristimulus=None)
+    ones = np.ones(8)
+    with_it = without.with_wavelengths(ones) if name == "wavelengths_nm" else replace(without, **{name: ones})
     for pair in ((with_it, without), (without, with_it)):
         with pytest.raises(ValueError, match=f"{name}: 1 of 2 bundles"):
             RayBundle.joined(pair)

@@ -62,7 +62,7 @@ def test_a_ray_without_a_usable_wavelength_has_the_mean_one_and_is_counted(tmp_p
 def test_light_is_counted_by_what_is_known_at_its_wavelength_ends_included(part) -> None:
     inside = set(range(*part.indices(12)))
     count, flux = len(inside), FLUX[part]
-    rays = RayBundle(np.zeros((count, 3)), np.tile([0.0, 0.0, 1.0], (count, 1)), flux, wavelengths_nm=WAVES[part])
+    rays = RayBundle(np.zeros((count, 3)), np.tile([0.0, 0.0, 1.0], (count, 1)), flux).with_wavelengths(WAVES[part])
     found, account = coloured(rays, PMMA, "lamp")
     assert account.clamped_index_share == pytest.approx(FLUX[[*({0, 2, 9, 10, 11} & inside)]].sum() / flux.sum())
     assert account.extrapolated_index_share == pytest.approx(FLUX[[*({1, 3, 7, 8} & inside)]].sum() / flux.sum())
@@ -70,7 +70,7 @@ def test_light_is_counted_by_what_is_known_at_its_wavelength_ends_included(part)
     assert account.wavelengths_nm == (WAVES[usable].min(), 1782.1)
     assert found.wavelengths_nm[-1] == pytest.approx(FLUX[usable] @ WAVES[usable] / FLUX[usable].sum())
     with pytest.raises(InputError, match="lamp: no ray has a usable wavelength"):
-        coloured(replace(rays, wavelengths_nm=np.full(count, np.nan)), PMMA, "lamp")
+        coloured(rays.with_wavelengths(np.full(count, np.nan)), PMMA, "lamp")
 
 
 WAVES = np.array([300.0, 378.0, 377.9, 419.9, 420.0, 500.0, 1620.0, 1620.1, 1782.0, 1782.1, np.nan, 0.5])
@@ -81,7 +81,7 @@ FLUX[[0, 2, 9, 10, 11]] *= 1e-3  # outside: a hundredth of the flux at most may 
 @pytest.mark.parametrize(("share", "refused"), [(0.01, False), (0.0101, True)])
 def test_one_per_cent_may_have_the_index_at_the_end_of_the_range(share: float, refused: bool) -> None:
     flux, waves = np.array([share, 0.2, 0.8 - share]), np.array([1800.0, 400.0, 600.0])
-    rays = RayBundle(np.zeros((3, 3)), np.tile([0.0, 0.0, 1.0], (3, 1)), flux, wavelengths_nm=waves)
+    rays = RayBundle(np.zeros((3, 3)), np.tile([0.0, 0.0, 1.0], (3, 1)), flux).with_wavelengths(waves)
     if refused:
         with pytest.raises(InputError, match=r"1\.01 % of the flux is outside, at most 1 % may be"):
             coloured(rays, PMMA, "lamp")
@@ -92,9 +92,9 @@ def test_one_per_cent_may_have_the_index_at_the_end_of_the_range(share: float, r
     indices = [PMMA.index_at(400.0), float(PMMA.nearest_index(np.array([1800.0]))[0])]
     assert list(known.refractive_indices) == pytest.approx(indices)
     own = Medium(1.49, 0.01, PMMA)
-    assert own.index(found.wavelengths_nm).tolist() == pytest.approx([indices[1], indices[0], PMMA.index_at(600.0)])
+    assert own.index(found.waves).tolist() == pytest.approx([indices[1], indices[0], PMMA.index_at(600.0)])
     assert found.wavelengths_nm.tolist() == waves.tolist() and found.flux.tolist() == flux.tolist()
-    assert PMMA.absorption is None and own.absorption(found.wavelengths_nm).tolist() == [0.01]
+    assert PMMA.absorption is None and own.absorption(found.waves).tolist() == [0.01]
 
 
 @pytest.mark.parametrize(

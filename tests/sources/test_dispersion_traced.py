@@ -64,7 +64,7 @@ def test_every_colour_lands_where_bouguer_says(trace):
     rays, body = dispersed_rays()
     found = trace(rays, body)
     assert found.arrived.all()
-    landed = bouguer(rays, body.indices(rays.wavelengths_nm, len(rays)))
+    landed = bouguer(rays, body.indices(rays.waves, len(rays)))
     np.testing.assert_allclose(found.hits, landed, atol=1e-8)
     assert np.linalg.norm(landed - bouguer(rays, body.refractive_index), axis=1).max() > 0.05, (
         "colours must part, or nothing is shown"
@@ -92,13 +92,13 @@ def test_colours_on_a_receiver_are_those_of_three_lines_by_hand():
     """A line of each primary through the spheres: pictures of X, Y, Z against rays placed and weighed by hand."""
     rays, body = dispersed_rays(count=512)
     waves = np.resize(list(CIE_1931), len(rays))
-    rays = coloured_by_wavelength(replace(rays, wavelengths_nm=waves))
+    rays = coloured_by_wavelength(rays.with_wavelengths(waves))
     grid = TableGrid(32)
     exits = trace_tables(tuple(tabulate(grid, sphere(r)) for r in (INNER, OUTER)), Scene(Media(body), grid), rays)
     landings = RECEIVER.land(exits)
     received = ReceivedFlux.none_yet(RECEIVER, 1, (), coloured=True)
     received.add(0, 1.0, RECEIVER, exits, landings, rays.tristimulus)
-    x, y = bouguer(rays, body.indices(waves, len(rays))).T
+    x, y = bouguer(rays, body.indices(rays.waves, len(rays))).T
     edges = np.linspace(-100.0, 100.0, RECEIVER.grid.columns + 1)
     for k, picture in enumerate(received.colours):
         weight = landings.flux * [683.002 * CIE_1931[wave][k] for wave in waves]

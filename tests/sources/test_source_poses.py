@@ -31,11 +31,8 @@ def test_rays_are_moved_to_the_place_of_their_source_and_back() -> None:
     assert rays.placed(Pose()) is rays is rays.seen_from(Pose())
 
 
-BUNDLE = RayBundle(
-    np.arange(15.0).reshape(5, 3), np.eye(3)[[0, 1, 2, 0, 1]], np.arange(1.0, 6.0),
-    np.linspace(400.0, 500.0, 5),
-)  # fmt: skip
-PLAIN = RayBundle(BUNDLE.origins, BUNDLE.directions, BUNDLE.flux)
+PLAIN = RayBundle(np.arange(15.0).reshape(5, 3), np.eye(3)[[0, 1, 2, 0, 1]], np.arange(1.0, 6.0))
+BUNDLE = PLAIN.with_wavelengths(np.linspace(400.0, 500.0, 5))
 FIELDS = ("origins", "directions", "flux", "wavelengths_nm")
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
+from lensforge.optics.media import Wavelengths
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.rayfiles.ray_file_rows import CHUNK_ROWS, HUGE, SMALLEST, FileImage, as_float64, release_pages
 
@@ -195,7 +196,7 @@ def as_bundle(rayfile: RayFile) -> RayBundle:
         origins=as_float64(rayfile.positions_mm),
         directions=directions / np.sqrt(column_product(directions, directions))[:, None],
         flux=as_float64(rayfile.flux),
-        wavelengths_nm=None if rayfile.wavelengths_nm is None else as_float64(rayfile.wavelengths_nm),
+        waves=None if rayfile.wavelengths_nm is None else Wavelengths(as_float64(rayfile.wavelengths_nm)),
     )
 
 

@@ -69,7 +69,7 @@ class StoredRays:
         bundle = as_bundle(self.rayfile.rows(self._rows_of(chosen)))
         if len(bundle) >= BLOCK_RAYS // 2:  # of so many nearly every page was read
             self.rayfile.release_pages()
-        return bundle if self.drawn_nm is None else replace(bundle, wavelengths_nm=self.drawn_nm[chosen])
+        return bundle if self.drawn_nm is None else bundle.with_wavelengths(self.drawn_nm[chosen])
 
     def loaded(self) -> Rays:
         """The rays in memory if they are few."""
