@@ -52,10 +52,8 @@ Shell:    completion by eval "$(_LENSFORGE_COMPLETE=bash_source lensforge)"
           in ~/.bashrc; zsh_source for zsh, fish_source for fish."""
 
 # The machine's fault wherever it is met, in a library too; any other error of the system is a bug.
-_FULL_OR_FAILING = {
-    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENFILE, errno.EMFILE, errno.ENOMEM,
-    errno.EAGAIN,
-}  # fmt: skip
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.ENFILE, errno.EMFILE}
+_FAILING = {errno.EIO, errno.ENOMEM, errno.EAGAIN}
 _NEW_OPTIONS = {"--anyway": "--force", "--runout": "--extension"}  # by their names in earlier versions
 _CLEAN_UP_SECONDS = 2.0  # for what libraries do at the end of a program, after an interrupt
 
@@ -176,7 +174,7 @@ def _failure(error: BaseException) -> int:
         return _say(f"{error.format_message().rstrip('.')}; see --help", 2)
     if isinstance(error, MemoryError):
         return _say("out of memory; use fewer --rays or a lower --accuracy", 1)
-    if isinstance(error, OSError) and error.errno in _FULL_OR_FAILING:
+    if isinstance(error, OSError) and error.errno in _FULL | _FAILING:
         where = "" if error.filename is None else f"{error.filename}: "
         return _say(f"{where}{error.strerror}; a full disk, or a limit of this machine?", 2)
     # a bug: the user gets a line, the developer the details

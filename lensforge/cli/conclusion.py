@@ -34,10 +34,8 @@ _WHOLE = ("ways", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
 _LINES = ("ways", "road_yield", "bound", "spread", "causes", "budget", "error", "design", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
-_LIGHT = (
-    "nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv", "leak", "rays",
-    "fitted_nmse",
-)  # fmt: skip
+_ON_RECEIVER = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv")
+_LIGHT = (*_ON_RECEIVER, "leak", "rays", "fitted_nmse")
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
 _LENS = ("kept_start", "radius", "height", "kept", "next")
 _FILES = ("form_error", "volume", "mass", "surfaces", "scale", "keep_out", "landing")
@@ -255,8 +253,12 @@ def _cutting(run: Run) -> Iterator[Row]:
         return
     yield from rows_of(_selected(run, (*(f"{name}_ball" for name in check.faces), "thinnest"), Check))
     groups = [group for group in run.facts(check) if group.key.startswith("findings")]
-    missed = [f"{fact.label.lower()}: no ({group.title.partition(', ')[2]})" for group in groups for fact in group.facts
-              if fact.state == "fail" and fact.key != "cutter"]  # fmt: skip
+    missed = [
+        f"{fact.label.lower()}: no ({group.title.partition(', ')[2]})"
+        for group in groups
+        for fact in group.facts
+        if fact.state == "fail" and fact.key != "cutter"
+    ]
     if missed:
         yield "Also", "; ".join(missed)
     if run.verdict.cutting != "pass":

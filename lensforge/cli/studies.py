@@ -157,9 +157,15 @@ def _run_study(
             return run_with_progress(spec, folder, clock, resume=resume, **options)
 
         result = run_sweep(
-            content, variation, directory, run_design, resume=resume, scheduler=scheduler, announce=clock.head,
+            content,
+            variation,
+            directory,
+            run_design,
+            resume=resume,
+            scheduler=scheduler,
+            announce=clock.head,
             **options,
-        )  # fmt: skip
+        )
     finish_study(output, directory, result, f"{result.vary}, {len(result.designs)} designs", _PAGE)
     if result.failed:
         name, why = next(iter(result.failed.items()))

@@ -82,6 +82,13 @@ class ByRaysIn(NamedTuple):
         return some_of(self, part)
 
 
+class BodyGradients(NamedTuple):
+    """Sensitivities to a body's tables (f, side, side), added to, and to the rays that came; None: nobody asks."""
+
+    by_tables: Float[np.ndarray, "f side side"] | None
+    by_rays: ByRaysIn | None
+
+
 class AdjointMemory(NamedTuple):
     """Memory of a packet of the adjoint, and of what is kept of its events, for one thread."""
 
@@ -267,9 +274,9 @@ def store_by_rays(packet, count, placement, by_rays):
 
 
 @inline
-def adjoint_of_way(packet, count, met, events, rays, body, ways, by, kept, gradients):
-    """The adjoint of rays in a packet that have all ``met`` the same at so many ``events``."""
-    whole = in_whole_vectors(count)
+def adjoint_of_way(memory, count, met, rays, body, ways, by_fields, by_tables):
+    """The adjoint of rays in a packet that have all ``met`` the same."""
+    packet, kept, events, whole = memory.packet, memory.events, len(met), in_whole_vectors(count)
     begin_forward(packet, whole, rays.fields, body.placement)
     for event in range(events):
         face = met_face(event, met[event], body.sides)
@@ -278,35 +285,34 @@ def adjoint_of_way(packet, count, met, events, rays, body, ways, by, kept, gradi
         on_to_event(packet, count, face, rays, body, ways)
         keep_event(packet, whole, kept[event])
         forward_at(packet, whole, face, rays, body)
-    begin_back(packet, whole, body.placement, by.by_fields)
+    begin_back(packet, whole, body.placement, by_fields)
     for event in range(events - 1, -1, -1):
         face = met_face(event, met[event], body.sides)
         recall_event(packet, whole, kept[event])
         refract_all_at(packet, whole, face, rays, body.slopes)
         all_amplitudes(packet, whole, face, rays, body)
         back_through(packet, whole, face, event + 1 == events, rays, body)
-        add_gradients(packet, count, FIRST_EVENT, face.face, body.grid.inverse_step, gradients)
+        add_gradients(packet, count, FIRST_EVENT, face.face, body.grid.inverse_step, by_tables)
         if event > 0:
             from_next_frame(packet, whole, body.placement)
 
 
 @kernel
-def adjoint_of_ways(rays, body, ways, fates, by, groups, gradients, by_rays, memory):
-    """Add every ray's contribution to the ``gradients`` by the coefficients of all tables (f, side, side), way by way.
+def adjoint_of_ways(rays, body, ways, fates, by, groups, gradients, memory):
+    """Add every ray's contribution to the ``gradients`` (``BodyGradients``), way by way.
 
     ``rays``, ``body`` and ``ways`` as ``kernels.trace`` took and filled them, with the ``fates`` that it found. ``by``
     (``ByRaysOut``): sensitivities to a ray that left, and of one that the last face reflected totally that to its exit
-    sine. ``groups``: of :func:`same_way`. ``by_rays``: filled with sensitivities to the rays as they came. None in the
-    place of ``gradients`` or of ``by_rays``: nobody asks. ``memory``: of :func:`adjoint_memory`.
+    sine. ``groups``: of :func:`same_way`. ``memory``: of :func:`adjoint_memory`.
     """
-    packet, most = memory.packet, ways.lengths.shape[1]
+    most = ways.lengths.shape[1]
     for group in range(len(groups.starts) - 1):
         met, events = ways.met[groups.numbers[groups.starts[group]]], 0
         while events < most and met[events] >= 0:
             events += 1
         for first in range(groups.starts[group], groups.starts[group + 1], LANES):
             numbers = groups.numbers[first : min(first + LANES, groups.starts[group + 1])]
-            count = load_way(packet, numbers, fates, events, rays, body, ways, by)
+            count = load_way(memory.packet, numbers, fates, events, rays, body, ways, by)
             if count > 0:
-                adjoint_of_way(packet, count, met, events, rays, body, ways, by, memory.events, gradients)
-                store_by_rays(packet, count, body.placement, by_rays)
+                adjoint_of_way(memory, count, met[:events], rays, body, ways, by.by_fields, gradients.by_tables)
+                store_by_rays(memory.packet, count, body.placement, gradients.by_rays)

@@ -128,8 +128,13 @@ def _add_values(x, y, z, centre, sigma, reach, weight, total):
 
 
 @kernel
-def _add_slopes(x, y, z, centre, sigma, reach, weight, sx, sy, sz):
-    """Add one function's slope towards its centre, before its component along the direction is removed."""
+def _add_slopes(directions, centre, sigma, reach, weight, slopes):
+    """Add one function's slope towards its centre, before its component along the direction is removed.
+
+    ``directions`` and ``slopes`` by x, y and z, each an array.
+    """
+    x, y, z = directions
+    sx, sy, sz = slopes
     cx, cy, cz, inverse = centre[0], centre[1], centre[2], 1.0 / (sigma * sigma)
     if reach <= NEAR:
         for k in range(len(x)):
@@ -191,7 +196,7 @@ def sum_slopes(directions, images, centres, sigmas, reaches, weights, rows, tota
             sx[:], sy[:], sz[:] = 0.0, 0.0, 0.0
             for j in range(len(weights)):
                 if _reached(mean, centres[j], reaches[j]):
-                    _add_slopes(x, y, z, centres[j], sigmas[j], reaches[j], weights[j], sx, sy, sz)
+                    _add_slopes((x, y, z), centres[j], sigmas[j], reaches[j], weights[j], (sx, sy, sz))
             for k in range(count):
                 # towards the centres; the component along the direction is removed
                 along = sx[k] * x[k] + sy[k] * y[k] + sz[k] * z[k]

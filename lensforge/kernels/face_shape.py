@@ -10,21 +10,34 @@ points out whose sensitivity is 0: of a limit those at which it does not bind.
 """
 
 from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
 
 from lensforge.kernels.compiled import inline, kernel
 
 _UMBILIC = 1e-24  # below the rounding of a squared eigenvalue: keeps the derivative of the root finite
 
 
+class ChartPlaces(NamedTuple):
+    """Chart coordinates X and Y of points, and the scale of the chart there."""
+
+    x: Float[np.ndarray, " k"]
+    y: Float[np.ndarray, " k"]
+    scale: Float[np.ndarray, " k"]
+
+
 @inline
-def log_jet(rho, derivatives, k, x, y, scale):
+def log_jet(rho, derivatives, k, places):
     """Chart derivatives of ``ln(rho)``: by X and Y, and second ones over ``rho``; then its Hessian on the sphere."""
     per_rho = 1.0 / rho[k]
     wx, wy = derivatives[0, k] * per_rho, derivatives[1, k] * per_rho
     rxx, rxy, ryy = derivatives[2, k] * per_rho, derivatives[3, k] * per_rho, derivatives[4, k] * per_rho
-    fx, fy = -scale[k] * x[k], -scale[k] * y[k]  # gradient of the scale's logarithm
+    x, y, scale = places.x[k], places.y[k], places.scale[k]
+    fx, fy = -scale * x, -scale * y  # gradient of the scale's logarithm
     turn = fx * wx - fy * wy
-    area = 1.0 / (scale[k] * scale[k])
+    area = 1.0 / (scale * scale)
     hxx = (rxx - wx * wx - turn) * area
     hxy = (rxy - wx * wy - fy * wx - fx * wy) * area
     hyy = (ryy - wy * wy + turn) * area
@@ -53,14 +66,14 @@ def eigenvalue_parts(product):
 
 
 @kernel
-def least_curvatures(rho, derivatives, x, y, scale, sign, found):
+def least_curvatures(rho, derivatives, places, sign, found):
     """Fill ``found`` (k,) with the smaller principal curvature (1/mm) seen from the air: negative where concave.
 
     ``sign``: 1 where the air is outside of the face, -1 where it is inside.
     """
     for k in range(len(rho)):
-        slopes, hessian = log_jet(rho, derivatives, k, x, y, scale)
-        v, _, product = stretched(slopes[0] / scale[k], slopes[1] / scale[k], hessian)
+        slopes, hessian = log_jet(rho, derivatives, k, places)
+        v, _, product = stretched(slopes[0] / places.scale[k], slopes[1] / places.scale[k], hessian)
         half, _, deviator = eigenvalue_parts(product)
         found[k] = (sign * (1.0 - half) - deviator) / (rho[k] * v)
 
@@ -90,18 +103,19 @@ def curvature_back(gx, gy, sign, hessian):
 
 
 @kernel
-def least_curvatures_adjoint(by, rho, derivatives, x, y, scale, sign, by_rho, by_derivatives):
+def least_curvatures_adjoint(by, rho, derivatives, places, sign, by_rho, by_derivatives):
     """Fill ``by_rho`` (k,) and ``by_derivatives`` (5, k) from the sensitivities ``by`` (k,) to the curvatures."""
     for k in range(len(rho)):
         if by[k] == 0.0:
             by_rho[k], by_derivatives[:, k] = 0.0, 0.0
             continue
-        (wx, wy, rxx, rxy, ryy), hessian = log_jet(rho, derivatives, k, x, y, scale)
-        gx, gy, xx, xy, yy, curvature = curvature_back(wx / scale[k], wy / scale[k], sign, hessian)
-        area, fx, fy = 1.0 / (scale[k] * scale[k]), -scale[k] * x[k], -scale[k] * y[k]
+        (wx, wy, rxx, rxy, ryy), hessian = log_jet(rho, derivatives, k, places)
+        x, y, scale = places.x[k], places.y[k], places.scale[k]
+        gx, gy, xx, xy, yy, curvature = curvature_back(wx / scale, wy / scale, sign, hessian)
+        area, fx, fy = 1.0 / (scale * scale), -scale * x, -scale * y
         xx, xy, yy = xx * area, xy * area, yy * area
-        by_wx = gx / scale[k] - 2.0 * wx * xx - (wy + fy) * xy + fx * (yy - xx)
-        by_wy = gy / scale[k] - 2.0 * wy * yy - (wx + fx) * xy - fy * (yy - xx)
+        by_wx = gx / scale - 2.0 * wx * xx - (wy + fy) * xy + fx * (yy - xx)
+        by_wy = gy / scale - 2.0 * wy * yy - (wx + fx) * xy - fy * (yy - xx)
         per = by[k] / (rho[k] * rho[k])
         by_rho[k] = -per * (curvature + wx * by_wx + wy * by_wy + rxx * xx + rxy * xy + ryy * yy)
         by_derivatives[0, k], by_derivatives[1, k] = per * by_wx, per * by_wy
@@ -109,26 +123,28 @@ def least_curvatures_adjoint(by, rho, derivatives, x, y, scale, sign, by_rho, by
 
 
 @kernel
-def draft_sines(rho, derivatives, x, y, scale, sign, found):
+def draft_sines(rho, derivatives, places, sign, found):
     """Fill ``found`` (k,) with the sine of the draft angle, ``sign`` times ``n . z`` of the outward normal."""
     for k in range(len(rho)):
+        x, y, scale = places.x[k], places.y[k], places.scale[k]
         wx, wy = derivatives[0, k] / rho[k], derivatives[1, k] / rho[k]
-        gx, gy = wx / scale[k], wy / scale[k]
-        found[k] = sign * (scale[k] - 1.0 + x[k] * wx + y[k] * wy) / sqrt(1.0 + gx * gx + gy * gy)
+        gx, gy = wx / scale, wy / scale
+        found[k] = sign * (scale - 1.0 + x * wx + y * wy) / sqrt(1.0 + gx * gx + gy * gy)
 
 
 @kernel
-def draft_sines_adjoint(by, rho, derivatives, x, y, scale, sign, by_rho, by_derivatives):
+def draft_sines_adjoint(by, rho, derivatives, places, sign, by_rho, by_derivatives):
     """Fill ``by_rho`` (k,) and ``by_derivatives`` (5, k) from the sensitivities ``by`` (k,) to the sines."""
     for k in range(len(rho)):
         by_rho[k], by_derivatives[:, k] = 0.0, 0.0
         if by[k] == 0.0:
             continue
+        x, y, scale = places.x[k], places.y[k], places.scale[k]
         wx, wy = derivatives[0, k] / rho[k], derivatives[1, k] / rho[k]
-        gx, gy = wx / scale[k], wy / scale[k]
+        gx, gy = wx / scale, wy / scale
         square = 1.0 + gx * gx + gy * gy
-        fall = (scale[k] - 1.0 + x[k] * wx + y[k] * wy) / (square * scale[k])
+        fall = (scale - 1.0 + x * wx + y * wy) / (square * scale)
         per = sign * by[k] / (sqrt(square) * rho[k])
-        by_x, by_y = per * (x[k] - fall * gx), per * (y[k] - fall * gy)
+        by_x, by_y = per * (x - fall * gx), per * (y - fall * gy)
         by_rho[k] = -(wx * by_x + wy * by_y)
         by_derivatives[0, k], by_derivatives[1, k] = by_x, by_y

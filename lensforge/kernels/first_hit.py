@@ -219,10 +219,9 @@ def advance(rays, count, closing, least, most, tan_reach, among, outside):
             has = rays[CLOSING + k] == 1.0
             after, state, closes, low, high = walked(rays, k, least, most, tan_reach, among, outside)
             nearer, state_in, low_in, high_in = closed_in(rays, k)
-            keep(
-                rays, k, nearer if has else after, state_in if has else state, 1.0 if has or closes else 0.0,
-                low_in if has else low, high_in if has else high,
-            )  # fmt: skip
+            after, state = nearer if has else after, state_in if has else state
+            low, high = low_in if has else low, high_in if has else high
+            keep(rays, k, after, state, 1.0 if has or closes else 0.0, low, high)
 
 
 @inline

@@ -144,19 +144,21 @@ def carry_on(packet, lane, going, placement, sides):
 
 
 @inline
-def to_outer(packet, lane, going, rays, body, ways):
-    """Put a ray behind the inner one of two faces on its way to the outer one. Returns True where it comes to that."""
+def to_outer(packet, lane, going, rays, body):
+    """Put a ray behind the inner one of two faces on its way to the outer one.
+
+    Returns how far on that way (mm) it is then; below 0 where it does not come to that.
+    """
     k = int(packet[RAY + lane])
     p, d = to_next_face(body.placement, three(packet, PX + lane), three(packet, DX + lane))
     start = from_the_rim(p, d, 1, body, body.placement)
     if start < 0.0:
-        return False
+        return start
     if p[2] < 0.0:
         p = p[0] + start * d[0], p[1] + start * d[1], 0.0
-    ways.lengths[k, 1] = start
     carry_on(packet, lane, going, body.placement, body.sides)
     store_ray(packet, going, k, p, d, own_or_shared(rays.indices, k) / body.outside_index)
-    return True
+    return start
 
 
 @inline
@@ -168,15 +170,18 @@ def to_nearest(packet, lane, going, face, medium, sides):
     packet[LEAVING + going] = dot(normal, d) / length_of(p)
     carry_on(packet, lane, going, None, sides)
     store_ray(packet, going, int(packet[RAY + lane]), p, d, 1.0)
-    return True
 
 
 @inline
-def to_next_event(packet, lane, going, face, medium, rays, body, ways, balls):
-    """Put a ray on its way from a ``face`` to its next one. Returns True where it comes to that."""
+def to_next_event(packet, lane, going, face, medium, rays, body, balls):
+    """Put a ray on its way from a ``face`` to its next one.
+
+    Returns how far on that way (mm) it is then; below 0 where it does not come to that.
+    """
     if balls is None:  # known to the compiler
-        return to_outer(packet, lane, going, rays, body, ways)
-    return to_nearest(packet, lane, going, face, medium, body.sides)
+        return to_outer(packet, lane, going, rays, body)
+    to_nearest(packet, lane, going, face, medium, body.sides)
+    return 0.0
 
 
 @inline
@@ -213,10 +218,12 @@ def pass_on(packet, count, event, rays, body, ways, exits):
             leave(packet, lane, arrived, rays, body, exits)
         elif last or (mirrored and ordered):
             exits.fates[k] = Fate.TOTAL_REFLECTION if mirrored and mirror < 0.0 else Fate.EVENT_LIMIT
-        elif to_next_event(
-            packet, lane, going, face, medium if mirrored else behind, rays, body, ways, body.bounds.balls
-        ):
-            going += 1
         else:
-            exits.fates[k] = Fate.BASE
+            entered = medium if mirrored else behind
+            start = to_next_event(packet, lane, going, face, entered, rays, body, body.bounds.balls)
+            if start < 0.0:
+                exits.fates[k] = Fate.BASE
+                continue
+            ways.lengths[k, event + 1] = start
+            going += 1
     return going

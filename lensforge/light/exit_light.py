@@ -19,6 +19,20 @@ from lensforge.spec.lamps_section import ALONE, Lamps
 
 
 @dataclass(frozen=True)
+class Goniophotometer:
+    """The sphere of a radius (mm) around the ``lamps`` on which exit rays start, and what is read there.
+
+    ``symmetry``: mirror group of lens, source and ``lamps``, under which the light is averaged. ``street_deg``: azimuth
+    of the street.
+    """
+
+    sphere_mm: float
+    symmetry: str
+    street_deg: float
+    lamps: Lamps = ALONE
+
+
+@dataclass(frozen=True)
 class RaysOnSphere:
     """Rays that leave the lens upwards, starting on the sphere; and the flux (W) of all rays by fate.
 
@@ -97,23 +111,18 @@ class ExitLight:
 def trace_exit_light(
     lens: TracedLens,
     source: Source,
-    symmetry: str,
+    meter: Goniophotometer,
     *,
     rays: int | None,
     by_itself: tuple[int, int],
     seed: int,
-    sphere_mm: float,
-    street_deg: float,
-    lamps: Lamps = ALONE,
 ) -> ExitLight:
     """Trace ``rays`` rays, or more and more, until the nodes are known to 2 % rms.
 
-    ``by_itself``: rays without such a number, at first and at most.
-    ``symmetry``: mirror group of lens, source and ``lamps``, under which the light is averaged. ``sphere_mm``: radius
-    of the sphere on which exit rays start. ``street_deg``: azimuth of the street. A measured source gives at most its
-    own rays. Raises :class:`InputError` where no light leaves the lens upwards.
+    ``by_itself``: rays without such a number, at first and at most. A measured source gives at most its own rays.
+    Raises :class:`InputError` where no light leaves the lens upwards.
     """
-    sums, wanted = _Sums(lens, sphere_mm, symmetry, street_deg, lamps), rays or min(by_itself)
+    sums, wanted = _Sums(lens, meter), rays or min(by_itself)
     if source.ray_count is not None:
         count = min(wanted, source.ray_count)
         parts = bundles(source, count, min(PARTS, count), seed)
@@ -144,11 +153,8 @@ def _rays_needed(light: ExitLight, most_rays: int) -> int:
 class _Sums:
     """Sums over all rays traced so far, by sample."""
 
-    def __init__(
-        self, lens: TracedLens, sphere_mm: float, symmetry: str, street_deg: float, lamps: Lamps = ALONE
-    ) -> None:
-        self.rays, self._lamps = 0, lamps
-        self._lens, self._sphere_mm, self._symmetry, self._street_deg = lens, sphere_mm, symmetry, street_deg
+    def __init__(self, lens: TracedLens, meter: Goniophotometer) -> None:
+        self.rays, self._lens, self._meter = 0, lens, meter
         self._grid: AngularGrid | None = None
         self._deposits: list[Float[np.ndarray, "c g"]] = []
         self._zones: list[Float[np.ndarray, "2 4"]] = []
@@ -159,7 +165,7 @@ class _Sums:
     def add(self, rays: Iterator[RayBundle]) -> None:
         """Trace one more bundle for each sample; each bundle carries all the flux."""
         for part, bundle in enumerate(rays):
-            out = exit_rays(self._lens, bundle, self._sphere_mm, self._lamps)
+            out = exit_rays(self._lens, bundle, self._meter.sphere_mm, self._meter.lamps)
             if self._grid is None:
                 self._grid = finest_grid(_reach_deg(out.rays))
             deposit, weight = self._grid.deposit(out.rays), float(len(bundle))
@@ -170,7 +176,7 @@ class _Sums:
                 self._weights.append(0.0)
                 self._kept.append(out.rays.take(slice(_FILE_RAYS // PARTS)))
             self._deposits[part] += weight * deposit
-            self._zones[part] += weight * zone_flux(out.rays, self._street_deg, self._symmetry)
+            self._zones[part] += weight * zone_flux(out.rays, self._meter.street_deg, self._meter.symmetry)
             self._by_fate[part] += weight * out.by_fate_w
             self._weights[part] += weight
             self.rays += len(bundle)
@@ -192,7 +198,7 @@ class _Sums:
         exit_w = Metric(value=float(exits.mean()), unit="W", standard_error=error)
         return ExitLight(
             rays=self.rays,
-            intensity=fit(grid, grid.images_mean(samples, self._symmetry)),
+            intensity=fit(grid, grid.images_mean(samples, self._meter.symmetry)),
             exit_w=exit_w,
             by_fate_w=by_fate.mean(axis=0),
             sample=replace(kept, flux=kept.flux * (exit_w.value / kept.flux.sum())),

@@ -57,8 +57,12 @@ class LampLight:
 Lateral = Literal["I", "II", "III", "IV", "V"]
 Longitudinal = Literal["very short", "short", "medium", "long", "very long"]
 _ALONG: tuple[tuple[Longitudinal, float], ...] = (
-    ("very short", 1.0), ("short", 2.25), ("medium", 3.75), ("long", 6.0), ("very long", np.inf),
-)  # fmt: skip
+    ("very short", 1.0),
+    ("short", 2.25),
+    ("medium", 3.75),
+    ("long", 6.0),
+    ("very long", np.inf),
+)
 _ACROSS: tuple[tuple[Lateral, float], ...] = (("I", 1.0), ("II", 1.75), ("III", 2.75), ("IV", np.inf))
 _HALF = 0.5
 _ROUND = 2.0 / 3.0  # least over largest reach of the line: a square has 0.71, an ellipse of 2:1 half

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int8
 
-from lensforge.kernels.adjoint import ByRaysIn, adjoint_memory, adjoint_of_pairs, adjoint_of_ways, same_way
+from lensforge.kernels.adjoint import (
+    BodyGradients,
+    ByRaysIn,
+    adjoint_memory,
+    adjoint_of_pairs,
+    adjoint_of_ways,
+    same_way,
+)
 from lensforge.kernels.parallel import CHUNKS, in_chunks, in_pieces
 from lensforge.kernels.precision import DOUBLE_PRECISION, Precision
 from lensforge.kernels.ray_packet import empty_packet
@@ -103,16 +110,17 @@ class BodyPassage:
         events, met = self.ways.lengths.shape[1], self.met
 
         def work(chunk: int, part: slice) -> None:
-            ways = self.ways.part(part)
+            gradients = BodyGradients(
+                None if totals is None else totals[chunk], None if before is None else before.part(part)
+            )
             adjoint_of_ways(
                 self.rays.part(part),
                 self.body,
-                ways,
+                self.ways.part(part),
                 self.exits.fates[part],
                 by.part(part),
                 same_way(met[part]),
-                None if totals is None else totals[chunk],
-                None if before is None else before.part(part),
+                gradients,
                 adjoint_memory(events),
             )
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity
-from lensforge.light.exit_light import ExitLight, trace_exit_light
+from lensforge.light.exit_light import ExitLight, Goniophotometer, trace_exit_light
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import (
@@ -142,13 +142,15 @@ def measure_photometry(
     light = trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
-        shared_symmetry([source.symmetry, lens.symmetry], lamps.in_far_field.has_mirrors),
+        Goniophotometer(
+            sphere_mm=_SLACK * largest_mm,
+            symmetry=shared_symmetry([source.symmetry, lens.symmetry], lamps.in_far_field.has_mirrors),
+            street_deg=section.street_side_deg,
+            lamps=lamps,
+        ),
         rays=rays,
         by_itself=preset.photometry_rays,
         seed=lens.seed,
-        sphere_mm=_SLACK * largest_mm,
-        street_deg=section.street_side_deg,
-        lamps=lamps,
     )
     per_watt, fitted = bright.lumens / source_w, light.intensity
     tables = CandelaTables.of(fitted, per_watt)

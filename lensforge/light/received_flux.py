@@ -38,9 +38,13 @@ class ReceivedFlux:
 
     @staticmethod
     def none_yet(
-        receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...], *, coloured: bool = False,
+        receiver: PosedReceiver,
+        replicates: int,
+        targets: tuple[DrawnTarget, ...],
+        *,
+        coloured: bool = False,
         bodies: int = 0,
-    ) -> "ReceivedFlux":  # fmt: skip
+    ) -> "ReceivedFlux":
         """No flux; behind the lens there are so many further ``bodies``."""
         images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
         in_targets, colours = np.zeros((replicates, len(targets))), np.zeros((3, *images.shape)) if coloured else None

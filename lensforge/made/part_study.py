@@ -233,10 +233,8 @@ _DIRECTIONS = 4000
 _FARTHEST = {"uniform": 1.0, "truncated": 1.0, "normal": 2.0}
 _RMS_TO_PEAK = 3.0
 _OF_FACE = ("shift_mm", "gap_mm", "tilt_deg", "form_um", "waviness_um")  # that bring it nearer to another face
-_OF_SOURCE = (
-    "source_shift_mm", "source_height_mm", "source_tilt_deg", "source_size", "lens_shift_mm", "lens_height_mm",
-    "lens_tilt_deg",
-)  # fmt: skip
+_OF_SOURCE = ("source_shift_mm", "source_height_mm", "source_tilt_deg", "source_size")
+_OF_LENS = ("lens_shift_mm", "lens_height_mm", "lens_tilt_deg")
 
 
 def require_feasible_tolerances(lens: Lens, factors: Sequence[Factor]) -> None:
@@ -260,7 +258,7 @@ def require_feasible_tolerances(lens: Lens, factors: Sequence[Factor]) -> None:
     from_source = f"the source is {room:.3g} mm from the {nearest} face at its closest"
     bounds = [
         (of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest"),
-        (_OF_SOURCE, room, size, from_source),
+        ((*_OF_SOURCE, *_OF_LENS), room, size, from_source),
     ]
     if lens.spec.plate is not None:  # its lenses move as far as they stand from its middle
         middle = lens.spec.plate.lenses(lens.spec.lamps).reach_mm

@@ -27,8 +27,10 @@ REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green, b
 _REC601 = np.array([19595.0, 38470.0, 7471.0])  # of 65,536, to which they add up: the luma of a grey is exactly itself
 MOST_PIXELS = 2**26  # 8192 x 8192
 _LONGEST_SIDE = 2**16
-_UNREAD = {"CMYK": "the four inks of print (CMYK)", "SEPARATED": "the four inks of print (CMYK)",
-            "LAB": "CIE L*a*b*", "CIELAB": "CIE L*a*b*"}  # fmt: skip
+_UNREAD = {
+    **dict.fromkeys(("CMYK", "SEPARATED"), "the four inks of print (CMYK)"),
+    **dict.fromkeys(("LAB", "CIELAB"), "CIE L*a*b*"),
+}
 _WITHIN_SRGB = 0.01  # of full light; "gamma 2.2" is within 0.008 of sRGB, Display P3's green is 0.025 away
 _GREYS = [[[level] * 3 for level in (26, 64, 128, 191, 230)]]
 _COLOURS = [[[190, 90, 90], [90, 190, 90], [90, 90, 190], *_GREYS[0]]]  # inside the gamut of any display

@@ -350,7 +350,7 @@ _TOPAS = "G. Khanarian, Opt. Eng. 40, 1024 (2001): TOPAS 5013, n_d and V_d"
 _OKP = "Osaka Gas Chemicals, OKP4 data sheet: n_d and V_d"
 
 
-MATERIALS = {material.name: material for material in [
+_CATALOGUE = (
     Material(
         "PMMA",
         Formula("agf 13", (2.1778, 6.1209e-3, -1.5004e-3, 2.3678e-2, -4.2137e-3, 7.3417e-4, -4.5042e-5)),
@@ -395,4 +395,5 @@ MATERIALS = {material.name: material for material in [
         _BOROFLOAT,
         0.0043,
     ),
-]}  # fmt: skip
+)
+MATERIALS = {material.name: material for material in _CATALOGUE}

@@ -6,7 +6,7 @@ triangles of the cells that each ray visits until the first hit.
 """
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import trimesh
@@ -50,13 +50,16 @@ class FacetHits(RayRows):
         return self.triangles >= 0
 
 
-@dataclass(frozen=True)
-class Leg(RayRows):
+class Leg(NamedTuple):
     """Rays to cast: start (mm), unit direction, and distance (mm) up to which a hit is the surface just left."""
 
     origins: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     beyond: Float[np.ndarray, " n"]
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Leg":
+        """Rays ``rows``."""
+        return Leg(*(values[rows] for values in self))
 
 
 class Grid:
@@ -92,27 +95,27 @@ class Grid:
 
     def _sort_into_cells(self, low: Float[np.ndarray, "t 3"], high: Float[np.ndarray, "t 3"]) -> None:
         """List the triangles by the cells of their boxes that their planes cross: counted first, then sorted."""
-        from lensforge.proof.grid_walk import sort_into_cells
+        from lensforge.proof.grid_walk import CellGrid, FacetBoxes, FacetMesh, sort_into_cells
 
         pad = 1e-6 * self.cell
         first = np.floor((low - self.corner - pad) / self.cell).astype(np.int64)
         span = np.floor((high - self.corner + pad) / self.cell).astype(np.int64) - first + 1
         reach = 0.5 * self.cell * np.abs(self.normals).sum(axis=1) + pad
-        grid = self.triangles, self.normals, first, span, reach, self.corner, self.cell, self.shape
-        counts = np.zeros(int(self.shape.prod()), dtype=np.int64)
-        sort_into_cells(*grid, counts, np.empty(0, dtype=np.int64))
+        boxed = FacetMesh(self.triangles, self.normals), FacetBoxes(first, span, reach)
+        grid, counts = CellGrid(self.corner, self.cell, self.shape), np.zeros(int(self.shape.prod()), dtype=np.int64)
+        sort_into_cells(*boxed, grid, counts, np.empty(0, dtype=np.int64))
         self.starts = np.concatenate([[0], np.cumsum(counts)])
         self.members = np.empty(self.starts[-1], dtype=np.int64)
-        sort_into_cells(*grid, self.starts[:-1].copy(), self.members)
+        sort_into_cells(*boxed, grid, self.starts[:-1].copy(), self.members)
 
     def first_hits(self, leg: Leg) -> FacetHits:
         """First hit of each ray."""
-        from lensforge.proof.grid_walk import walk
+        from lensforge.proof.grid_walk import CellGrid, FacetMesh, walk
 
         numbers, distances = np.empty(len(leg.origins), dtype=np.int64), np.empty(len(leg.origins))
-        rays = (np.ascontiguousarray(each, dtype=np.float64) for each in (leg.origins, leg.directions, leg.beyond))
-        mesh = self.triangles, self.normals
-        walk(*rays, self.starts, self.members, *mesh, self.corner, self.cell, self.shape, numbers, distances)
+        rays = Leg(*(np.ascontiguousarray(values, dtype=np.float64) for values in leg))
+        mesh, grid = FacetMesh(self.triangles, self.normals), CellGrid(self.corner, self.cell, self.shape)
+        walk(rays, mesh, grid, self.starts, self.members, numbers, distances)
         hits = FacetHits(numbers, distances, np.zeros((len(numbers), 3)))
         rows = np.nonzero(hits.found)[0]
         facets, ways = self.triangles[numbers[rows]], (leg.origins[rows], leg.directions[rows])

@@ -5,12 +5,42 @@ compiler is all that they share.
 """
 
 from math import floor, inf
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
 
 from lensforge.kernels.compiled import inline, kernel
 
 INSIDE = -1e-9  # barycentric coordinates down to this are inside, so that no ray slips between two triangles
 PARALLEL = 1e-5  # cosine between a ray and a normal up to which trimesh takes them to miss each other
 _LEAST = 1e-12  # component of a direction, for the walk only: it keeps the ray inside the cells' margin
+
+
+class FacetMesh(NamedTuple):
+    """Triangles of a mesh (mm), with their unit normals."""
+
+    triangles: Float[np.ndarray, "t 3 3"]
+    normals: Float[np.ndarray, "t 3"]
+
+
+class CellGrid(NamedTuple):
+    """Cubes of the edge ``cell`` (mm) from a ``corner`` on, numbered with the last axis of their ``shape`` fastest."""
+
+    corner: Float[np.ndarray, "3"]
+    cell: float
+    shape: Int[np.ndarray, "3"]
+
+
+class FacetBoxes(NamedTuple):
+    """Boxes of triangles: the ``first`` cells, how many these ``span``, and how far planes ``reach``.
+
+    ``reach``: largest distance (mm) of a triangle's plane from the centre of a cell that it crosses.
+    """
+
+    first: Int[np.ndarray, "t 3"]
+    span: Int[np.ndarray, "t 3"]
+    reach: Float[np.ndarray, " t"]
 
 
 @inline
@@ -63,22 +93,21 @@ def _crossing(number, slope, origin, corner, cell):
 
 
 @kernel
-def sort_into_cells(triangles, normals, first, span, reach, corner, cell, shape, places, members):
-    """List in ``members`` the triangles whose planes cross the cells of their boxes, each from its ``places`` (c) on.
+def sort_into_cells(facets, boxes, grid, places, members):
+    """List in ``members`` the facets whose planes cross the cells of their boxes, each from its ``places`` (c) on.
 
     The places of the cells move behind the last one; with no ``members`` they alone do, so that zeros become counts.
-    The boxes (t, 3) begin at the cells ``first`` and are ``span`` cells wide; ``reach`` (t): largest distance of a
-    plane from the centre of a cell that it crosses. Mesh and grid as for :func:`walk`.
     """
-    for t in range(len(triangles)):
-        vertex, normal = triangles[t, 0], normals[t]
+    first, span, corner, cell, shape = boxes.first, boxes.span, grid.corner, grid.cell, grid.shape
+    for t in range(len(facets.triangles)):
+        vertex, normal = facets.triangles[t, 0], facets.normals[t]
         for i in range(first[t, 0], first[t, 0] + span[t, 0]):
             x = (corner[0] + (i + 0.5) * cell - vertex[0]) * normal[0]
             for j in range(first[t, 1], first[t, 1] + span[t, 1]):
                 y = (corner[1] + (j + 0.5) * cell - vertex[1]) * normal[1]
                 for k in range(first[t, 2], first[t, 2] + span[t, 2]):
                     z = (corner[2] + (k + 0.5) * cell - vertex[2]) * normal[2]
-                    if abs(x + y + z) <= reach[t]:
+                    if abs(x + y + z) <= boxes.reach[t]:
                         number = (i * shape[1] + j) * shape[2] + k
                         if len(members):
                             members[places[number]] = t
@@ -86,22 +115,20 @@ def sort_into_cells(triangles, normals, first, span, reach, corner, cell, shape,
 
 
 @kernel
-def walk(origins, directions, beyond, starts, members, triangles, normals, corner, cell, shape, found, distances):
-    """Fill ``found`` (n) with the triangle that each ray hits first, -1 for none, and ``distances`` (n).
+def walk(rays, facets, grid, starts, members, found, distances):
+    """Fill ``found`` (n) with the facet that each of ``rays`` (``Leg``) hits first, -1 for none, and ``distances`` (n).
 
-    Rays: ``origins`` and unit ``directions`` (n, 3), of which hits up to the distance ``beyond`` (n) do not count.
-    Grid: cell ``i, j, k`` of ``shape`` begins at ``corner`` (3) plus so many times ``cell``; cells are numbered with
-    ``k`` fastest, and the triangles of number ``c`` are ``members[starts[c]:starts[c + 1]]``. Mesh: ``triangles``
-    (t, 3, 3) with ``normals`` (t, 3).
+    The facets of the cell ``c`` of the ``grid`` are ``members[starts[c]:starts[c + 1]]``.
     """
+    corner, cell, shape = grid.corner, grid.cell, grid.shape
     for ray in range(len(found)):
         found[ray], distances[ray] = -1, inf
-        origin, direction = origins[ray], directions[ray]
+        origin, direction, beyond = rays.origins[ray], rays.directions[ray], rays.beyond[ray]
         dx, dy, dz = _slope(direction[0]), _slope(direction[1]), _slope(direction[2])
         x_in, x_out = _within(origin[0], dx, corner[0], shape[0] * cell)
         y_in, y_out = _within(origin[1], dy, corner[1], shape[1] * cell)
         z_in, z_out = _within(origin[2], dz, corner[2], shape[2] * cell)
-        entry = max(x_in, y_in, z_in, beyond[ray])
+        entry = max(x_in, y_in, z_in, beyond)
         if not entry < min(x_out, y_out, z_out):
             continue
         i = _first_cell(origin[0] + entry * dx - corner[0], cell, shape[0])
@@ -116,10 +143,10 @@ def walk(origins, directions, beyond, starts, members, triangles, normals, corne
             number = (i * shape[1] + j) * shape[2] + k
             nearest, candidate = inf, -1
             for place in range(starts[number], starts[number + 1]):
-                triangle = members[place]
-                distance = _distance(origin, direction, triangles[triangle], normals[triangle])
-                if beyond[ray] < distance <= nearest and distance < inf:
-                    nearest, candidate = distance, triangle
+                facet = members[place]
+                distance = _distance(origin, direction, facets.triangles[facet], facets.normals[facet])
+                if beyond < distance <= nearest and distance < inf:
+                    nearest, candidate = distance, facet
             if nearest < distances[ray]:
                 distances[ray], found[ray] = nearest, candidate
             if distances[ray] <= min(x, y, z):

@@ -76,7 +76,7 @@ class VertexFit:
                 self._trees[number] = cKDTree(self.places[members])
             own = rows[numbers == number]
             near = members[self._trees[number].query(self.places[own], k=NEIGHBOURS)[1]]
-            fit_polynomials(self.places, own, near, self.normals, self._bends, *space)
+            fit_polynomials(self.places, own, near, self.normals, self._bends, space)
         self._left[rows] = False
 
 

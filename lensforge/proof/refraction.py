@@ -87,8 +87,9 @@ class RefractingFace:
         layers = films if self.inwards else films[::-1]
         indices = [self.before, *(layer.index.at(self.wavelengths_nm) for layer in layers), self.behind]
         across = [np.sqrt((index**2 - along**2).astype(complex)) for index in indices]
-        admittances = [a if polarisation == "s" else index**2 / np.where(a == 0.0, 1e-300, a)
-                       for a, index in zip(across, indices, strict=True)]  # fmt: skip
+        admittances = across
+        if polarisation == "p":
+            admittances = [n**2 / np.where(a == 0.0, 1e-300, a) for a, n in zip(across, indices, strict=True)]
         amplitude = _step(admittances[-2], admittances[-1])
         for k in range(len(layers) - 1, -1, -1):
             turns = across[k + 1] * layers[k].thickness_nm / self.wavelengths_nm

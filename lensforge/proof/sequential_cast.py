@@ -180,7 +180,7 @@ class MeshBody:
         recognised. A grazing ray may miss its own.
         """
         if inside is not None:
-            leg = replace(leg, beyond=np.minimum(leg.beyond, SKIN_MM))
+            leg = leg._replace(beyond=np.minimum(leg.beyond, SKIN_MM))
         hits, count = self.grid.first_hits(leg), len(leg.origins)
         for _ in range(0 if inside is None else _SIDES):
             wrong = np.nonzero(hits.found & (self._leaving(leg, hits) != inside))[0]

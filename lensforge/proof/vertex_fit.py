@@ -4,8 +4,10 @@ Compiled, with many vertices side by side. As the walk of rays it is of nothing 
 """
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.kernels.compiled import kernel
 
@@ -24,27 +26,40 @@ _STEEPEST = 0.999  # height of the farthest neighbours over their distance: a do
 _SIZE, _FITS = 6, 7  # rows of a frame, behind its two vectors
 
 
-def fit_space(neighbours: int) -> list[np.ndarray]:
-    """Workspace of :func:`fit_polynomials`: frames, places, products, sums, moments and coefficients of all lanes."""
+class FitSpace(NamedTuple):
+    """Workspace of :func:`fit_polynomials`, for all lanes."""
+
+    frames: Float[np.ndarray, "8 l"]
+    places: Float[np.ndarray, "3 m l"]
+    products: Float[np.ndarray, "2 l"]
+    sums: Float[np.ndarray, "2 s s l"]
+    moments: Float[np.ndarray, "t t l"]
+    coefficients: Float[np.ndarray, "t l"]
+
+
+def fit_space(neighbours: int) -> FitSpace:
+    """Workspace for so many neighbours of a vertex."""
     sizes = (8,), (3, neighbours), (2,), (2, _SUMS, _SUMS), (_TERMS, _TERMS), (_TERMS,)
-    return [np.empty((*size, LANES)) for size in sizes]
+    return FitSpace(*(np.empty((*size, LANES)) for size in sizes))
 
 
 @kernel
-def fit_polynomials(vertices, rows, near, normals, bends, frames, places, products, sums, moments, coefficients):
+def fit_polynomials(vertices, rows, near, normals, bends, space):
     """Improve ``normals`` (v, 3) at the vertices ``rows`` (n), and fill their ``bends`` (v, 3, 3), as of ``VertexFit``.
 
     By a least-squares polynomial through each, as a height over the plane across its normal. ``near`` (n, m): numbers
     of its neighbours, itself among them. A vertex without a normal keeps what it has, and so does one whose neighbours
-    are a line or a heap: a mesh of the program's own has none, one that somebody has changed may.
+    are a line or a heap: a mesh of the program's own has none, one that somebody has changed may. ``space``: of
+    :func:`fit_space`.
     """
+    frames, coefficients = space.frames, space.coefficients
     for start in range(0, len(rows), LANES):
         count = min(LANES, len(rows) - start)
         for lane in range(LANES):
             own = start + min(lane, count - 1)
-            _place(vertices, rows[own], near[own], normals[rows[own]], lane, frames, places)
-        _add_up(places, products, sums)
-        _solve(sums, moments, coefficients, frames)
+            _place(vertices, rows[own], near[own], normals[rows[own]], lane, frames, space.places)
+        _add_up(space.places, space.products, space.sums)
+        _solve(space.sums, space.moments, coefficients, frames)
         for lane in range(count):
             if frames[_FITS, lane] > 0.0:
                 _bend(frames[:, lane], coefficients[:, lane], normals[rows[start + lane]], bends[rows[start + lane]])

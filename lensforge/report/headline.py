@@ -28,18 +28,21 @@ _VERBS: dict[State, tuple[str, str]] = {
     "undecided": ("is undecided", "are undecided"),
     "pass": ("passes", "pass"),
 }
-_TIMED: tuple[tuple[type[Design | Light | Part | Check | Proof | Photometry], str], ...] = (
-    (Design, "search"), (Light, "simulated light"), (Part, "CAD and files"), (Check, "check for the shop"),
-    (Proof, "verification"), (Photometry, "photometry"),
-)  # fmt: skip
+_TIMED: dict[type[Design | Light | Part | Check | Proof | Photometry], str] = {
+    Design: "search",
+    Light: "simulated light",
+    Part: "CAD and files",
+    Check: "check for the shop",
+    Proof: "verification",
+    Photometry: "photometry",
+}
 _STEMS = {"stray": "stray light", "compare": "photograph"}
 _OF_FACES = {"compare": "{} surface", "correct": "correction of the {} surface"}
 
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak", "cct", "rms_delta_uv", "leak")
 _SHAPE = ("kept_start", "radius", "height", "cavity", "keep_out", "thinnest")
-_FURTHER = (
-    "form_error", "volume", "mass", "nmse_vs_design", "fitted_nmse", "table_nmse", "detected_stray", "ssim", "form",
-)  # fmt: skip
+_PROOF = ("nmse_vs_design", "fitted_nmse", "table_nmse", "detected_stray")
+_FURTHER = ("form_error", "volume", "mass", *_PROOF, "ssim", "form")
 
 _REMARKS = {
     "design": "There is no design.json, so the search is not documented; run lensforge design.",
@@ -213,7 +216,7 @@ def _selected(groups: list[Group], keys: tuple[str, ...]) -> list[Fact]:
 
 def times(results: Results) -> str | None:
     """Sentence on the seconds of each stage and of the whole command, where they ran; None without any."""
-    timed = [(words, result.seconds) for kind, words in _TIMED if (result := results.find(kind)) is not None]
+    timed = [(words, result.seconds) for kind, words in _TIMED.items() if (result := results.find(kind)) is not None]
     parts = [f"{words} {quantity(seconds, 's', digits=3)}" for words, seconds in timed]
     if not parts or results.seconds is None:
         return f"Time: {', '.join(parts)}." if parts else None

@@ -217,12 +217,9 @@ def line_comparison(
     start, end = line
     reach = 0.5 * float(np.linalg.norm(end - start))
     position = np.linspace(-reach, reach, _samples(wanted))
-    axes.plot(
-        position,
-        unit.per_watt * along(wanted, start, end, chart),
-        label=names[0], color=INK, linestyle=DASHED, linewidth=1.0,
-    )  # fmt: skip
-    axes.plot(position, unit.per_watt * along(reached, start, end, chart), label=names[1], color=BLUE)
+    light = [unit.per_watt * along(image, start, end, chart) for image in (wanted, reached)]
+    axes.plot(position, light[0], label=names[0], color=INK, linestyle=DASHED, linewidth=1.0)
+    axes.plot(position, light[1], label=names[1], color=BLUE)
     label_positions(axes, chart, reach)
     axes.set(ylabel=unit.label, xlim=(-reach, reach))
     axes.set_ylim(bottom=0.0)

@@ -64,10 +64,8 @@ def polar_diagram(found: Photometry) -> Figure:
         angle = np.deg2rad(degrees)
         axes.plot([0.0, top * np.sin(angle)], [0.0, -top * np.cos(angle)], color=GREY, linewidth=0.4)
         level = abs(degrees) == 90  # the values of the rings stand above that line
-        axes.text(
-            1.08 * top * np.sin(angle), -1.08 * top * np.cos(angle) - 0.02 * top * level, f"{abs(degrees)}°",
-            fontsize=7.0, ha="center", va="top" if level else "center",
-        )  # fmt: skip
+        x, y = 1.08 * top * np.sin(angle), -1.08 * top * np.cos(angle) - 0.02 * top * level
+        axes.text(x, y, f"{abs(degrees)}°", fontsize=7.0, ha="center", va="top" if level else "center")
     for c_deg, (colour, name) in _PLANES.items():
         gamma, values = profiles[c_deg]
         angle = np.deg2rad(gamma)

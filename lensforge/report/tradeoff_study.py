@@ -137,9 +137,15 @@ def _search_rows(spec: Spec, source: Source, rays: int, accuracy: AnyAccuracy) -
 
 def _row(series: Series, setting: str, light: Light, seconds: float, **grown: int) -> TradeoffRow:
     return TradeoffRow(
-        series=series, setting=setting, seconds=seconds, rays=light.rays, nmse=light.nmse, efficiency=light.efficiency,
-        noise_nmse=light.nmse_of_noise, **grown,
-    )  # fmt: skip
+        series=series,
+        setting=setting,
+        seconds=seconds,
+        rays=light.rays,
+        nmse=light.nmse,
+        efficiency=light.efficiency,
+        noise_nmse=light.nmse_of_noise,
+        **grown,
+    )
 
 
 def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> None:

@@ -128,9 +128,12 @@ def _bounds_of(
 
 def _kind(quantity: str) -> Quantity:
     kinds: dict[str, Quantity] = {
-        "deg": "beam_angle", "relative": "relative", "share": "share",
-        "min_over_mean": "min_over_mean", "min_over_max": "min_over_max",
-    }  # fmt: skip
+        "deg": "beam_angle",
+        "relative": "relative",
+        "share": "share",
+        "min_over_mean": "min_over_mean",
+        "min_over_max": "min_over_max",
+    }
     return kinds.get(quantity, "light")
 
 

@@ -50,9 +50,15 @@ class Collected:
 class _Collect(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, hits: Tensor, flux: Tensor, sin2_exit: Tensor, landed: Tensor, emitted: Tensor, grid: PixelGrid,
+        ctx: Any,
+        hits: Tensor,
+        flux: Tensor,
+        sin2_exit: Tensor,
+        landed: Tensor,
+        emitted: Tensor,
+        grid: PixelGrid,
         window: Window,
-    ) -> Any:  # fmt: skip
+    ) -> Any:
         images, sums = np.zeros((CHUNKS, *grid.shape)), np.zeros((CHUNKS, 3))
         rays = RaysAtReceiver(*(tensor.detach().numpy() for tensor in (hits, flux, sin2_exit, landed, emitted)))
         places = grid.size, window.packed()

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from lensforge.kernels.clearance import Feet, nearest_on_table
 from lensforge.kernels.face_shape import (
+    ChartPlaces,
     draft_sines,
     draft_sines_adjoint,
     least_curvatures,
@@ -55,12 +56,10 @@ class _OfJet(torch.autograd.Function):
     """A field of radius and derivatives by a pair of kernels, the second its adjoint."""
 
     @staticmethod
-    def forward(
-        ctx: Any, rho: Tensor, derivatives: Tensor, kernels: Any, points: ChartPoints, sign: float
-    ) -> Tensor:  # fmt: skip
+    def forward(ctx: Any, rho: Tensor, derivatives: Tensor, kernels: Any, points: ChartPoints, sign: float) -> Tensor:
         jet = [np.ascontiguousarray(each.detach().numpy()) for each in (rho, derivatives)]
-        places = [each.numpy() for each in (points.x, points.y, points.scale)]
-        ctx.adjoint, ctx.places = kernels[1], (*jet, *places, sign)
+        places = ChartPlaces(points.x.numpy(), points.y.numpy(), points.scale.numpy())
+        ctx.adjoint, ctx.places = kernels[1], (*jet, places, sign)
         found = np.empty_like(jet[0])
         kernels[0](*ctx.places, found)
         return torch.from_numpy(found)
@@ -94,9 +93,7 @@ class _ToTable(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(
-        ctx: Any, rho: Tensor, outside: Tensor, radial: Tensor, points: ChartPoints, reach_mm: float
-    ) -> Tensor:  # fmt: skip
+    def forward(ctx: Any, rho: Tensor, outside: Tensor, radial: Tensor, points: ChartPoints, reach_mm: float) -> Tensor:
         table, grid, ways = outside.detach().numpy(), TableGrid(len(outside) - 2), points.directions.numpy()
         starts, found = rho.detach().numpy()[:, None] * ways, radial.detach().numpy().copy()
         feet = nearest_on_table(

@@ -48,9 +48,14 @@ class _AtCreases(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, tables: Tensor, scene: Scene, source: Source, receivers: tuple[PosedReceiver, ...], flux: float,
+        ctx: Any,
+        tables: Tensor,
+        scene: Scene,
+        source: Source,
+        receivers: tuple[PosedReceiver, ...],
+        flux: float,
         *sums: Tensor,
-    ) -> Any:  # fmt: skip
+    ) -> Any:
         ctx.tables, ctx.scene, ctx.source, ctx.receivers = tables.detach().numpy(), scene, source, receivers
         ctx.flux = flux
         return tuple(each.clone() for each in sums)

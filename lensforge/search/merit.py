@@ -63,9 +63,13 @@ class ImageTerms:
 
     @staticmethod
     def of(
-        targets: tuple[TargetSection, ...], receiver: PosedReceiver, flux_w: float, symmetry: str, share: float,
+        targets: tuple[TargetSection, ...],
+        receiver: PosedReceiver,
+        flux_w: float,
+        symmetry: str,
+        share: float,
         aim: str = "pattern",
-    ) -> "ImageTerms":  # fmt: skip
+    ) -> "ImageTerms":
         """Terms of ``targets`` that together hold ``flux_w``; ``aim``: as of ``OptimiseSection``."""
         wanted = torch.from_numpy(target_light(targets, receiver)) * flux_w
         # half a pixel more: the outermost strip of the region belongs to pixels whose centres are outside it

@@ -127,7 +127,7 @@ def _tables(
         Table("Criteria on files and shape", judged, ("Criterion", "Value", "Limit", "State")),
         Table(dense.title, _rows(dense)),
         Table("SHA-256", list(hashes.items())),
-    ]  # fmt: skip
+    ]
 
 
 def _plate_tables(lens: Lens, layout: PlateLayout, plate: Sheet, words: DrawingSection) -> list[Table]:

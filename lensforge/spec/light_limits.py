@@ -21,16 +21,14 @@ Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "relative"]
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
-Quantity = Literal[  # what decides on a limit; the last five of roads alone
-    "light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle",
-    "threshold_increment", "ratio", "mean_over_min", "max_over_min", "veiling_ratio",
-]  # fmt: skip
+_OfLight = Literal["light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle"]
+_OfRoads = Literal["threshold_increment", "ratio", "mean_over_min", "max_over_min", "veiling_ratio"]
+Quantity = Literal[_OfLight, _OfRoads]  # what decides on a limit
 OF_FAR_FIELD = ("w_per_sr", "cd")
 _MOST_POINTS = 1000
 _ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
-_OF_PICTURES = (
-    "distance_mm", "receiver_mm", "half_angle_deg", "level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg",
-)  # fmt: skip
+_OF_RECEIVERS = ("distance_mm", "receiver_mm", "half_angle_deg")
+_OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")
 
 
 class LimitSection(InOneUnit):
@@ -153,7 +151,7 @@ class ZoneLimit(LimitSection):
         zone = self.zone
         if zone is None:
             return
-        for name in _OF_PICTURES:
+        for name in (*_OF_RECEIVERS, *_OF_PICTURES):
             field = type(zone).model_fields.get(name)
             if field is not None and getattr(zone, name) != field.default:
                 raise ValueError(f"zone.{name}: a zone is a shape on the limit's receiver; leave it out")

@@ -101,11 +101,9 @@ _HEAD = """#:schema ./{schema}
 _OPTIONS = {
     "source": ["flux_lm = 200.0: of the LED; without it 1 W", "position_mm, tilt_deg: where it sits in the lens"],
     "lens": ['symmetry = "auto": the largest that source and target share'],
-    "constraints": [
-        "max_height_mm: of the lens; keep_out = \"board.step\": what it stays away from",
-    ],
+    "constraints": ['max_height_mm: of the lens; keep_out = "board.step": what it stays away from'],
     "target": ["edge_mm: soft edges, as no lens makes sharp ones from a source with a size"],
-}  # fmt: skip
+}
 _MEASURED = "measured: 99 % of the ray file's flux starts inside"
 _NOTES = {
     "lens.levels": "coarse to fine, for as long as each level gains",

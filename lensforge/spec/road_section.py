@@ -77,11 +77,12 @@ RP8_CLASSES = {
 C_CLASSES = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
 C_UNIFORMITY = 0.4  # all: EN 13201-2:2015
 
-ClassName = Literal[
-    "M1", "M2", "M3", "M4", "M5", "M6", "C0", "C1", "C2", "C3", "C4", "C5", "P1", "P2", "P3", "P4", "P5", "P6",
-    "freeway A", "freeway B", "expressway", "major high", "major medium", "major low",
-    "collector high", "collector medium", "collector low", "local high", "local medium", "local low",
-]  # fmt: skip
+_Motor = Literal["M1", "M2", "M3", "M4", "M5", "M6"]
+_Conflict = Literal["C0", "C1", "C2", "C3", "C4", "C5"]
+_Pedestrian = Literal["P1", "P2", "P3", "P4", "P5", "P6"]
+_Highway = Literal["freeway A", "freeway B", "expressway", "major high", "major medium", "major low"]
+_Street = Literal["collector high", "collector medium", "collector low", "local high", "local medium", "local low"]
+ClassName = Literal[_Motor, _Conflict, _Pedestrian, _Highway, _Street]
 Edition = Literal["RP-8-00", "RP-8-14"]
 Width = Annotated[float, Field(ge=0.5, le=200.0)]  # m: from a footpath to all lanes of a motorway
 Height = Annotated[float, Field(ge=0.3, le=100.0)]  # m: from a light in a handrail to a high mast

@@ -23,21 +23,22 @@ _LIKENESS = 0.77  # of two names: "diametre_mm" and "diameter_mm" have 0.9, "con
 _NO_HINT = "known here: "
 _KINDS = ("union_tag_invalid", "union_tag_not_found")
 _NUMBERS = ("float_parsing", "int_parsing")  # a text that is none
-_OF_FACES = (
-    "offset_mm", "coating", "concave_radius_mm", "draft_deg", "form_um", "waviness_um", "ripple_um", "roughness_mrad",
-    "shift_mm", "tilt_deg",
-)  # fmt: skip
+_OF_FACES = ("offset_mm", "coating", "concave_radius_mm", "draft_deg")
+_ERRORS_OF_FACES = ("form_um", "waviness_um", "ripple_um", "roughness_mrad", "shift_mm", "tilt_deg")
 # Names of earlier versions that no field has any more, each with its place now, or with what to write.
 _MOVED = {
     "gap_mm": "lens.outer.gap_mm",
     **{f"fixed_{face}": f"lens.{face}.fixed" for face in DOUBLE},
-    **{f"{face}_{name}": f"lens.{face}.{name}" for face in DOUBLE for name in _OF_FACES},
+    **{f"{face}_{name}": f"lens.{face}.{name}" for face in DOUBLE for name in (*_OF_FACES, *_ERRORS_OF_FACES)},
 }
 _GONE = {
     **dict.fromkeys(("half_width_mm", "half_width_deg"), "it is width now, the whole of it"),
-    **{f"{name}_{unit}": f'it is {name} now, with unit = "{unit}"' for name in ("at_least", "at_most")
-       for unit in ("w_per_m2", "lx", "w_per_sr", "cd", "relative")},
-}  # fmt: skip
+    **{
+        f"{name}_{unit}": f'it is {name} now, with unit = "{unit}"'
+        for name in ("at_least", "at_most")
+        for unit in ("w_per_m2", "lx", "w_per_sr", "cd", "relative")
+    },
+}
 _LISTS, _TABLES = ("tuple_type", "list_type"), ("model_type", "model_attributes_type", "dict_type")
 
 

@@ -7,7 +7,7 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light import exit_light
-from lensforge.light.exit_light import ExitLight, RaysOnSphere, _on_sphere, trace_exit_light
+from lensforge.light.exit_light import ExitLight, Goniophotometer, RaysOnSphere, _on_sphere, trace_exit_light
 from lensforge.light.photometry_result import LostFlux
 from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, named_flux
 from lensforge.light.simulation import TracedLens
@@ -46,8 +46,8 @@ def half_transparent(monkeypatch: pytest.MonkeyPatch) -> None:
 def measured(
     source, rays: int | None = None, by_itself: tuple[int, int] = (4096, 4096), symmetry: str = "none"
 ) -> ExitLight:
-    options = {"rays": rays, "by_itself": by_itself, "seed": SEED, "sphere_mm": 7.0, "street_deg": 90.0}
-    return trace_exit_light(LENS, source, symmetry, **options)
+    meter = Goniophotometer(sphere_mm=7.0, symmetry=symmetry, street_deg=90.0)
+    return trace_exit_light(LENS, source, meter, rays=rays, by_itself=by_itself, seed=SEED)
 
 
 def agrees(found: ExitLight, parts: list[list[RayBundle]]) -> None:

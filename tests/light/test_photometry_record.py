@@ -7,7 +7,7 @@ from scenes import small_spec, sphere
 from lensforge.kernels.fate import Fate
 from lensforge.light import photometry_export
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity
-from lensforge.light.exit_light import ExitLight
+from lensforge.light.exit_light import ExitLight, Goniophotometer
 from lensforge.light.photometry_export import measure_photometry
 from lensforge.light.photometry_result import CandelaTables, Photometry
 from lensforge.light.received_flux import CAUSES
@@ -46,8 +46,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict:
     """What is asked of the tracing, which returns the given light; ``light`` of it may be replaced."""
     asked: dict = {"light": light()}
 
-    def traced(lens: object, source: object, symmetry: str, **options: object) -> ExitLight:
-        asked.update(options, symmetry=symmetry)
+    def traced(lens: object, source: object, meter: Goniophotometer, **options: object) -> ExitLight:
+        asked.update(options, meter=meter)
         return asked["light"]
 
     monkeypatch.setattr(photometry_export, "trace_exit_light", traced)
@@ -61,7 +61,7 @@ def measured(lens: Lens = LENS, **options: object) -> Photometry:
 def test_every_field_is_that_of_the_light(asked: dict) -> None:
     found, given = measured(rays=1000), light()
     assert (asked["rays"], asked["by_itself"], asked["seed"]) == (1000, PRESETS["draft"].photometry_rays, 5)
-    assert asked["sphere_mm"] == pytest.approx(1.001 * 6.0) and asked["symmetry"] == "none"
+    assert asked["meter"].sphere_mm == pytest.approx(1.001 * 6.0) and asked["meter"].symmetry == "none"
     assert found.inputs == {"lens": LENS.sha256} and (found.rays, found.source_w, found.source_lm) == (640, 2.0, 600.0)
     for metric, factor, unit in (
         (found.exit_w, 1.0, "W"),

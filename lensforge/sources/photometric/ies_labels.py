@@ -24,9 +24,14 @@ _LONG = 254  # characters of a line, without those of its end
 _EDITION = re.compile(r"LM[\W_]*63[\W_]*(\d{4}|\d{2})(?!\d)|^IES(?:NA)?[\W_]*(\d{4}|\d{2})\W*$", re.IGNORECASE)
 _LABEL = re.compile(r"\[\s*(\w+)\s*\][ \t]*(.*)$")
 _FIELDS = {
-    "test": "TEST", "laboratory": "TESTLAB", "issued": "ISSUEDATE", "maker": "MANUFAC", "catalogue": "LUMCAT",
-    "title": "LUMINAIRE", "method": "FILEGENINFO",
-}  # fmt: skip
+    "test": "TEST",
+    "laboratory": "TESTLAB",
+    "issued": "ISSUEDATE",
+    "maker": "MANUFAC",
+    "catalogue": "LUMCAT",
+    "title": "LUMINAIRE",
+    "method": "FILEGENINFO",
+}
 LAMP, LAMP_CATALOGUE = "LAMP", "LAMPCAT"
 _REMARK, _MORE = "OTHER", "MORE"
 _REQUIRED = ("TEST", "TESTLAB", "ISSUEDATE", "MANUFAC")

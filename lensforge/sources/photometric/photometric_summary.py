@@ -139,10 +139,8 @@ class PhotometricSummary(StageResult):
         return Record._repr_html_(self) if self._intensity is None else super()._repr_html_()
 
 
-_AS_STATED = (
-    "maker", "catalogue", "edition", "generated", "laboratory", "issued", "photometric_type", "lamp_lumens",
-    "stated_lumens",
-)  # fmt: skip
+_LABELS = ("maker", "catalogue", "edition", "generated", "laboratory", "issued")
+_AS_STATED = (*_LABELS, "photometric_type", "lamp_lumens", "stated_lumens")
 
 
 def summarise_photometric(path: Path) -> PhotometricSummary:

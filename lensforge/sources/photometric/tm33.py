@@ -52,7 +52,10 @@ _INTENSITY, _AREA = "LuminousData/LuminousIntensity", "EmissionAreas/BottomFace/
 # Paths below which all is in fields of the record, or follows from the rest of the document.
 _KEPT = ("GTIN", "DocumentCreationDate", "UniqueIdentifier", "Reference", "MoreInfoURI")  # of the header, as others
 _HELD = (
-    "Version", "Luminaire/Dimensions", "Luminaire/NumEmitter", "Equipment/Gonioradiometer/Type",
+    "Version",
+    "Luminaire/Dimensions",
+    "Luminaire/NumEmitter",
+    "Equipment/Gonioradiometer/Type",
     *(f"Header/{name}" for name in ORDER["Header"] if name not in _KEPT),
     *(f"Emitter/{name}" for name in (*ORDER["Emitter"][:5], "LuminousData", "ColorTemperature/FixedCCT")),
     *(f"Emitter/DataGeneration/{name}" for name in ("Simulation", "IntensityScaling", "AngleInterpolation")),
@@ -63,7 +66,7 @@ _HELD = (
         for face in ("Bottom", *TURNS)
         for size in ("Length", "Width", "Height", "Circular")
     ),
-)  # fmt: skip
+)
 
 
 def matches(text: str) -> bool:
