@@ -17,7 +17,7 @@ from jaxtyping import Float
 from lensforge.errors import Cancelled, InputError
 from lensforge.kernels.parallel import in_parallel_map
 from lensforge.made.part_study import PartStudy, Recipe, Scales
-from lensforge.results.cluster import Cluster
+from lensforge.results.cluster import WorkerPool
 from lensforge.results.files import MIB, read_file, replacing
 from lensforge.results.json_npz import Form, arrays_in, parse_json, require_forms
 from lensforge.results.stage_result import require_checksum, with_checksum
@@ -178,9 +178,9 @@ _studies: list[PartStudy] = []
 _lock = Lock()
 
 
-def of_cluster(cluster: Cluster) -> Workers:
-    """Workers of a cluster, which measure each chunk as one task."""
-    return lambda study, chunks: cluster.map(measured_chunk, study.recipe, chunks)
+def of_cluster(pool: WorkerPool) -> Workers:
+    """Workers of a pool of processes or of a cluster, which measure each chunk as one task."""
+    return lambda study, chunks: pool.map(measured_chunk, study.recipe, chunks)
 
 
 def measured_chunk(recipe: Recipe, chunk: tuple[Job, ...]) -> Float[np.ndarray, "j m 2"]:

@@ -14,7 +14,7 @@ from lensforge.light.lens_light import evaluate, inputs_of, judging_source, rays
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
 from lensforge.results.arguments import count_of, require, threads_of_torch
-from lensforge.results.second_process import IN_TURN, SecondProcess
+from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec
@@ -37,7 +37,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
         return verify_with(IN_TURN, part, light, rays)
 
 
-def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | None = None) -> Proof:
+def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = None) -> Proof:
     """Do as :func:`verify` does, with a second process for referees that hold Python's lock; the same bits."""
     import torch
 

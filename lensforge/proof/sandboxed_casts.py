@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.results import SimulatedResult
+from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.results.file_bounds import made_here
 from lensforge.results.files import temporary_folder
 from lensforge.results.sandbox import ChildLimits, serve, work_in_child
-from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _Result = TypeVar("_Result", bound=SimulatedResult)
 
 
 def verify_in_sandbox(
-    files: "FilesOfPart", light: "LightOfDesign", referees: "Referees", threads: int, second: SecondProcess = IN_TURN
+    files: "FilesOfPart", light: "LightOfDesign", referees: "Referees", threads: int, second: ChildPool = IN_TURN
 ) -> Proof:
     """:func:`verify_part`, in a child process unless this process made the files; ``second`` has those alone."""
     contents = [files.stl, *([] if files.step is None else [files.step]), *(each.content for each in files.designed)]

@@ -19,7 +19,7 @@ from lensforge.proof.proof_result import BrepCast, Gaps
 from lensforge.proof.sequential_cast import Passage, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.results import BodySize
-from lensforge.results.second_process import IN_TURN, SecondProcess
+from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.sources.ray_bundle import RayBundle
 
 
@@ -46,7 +46,7 @@ def cast_step(
     optical: OpticalFaces = USUAL_LENS,
     sized: bool = False,
     designed: DesignedFile | None = None,
-    second: SecondProcess = IN_TURN,
+    second: ChildPool = IN_TURN,
 ) -> Callable[[], StepCast]:
     """Begin to cast ``count`` of ``rays``, drawn at random, through a STEP file; ``sized``: measure its body, too.
 

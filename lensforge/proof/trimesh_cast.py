@@ -15,7 +15,7 @@ from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.proof_result import PlainCast
 from lensforge.proof.refraction import LitRays
 from lensforge.proof.sequential_cast import MeshBody, at_faces, outside_leg
-from lensforge.results.second_process import IN_TURN, SecondProcess
+from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.sources.ray_bundle import RayBundle
 
 _BALLS, _ROUNDING = 1.0 + 1e-6, 1e-12  # of the radii, and of the size of the mesh, both squared
@@ -24,7 +24,7 @@ AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digit
 
 
 def cast_plain(
-    part: PartMesh, grid: Grid, rays: RayBundle, media: Media, count: int, second: SecondProcess = IN_TURN
+    part: PartMesh, grid: Grid, rays: RayBundle, media: Media, count: int, second: ChildPool = IN_TURN
 ) -> Callable[[], PlainCast]:
     """Begin to cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their hit.
 

@@ -49,7 +49,7 @@ from lensforge.proof.step_body import StepBody, form_in_step
 from lensforge.proof.step_cast import StepCast, cast_step, judge_brep
 from lensforge.proof.trimesh_cast import cast_plain
 from lensforge.results import BodySize, Extent
-from lensforge.results.second_process import IN_TURN, SecondProcess
+from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.sources.ray_bundle import RayBundle
 
 
@@ -105,7 +105,7 @@ def verify_part(
     referees: Referees = Referees(),
     *,
     threads: int = 1,
-    second: SecondProcess = IN_TURN,
+    second: ChildPool = IN_TURN,
 ) -> Proof:
     """Cast the rays into the part in the bytes of its files, and compare with the design.
 

@@ -30,9 +30,9 @@ from lensforge.report.tradeoff import Tradeoff
 from lensforge.report.variation import AnyVariation, sources_of, variation_of
 from lensforge.results import StageResult
 from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
+from lensforge.results.child_pool import ChildPool, child_pool
 from lensforge.results.file_bounds import remembered
 from lensforge.results.files import require_own
-from lensforge.results.second_process import SecondProcess, second_process
 from lensforge.results.worker import return_freed_memory
 from lensforge.scene.lens import Lens
 from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
@@ -203,11 +203,11 @@ def run(
 
 
 @contextmanager
-def _process_for_later_stages(warn: Warn) -> Iterator[SecondProcess]:
+def _process_for_later_stages(warn: Warn) -> Iterator[ChildPool]:
     """A second process where there are two cores, which loads the CAD kernel while this one searches."""
     import torch
 
-    with second_process(torch.get_num_threads() > 1, warn) as second:
+    with child_pool(int(torch.get_num_threads() > 1), warn) as second:
         if second.runs:
             second.call(_load_cad_kernel)
         yield second
@@ -219,7 +219,7 @@ def _load_cad_kernel() -> None:
     import lensforge.cad.part_export  # noqa: F401
 
 
-def run_later_stages(here: RunFolder, heard: Listener, second: SecondProcess) -> None:
+def run_later_stages(here: RunFolder, heard: Listener, second: ChildPool) -> None:
     """Evaluate, export, check, verify and photometry of the lens in a folder; the same bits on one core or more."""
     import torch
 
@@ -244,7 +244,7 @@ def _one_after_another(here: RunFolder, heard: Listener) -> None:
         here.write(photometry(lens))
 
 
-def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess, threads: int) -> None:
+def _side_by_side(here: RunFolder, heard: Listener, second: ChildPool, threads: int) -> None:
     """Run the stages with a second process, which has the part to make and to check, and then a share of verify.
 
     It takes one of the ``threads`` while it is busy: a light of many rays takes longer than the part.

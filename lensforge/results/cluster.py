@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster, here or on other machines, and a function mapped over many items by them.
+"""Workers of this machine, or of a Dask cluster on many, and a function mapped over many items by them.
 
 What a task returns depends on its item and on what all items share alone, never on the worker or the order: the results
 have the same bits on one worker and on many, and after a worker was lost, whose tasks another one repeats.
@@ -10,11 +10,12 @@ import platform
 import re
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from lensforge.errors import InputError, LensforgeError
+from lensforge.results.child_pool import IN_TURN, child_pool
 from lensforge.version import made_by
 
 if TYPE_CHECKING:
@@ -28,8 +29,18 @@ _Found = TypeVar("_Found")
 _GOES_ON = "what was computed is kept where the command keeps it; the same command goes on from there"
 
 
+class WorkerPool(Protocol):
+    """Child processes, or a cluster: what maps a function over items."""
+
+    def map(
+        self, function: Callable[[_Shared, _Item], _Found], shared: _Shared, items: Sequence[_Item]
+    ) -> Iterator[tuple[int, _Found]]:
+        """``function(shared, item)`` of every item, as they are done: the number of the item, and what was returned."""
+        ...
+
+
 class Cluster:
-    """Workers that a client reaches; ``address``: of their scheduler, for messages."""
+    """Workers that a client of Dask reaches; ``address``: of their scheduler, for messages."""
 
     def __init__(self, client: "Client", address: str) -> None:
         self._client, self._address = client, address
@@ -116,25 +127,24 @@ _MOST_WORKERS = 1024
 
 
 @contextmanager
-def connected(scheduler: str) -> Iterator[Cluster]:
-    """The cluster of ``scheduler``: its address, such as ``tcp://10.0.0.5:8786``, or ``local:4`` for 4 processes here.
+def connected(scheduler: str | None) -> Iterator[WorkerPool]:
+    """The workers of ``scheduler``: its address, such as ``tcp://10.0.0.5:8786``, or ``local:4`` for 4 processes here.
 
-    Raises :class:`InputError` without Dask, for an address at which no scheduler answers, and for no address at all.
+    None: this process alone. Raises :class:`InputError` where the processes do not start, without Dask for an address,
+    for one at which no scheduler answers, and for no address at all.
     """
+    if scheduler is None:
+        yield IN_TURN
+        return
     count = require_scheduler(scheduler)
-    try:
-        import dask.config
-        from distributed import Client
-    except ImportError as error:
-        raise InputError(f'scheduler = {scheduler}: needs Dask ({error}); pip install "lensforge[dask]"') from None
-    assert Client is not None
-    settings = {
-        "distributed.scheduler.allowed-failures": _LOST_WORKERS,
-        "distributed.comm.timeouts.connect": _SECONDS,
-        "distributed.admin.large-graph-warning-threshold": "10GB",  # of ray files, which travel with the first task
-    }
-    with dask.config.set(settings), _quiet(), _local(count) if count else _remote(scheduler) as client:
-        yield Cluster(client, scheduler)
+    if count == 0:
+        with _connected_by_dask(scheduler) as cluster:
+            yield cluster
+        return
+    with child_pool(count) as pool:
+        if not pool.runs:
+            raise InputError(f"scheduler = {scheduler}: its processes do not start; try again, or with fewer")
+        yield pool
 
 
 def require_scheduler(scheduler: object) -> int:
@@ -151,21 +161,30 @@ def require_scheduler(scheduler: object) -> int:
 
 
 @contextmanager
-def _remote(address: str) -> Iterator["Client"]:
-    """A client of a cluster that is there."""
-    from distributed import Client
-
+def _connected_by_dask(address: str) -> Iterator[Cluster]:
+    """A cluster that is there."""
     try:
-        with ThreadPoolExecutor(1) as pool:  # a loop of its own: a notebook has one running in this thread
-            kind = pool.submit(asyncio.run, asyncio.wait_for(_kind(address), _SECONDS)).result()
-        if kind != "Scheduler":
-            raise OSError(f"it is a {kind}")
-        client = Client(address, timeout=_SECONDS, set_as_default=False)
-    except Exception as error:  # of sockets, of TLS, of whatever else speaks at that port
-        words = f"no Dask scheduler answers ({_first_line(error)}); `dask scheduler` starts one"
-        raise InputError(f"scheduler = {address}: {words}") from None
-    with client:
-        yield client
+        import dask.config
+        from distributed import Client
+    except ImportError as error:
+        raise InputError(f'scheduler = {address}: needs Dask ({error}); pip install "lensforge[dask]"') from None
+    settings = {
+        "distributed.scheduler.allowed-failures": _LOST_WORKERS,
+        "distributed.comm.timeouts.connect": _SECONDS,
+        "distributed.admin.large-graph-warning-threshold": "10GB",  # of ray files, which travel with the first task
+    }
+    with dask.config.set(settings), _quiet():
+        try:
+            with ThreadPoolExecutor(1) as pool:  # a loop of its own: a notebook has one running in this thread
+                kind = pool.submit(asyncio.run, asyncio.wait_for(_kind(address), _SECONDS)).result()
+            if kind != "Scheduler":
+                raise OSError(f"it is a {kind}")
+            client = Client(address, timeout=_SECONDS, set_as_default=False)
+        except Exception as error:  # of sockets, of TLS, of whatever else speaks at that port
+            words = f"no Dask scheduler answers ({_first_line(error)}); `dask scheduler` starts one"
+            raise InputError(f"scheduler = {address}: {words}") from None
+        with client:
+            yield Cluster(client, address)
 
 
 async def _kind(address: str) -> str:
@@ -179,31 +198,6 @@ async def _kind(address: str) -> str:
         return str((await comm.read())["type"])
     finally:
         comm.abort()
-
-
-@contextmanager
-def _local(count: int) -> Iterator["Client"]:
-    """A client of ``count`` processes, which end with it; other users of this machine cannot talk to them."""
-    from distributed import Client, LocalCluster
-
-    with ExitStack() as stack:
-        try:
-            cluster = LocalCluster(
-                n_workers=count,
-                threads_per_worker=1,
-                memory_limit=0,
-                dashboard_address=None,
-                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # of its page on health; without: 8787, for all
-                security=True,
-                silence_logs=logging.CRITICAL,
-            )
-            client = stack.enter_context(Client(stack.enter_context(cluster), set_as_default=False))
-        except Exception as error:  # of a process that ends while it starts, of sockets, of TLS
-            raise InputError(
-                f"scheduler = local:{count}: its processes do not start ({_first_line(error)}); out of memory? "
-                "Try again, or with fewer"
-            ) from None
-        yield client
 
 
 def _first_line(error: Exception) -> str:

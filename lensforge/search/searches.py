@@ -258,26 +258,14 @@ def best_design(
     progress = options.get("progress") if scheduler is None else None
     seeded = SeededSearch(spec, accuracy, warned, progress, seeds.of_choice(first))
     made: dict[int, tuple[Design, Start]] = {}
-    for number, (found, start) in _all(seeded, tuple(range(first, first + count)), options.get("threads"), scheduler):
-        made[number] = found, start
-        if announce is not None:
-            announce(f"start {len(made)} of {count}: seed {start.seed}, {start.words}")
+    with threads_of_torch(options.get("threads")), connected(scheduler) as workers:
+        for number, (found, start) in workers.map(SeededSearch.made, seeded, range(first, first + count)):
+            made[number] = found, start
+            if announce is not None:
+                announce(f"start {len(made)} of {count}: seed {start.seed}, {start.words}")
     ordered = [made[number] for number in range(count)]
     best, _ = min(ordered, key=lambda pair: pair[1].rank)  # of equals the first seed
     return best.model_copy(update={"starts": tuple(start for _, start in ordered)})
-
-
-def _all(
-    search: SeededSearch, numbers: tuple[int, ...], threads: int | None, scheduler: str | None
-) -> Iterator[tuple[int, tuple[Design, Start]]]:
-    """Every search, as it ends: its number from 0 on, and what it found."""
-    if scheduler is not None:
-        with connected(scheduler) as cluster:
-            yield from cluster.map(SeededSearch.made, search, numbers)
-        return
-    with threads_of_torch(threads):
-        for number, seed in enumerate(numbers):
-            yield number, search.made(seed)
 
 
 def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:

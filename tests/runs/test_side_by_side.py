@@ -18,9 +18,9 @@ from lensforge.kernels.parallel import thread_count
 from lensforge.report import pipeline
 from lensforge.report.folder import RunFolder, opened
 from lensforge.report.pipeline import Listener, _process_for_later_stages, run_later_stages
-from lensforge.results import second_process
+from lensforge.results import child_pool
 from lensforge.results.arguments import threads_of_torch
-from lensforge.results.second_process import Called, SecondProcess
+from lensforge.results.child_pool import Called, ChildPool
 
 TIMES = {"seconds", "content_sha256"}  # computing times, and the checksum that covers them
 LATER = ["evaluate", "export", "check", "verify", "photometry"]
@@ -81,7 +81,7 @@ def test_one_thread_and_two_make_the_same_files(
 def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
     small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(second_process, "_started", None)  # none is asked for
+    monkeypatch.setattr(child_pool, "ChildProcess", None)  # none is asked for
     done: list[str] = []
 
     def in_place_of(name: str) -> Callable[..., None]:
@@ -124,7 +124,7 @@ def test_light_takes_all_threads_that_the_second_process_leaves(
         monkeypatch.setattr(f"lensforge.report.pipeline.{verb}", in_place_of(verb, result))
     monkeypatch.setattr(RunFolder, "write", lambda _, result: result)
     with opened(small_run.folder) as here:
-        pipeline._side_by_side(here, Listener(), cast(SecondProcess, second), threads=3)
+        pipeline._side_by_side(here, Listener(), cast(ChildPool, second), threads=3)
     assert seen == [("evaluate", 2), ("photometry", 3), ("verify_with", 2)]
 
 

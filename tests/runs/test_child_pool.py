@@ -1,4 +1,4 @@
-"""The second process: the same answers, however it ends, and no process or file that it leaves behind."""
+"""Child processes that call functions: the same answers, however they end, and nothing that they leave behind."""
 
 import operator
 import os
@@ -14,16 +14,18 @@ from foreground import default_signals
 from nightly import first_by_day
 
 from lensforge.errors import InputError
-from lensforge.results.second_process import IN_TURN, Called, SecondProcess, second_process
+from lensforge.kernels.parallel import thread_count
+from lensforge.results.child_pool import IN_TURN, Called, ChildPool, child_pool
+from lensforge.results.cluster import connected
 from lensforge.spec.accuracy import preset_of
 
 Result = TypeVar("Result")
 
 
 @pytest.fixture(scope="module")
-def second() -> "SecondProcess":  # type: ignore[misc]
-    with second_process() as process:
-        yield process
+def second() -> ChildPool:  # type: ignore[misc]
+    with child_pool(1) as pool:
+        yield pool
 
 
 def there(call: Called[Result]) -> Result:
@@ -33,14 +35,14 @@ def there(call: Called[Result]) -> Result:
     return call.result()
 
 
-def test_functions_are_called_in_another_process_one_after_another(second: SecondProcess) -> None:
+def test_functions_are_called_in_another_process_one_after_another(second: ChildPool) -> None:
     assert second.runs
     numbers = [second.call(os.getpid) for _ in range(3)]
     assert len({there(number) for number in numbers} - {os.getpid()}) == 1
 
 
 def test_it_is_busy_while_it_calls_a_function() -> None:
-    with second_process() as second:
+    with child_pool(1) as second:
         assert not second.busy and not IN_TURN.busy
         quick = second.call(os.getpid)
         there(quick)
@@ -80,12 +82,12 @@ def test_freed_memory_is_kept_for_what_follows_until_it_is_returned() -> None:
 
 
 def test_what_has_not_begun_there_is_computed_here() -> None:
-    with second_process() as second:
+    with child_pool(1) as second:
         second.call(time.sleep, 300.0)
         assert [second.call(os.getpid).result() for _ in range(2)] == [os.getpid()] * 2
 
 
-def test_a_call_after_another_gets_its_result(second: SecondProcess) -> None:
+def test_a_call_after_another_gets_its_result(second: ChildPool) -> None:
     number = second.call(os.getpid)
     following = second.call_after(number, lambda found: (found, 1), operator.add)
     assert there(following) == there(number) + 1
@@ -99,7 +101,7 @@ def test_a_call_after_another_gets_its_result(second: SecondProcess) -> None:
 
 def test_what_fails_there_alone_is_computed_here_and_told(tmp_path: Path) -> None:
     told: list[str] = []
-    with second_process(warn=told.append) as second:
+    with child_pool(1, told.append) as second:
         call = second.call(Path.read_text, tmp_path / "later")
         assert call.there is not None and call.there.result() == (False, None)
         (tmp_path / "later").write_text("here")
@@ -111,23 +113,63 @@ def test_what_fails_there_alone_is_computed_here_and_told(tmp_path: Path) -> Non
 
 def test_a_process_that_was_killed_costs_time_alone() -> None:
     told: list[str] = []
-    with second_process(warn=told.append) as second:
+    with child_pool(1, told.append) as second:
         sleeps = second.call(time.sleep, 60.0)
         after = second.call(os.getpid)
-        process = second._process
-        assert process is not None
-        process.kill()
+        (child,) = second._living
+        child._process.kill()
         assert there(after) == os.getpid()
         assert len(told) == 1 and "it has ended: EOFError" in told[0]
         del sleeps
 
 
+def test_a_child_takes_one_thread(second: ChildPool) -> None:
+    assert there(second.call(thread_count)) == 1
+
+
+_WHO = "__import__('time').sleep(0.2) or __import__('os').getpid()"  # of the standard library: tests do not travel
+
+
+def test_items_are_shared_out_and_those_of_a_lost_process_are_done_here() -> None:
+    told: list[str] = []
+    with child_pool(2, told.append) as pool:
+        assert dict(pool.map(operator.mul, 2.0, [1.0, 3.0, 5.0])) == {0: 2.0, 1: 6.0, 2: 10.0}
+        assert len({number for _, number in pool.map(eval, _WHO, [{}] * 4)} - {os.getpid()}) == 2
+        with pytest.raises(ZeroDivisionError):
+            dict(pool.map(operator.truediv, 1.0, [0.0]))
+        assert not told
+        for lost in (1, 2):
+            child = next(iter(pool._living))
+            child._process.kill()
+            numbers = [number for _, number in pool.map(eval, _WHO, [{}] * 4)]
+            assert (os.getpid() in numbers) and len(pool._living) == 2 - lost, "the other one goes on"
+        assert numbers == [os.getpid()] * 4 and "it has ended" in told[0] and "done again in this one" in told[0]
+    assert dict(IN_TURN.map(operator.sub, 2.0, [1.0, 3.0])) == {0: 1.0, 1: -1.0}
+
+
+def test_processes_of_this_machine_need_no_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with connected("local:1") as workers:
+        assert dict(workers.map(operator.mul, 2.0, [1.0, 3.0])) == {0: 2.0, 1: 6.0}
+    with connected(None) as workers:
+        assert workers is IN_TURN
+
+    def full(*_: object) -> None:
+        raise OSError("no room")
+
+    monkeypatch.setattr("lensforge.results.child_pool.ChildProcess", full)
+    with child_pool(1) as pool:
+        assert pool is IN_TURN
+    with pytest.raises(InputError, match="local:2: its processes do not start"), connected("local:2"):
+        pytest.fail("connected")
+
+
 # No guard around the main code: a child that imported it would print a second line.
 SCRIPT = """
 import os, sys, time
-from lensforge.results.second_process import second_process
+from lensforge.results.child_pool import child_pool
 print("script", flush=True)
-with second_process() as second:
+with child_pool(1) as second:
     number = second.call(os.getpid)
     number.there.result()
     print(number.result(), flush=True)

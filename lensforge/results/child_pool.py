@@ -1,0 +1,170 @@
+"""Functions called in child processes, where a library holds Python's lock and threads would not help.
+
+A pool writes no results and decides nothing: functions travel to its processes, and what they return comes back, with
+the same bits. It is there to be faster, and for nothing else: where it cannot be had, or a function fails in it, this
+process calls the function itself, and raises what the function raises. Work that was done twice is told by a warning.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from queue import SimpleQueue
+from tempfile import TemporaryDirectory
+from typing import Any, Generic, TypeVar, TypeVarTuple, cast
+
+from lensforge.results.child_process import ChildProcess
+
+_Given = TypeVarTuple("_Given")
+_Result = TypeVar("_Result")
+_Before = TypeVar("_Before")
+_Shared = TypeVar("_Shared")
+_Item = TypeVar("_Item")
+Answer = tuple[bool | None, Any]  # whether a function returned there, and what
+NOT_TRIED: Answer = (None, None)
+
+
+class Called(Generic[_Result]):
+    """A call that goes on beside this process, or that has yet to begin in it."""
+
+    def __init__(
+        self,
+        here: Callable[[], _Result],
+        there: "Future[Answer] | None" = None,
+        done_again: Callable[[], object] = lambda: None,
+    ) -> None:
+        self._here, self.there, self._done_again = here, there, done_again
+        self._results: list[_Result] = []
+
+    def result(self) -> _Result:
+        """Wait for what the function returns; where it has failed there or not begun, call it here.
+
+        To wait for its turn would leave this core idle.
+        """
+        if not self._results:
+            begun = self.there is not None and not self.there.cancel()
+            done, result = self.there.result() if self.there is not None and begun else NOT_TRIED
+            self._results.append(cast(_Result, result) if done else self._here())
+            if done is False:
+                self._done_again()
+        return self._results[0]
+
+
+class ChildPool:
+    """Child processes that call functions beside this one, in their order; without any, each as it is needed."""
+
+    def __init__(self, children: Sequence[ChildProcess] = (), warn: Callable[[str], object] = warnings.warn) -> None:
+        self._living, self._warn, self._ended, threads = set(children), warn, "", len(children)
+        self._threads = ThreadPoolExecutor(threads) if children else None
+        self._idle = SimpleQueue[ChildProcess | None]()
+        for child in children:
+            self._idle.put(child)
+
+    @property
+    def runs(self) -> bool:
+        """True where there are processes."""
+        return self._threads is not None
+
+    @property
+    def busy(self) -> int:
+        """Number of processes that call a function."""
+        return max(0, len(self._living) - self._idle.qsize())
+
+    def call(self, function: Callable[[*_Given], _Result], *given: *_Given) -> Called[_Result]:
+        """Call a function of a module there, after those that were called before."""
+
+        def here() -> _Result:
+            return function(*given)
+
+        if self._threads is None:
+            return Called(here)
+        return Called(here, self._threads.submit(self._asked, (function, given)), self._say_done_again)
+
+    def call_after(
+        self,
+        before: Called[_Before],
+        given: Callable[[_Before], tuple[*_Given]],
+        function: Callable[[*_Given], _Result],
+    ) -> Called[_Result]:
+        """Call a function of what is ``given`` by the result of a call ``before``, as soon as that is known."""
+
+        def here() -> _Result:
+            return function(*given(before.result()))
+
+        def there() -> Answer:
+            if before.there is None or before.there.cancelled():
+                return NOT_TRIED
+            done, result = before.there.result()  # it had its turn before
+            return self._asked((function, given(result))) if done else NOT_TRIED
+
+        return Called(here, None if self._threads is None else self._threads.submit(there), self._say_done_again)
+
+    def map(
+        self, function: Callable[[_Shared, _Item], _Result], shared: _Shared, items: Sequence[_Item]
+    ) -> Iterator[tuple[int, _Result]]:
+        """``function(shared, item)`` of every item, as they are done: the number of the item, and what was returned."""
+        calls = [self.call(function, shared, item) for item in items]
+        numbers = {call.there: number for number, call in enumerate(calls) if call.there is not None}
+        try:
+            for number in map(numbers.__getitem__, as_completed(numbers)) if numbers else range(len(calls)):
+                yield number, calls[number].result()
+        finally:
+            for there in numbers:
+                there.cancel()
+
+    def close(self) -> None:
+        """Leave out what has not begun, and wait for the rest; its processes have been ended before."""
+        if self._threads is not None:
+            self._threads.shutdown(cancel_futures=True)
+
+    def _asked(self, call: tuple[Any, ...]) -> Answer:
+        """Answer of the next process that is idle; False first where there is none, for whatever reason."""
+        child = self._idle.get()
+        if child is not None:
+            try:
+                answer = child.ask(call)
+            except Exception as error:  # it has ended, or what travels cannot: nothing is lost but the time
+                self._ended = self._ended or type(error).__name__
+                child.close()  # half a message may be left in a pipe
+                self._living.discard(child)
+            else:
+                self._idle.put(child)
+                return answer
+        if not self._living:
+            self._idle.put(None)  # for all that wait
+        return False, None
+
+    def _say_done_again(self) -> None:
+        """Warn that work has failed there, and was done again here."""
+        cause = f"it has ended: {self._ended}" if self._ended else "a function failed in it alone"
+        self._warn(
+            f"a child process did not help ({cause}); its work was done again in this one, which takes longer: is "
+            "there memory for all?"
+        )
+
+
+IN_TURN = ChildPool()  # none: all in this process
+
+
+@contextmanager
+def child_pool(count: int, warn: Callable[[str], object] = warnings.warn) -> Iterator[ChildPool]:
+    """So many child processes until block or this process ends; none where the system has no room.
+
+    ``warn`` is called where one has ended before its time, and its work was done again.
+    """
+    with ExitStack() as stack:
+        children = list[ChildProcess]()
+        try:
+            for _ in range(count):
+                folder = stack.enter_context(TemporaryDirectory(prefix="lensforge-", ignore_cleanup_errors=True))
+                children.append(stack.enter_context(ChildProcess(Path(folder))))
+        except OSError:  # no room for temporary files, too many processes
+            children = []
+        pool = ChildPool(children, warn) if children else IN_TURN
+        try:
+            yield pool
+        finally:
+            for child in children:  # first: the threads of the pool wait for their answers
+                child.close()
+            pool.close()
