@@ -8,7 +8,7 @@ searches for the stored lenses anew.
 import json
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,9 +31,16 @@ NAMES = ("roads", "tir", "cup", "plate", "kinds", "leds", "chips")
 FILES = {"near": 1800, "far": 700}  # rays in each file
 FILE_EFFICACIES = {"near": 300.0, "far": 240.0}  # lm/W
 FEW_RAYS = WITH_TABLE_ERROR.replace(
-    "crooked", photometry_rays=(2**12, 2**12), verify_rays=2**10, effort={"validation_rays": 2048}
+    "crooked",
+    photometry_rays=(2**12, 2**12),
+    verify_rays=2**10,
+    effort={"validation_rays": 2048},
+    stray_rays=256,
 )
 HOT_C = 95.0  # of the lens in the results "warm"
+STRAY = {"stray": lambda run: lf.stray_light(run.part)}
+STUDIES: dict[str, dict[str, Callable[[Any], Any]]] = dict.fromkeys(("roads", "tir", "plate"), STRAY)
+STUDIES["leds"] = STRAY | {"sensitivity": lambda run: lf.sensitivity(run.lens)}
 _SEARCHED_STEPS = 12  # for each level of a stored lens
 
 
@@ -156,8 +163,11 @@ class Record:
     def kept(self) -> Iterator[None]:
         """What is traced is kept: bundles of a simulation, and what goes to the far field."""
         from lensforge.light import evaluation, exit_light, simulation
+        from lensforge.made import part_light
+        from lensforge.proof import casts
 
         drawn, sent, fitted, exact = simulation.bundles, exit_light.exit_rays, exit_light.fit, evaluation._through_exact
+        cast = casts.stray_in_sandbox
 
         def bundles(*arguments: Any) -> Iterator[Any]:
             kept = list[Any]()
@@ -174,6 +184,10 @@ class Record:
             self.rays.setdefault(f"{self.stage} tables", []).append(arrays(rays))
             return exact(lens, traced, rays)
 
+        def stray(stl: bytes, *, rays: Any, **more: Any) -> Any:
+            self.rays.setdefault(self.stage, []).append(arrays(rays))
+            return cast(stl, rays=rays, **more)
+
         def fit(finest: Any, deposits: Any) -> Any:
             found = fitted(finest, deposits)
             table = found.grid.c_deg, found.grid.gamma_deg, found.samples, found.finer
@@ -185,9 +199,11 @@ class Record:
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(simulation, "bundles", bundles)
+            patch.setattr(part_light, "bundles", bundles)
             patch.setattr(exit_light, "exit_rays", exit_rays)
             patch.setattr(exit_light, "fit", fit)
             patch.setattr(evaluation, "_through_exact", through_exact)
+            patch.setattr(casts, "stray_in_sandbox", stray)
             yield
 
 
@@ -206,6 +222,10 @@ def made(name: str, folder: Path) -> Case:
             record.begins("warm")
             results["warm"] = lf.evaluate(run.lens, temperature_c=HOT_C)
             results["warm"].write(run.folder, "warm")
+        for stage, study in STUDIES.get(name, {}).items():
+            record.begins(stage)
+            results[stage] = study(run)
+            results[stage].write(run.folder, stage)
     lens = json.loads((run.folder / "lens.json").read_text(encoding="utf-8"))
     facts = {stage: run.facts(result) for stage, result in results.items()}
     return Case(name, run.folder, lens, results, facts, record.rays)

@@ -32,15 +32,20 @@ def jackknife(values, figure=None):
     return figure(values.mean(axis=0)), np.sqrt((count - 1) / count * ((left_out - left_out.mean()) ** 2).sum())
 
 
-def over_pairs(errors, scales):
-    """Mean over pairs k != l of E_k E_l over that of s_k s_l, and its standard error."""
+def apart_of(errors, scales):
+    """Mean over pairs k != l of E_k E_l over that of s_k s_l, and how far each pair is from it."""
     r, products, norms = len(errors), np.zeros((len(errors),) * 2), np.zeros((len(errors),) * 2)
     for k in range(r):
         for m in range(r):
             products[k, m], norms[k, m] = (errors[k] * errors[m]).sum(), scales[k] * scales[m]
     norm = (norms.sum() - np.trace(norms)) / (r * (r - 1))
     value = (products.sum() - np.trace(products)) / (r * (r - 1)) / norm
-    apart = (products - value * norms) / norm
+    return value, (products - value * norms) / norm
+
+
+def error_over_pairs(apart):
+    """Standard error of the mean over all pairs of what stands apart from it."""
+    r = len(apart)
     mean = [np.delete(np.delete(apart, k, 0), k, 1) for k in range(r)]
     left_out = np.array([(m.sum() - np.trace(m)) / ((r - 1) * (r - 2)) for m in mean])
     squared = (r - 1) / r * ((left_out - left_out.mean()) ** 2).sum()
@@ -48,7 +53,13 @@ def over_pairs(errors, scales):
     effect = [(np.delete(apart[k], k).sum() - (r - 1) * whole) / (r - 2) for k in range(r)]
     z = sum((apart[k, m] - whole - effect[k] - effect[m]) ** 2 for k in range(r) for m in range(r) if k != m)
     z /= r * (r - 3)
-    return value, np.sqrt(max(squared - 4 * z / (r * (r - 2)), 0) + 2 * z / (r * (r - 1)))
+    return np.sqrt(max(squared - 4 * z / (r * (r - 2)), 0) + 2 * z / (r * (r - 1)))
+
+
+def over_pairs(errors, scales):
+    """The mean over pairs, and its standard error."""
+    value, apart = apart_of(errors, scales)
+    return value, error_over_pairs(apart)
 
 
 def root(square, error):
@@ -70,6 +81,12 @@ def rsd(values):
 
 def least(values, most=None):
     """Least of the values at places, by 16 replicates, without noise; and its standard error."""
+    value, left, taken_off = least_parts(values, most)
+    return value, np.hypot(np.sqrt(15 / 16 * ((left - left.mean()) ** 2).sum()), taken_off)
+
+
+def least_parts(values, most=None):
+    """The least, the same without each replicate, and what was taken off its upper bound."""
     values = np.array(values)
     assert len(values) == 16
 
@@ -93,10 +110,8 @@ def least(values, most=None):
     h = float(np.clip((u_8 - u_4) / below, 0, 1)) if below > 0 else 1.0
     mean = values.mean(axis=0)
     value = min(max(u_8 + h * (v_8 - u_8), mean.min()), mean.mean() if most is None else most)
-    left = [u + h * (v - u) for u, v in (read(halves, k) for k in range(16))]
-    error = np.sqrt(15 / 16 * ((np.array(left) - np.mean(left)) ** 2).sum())
-    taken_off = v_8 - value if v_8 - value > 1e-12 * abs(value) else 0.0
-    return value, np.hypot(error, taken_off)
+    left = np.array([u + h * (v - u) for u, v in (read(halves, k) for k in range(16))])
+    return value, left, v_8 - value if v_8 - value > 1e-12 * abs(value) else 0.0
 
 
 def largest(values, at_least=None):

@@ -17,6 +17,8 @@ import oracle_part
 import oracle_proof
 import oracle_search
 import oracle_shop
+import oracle_stray
+import oracle_study
 import pytest
 import record_check
 import record_export
@@ -33,6 +35,8 @@ MODULES = (
     oracle_part,
     oracle_shop,
     oracle_proof,
+    oracle_stray,
+    oracle_study,
     record_export,
     record_check,
     record_verify,

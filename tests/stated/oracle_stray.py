@@ -1,0 +1,410 @@
+"""Every number of ``verify --stray`` by docs/definitions.md, section 14: light that splits at the exact faces."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from crooked import Expected
+from oracle_part import base_of, body_of, kept_of, placed, plate_sides
+from oracle_part import lamps_of as plate_lamps
+from oracle_proof import arrays
+from page_chain import fields_behind, room_in
+from page_figures import filtered
+from page_scene import exits, faces_of, lamps_of, receivers_of, through
+from page_tracer import behind_glass, coated, refractive_index, unit
+
+CUT_OFF, DEPTH, SKIN_MM, STEPS, HALVINGS = 1e-4, 32, 1e-6, 64, 24
+CAUSES = ("sequential", "inner_reflection", "outer_reflection", "total_reflection", "base", "met_again")
+SEQUENTIAL, INNER, OUTER, TOTAL, BASE, MET_AGAIN = range(6)
+NEAR, FEW, PIXEL = 0.03, 3e-5, 0.3  # of a share; of all light; of what single dim rays decide
+LIMITS = {"stray_balance": 1e-9, "stray_leaked": 1e-3, "stray_too_dim": 1e-2}
+
+
+class Solid:
+    """The part as a function above 0 in the material: lenses above z = 0, below it their base or plate.
+
+    ``lenses``: place and turn (degrees) of each in the coordinates of the one that is lit, which is the first.
+    """
+
+    def __init__(self, case):
+        self.case, self.spec, self.faces = case, case.lens["spec"], faces_of(case.lens, case.lens["faces"])
+        self.body, self.lenses, self.to_plate = body_of(case), [(np.zeros(2), 0.0)], (np.zeros(2), 0.0)
+        self.double = self.spec["lens"]["kind"] == "double"
+        if self.spec["plate"]:
+            places, turns = plate_lamps(case)
+            lit = np.hypot(*places.T).argmin()
+            self.to_plate = places[lit], turns[lit]
+            seen = placed(np.column_stack([places - places[lit], 0 * turns]), (0, 0), -turns[lit])[:, :2]
+            order = np.argsort(np.hypot(*seen.T))
+            self.lenses = [(seen[k], turns[k] - turns[lit]) for k in order]
+        self.low, self.high = self.ends()
+        self.reach = 1.01 * np.hypot(max(np.hypot(*at) for at, _ in self.lenses) + self.wide(), self.high)
+
+    def wide(self):
+        plate = np.hypot(*plate_sides(self.case)) / 2 if self.spec["plate"] else self.spec["base"]["diameter_mm"] / 2
+        return max(plate, self.spec["constraints"]["max_radius_mm"])
+
+    def ends(self):
+        top = max(part.extreme(lambda s, f, part=part: part.at(s, f)[0][..., 2]) for part in self.body.envelope)
+        if not self.spec["plate"]:
+            return -self.spec["base"]["height_mm"], top
+        plate = self.spec["plate"]
+        return -plate["thickness_mm"] - max((pin["height_mm"] for pin in plate["pins"]), default=0.0), top
+
+    def own(self, p, number):
+        """Points in the coordinates of a lens."""
+        place, turn = self.lenses[number]
+        return placed(p - [*place, 0], (0, 0), -turn)
+
+    def nearest(self, p):
+        return np.argmin([np.hypot(*(p[:, :2] - place).T) for place, _ in self.lenses], axis=0)
+
+    def rooms(self, q):
+        """Of a lens in its own coordinates: room within the envelope, and beyond the cavity."""
+        if self.double:
+            inner, outer = (face.radius(unit(q)) - np.linalg.norm(q, axis=1) for face in self.faces)
+            return np.minimum(outer, -inner)
+        return room_in(self.faces, "body", q)
+
+    def rim(self, q):
+        """Distance from the wall of the bore."""
+        turn = np.arctan2(q[:, 1], q[:, 0]) % (2 * np.pi)
+        at = 2 * np.pi * np.arange(721) / 720
+        return np.hypot(q[:, 0], q[:, 1]) - np.interp(turn, at, [*self.body.rim, self.body.rim[0]])
+
+    def below(self, p):
+        bores = np.min([self.rim(self.own(p, number)) for number in range(len(self.lenses))], axis=0)
+        if not self.spec["plate"]:
+            base = base_of(self.case)
+            assert not base["bore_setback_mm"] and not base["relief_step_mm"], "a plain base"
+            return np.min([p[:, 2] - self.low, base["diameter_mm"] / 2 - np.hypot(p[:, 0], p[:, 1]), bores], axis=0)
+        plate, (wide, high) = self.spec["plate"], plate_sides(self.case)
+        q = placed(p, *self.to_plate)
+        corner = plate["corner_radius_mm"]
+        beyond = np.maximum(abs(q[:, :2]) - [wide / 2 - corner, high / 2 - corner], 0)
+        holes = [np.hypot(*(q[:, :2] - hole["place_mm"]).T) - hole["diameter_mm"] / 2 for hole in plate["holes"]]
+        slab = np.min([p[:, 2] + plate["thickness_mm"], corner - np.hypot(*beyond.T), bores, *holes], axis=0)
+        pins = [pin["diameter_mm"] / 2 - np.hypot(*(q[:, :2] - pin["place_mm"]).T) for pin in plate["pins"]]
+        return np.where(p[:, 2] > -plate["thickness_mm"], slab, np.max(pins, axis=0))
+
+    def inside(self, p):
+        value, up = np.full(len(p), -1.0), p[:, 2] > 0
+        value[~up] = self.below(p[~up])
+        value[(p[:, 2] < self.low)] = -1.0
+        for number in range(len(self.lenses)):
+            q = self.own(p[up], number)
+            near = np.hypot(q[:, 0], q[:, 1]) < self.spec["constraints"]["max_radius_mm"]
+            rows = np.flatnonzero(up)[near]
+            value[rows] = np.maximum(value[rows], self.rooms(q[near]))
+        return value
+
+    def normals(self, p):
+        """Out of the material; and the number of the face of the lens, -1 at or below z = 0."""
+        n, face = np.zeros_like(p), np.full(len(p), -1)
+        near = self.nearest(p)
+        for number, (_, turn) in enumerate(self.lenses):
+            rows = np.flatnonzero((near == number) & (p[:, 2] > 1e-7))
+            q = self.own(p[rows], number)
+            off = [abs(part.exact(unit(q))[0] - np.linalg.norm(q, axis=1)) for part in self.faces]
+            face[rows] = np.argmin(off, axis=0)
+            for k, part in enumerate(self.faces):
+                some = face[rows] == k
+                own = part.exact(unit(q[some]))[1] * (1 if self.is_envelope(k) else -1)
+                n[rows[some]] = placed(own, (0, 0), turn)
+        flat = (face < 0) & (
+            np.min([abs(p[:, 2]), abs(p[:, 2] - self.low), abs(p[:, 2] - self.floor())], axis=0) < 1e-6
+        )
+        n[flat] = np.where((p[flat, 2] > -1e-6)[:, None], [0, 0, 1.0], [0, 0, -1.0])
+        rest = (face < 0) & ~flat
+        slope = [self.below(p[rest] + h) - self.below(p[rest] - h) for h in 1e-5 * np.eye(3)]
+        n[rest] = -unit(np.column_stack(slope))
+        return n, face
+
+    def floor(self):
+        return -self.spec["plate"]["thickness_mm"] if self.spec["plate"] else self.low
+
+    def is_envelope(self, k):
+        return k == 1 if self.double else self.faces[k].before == "body"
+
+    def name(self, k):
+        return ("inner", "outer")[k] if self.double else self.faces[k].name
+
+    def hit(self, p, d, inside):
+        """Path to the next surface; nan where the ray leaves."""
+        along, sign = (p * d).sum(axis=1), np.where(inside, 1.0, -1.0)
+        end = np.sqrt(np.maximum(along**2 - (p**2).sum(axis=1) + self.reach**2, 0)) - along
+        for level, way in ((self.high, d[:, 2] > 0), (self.low, d[:, 2] < 0)):
+            end[way] = np.minimum(end[way], np.maximum((level - p[way, 2]) / d[way, 2], 0) + 1e-3)
+        low, high = np.full(len(p), SKIN_MM), np.full(len(p), np.nan)
+        for share in np.arange(1, STEPS + 1) / STEPS:
+            rows = np.flatnonzero(np.isnan(high))
+            t = SKIN_MM + share * end[rows]
+            out = sign[rows] * self.inside(p[rows] + t[:, None] * d[rows]) < 0
+            high[rows[out]], low[rows[~out]] = t[out], t[~out]
+        rows = np.flatnonzero(~np.isnan(high))
+        for _ in range(HALVINGS):
+            middle = (low[rows] + high[rows]) / 2
+            out = sign[rows] * self.inside(p[rows] + middle[:, None] * d[rows]) < 0
+            high[rows], low[rows] = np.where(out, middle, high[rows]), np.where(out, low[rows], middle)
+        return high
+
+
+@dataclass
+class Split:
+    """Light on its way: ``beside``: it has met a neighbour; ``sides``: 0 in the cavity, 1 in the body, 2 behind."""
+
+    p: np.ndarray
+    d: np.ndarray
+    e: np.ndarray
+    flux: np.ndarray
+    cause: np.ndarray
+    inside: np.ndarray
+    sides: np.ndarray
+    events: np.ndarray
+    beside: np.ndarray
+    index: np.ndarray
+    nm: np.ndarray
+
+    def take(self, rows):
+        return Split(*(getattr(self, each.name)[rows] for each in fields(self)))
+
+    def but(self, **changes):
+        return Split(**{each.name: changes.get(each.name, getattr(self, each.name)) for each in fields(self)})
+
+
+def joined(parts):
+    return Split(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Split)))
+
+
+def emitted(case, solid):
+    p, d, flux, nm = case.rays["stray"][0]
+    count, one = len(p), unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0])))
+    e, none = np.stack([one, np.cross(d, one)], axis=1).astype(complex), np.zeros(count, dtype=int)
+    index = refractive_index(case.lens, nm, count)
+    waves = np.full(count, solid.spec["lens"]["design_wavelength_nm"]) if nm is None else nm
+    light = Split(p, d, e, flux.copy(), none, none > 0, none, none, none > 0, index, waves)
+    t = solid.hit(p, d, light.inside)
+    at = p + np.nan_to_num(t)[:, None] * d
+    n, face = solid.normals(at)
+    first = ~np.isnan(t) & ((face >= 0) & ((at * n).sum(axis=1) > 0))  # the outside of the lens
+    return light.but(cause=np.where(first, BASE, SEQUENTIAL))
+
+
+def amplitudes(solid, light, face, n):
+    """Of s and p: reflected, and passed; and directions of both."""
+    c = abs((light.d * n).sum(axis=1))
+    ahead = n * np.sign((light.d * n).sum(axis=1))[:, None]
+    around = np.full(len(c), solid.spec["lens"]["outside_index"])
+    before, behind = np.where(light.inside, light.index, around), np.where(light.inside, around, light.index)
+    r = before / behind
+    q2 = 1 - r**2 * (1 - c**2)
+    total, q = q2 <= 0, np.sqrt(q2 + 0j)
+    back = np.array([(r * c - q) / (r * c + q), -(c - r * q) / (c + r * q)])
+    for k in np.unique(face[face >= 0]):
+        coating = (solid.spec["lens"].get(solid.name(k)) or {}).get("coating")
+        rows = np.flatnonzero((face == k) & ~total)
+        if coating is not None and len(rows):
+            own = (each[rows] for each in (light.nm, before, behind, np.minimum(c, 1)))
+            back[:, rows] = np.sqrt(1 - coated(coating, *own, solid.is_envelope(k)))
+    passed = np.where(total, 0, np.sqrt(np.maximum(1 - abs(back) ** 2, 0)))
+    bent = unit(r[:, None] * light.d + np.where(total, 0, q.real - r * c)[:, None] * ahead)
+    return ahead, back, passed, bent, light.d - 2 * c[:, None] * ahead
+
+
+def causes(solid, light, face, away, total):
+    """What takes the transmitted and the reflected light off its path: section 14."""
+    events = solid.spec["lens"]["events"] if not solid.double else 2
+    goes_on = (events > 2) & (light.events + 1 < events)
+    into = np.full(len(face), SEQUENTIAL)
+    into[(light.sides == 0) & (light.events + 1 >= events)] = TOTAL
+    into[(face < 0) | ((light.sides == 1) & ~away & ~goes_on)] = BASE
+    into[light.sides == 2] = MET_AGAIN
+    back = np.where(light.sides == 0, INNER, np.where(total, TOTAL, OUTER))
+    back = np.where(total & goes_on, SEQUENTIAL, back)
+    back = np.where(into == SEQUENTIAL, back, into)
+    known = light.cause != SEQUENTIAL
+    return np.where(known, light.cause, into), np.where(known, light.cause, back)
+
+
+def step(solid, light, least, ends):
+    """Light at the next surface, both ways from there; what leaves and what is lost goes to ``ends``."""
+    t = solid.hit(light.p, light.d, light.inside)
+    gone = np.isnan(t)
+    ends["escaped"].append(light.take(gone & ~light.inside))
+    ends["leaked"] += light.flux[gone & light.inside].sum()
+    light, t = light.take(~gone), t[~gone]
+    left = np.where(light.inside, np.exp(-solid.spec["lens"]["absorption_per_mm"] * t), 1.0)
+    ends["absorbed"] += (light.flux * (1 - left)).sum()
+    light = light.but(p=light.p + t[:, None] * light.d, flux=light.flux * left)
+    n, face = solid.normals(light.p)
+    beside = (solid.nearest(light.p) > 0) & (light.p[:, 2] > SKIN_MM)
+    ends["neighbours"] += light.flux[beside & ~light.beside].sum()
+    ahead, back, passed, bent, mirrored = amplitudes(solid, light, face, n)
+    away = (light.p * n).sum(axis=1) > 0
+    for number in range(1, len(solid.lenses)):
+        own = beside & (solid.nearest(light.p) == number)
+        away[own] = (solid.own(light.p[own], number) * placed(n[own], (0, 0), -solid.lenses[number][1])).sum(axis=1) > 0
+    total = (passed == 0).all(axis=0)
+    into, returned = causes(solid, light, face, away, total)
+    at = light.but(events=light.events + 1, beside=light.beside | beside)
+    found = []
+    for amplitude, way, cause, reflected in ((passed, bent, into, False), (back, mirrored, returned, True)):
+        e = fields_behind(light.e, light.d, way, ahead, *amplitude, np.full(len(face), reflected))
+        share = (abs(e) ** 2).sum(axis=(1, 2)) / 2
+        e = e / np.sqrt(np.where(share > 0, share, 1))[:, None, None]
+        one = at.but(d=way, e=e, flux=light.flux * share, cause=cause)
+        if not reflected:
+            one = one.but(inside=~light.inside, sides=np.where(light.inside, np.where(away, 2, 0), 1))
+        found.append(one)
+    both = joined(found)
+    bright = both.flux > least
+    ends["too_dim"] += both.flux[~bright].sum()
+    return both.take(bright)
+
+
+def followed(case):
+    """All light until it has left the part."""
+    solid = Solid(case)
+    light, ends = (
+        emitted(case, solid),
+        {"escaped": [], **dict.fromkeys(("leaked", "absorbed", "neighbours", "too_dim"), 0.0)},
+    )
+    least, watts = CUT_OFF * light.flux.mean(), light.flux.sum()
+    for _ in range(DEPTH):
+        light = step(solid, light, least, ends)
+        if not len(light.flux):
+            break
+    ends["too_dim"] += light.flux.sum()
+    return solid, ends | {"escaped": joined(ends["escaped"]), "watts": watts}
+
+
+# -- Section 8: what lands ---------------------------------------------------------------------------------------------
+
+
+def behind(case, solid, light):
+    """Behind the further bodies and the cover glass: places, directions, and the shares that both let through."""
+    section, count = solid.spec["lens"], len(light.flux)
+    s = unit(np.cross(light.d, np.where(abs(light.d[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0])))
+    one, other = ((light.e * axis[:, None]).sum(axis=2) for axis in (s, np.cross(light.d, s)))
+    whole = (abs(one) ** 2 + abs(other) ** 2).sum(axis=1)
+    stokes = [
+        (abs(one) ** 2 - abs(other) ** 2).sum(axis=1) / whole,
+        2 * (one * other.conj()).real.sum(axis=1) / whole,
+        s,
+    ]
+    left, p, d, share = np.arange(count), light.p.copy(), light.d.copy(), np.ones(count)
+    for body in solid.spec["bodies"] or []:
+        left, stokes, _ = through(body, section, left, p, d, share, light.nm, stokes)
+    glass, up = np.ones(count), d[left, 2] > 0
+    rows = left[up]
+    p[rows], glass[rows] = behind_glass(section, p[rows], d[rows], light.nm[rows], [part[up] for part in stokes])
+    return left, p, d, share, glass
+
+
+def spec_of_one(case):
+    """The spec of the lamp that is lit, and its place and turn: of lamps on poles the first, else the origin."""
+    spec = case.lens["spec"]
+    if (spec["lamps"] or {}).get("aims_mm"):
+        places, turns, _ = lamps_of(spec)
+        return spec, places[0], turns[0]
+    return spec | {"lamps": None}, np.zeros(3), np.eye(3)
+
+
+def light_at(case):
+    """Of each receiver: pictures (W) and shares of the light that is split, and of the light that is not."""
+    solid, ends = followed(case)
+    light, watts = ends["escaped"], ends["watts"]
+    spec, place, turn = spec_of_one(case)
+    left, p, d, share, glass = behind(case, solid, light)
+    flux = light.flux * share * glass
+    direct = exits(case.lens, solid.faces, *case.rays["stray"][0][:2], case.rays["stray"][0][3])
+    found = []
+    for receiver in receivers_of(spec):
+        shift = 0 if receiver.kind == "far_field" else place
+        at = np.full((len(flux), 2), np.nan)
+        at[left] = receiver.land(p[left] @ turn.T + shift, d[left] @ turn.T)
+        lands = ~np.isnan(at[:, 0])
+        seen, stray = lands & receiver.in_window(*np.nan_to_num(at, nan=np.inf).T), light.cause != SEQUENTIAL
+        rows = direct.left
+        own = receiver.land(direct.p[rows] @ turn.T + shift, direct.d[rows] @ turn.T)
+        own_flux = (direct.flux * case.rays["stray"][0][2])[rows]
+        on = ~np.isnan(own[:, 0])
+        variance = spec["evaluate"]["filter_variance"]
+        images = [filtered(receiver.bins(at[some], flux[some]), variance) for some in (lands & ~stray, lands & stray)]
+        sums = {
+            "detected_direct": flux[seen & ~stray].sum(), "detected_stray": flux[seen & stray].sum(),
+            "outside_direct": flux[lands & ~seen & ~stray].sum(), "outside_stray": flux[lands & ~seen & stray].sum(),
+            "backward": flux[left][~lands[left]].sum(), "absorbed": ends["absorbed"],
+            "cover_glass": (light.flux * share * (1 - glass)).sum(), "bodies": (light.flux * (1 - share)).sum(),
+            "base": 0.0, "too_dim": ends["too_dim"], "leaked": ends["leaked"],
+        }  # fmt: skip
+        by_cause = {name: flux[seen & (light.cause == k)].sum() / watts for k, name in enumerate(CAUSES) if k}
+        plain = filtered(receiver.bins(own[on], own_flux[on]), variance)
+        found.append((receiver, {name: each / watts for name, each in sums.items()}, by_cause, *images, plain,
+                      own_flux[on & receiver.in_window(*np.nan_to_num(own, nan=np.inf).T)].sum() / watts))  # fmt: skip
+    return found, ends["neighbours"] / watts
+
+
+def of_case(case):
+    return kept_of(case, "stray light", lambda: light_at(case))
+
+
+def near(value, part=NEAR):
+    return value, part * abs(value) + FEW
+
+
+def receiver_record(case, number):
+    receiver, flux, by_cause, direct, stray, plain, sequential = of_case(case)[0][number]
+    watts, whole = case.rays["stray"][0][2].sum(), direct + stray
+    area = np.prod(receiver.size) / direct.size * (1 if receiver.kind == "far_field" else 1e-6)
+    for name, image in (("direct", direct), ("stray", stray), ("sequential", plain)):
+        found = arrays(case, "stray")[f"receivers.{number}.{name}"] * area
+        assert abs(found - image).sum() < 0.1 * image.sum() + FEW * watts, name
+    return {
+        "name": receiver.name, "width": receiver.size[0], "height": receiver.size[1],
+        "far_field": receiver.kind == "far_field", "balance_error": (0.0, 1e-9),
+        "flux": {name: near(each, PIXEL if name == "too_dim" else NEAR) for name, each in flux.items()},
+        "detected_stray_by_cause": {name: near(each) for name, each in by_cause.items()},
+        "misplaced_flux": near(abs(whole - plain).sum() / watts),
+        "nmse_vs_sequential": near(((whole - plain) ** 2).sum() / (plain**2).sum(), PIXEL),
+        "peak_of_mean": near(stray.max() / plain.mean(), PIXEL),
+        "efficiency": near(flux["detected_direct"] + flux["detected_stray"]), "efficiency_sequential": near(sequential),
+    }  # fmt: skip
+
+
+def stray_record(case):
+    spec, found = case.lens["spec"], [receiver_record(case, k) for k in range(len(of_case(case)[0]))]
+    values = [0.0, *(found[0]["flux"][name] for name in ("leaked", "too_dim"))]
+    criteria = [
+        {"name": name, "value": (0.0, 1e-9) if name == "stray_balance" else value, "sense": "<=", "limit": limit,
+         "unit": "of the flux", "tolerance": 0.0, "remedy": ..., "passed": True}
+        for (name, limit), value in zip(LIMITS.items(), values, strict=True)
+    ]  # fmt: skip
+    return {
+        "conditions": None, "receivers": found, "rays": len(case.rays["stray"][0][2]), "base": "polished",
+        "lenses": len(spec["lamps"]["places_mm"]) if spec["plate"] else 1, "neighbours": near(of_case(case)[1]),
+        "absorption_per_mm": spec["lens"]["absorption_per_mm"], "cut_off": CUT_OFF, "depth": DEPTH,
+        "criteria": criteria, **{key: found[0][key] for key in ("flux", "efficiency", "efficiency_sequential")},
+    }  # fmt: skip
+
+
+def in_percent(*path):
+    """A share of a receiver's record as a fact."""
+
+    def oracle(case, place):
+        entry = kept_of(case, "stray record", lambda: stray_record(case))["receivers"][place.group]
+        for key in path:
+            entry = entry[key]
+        return Expected(100 * entry[0], 100 * entry[1], "%")
+
+    return oracle
+
+
+OF_RECEIVER = {
+    "detected_stray": ("flux", "detected_stray"), "stray_absorbed": ("flux", "absorbed"),
+    "stray_efficiency": ("efficiency",), "misplaced": ("misplaced_flux",), "stray_peak": ("peak_of_mean",),
+}  # fmt: skip
+ORACLES = {f"stray.{key}": in_percent(*path) for key, path in OF_RECEIVER.items()} | {
+    "stray.stray_rays": lambda case, place: Expected(len(case.rays["stray"][0][2])),
+    "stray.neighbours": lambda case, place: Expected(*(100 * each for each in near(of_case(case)[1])), "%"),
+}
+RECORDS = {"stray": stray_record}

@@ -1,0 +1,308 @@
+"""Every number of ``sensitivity`` by docs/definitions.md, section 15: one error at a time, by the same rays."""
+
+import numpy as np
+from crooked import Expected
+from oracle_part import kept_of
+from page_colour import flux_and_efficacy
+from page_figures import CLOSE, apart_of, error_over_pairs, filtered, jackknife, least_parts
+from page_scene import faces_of, mask_of, receivers_of, target_light, through
+from page_tracer import BACKWARD, LANDED, OUTSIDE_CAVITY, TOTAL, Functions, leave, unit
+
+NEAR = 0.02  # of a standard error
+# Words, whether it is to both sides, along x and y, about x and y, or one shape; and its unit and mm, rad or 1 in that.
+KINDS = {
+    "source_shift_mm": ("source, decentre", "in"), "source_height_mm": ("source, height", "±"),
+    "source_tilt_deg": ("source, tilt", "about"), "source_flux": ("source, flux", "±"),
+    "source_size": ("source, size", "±"), "outer_shift_mm": ("outer face against inner, decentre", "in"),
+    "gap_mm": ("outer face against inner, gap", "±"), "outer_tilt_deg": ("outer face against inner, tilt", "about"),
+    "lens_shift_mm": ("lens against source, decentre", "in"), "lens_height_mm": ("lens against source, height", "±"),
+    "lens_tilt_deg": ("lens against source, tilt", "about"), "index": ("refractive index", "±"),
+    "shrinkage": ("shrinkage", "±"),
+    **{f"{face}_{kind}_{unit}": (f"{kind}, {face} face", "") for kind, unit in
+       (("roughness", "mrad"), ("ripple", "um"), ("form", "um"), ("waviness", "um")) for face in ("inner", "outer")},
+}  # fmt: skip
+STILL = np.eye(3), np.zeros(3)
+ROUGH = (
+    "roughness_mrad",
+    "ripple_um",
+    "waviness_um",
+)  # which turn normals: here rings and waves are too fine for tables
+UNITS = {"mm": 1.0, "deg": np.pi / 180, "um": 1e-3, "mrad": 1e-3}
+
+
+def rows_of(case):
+    """Name, amount, unit and tolerance with its numbers (mm, rad or 1) of every row."""
+    for name, (words, way) in KINDS.items():
+        unit = name.rpartition("_")[2] if name.rpartition("_")[2] in UNITS else ""
+        amount, factor = amount_of(case.lens["spec"], name), UNITS.get(unit, 1.0)
+        if way == "±":
+            for sign in (1.0, -1.0):
+                yield words, sign * amount, unit, name, sign * amount * factor
+        elif way:
+            for axis, along in (("x", [1.0, 0.0]), ("y", [0.0, 1.0])):
+                yield f"{words} {way} {axis}", amount, unit, name, amount * factor * np.array(along)
+        else:
+            yield words, amount, unit, name, amount * factor
+
+
+def amount_of(spec, name):
+    """As the spec has it: of a face in its own table."""
+    for face in ("inner", "outer"):
+        field = name.removeprefix(f"{face}_")
+        if field != name or (face == "outer" and name == "gap_mm"):
+            return spec["lens"][face][field]["amount"]
+    return spec["tolerances"][name]["amount"]
+
+
+def turn_by(x, y):
+    """The rotation by a vector (rad) across z."""
+    angle = np.hypot(x, y)
+    cross = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]]) / (angle or 1.0)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+class Moved:
+    """A face turned about the origin, then shifted."""
+
+    def __init__(self, face, turn, shift):
+        self.face, self.turn, self.shift, self.largest = face, turn, np.array(shift), face.largest + 1.0
+
+    def own(self, p):
+        return (p - self.shift) @ self.turn
+
+    def radius(self, u):
+        rho = self.face.radius(u)
+        for _ in range(8):
+            q = self.own(rho[:, None] * u)
+            rho = rho + self.face.radius(unit(q)) - np.linalg.norm(q, axis=1)
+        return rho
+
+    def normal(self, u):
+        return self.face.normal(unit(self.own(self.radius(u)[:, None] * u))) @ self.turn.T
+
+
+class Bent:
+    """A face with an error e(u) along its normal; normals by differences."""
+
+    def __init__(self, face, error):
+        self.face, self.error, self.largest = face, error, face.largest + 1.0
+
+    def radius(self, u):
+        return self.face.radius(u) + self.error(u) / (self.face.normal(u) * u).sum(axis=1)
+
+    def normal(self, u):
+        rho, slope, h = self.radius(u), np.zeros_like(u), 1e-5
+        for e in np.eye(3):
+            t = e - (u @ e)[:, None] * u
+            slope += ((self.radius(unit(u + h * t)) - self.radius(unit(u - h * t))) / (2 * h))[:, None] * e
+        return unit(u - (slope - (slope * u).sum(axis=1)[:, None] * u) / rho[:, None])
+
+
+class Rough:
+    """A face whose normals are turned, those of the rays that come to it."""
+
+    def __init__(self, face, turns):
+        self.face, self.turns, self.radius, self.largest = face, turns, face.radius, face.largest
+
+    def normal(self, u):
+        return unit(self.face.normal(u) + self.turns)
+
+
+def hemisphere(count):
+    j = np.arange(count)
+    z, phi = 1 - (j + 0.5) / count, j * np.pi * (3 - np.sqrt(5))
+    return np.column_stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z])
+
+
+def shape_of(name, amount):
+    """The one shape of a form error: nine broad functions with numbers from the name of the tolerance."""
+    numbers = np.random.default_rng([11, *name.encode()]).standard_normal(9)
+    functions = Functions({"levels": [9], "sigma_c": 1.75, "symmetry": "none"}, numbers)
+    rms = np.sqrt((functions.mean(hemisphere(4000))[0] ** 2).mean())
+    return lambda u: amount * functions.mean(u)[0] / rms
+
+
+def fine_slope(spec, name, amount):
+    """Rms slope of what is too fine for tables: rings, or waves of all widths alike by their logarithm."""
+    tolerances = spec["tolerances"]
+    if "ripple" in name:
+        return amount * np.pi / 2 / tolerances["ripple_period_mm"]
+    longest, shortest = tolerances["waviness_longest_mm"], tolerances["waviness_shortest_mm"]
+    widths = np.sqrt(2) / (2 * np.pi) * longest * (shortest / longest) ** ((np.arange(384) + 0.5) / 384)
+    return amount * np.sqrt((1 / widths**2).mean())
+
+
+def light_with(case, name="", value=None):
+    """Pictures (W) of each replicate on the first receiver, and shares in its window, with one error."""
+    spec, faces = case.lens["spec"], list(faces_of(case.lens, case.lens["faces"]))
+    source, receiver = spec["source"], receivers_of(spec)[0]
+    lens_at, source_at, scale, size, section = STILL, STILL, 1.0, 1.0, spec["lens"]
+    if name.endswith("form_um"):
+        k = int(name.startswith("outer"))
+        faces[k] = Bent(faces[k], shape_of(name, value))
+    elif name.startswith(("outer_shift", "outer_tilt", "gap_")):
+        faces[1] = Moved(faces[1], *motion(name, value))
+    elif name == "index":
+        section = section | {"refractive_index": section["refractive_index"] + value}
+    elif name == "shrinkage":
+        scale = 1 + value
+    elif name == "source_size":
+        size = 1 + value
+    elif name.startswith("source_") and name != "source_flux":
+        source_at = motion(name, value)
+    elif name.startswith("lens_"):
+        lens_at = motion(name, value)
+    (turn, shift), up = lens_at, np.array([0, 0, spec["base"]["height_mm"] * (scale - 1)])
+    number, p, d, flux, nm = rays_of(case)
+    p, d = (
+        source["position_mm"] + size * (p - source["position_mm"]) @ source_at[0].T + source_at[1],
+        d @ source_at[0].T,
+    )
+    own = ((p - shift) @ turn - up) / scale, d @ turn
+    if name.endswith(ROUGH):
+        k = int(name.startswith("outer"))
+        fate = leave({"spec": {"lens": section}}, faces, *own, nm)[3]
+        rows = (fate == LANDED) | (fate == TOTAL) if k else (fate != BACKWARD) & (fate != OUTSIDE_CAVITY)
+        slope = value if "roughness" in name else fine_slope(spec, name, value)
+        faces[k] = Rough(faces[k], slope * noise_of(d)[rows, 3 * k : 3 * k + 3])
+    left, p, d, _, share, _, nm, (q, u, s) = leave({"spec": {"lens": section}}, faces, *own, nm)
+    p, d, stokes = (scale * p + up) @ turn.T + shift, d @ turn.T, (q, u, s @ turn.T)
+    for body in spec["bodies"]:
+        left, stokes, _ = through(body, spec["lens"], left, p, d, share, nm, stokes)
+    at, flux, number = receiver.land(p[left], d[left]), (share * flux)[left], number[left]
+    seen, images, window = receiver.in_window(*at.T), [], []
+    for k in range(16):
+        images.append(filtered(receiver.bins(at[number == k], flux[number == k]), spec["evaluate"]["filter_variance"]))
+        window.append(flux[seen & (number == k)].sum() / flux_and_efficacy(source, case.files)[0])
+    return np.array(images), np.array(window)
+
+
+def rays_of(case):
+    """Number of the replicate, position, direction, flux (W) and wavelength of every ray."""
+    calls = case.rays["sensitivity"][0]
+    parts = [(np.full(len(p), k), p, d, factor * flux) for k, factor, p, d, flux, _ in calls]
+    return *(np.concatenate([part[k] for part in parts]) for k in range(4)), None
+
+
+def noise_of(d):
+    """Numbers by which normals are turned, at either face: those of lensforge, whose rays are in order of direction."""
+    order, found = np.lexsort((d[:, 1], np.floor(32 * d[:, 0]))), np.empty((len(d), 6))
+    found[order] = np.random.default_rng(2029).standard_normal((len(d), 6))
+    return found
+
+
+def motion(name, value):
+    """Turn and shift of an error of place."""
+    if name.endswith("tilt_deg"):
+        return turn_by(*value), np.zeros(3)
+    return np.eye(3), np.array([*value, 0.0] if name.endswith("shift_mm") else [0.0, 0.0, value])
+
+
+# -- Figures and their changes -----------------------------------------------------------------------------------------
+
+
+def figures(case, images, window):
+    """What the changes are made of: value and its pairs of each figure by pairs, least and its parts, shares."""
+    receiver = receivers_of(case.lens["spec"])[0]
+    target, mask = target_light(receiver)[0], mask_of(receiver)
+    scales = images.sum(axis=(1, 2))
+    errors = images - scales[:, None, None] * target / target.sum()
+    nmse = apart_of(errors, scales * np.sqrt((target**2).sum()) / target.sum())
+    inside = images[:, mask]
+    means = inside.mean(axis=1)
+    square, apart = apart_of((inside - means[:, None]) / np.sqrt(inside.shape[1]), means)
+    value = np.sqrt(max(square, 0))
+    slopes = apart / (2 * max(value, 0.5 * np.sqrt(error_over_pairs(apart)) or 1.0))
+    return {"nmse": nmse, "rsd": (value, slopes), "uniformity": least_parts(inside / means[:, None], 1.0),
+            "efficiency": window}  # fmt: skip
+
+
+def metrics_of(found):
+    """Value and standard error of each."""
+    value, left, off = found["uniformity"]
+    pairs = {name: (found[name][0], error_over_pairs(found[name][1])) for name in ("nmse", "rsd")}
+    return pairs | {
+        "uniformity": (value, np.hypot(by_left_out(left), off)),
+        "efficiency": jackknife(found["efficiency"]),
+    }
+
+
+def by_left_out(left):
+    return np.sqrt((len(left) - 1) * np.var(left))
+
+
+def change_of(found, before, rays):
+    """The difference of each figure, with the error of what the noise of both has not in common, and of one ray."""
+    noise, changes = metrics_of(before), {}
+    for name in ("nmse", "rsd"):
+        (value, apart), (other, others) = found[name], before[name]
+        changes[name] = value - other, np.hypot(error_over_pairs(apart - others), noise[name][1] / np.sqrt(rays))
+    value, error = jackknife(found["efficiency"] - before["efficiency"])
+    changes["efficiency"] = value, np.hypot(error, noise["efficiency"][1] / np.sqrt(rays))
+    (value, left, off), (other, lefts, offs) = found["uniformity"], before["uniformity"]
+    one_ray = by_left_out(lefts) ** 2 / (max(other, by_left_out(lefts)) or 1.0)
+    changes["uniformity"] = value - other, np.linalg.norm([by_left_out(left - lefts), off - offs, one_ray])
+    return changes
+
+
+def study(case):
+    """Figures as designed, and those and their changes of every row."""
+    before, rows = figures(case, *light_with(case)), []
+    for *words, name, value in rows_of(case):
+        found = figures(case, *light_with(case, name, value))
+        rows.append((words, metrics_of(found), change_of(found, before, len(rays_of(case)[0]))))
+    return metrics_of(before), rows
+
+
+def of_case(case):
+    return kept_of(case, "sensitivity", lambda: study(case))
+
+
+def within(pair):
+    value, error = pair
+    return (value, NEAR * error + CLOSE * abs(value)), (error, NEAR * error)
+
+
+def metrics_record(found):
+    pairs = {name: within(pair) for name, pair in found.items()}
+    return {name: {"value": value, "unit": "", "standard_error": error} for name, (value, error) in pairs.items()}
+
+
+def sensitivity_record(case):
+    before, rows = of_case(case)
+    return {
+        "conditions": None, "nominal": metrics_record(before), "rays": len(rays_of(case)[0]),
+        "preset": case.lens["spec"]["tolerances"]["preset"],
+        "rows": [{"name": name, "amount": amount, "unit": unit, "metrics": metrics_record(found),
+                  "change": metrics_record(change)} for (name, amount, unit), found, change in rows],
+    }  # fmt: skip
+
+
+def fact(key):
+    """As designed, and of the rows in the order of what they do to the NMSE."""
+    factor, unit = (100.0, "%") if key == "efficiency" else (1.0, "")
+
+    def oracle(case, place):
+        before, rows = of_case(case)
+        found = before if place.title == "As designed" else ordered(rows)[place.group][2]
+        (value, near), (error, near_error) = within(found[key])
+        return Expected(factor * value, factor * near, unit, factor * error, factor * near_error)
+
+    return oracle
+
+
+def ordered(rows):
+    return sorted(rows, key=lambda row: -abs(row[2]["nmse"][0]))
+
+
+def amount(case, place):
+    """The flux changes no figure: which of its ends comes first is a matter of rounding."""
+    name, value, unit = ordered(of_case(case)[1])[place.group][0]
+    assert place.title == name
+    return Expected(value, 2 * abs(value) if name == "source, flux" else 1e-9, {"deg": "°", "um": "µm"}.get(unit, unit))
+
+
+ORACLES = {f"sensitivity.{key}": fact(key) for key in ("nmse", "uniformity", "rsd", "efficiency")} | {
+    "sensitivity.amount": amount, "sensitivity.rays": lambda case, place: Expected(len(rays_of(case)[0])),
+}  # fmt: skip
+RECORDS = {"sensitivity": sensitivity_record}
