@@ -7,7 +7,7 @@ from scenes import random_surface, small_spec, sphere
 
 from lensforge.scene.as_made import through_frame
 from lensforge.scene.made_part import FaceNodes, PartMaker, low_order, ripple, waviness
-from lensforge.spec.tolerances_section import FORM_NUMBERS, WAVINESS_NUMBERS
+from lensforge.spec.tolerances_section import FORM_NUMBERS, WAVINESS_NUMBERS, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -84,6 +84,18 @@ def test_tables_hold_a_wave_that_counts_as_fitting() -> None:
     true = waviness(FaceNodes.of(finer, surface), limit * 1.001, limit * 1.01, 0).tables[0]
     one, other = evaluate_table(grid, own, U), evaluate_table(finer, true, U)
     assert np.std(one - other) < 0.01 * np.std(other)
+
+
+def test_a_face_is_as_rough_as_its_finish_and_what_is_too_fine_for_its_table() -> None:
+    """Squares of slopes add up: of a finish of 2 mrad, and of waves by the mean square of their numbers."""
+    band = {"waviness_shortest_mm": 0.1, "waviness_longest_mm": 0.2}
+    spec = small_spec(tolerances=band, lens__outer__waviness_um=0.5)
+    grid, outer, factors = TableGrid(41), sphere(5.0), factors_of(spec.part_tolerances)
+    maker = PartMaker.of(spec, {"inner": sphere(3.0), "outer": outer}, grid, factors)
+    numbers = np.array([3e-4, -4e-4])
+    part = maker.part({"outer_waviness_um": numbers, "outer_roughness_mrad": np.array([2e-3])})
+    waves = np.sqrt(np.mean(numbers**2)) * waviness(FaceNodes.of(grid, outer), 0.1, 0.2, 0).slope
+    assert part.made.slopes == {"inner": 0.0, "outer": pytest.approx(np.hypot(2e-3, waves), rel=1e-6)}
 
 
 def test_an_led_tilts_and_grows_about_its_own_place() -> None:

@@ -118,6 +118,10 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
     }  # fmt: skip
     assert {key: found[key] for key in wanted} == pytest.approx(wanted, abs=1e-6)
     assert found["height of a lens"] > found["height of a cavity"] > 2.0
+    seen = [each.points / sheet.scale for each in sheet.marks.strokes if len(each.points) == 4 and not each.closed]
+    pin, boss, bore = seen  # from the front: widths and heights, and the pin 10 mm to the left of the boss
+    assert [np.ptp(each, axis=0) for each in seen] == [pytest.approx(xy) for xy in ([2, 1.25], [5, 2], [2.5, 3])]
+    assert np.mean(boss - pin, axis=0)[0] == np.mean(bore - pin, axis=0)[0] == pytest.approx(10.0)
     below = [each.length_mm for each in sheet.marks.dimensions if each.name == "height below the plate"]
     assert sorted(below) == [1.25, 2.0]  # of the pin, and of the boss
     texts = {each.name: each.text for each in sheet.marks.dimensions}
