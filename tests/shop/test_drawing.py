@@ -91,6 +91,8 @@ def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, na
     document = read_back(sheet)
     assert not document.audit().errors
     assert document.units == ezdxf.units.MM
+    (height,) = {words_of_dimension(each).height_mm for each in sheet.marks.dimensions}
+    assert document.dimstyles.get("LENSFORGE").dxf.dimtxt == pytest.approx(height / sheet.scale), "as on paper"
     measured = sorted(each.get_measurement() for each in document.modelspace().query("DIMENSION"))
     table = sorted(each.value_mm for each in content.views.dimensions if each.ends is not None)
     np.testing.assert_allclose(measured, table, atol=1e-9)
