@@ -216,13 +216,12 @@ def _between_mm(points: Float[np.ndarray, "n 3"], lens: BodyMesh) -> float:
 def _neighbours(layout: PlateLayout) -> Iterator[tuple[tuple[float, float], float]]:
     """Places (mm) and turns (degrees) of lenses as near ones see them in their own coordinates, each once."""
     lenses, seen = layout.lenses, set[tuple[float, float, float]]()
-    places, turns = np.array(lenses.places_mm), np.array(lenses.turns_deg)
-    for one, turn in enumerate(lenses.turns_deg):
-        ways = places - places[one]
-        near = np.flatnonzero(np.hypot(*ways.T) <= _NEIGHBOURS * lenses.nearest_mm())
+    places, turns = np.array([lens.place_mm for lens in lenses.lamps]), np.array(lenses.turns_deg)
+    for one, lens in enumerate(lenses.lamps):
+        ways = lens.pose.own_points(places)
+        near = np.flatnonzero(np.hypot(*ways.T[:2]) <= _NEIGHBOURS * lenses.nearest_mm())
         for other in near[near != one]:
-            way = complex(*ways[other]) * np.exp(-1j * np.radians(turn))
-            x, y, turned = np.round((way.real, way.imag, (turns[other] - turn) % 360.0), 6).tolist()
+            x, y, turned = np.round((*ways[other, :2], (turns[other] - lens.turn_deg) % 360.0), 6).tolist()
             if (x, y, turned) not in seen:
                 seen.add((x, y, turned))
                 yield (x, y), turned

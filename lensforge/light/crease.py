@@ -26,7 +26,6 @@ from jaxtyping import Float, Int
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, ByRaysAtReceiver, RaysAtReceiver, collect_adjoint
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.optics.face_roles import CAVITY
-from lensforge.scene.as_made import through_frame
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
@@ -79,8 +78,9 @@ def in_lens(scene: Scene, rays: RayBundle) -> RayBundle:
     if scene.made is None:
         return rays
     placed = scene.made.placed
-    origins, directions = through_frame(placed.frames[0], rays.origins, rays.directions, placed.factor_in)
-    return replace(rays, origins=origins, directions=directions)
+    first = placed.steps[0]
+    origins = first.points(rays.origins, placed.factor_in)
+    return replace(rays, origins=origins, directions=first.directions(rays.directions))
 
 
 def _seen_from_source(scene: Scene, points: _Vectors) -> _Vectors:
@@ -88,8 +88,7 @@ def _seen_from_source(scene: Scene, points: _Vectors) -> _Vectors:
     if scene.made is None:
         return points
     placed = scene.made.placed
-    first = placed.frames[0]
-    seen: _Vectors = (points - first[:, 3]) @ first[:, :3] / placed.factor_in
+    seen: _Vectors = placed.steps[0].own_points(points) / placed.factor_in
     return seen
 
 
@@ -267,7 +266,7 @@ def _gain(
     """
     across = crossing.across(in_lens(scene, rays).directions)
     if scene.made is not None:
-        across = across @ scene.made.placed.frames[0, :, :3]
+        across = scene.made.placed.steps[0].own_directions(across)
     beside = []
     for sign in (1.0, -1.0):
         directions = rays.directions + sign * BESIDE * across

@@ -4,21 +4,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Complex, Float, Int, Int8
 from torch import Tensor
 
-from lensforge.kernels.face_records import FacePlacement
 from lensforge.kernels.fate import Fate
 from lensforge.light.reference_hits import CPU, ExactFace, TableFace, TracedFace
 from lensforge.light.secondary_optics import TWO_FACES, tabled
 from lensforge.light.table_trace import Scene, Tables, checked_bounds
-from lensforge.optics.arrays import like
 from lensforge.optics.dielectric import unpolarised_fields
 from lensforge.optics.face_roles import BODY, OUTSIDE
 from lensforge.optics.media import Media, Mirror, SecondaryOptic
-from lensforge.scene.as_made import AsMade, through_frame
+from lensforge.optics.pose import FacePoses, Pose
+from lensforge.scene.as_made import AsMade
 from lensforge.scene.body import Chain
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.surface import Surface
@@ -37,7 +35,7 @@ class ReferenceBody:
     chain: Chain
     media: Media
     in_order: bool = False
-    placement: FacePlacement | None = None
+    placement: FacePoses | None = None
     made: AsMade | None = None
     origin: str = "lens."
 
@@ -138,11 +136,10 @@ class RaysInBody(NamedTuple):
         """The rays with this fate."""
         return self._replace(fates=torch.full_like(self.fates, int(fate)))
 
-    def turned(self, frame: Float[np.ndarray, "3 4"], factor: float = 1.0) -> "RaysInBody":
+    def placed(self, pose: Pose, factor: float = 1.0) -> "RaysInBody":
         """The rays in the next frame."""
-        points, directions = through_frame(frame, self.points, self.directions, factor)
-        turn = like(self.fields, frame[:, :3].T)
-        return self._replace(points=points, directions=directions, fields=self.fields @ turn)
+        points, directions = pose.points(self.points, factor), pose.directions(self.directions)
+        return self._replace(points=points, directions=directions, fields=pose.directions(self.fields))
 
     @property
     def left(self) -> Bool[Tensor, " n"]:

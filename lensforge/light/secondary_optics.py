@@ -13,14 +13,13 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.kernels.bicubic import FaceBounds, TableSpacing, surface_bounds
-from lensforge.kernels.face_records import FacePlacement
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.traced_body import ByRaysOut, RaysIn, TracedBody
 from lensforge.light.coated_glass import RayCoatings
 from lensforge.light.passage import BodyPassage
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media, SecondaryOptic
-from lensforge.optics.pose import IN_PLACE, placed_faces
+from lensforge.optics.pose import IN_PLACE, FacePoses
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle
@@ -37,7 +36,7 @@ class TabledOptic:
     tables: Float[np.ndarray, "2 side side"]
     grid: TableGrid
     bounds: FaceBounds
-    placement: FacePlacement
+    placement: FacePoses
 
 
 @lru_cache(maxsize=32)
@@ -52,7 +51,7 @@ def tabled(optic: SecondaryOptic) -> TabledOptic:
             break
         nodes *= 2
     bounds = FaceBounds.of([surface_bounds(table, grid.origin, grid.step) for table in tables])
-    return TabledOptic(tables, grid, bounds, placed_faces([optic.pose.inverse, IN_PLACE, optic.pose]))
+    return TabledOptic(tables, grid, bounds, FacePoses((optic.pose.inverse, IN_PLACE, optic.pose)))
 
 
 def polarised(exits: ExitRays, fields: Float[np.ndarray, "n 12"] | None) -> ExitRays:
@@ -94,7 +93,7 @@ def _passage(optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBun
         outside_index=media.outside_index,
         sides=TWO_FACES.packed(media),
         films=coatings.for_kernels(DOUBLE),
-        placement=place.placement,
+        placement=place.placement.packed(),
     )
     medium = media.body
     coming = RaysIn(

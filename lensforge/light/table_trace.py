@@ -83,7 +83,7 @@ class Scene:
             outside_index=self.media.outside_index,
             sides=self.sides,
             films=coatings.for_kernels(self.names),
-            placement=None if self.made is None else self.made.placed,
+            placement=None if self.made is None else self.made.placed.packed(),
             slopes=None if rough is None else rough.slopes,
         )
 

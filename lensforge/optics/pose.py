@@ -6,10 +6,9 @@ direction, and about y by half a turn into -z, to which all ways are as short. L
 in degrees, and quarter turns are exact. A small displacement is one rotation vector (rad) instead.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, pi, radians, sin
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Inexact
@@ -90,9 +89,14 @@ class Pose:
         """The frame moved to this origin."""
         return Pose(_vector(origin_mm), self.axes)
 
-    def points(self, own: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
-        """Points (mm) of its own coordinates in those of what it stands in; NumPy or torch, as all that follow."""
+    def points(self, own: Float[Array, "*n 3"], factor: float = 1.0) -> Float[Array, "*n 3"]:
+        """Points (mm) of its own coordinates in those of what it stands in; NumPy or torch, as all that follow.
+
+        ``factor``: of lengths, where those of its own are in another measure.
+        """
         placed = own @ like(own, self.axes)
+        if factor != 1.0:
+            placed *= factor
         placed += like(own, self.origin_mm)
         return placed
 
@@ -134,14 +138,20 @@ class Pose:
 IN_PLACE = Pose()
 
 
-def placed_faces(steps: Sequence[Pose], factor_in: float = 1.0, factor_out: float = 1.0) -> FacePlacement:
-    """Places of the faces of a body as the kernels take them.
+class FacePoses(NamedTuple):
+    """Frames in which the faces of a body stand: each in the next one, from that of the rays to the way back to it.
 
-    ``steps``: each frame in the next one, from that of the rays into the first face's to the way back. ``factor_in``,
-    ``factor_out``: of lengths on the first and the last step.
+    ``factor_in``, ``factor_out``: of lengths on the first and on the last step.
     """
-    frames = [np.column_stack([step.rotation, step.origin_mm]) for step in steps]
-    return FacePlacement(np.stack(frames), factor_in, factor_out)
+
+    steps: tuple[Pose, ...]
+    factor_in: float = 1.0
+    factor_out: float = 1.0
+
+    def packed(self) -> FacePlacement:
+        """Arrays, as the kernels of bodies take them."""
+        frames = [np.column_stack([step.rotation, step.origin_mm]) for step in self.steps]
+        return FacePlacement(np.stack(frames), self.factor_in, self.factor_out)
 
 
 def _vector(values: Any) -> Vector:

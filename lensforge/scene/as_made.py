@@ -12,10 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.kernels.face_records import FacePlacement
-from lensforge.optics.arrays import Array, like
 from lensforge.optics.face_roles import DOUBLE
-from lensforge.optics.pose import IN_PLACE, ORIGIN, Pose, Vector, placed_faces
+from lensforge.optics.pose import IN_PLACE, ORIGIN, FacePoses, Pose, Vector
 
 
 class Roughness(NamedTuple):
@@ -49,7 +47,7 @@ class AsMade:
     slopes: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def placed(self) -> FacePlacement:
+    def placed(self) -> FacePoses:
         """Places of the faces.
 
         Frames go from the source to the first face, from face to face, and from the last one to the world. The seat
@@ -62,9 +60,8 @@ class AsMade:
         faces = [self.faces.get(name, IN_PLACE) for name in self.names]
         last = faces[-1].at(self.scale * np.array(faces[-1].origin_mm) + up)
         between = [one.seen_from(other) for one, other in pairwise(faces)]
-        return placed_faces(
-            [source.seen_from(faces[0]), *between, self.lens.after(last)], self.source_size / self.scale, self.scale
-        )
+        steps = (source.seen_from(faces[0]), *between, self.lens.after(last))
+        return FacePoses(steps, self.source_size / self.scale, self.scale)
 
     def rough(self, rays: int) -> Roughness | None:
         """Roughness of all faces for so many rays; None where all are polished."""
@@ -78,11 +75,3 @@ def _noise(rays: int, faces: int) -> Float[np.ndarray, "n m"]:
     noise = np.random.default_rng(_NOISE_SEED).standard_normal((rays, 3 * faces))
     noise.flags.writeable = False
     return noise
-
-
-def through_frame(
-    frame: Float[np.ndarray, "3 4"], points: Float[Array, "n 3"], directions: Float[Array, "n 3"], factor: float = 1.0
-) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
-    """Points (mm) and directions in the next frame."""
-    turn, shift = like(points, frame[:, :3]), like(points, frame[:, 3])
-    return factor * (points @ turn.T) + shift, directions @ turn.T

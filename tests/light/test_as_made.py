@@ -111,7 +111,7 @@ def test_faces_of_a_body_of_four_are_met_each_in_its_own_frame() -> None:
     """A point goes through the frames as by hand: into the lens, from face to face by where they lie, and out."""
     names, moves = ("cap", "side", "wall", "exit"), [ODD.source, ODD.lens, ODD.faces["outer"]]
     made = replace(ODD, names=names, faces=dict(zip(names[1:], moves, strict=True)), slopes={"wall": 1e-3})
-    frames, into, out = made.placed
+    frames, into, out = made.placed.packed()
     assert frames.shape == (5, 3, 4)
     centre = np.array(made.source_centre_mm)
     world = made.source.points(centre + 1.05 * ([0.1, 0.2, 0.3] - centre))
