@@ -88,7 +88,8 @@ def _fields(node: ast.ClassDef) -> set[str]:
 def test_concepts_stand_once() -> None:
     """Loops over the events of light: the kernels', their adjoint's, the readable tracer's; the proof has its own.
 
-    A value is judged by one type. A kind of lens is asked for as ``tests/test_lens_kinds.py`` says.
+    A value is judged by one type, and a thing stands in its place by one: sections of the spec and lamps make it of the
+    numbers that are stated, the proof has its own. A kind of lens is asked for as ``tests/test_lens_kinds.py`` says.
     """
     judged = {
         node.name
@@ -97,6 +98,14 @@ def test_concepts_stand_once() -> None:
         if isinstance(node, ast.ClassDef) and _fields(node) & {"limit", "bound"} and _fields(node) & {"state", "passed"}
     }
     assert judged == {"Fact"}
+    origins, turns = {"origin_mm", "centre_mm", "place_mm", "position_mm"}, {"axes", "turn", "rotation", "turn_deg"}
+    posed = {
+        node.name
+        for path in MODULES
+        for node in ast.walk(_tree(path))
+        if isinstance(node, ast.ClassDef) and _fields(node) & origins and _fields(node) & turns
+    }
+    assert posed == {"Pose", "Lamp"}
     loops = {
         str(path.relative_to(PACKAGE))
         for path in MODULES

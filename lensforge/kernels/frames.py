@@ -35,6 +35,12 @@ def turn_back(frame, v):
 
 
 @inline
+def place_back(frame, p):
+    """The point in the frame before."""
+    return turn_back(frame, (p[0] - frame[0, 3], p[1] - frame[1, 3], p[2] - frame[2, 3]))
+
+
+@inline
 def turned(placement, number, v):
     """A vector, or a direction, behind the frame of this number; itself where all faces are in place."""
     return v if placement is None else turn(placement.frames[number], v)

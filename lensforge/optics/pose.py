@@ -130,9 +130,10 @@ class Pose:
         """The frame of what it stands in, in its own coordinates."""
         return IN_PLACE.seen_from(self)
 
-    def packed(self) -> Float[np.ndarray, "4 3"]:
-        """Origin and axes in one array, as the kernels of receivers take them."""
-        return np.array([self.origin_mm, *self.axes])
+    @property
+    def frame(self) -> Float[np.ndarray, "3 4"]:
+        """Axes and origin (mm) as columns, as the kernels take them: in the order of C, for which they are compiled."""
+        return np.ascontiguousarray(np.transpose([*self.axes, self.origin_mm]))
 
 
 IN_PLACE = Pose()
@@ -150,8 +151,7 @@ class FacePoses(NamedTuple):
 
     def packed(self) -> FacePlacement:
         """Arrays, as the kernels of bodies take them."""
-        frames = [np.column_stack([step.rotation, step.origin_mm]) for step in self.steps]
-        return FacePlacement(np.stack(frames), self.factor_in, self.factor_out)
+        return FacePlacement(np.stack([step.frame for step in self.steps]), self.factor_in, self.factor_out)
 
 
 def _vector(values: Any) -> Vector:

@@ -82,10 +82,10 @@ class PosedReceiver(ABC):
         if self.kernels is None:
             return self.land_by_arrays(rays)
         landing, points, directions, left = self.kernels[0], rays.points, rays.directions, rays.left_lens
-        hits, reached, pose = np.empty((len(left), 2)), np.empty(len(left), dtype=bool), self.pose.packed()
+        hits, reached, frame = np.empty((len(left), 2)), np.empty(len(left), dtype=bool), self.pose.frame
 
         def work(part: slice) -> None:
-            landing(points[part], directions[part], pose, self.radius_mm, hits[part], reached[part])
+            landing(points[part], directions[part], frame, self.radius_mm, hits[part], reached[part])
             reached[part] &= left[part]  # rays that were lost have no direction
             hits[part][~reached[part]] = 0.0
 
@@ -96,12 +96,12 @@ class PosedReceiver(ABC):
         """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
         if self.kernels is None:
             return self._sensitivities_by_arrays(rays, by_hits)
-        adjoint, points, directions, pose = self.kernels[1], rays.points, rays.directions, self.pose.packed()
+        adjoint, points, directions, frame = self.kernels[1], rays.points, rays.directions, self.pose.frame
         by = Sensitivities(np.empty_like(points), np.empty_like(points))
 
         def work(part: slice) -> None:
             rest = (by_hits[part], by.by_points[part], by.by_directions[part])
-            adjoint(points[part], directions[part], pose, self.radius_mm, *rest)
+            adjoint(points[part], directions[part], frame, self.radius_mm, *rest)
 
         in_pieces(work, len(points), worth=_WORTH_SHARING)
         return by

@@ -42,7 +42,7 @@ def test_to_face_a_direction_it_is_tilted_the_shortest_way_and_turned(direction,
     tilted = (rotated(each, about / sine, math.atan2(sine, unit[2])) for each in np.eye(3))
     turned = [rotated(each, unit, math.radians(degrees)) for each in tilted]
     pose = Pose.facing(direction, PLACE, degrees)
-    np.testing.assert_allclose(pose.packed(), [PLACE, *turned], atol=1e-6 if unit[2] < -0.99 else 1e-13)
+    np.testing.assert_allclose(pose.frame.T, [*turned, PLACE], atol=1e-6 if unit[2] < -0.99 else 1e-13)
     assert (pose.turn_deg - degrees + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-6)
 
 
@@ -69,7 +69,7 @@ def test_crooked_poses_go_there_and_back_and_are_chained() -> None:
     np.testing.assert_allclose(CROOKED.own_directions(CROOKED.directions(fields)), fields, atol=1e-14)
     np.testing.assert_allclose(inverse.points(POINTS), CROOKED.own_points(POINTS), atol=1e-14)
     np.testing.assert_allclose(chained.points(POINTS), CROOKED.points(OTHER.points(POINTS)), atol=1e-13)
-    np.testing.assert_allclose(chained.seen_from(CROOKED).packed(), OTHER.packed(), atol=1e-14)
+    np.testing.assert_allclose(chained.seen_from(CROOKED).frame, OTHER.frame, atol=1e-14)
     mirror, rotation = np.diag([-1.0, 1.0, 1.0]), CROOKED.rotation
     np.testing.assert_allclose(CROOKED.own_map(mirror), rotation.T @ mirror @ rotation, atol=1e-15)
     tensor = torch.from_numpy(POINTS).float().requires_grad_()
