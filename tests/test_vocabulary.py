@@ -71,13 +71,13 @@ def test_the_house_does_not_grow() -> None:
     texts = [path.read_text(encoding="utf-8") for path in MODULES]
     rooms = [path for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()]
     tests = [path.read_text(encoding="utf-8") for path in (PACKAGE.parent / "tests").rglob("*.py")]
-    assert sum(text.count("\n") for text in texts) <= 77_700
-    assert len(MODULES) <= 401
+    assert sum(text.count("\n") for text in texts) <= 77_830
+    assert len(MODULES) <= 402
     assert len(rooms) <= 15
     assert len(list(PACKAGE.glob("*.py"))) <= 6
     assert sum(text.count("dict[str, Any]") for text in texts) <= 32
-    assert sum(text.count("# fmt: skip") for text in texts) <= 52
-    assert sum(text.count("\n") for text in tests) <= 56_620
+    assert sum(text.count("# fmt: skip") for text in texts) <= 20
+    assert sum(text.count("\n") for text in tests) <= 57_300
 
 
 def _fields(node: ast.ClassDef) -> set[str]:
@@ -124,14 +124,14 @@ def test_functions_take_few_parameters() -> None:
         if isinstance(node, ast.FunctionDef)
     ]
     assert max(counts) <= 12
-    assert sum(count > 8 for count in counts) <= 22
+    assert sum(count > 8 for count in counts) <= 12
 
 
 def test_tests_replace_little() -> None:
     """Places where a test, fixture or context replaces something as it runs; those where that is a constant."""
     tests = [path.read_text(encoding="utf-8") for path in (PACKAGE.parent / "tests").rglob("*.py")]
     replaced = [each for text in tests for each in re.findall(r"\.(?:setattr|setitem|delattr)\((.*)", text)]
-    assert len(replaced) <= 107
+    assert len(replaced) <= 112
     assert sum(bool(re.search(r"\b_?[A-Z][A-Z_]{2,}\b", each)) for each in replaced) <= 17
 
 

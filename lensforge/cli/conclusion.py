@@ -170,12 +170,18 @@ def summary(run: Run) -> list[Block]:
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
     return [
         Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
-        Block(f"Light: {verdict.light}", [*rows_of(light), *rows_of(far_field), *why]),
+        Block(f"Light: {verdict.light}{_to_look_at(light)}", [*rows_of(light), *rows_of(far_field), *why]),
         Block(f"Lens{search}", [*rows_of(lens), *_kinds(run)]),
         Block(f"Files: {verdict.files}", [*rows_of(files), *_because(verdict, "files")[:1]]),
         Block(f"Cutting: {verdict.cutting}", list(_cutting(run))),
         Block(f"Written: {run.folder / REPORT_FILE}", [("Beside it", _written(run))]),
     ]
+
+
+def _to_look_at(groups: Sequence[Group]) -> str:
+    """Names of the facts that deserve a look though no limit judges them, after a verdict."""
+    labels = dict.fromkeys(fact.label.lower() for group in groups for fact in group.facts if fact.notice)
+    return f"; look at: {', '.join(labels)}" if labels else ""
 
 
 def _kinds(run: Run) -> Iterator[Row]:
@@ -216,7 +222,7 @@ def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
         part = {stem: each for stem, each in run.found.items() if stem == Part.stage}
         judged, under = Results(run.lens, {**part, result.stage: result}).verdict, " under other conditions"
     if isinstance(result, Light):
-        return f"Light{under}: {judged.light}", _because(judged, "light")
+        return f"Light{under}: {judged.light}{_to_look_at(run.facts(result))}", _because(judged, "light")
     return f"Files{under}: {judged.files}", _because(judged, "files")
 
 

@@ -97,6 +97,7 @@ def _numbers(met: Int8[np.ndarray, "n e"], faces: int) -> Int[np.ndarray, " n"]:
 
 # Of the LED's flux, above which a leak is said: an evaluation knows it to a few thousandths of that.
 _SAID = 0.01
+_ABOVE = f"above {100.0 * _SAID:g} %"
 _REFLECTS = "light that this face should reflect; {}, or give it a mirror (lens.{}.coating)"
 _ALL = "design with more steps, a larger constraints.max_radius_mm or a smaller source"
 _CAUSES = {
@@ -115,11 +116,11 @@ def leak_facts(lens: LensShape, ways: Sequence[LightWay], *lost: Record) -> Iter
     for way in ways:
         name = way.faces[0] if len(way.faces) == 1 else ""
         if name and not lens.role(name).is_open and way.share.value > _SAID:  # an open mouth lets all light out
-            yield Fact.share("leak", f"Lost through the {name}", way.share, _REFLECTS.format(_ALL, name))
+            yield Fact.share("leak", f"Lost through the {name}", way.share, _REFLECTS.format(_ALL, name), notice=_ABOVE)
     for cause, (place, words) in _CAUSES.items():
         share = next((getattr(each, cause) for each in lost if hasattr(each, cause)), 0.0)
         if share > _SAID:
-            yield Fact.share("leak", f"Lost {place}", share, words)
+            yield Fact.share("leak", f"Lost {place}", share, words, notice=_ABOVE)
 
 
 def way_facts(ways: Sequence[LightWay]) -> Group:

@@ -30,7 +30,8 @@ class Fact:
     ``key``: name by which a page or a screen selects it. ``value``: in ``unit``, "%" for a share; None where it could
     not be measured; text where it is no number. It must be ``sense`` ``limit``, but for the ``tolerance`` of its
     measure; ``possible``: the best that physics allows, on the other side of it. ``state``: of the judgement, "" where
-    there is none. ``place``: the face or the receiver that it is on. ``remedy``: what to try where it fails.
+    there is none. ``notice``: why it deserves a look though no limit judges it, shown in amber. ``place``: the face or
+    the receiver that it is on. ``remedy``: what to try where it fails.
     """
 
     key: Text
@@ -49,6 +50,7 @@ class Fact:
     place: Text = ""
     limit_note: Text = ""
     possible_note: Text = ""
+    notice: Text = ""
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
@@ -137,7 +139,7 @@ class Fact:
             else []
         )
         words = f"{self.text} ({', '.join(beside)})" if beside else self.text
-        return f"{words}; {self.note}" if self.note else words
+        return "; ".join(filter(None, (words, self.note, self.notice)))
 
     @property
     def reason(self) -> str:
@@ -168,6 +170,7 @@ class Fact:
             "possible": None if self.possible is None else f"{self._opposite} {self.possible!r}",
             "state": self.state,
             "note": self.note,
+            "notice": self.notice,
         }
         needed = ("key", "label", "value", "unit")
         return {name: entry for name, entry in content.items() if name in needed or entry not in ("", None)}

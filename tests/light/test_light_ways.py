@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chains import collimator
+from jinja2 import Environment, PackageLoader
 from presets import FEW
 from scenes import small_spec
 from tir_lenses import spot, spot_lens
 
 import lensforge as lf
+from lensforge.cli.conclusion import _to_look_at
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.light_facts import light_facts
 from lensforge.light.light_ways import FluxByWay, LightWay, leak_facts
@@ -69,6 +71,22 @@ def test_a_leak_above_a_hundredth_is_said_with_what_to_try(share: float, said: b
     facts = list(leak_facts(spot().lens, leaking, Lost(flange=share)))
     assert [fact.label for fact in facts] == (["Lost through the wall", "Lost in the flange"] if said else [])
     assert all("lens." in fact.note and fact.value == pytest.approx(100.0 * share) for fact in facts)
+    assert all(fact.notice == "above 1 %" and fact.sentence.endswith("; above 1 %") for fact in facts)
     cup = lf.ReflectorSection()
     assert not list(leak_facts(cup, (way(0.3, "cup", "mouth"), way(0.5, "mouth")), Lost())), "an open mouth is no leak"
     assert not list(leak_facts(small_spec().lens, (), Lost(flange=0.5))), "a lens of two faces has none of these"
+
+
+@pytest.mark.parametrize(("of_possible", "notice"), [(0.899, "below 0.9 of what is possible"), (0.901, "")])
+def test_an_efficiency_below_nine_tenths_of_possible_is_amber(of_possible: float, notice: str) -> None:
+    start = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, FEW)
+    light = lf.evaluate(start, rays=2**8)
+    receiver = light.receivers[0]
+    receiver = receiver.model_copy(update={"efficiency": Metric(value=of_possible * receiver.possible.efficiency)})
+    group = light_facts(light.model_copy(update={"receivers": (receiver,)}), start)[0]
+    fact = group.fact("efficiency")
+    assert fact.notice == notice and fact.state == "" and fact.plain().get("notice", "") == notice
+    assert _to_look_at([group]) == ("; look at: efficiency" if notice else "")
+    tables = Environment(loader=PackageLoader("lensforge.report")).get_template("tables.html").module
+    for shown in (tables.asked_table([fact]), tables.card_list([fact]), tables.fact_table([fact])):
+        assert ("look: below 0.9" in shown and 'badge open"' in shown) == bool(notice)

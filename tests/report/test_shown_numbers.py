@@ -58,7 +58,7 @@ def texts_of(groups: Iterable[Group]) -> Iterator[str]:
 
 def said_by(fact: Fact) -> Iterator[str]:
     yield from (fact.label, fact.text, fact.required, fact.bounded_by, fact.note, fact.remedy)
-    yield from (fact.limit_note, fact.possible_note)
+    yield from (fact.limit_note, fact.possible_note, fact.notice)
 
 
 def known_of(results: Results) -> set[str]:
