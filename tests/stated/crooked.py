@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from presets import WITH_TABLE_ERROR
+from scipy.spatial.transform import Rotation
 
 import lensforge as lf
 from lensforge.results.arguments import threads_of_torch
@@ -36,10 +37,17 @@ FEW_RAYS = WITH_TABLE_ERROR.replace(
     verify_rays=2**10,
     effort={"validation_rays": 2048},
     stray_rays=256,
+    studies={"compared_rays": 1024},
 )
 HOT_C = 95.0  # of the lens in the results "warm"
 STRAY = {"stray": lambda run: lf.stray_light(run.part)}
 STUDIES: dict[str, dict[str, Callable[[Any], Any]]] = dict.fromkeys(("roads", "tir", "plate"), STRAY)
+STUDIES["chips"] = {
+    "compare_inner": lambda run: lf.compare(run.lens, points=measured(run, "rigid"), surface="inner"),
+    "correct_inner": lambda run: lf.correct(
+        run.lens, points=measured(run, "none"), surface="inner", gain=0.7, wavelength_mm=2.1, registration="none"
+    ),
+}
 STUDIES["leds"] = STRAY | {"sensitivity": lambda run: lf.sensitivity(run.lens)}
 _SEARCHED_STEPS = 12  # for each level of a stored lens
 
@@ -147,6 +155,22 @@ def spec_of(name: str, folder: Path, changes: dict[str, Any] | None = None) -> l
         write_leds(folder)
     spec = lf.load_spec(folder / "spec.toml")
     return spec.replace(changes) if changes else spec
+
+
+def measured(run: Any, registration: str) -> Path:
+    """A file of points of the inner face with errors of form and noise; a cone is left out, some lie beyond the rim."""
+    face, count, rng = run.lens.surfaces["inner"], 430, np.random.default_rng(8)
+    z, turn = 1 - 1.17 * (np.arange(count) + 0.5) / count, np.arange(count) * 2.4
+    u = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
+    u = u[(u @ [0.8, 0.36, 0.48] < 0.9) & ((z > 0) | (z < -0.13))]
+    x, y, z = u.T
+    error = 24e-3 * (x * y + 0.7 * x * z - 0.5 * y * y) + 9e-3 * np.cos(7.0 * np.arctan2(0.8 * x + 0.6 * y, z + 0.3))
+    noise = 5e-4 * rng.normal(size=len(u))[:, None] * face.normal(u)
+    points = u * (face.radius(u) + error)[:, None] + noise
+    if registration == "rigid":
+        points = Rotation.from_rotvec([0.011, -0.017, 0.023]).apply(points) + np.array([0.031, -0.022, 0.014])
+    np.savetxt(run.folder / f"points_{registration}.csv", points, delimiter=",", header="x,y,z")
+    return run.folder / f"points_{registration}.csv"
 
 
 class Record:

@@ -14,6 +14,7 @@ from typing import Any
 import oracle_far
 import oracle_light
 import oracle_part
+import oracle_points
 import oracle_proof
 import oracle_search
 import oracle_shop
@@ -37,6 +38,7 @@ MODULES = (
     oracle_proof,
     oracle_stray,
     oracle_study,
+    oracle_points,
     record_export,
     record_check,
     record_verify,

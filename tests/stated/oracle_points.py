@@ -1,0 +1,364 @@
+"""Every number of ``compare --points`` and ``correct`` by docs/definitions.md, sections 17 and 18, from the points."""
+
+from hashlib import sha256
+
+import numpy as np
+from crooked import Expected
+from oracle_part import kept_of
+from oracle_proof import arrays
+from oracle_shop import hollow_mm
+from oracle_study import Bent, change_of, figures, hemisphere, metrics_of, metrics_record
+from page_body import Part
+from page_chain import from_chart
+from page_colour import flux_and_efficacy
+from page_figures import filtered
+from page_scene import exits, faces_of, receivers_of
+from page_step import spline_faces
+from page_tracer import unit
+from scipy import sparse
+from scipy.interpolate import BSpline
+from scipy.optimize import least_squares
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+FACE, NODES_PER_WAVE, WIDEST, FADE, RIM = "inner", 4.0, np.tan(np.radians(56)), 1e-3, 1.02
+NEAR, NOISY = 0.03, 0.15  # of figures of the filter; of what noise drawn anew decides
+FIGURES = ("nmse", "uniformity", "rsd", "efficiency")
+
+
+class Filter:
+    """The smoothest deviation near the points: sum a c^2 (d - s)^2 + (w/2 pi)^4 integral of bending + 0.001 of s^2."""
+
+    def __init__(self, face, u, wavelength_mm):
+        self.rho = face.exact(u)[0]
+        self.c = (face.exact(u)[1] * u).sum(axis=1)
+        largest = face.exact(hemisphere(2000))[0].max()
+        count = int(np.ceil(NODES_PER_WAVE * 4 * np.arctan(WIDEST) * largest / wavelength_mm))
+        breaks = np.tan(np.linspace(-1, 1, count + 1) * np.arctan(WIDEST))
+        self.knots = np.concatenate([[-WIDEST] * 3, breaks, [WIDEST] * 3])
+        places = ((breaks[1:] + breaks[:-1]) / 2 + np.array([[-1], [1]]) * np.diff(breaks) / 2 / np.sqrt(3)).T.ravel()
+        weights = np.repeat(np.diff(breaks) / 2, 2)
+        at = from_chart(*(each.ravel() for each in np.meshgrid(places, places, indexing="ij")))
+        m = face.exact(at)[0] * (1 + at[:, 2])  # mm for a unit of the chart
+        area = np.outer(weights, weights).ravel() * m**2
+        by = [sparse.csr_array(BSpline(self.knots, np.eye(count + 3), 3)(places, nu=order)) for order in range(3)]
+        matrix = FADE * self.square(sparse.kron(by[0], by[0]), area)
+        for i, j, times in ((2, 0, 1), (1, 1, 2), (0, 2, 1)):
+            matrix += times * (wavelength_mm / 2 / np.pi) ** 4 * self.square(sparse.kron(by[i], by[j]), area / m**4)
+        self.values, self.weights = self.rows(u), areas(face, u) * self.c**2
+        self.solver = splu((matrix + self.square(self.values, self.weights)).tocsc())
+
+    @staticmethod
+    def square(rows, weights):
+        return (rows.T @ sparse.diags_array(weights) @ rows).tocsc()
+
+    def basis(self, u):
+        places = np.clip(u[:, :2].T / (1 + u[:, 2]), -WIDEST, WIDEST)
+        return [BSpline(self.knots, np.eye(len(self.knots) - 4), 3)(each) for each in places]
+
+    def rows(self, u):
+        return sparse.csr_array(np.einsum("ni,nj->nij", *self.basis(u)).reshape(len(u), -1))
+
+    def at(self, u, control):
+        along, across = self.basis(u)
+        return ((along @ control.reshape(along.shape[1], -1)) * across).sum(axis=1)
+
+    def through(self, d):
+        """Coefficients of what passes of radial deviations."""
+        return self.solver.solve(self.values.T @ (self.weights * d.T).T)
+
+    def passed(self, d):
+        return self.values @ self.through(d)
+
+    def mean_square(self, values):
+        return (self.weights * values**2).sum() / (self.weights / self.c**2).sum()
+
+
+def areas(face, u):
+    """Area (mm^2) of each point: cells of a Fibonacci pattern, shared by the points in them."""
+    cells = hemisphere(max(1, len(u) // 16))
+    cell = cKDTree(cells).query(u)[1]
+    n = face.exact(u)[1]
+    area = 2 * np.pi / len(cells) * face.exact(cells)[0] ** 2 / np.maximum(np.bincount(cell, minlength=len(cells)), 1)
+    return area[cell] / (n * u).sum(axis=1)
+
+
+class Measured:
+    """Points of one face, registered to it, and their deviations through filters of several wavelengths."""
+
+    def __init__(self, case, registration):
+        self.face = faces_of(case.lens, case.lens["faces"])[0]
+        cloud = np.loadtxt(case.folder / f"points_{registration}.csv", delimiter=",")
+        over = self.over(cloud)
+
+        def placed(motion):
+            return Rotation.from_rotvec(motion[:3]).apply(cloud) + motion[3:]
+
+        self.motion = np.zeros(6)
+        for _ in range(3 if registration == "rigid" else 0):
+            self.motion = least_squares(lambda m, own=over: self.distance(placed(m)[own]), self.motion, xtol=1e-14).x
+            over = self.over(placed(self.motion))
+        self.count, self.points, self.used = len(cloud), placed(self.motion)[over], over.mean()
+        self.u = unit(self.points)
+        self.d = np.linalg.norm(self.points, axis=1) - self.face.exact(self.u)[0]
+        self.radius = self.face.exact(hemisphere(2000))[0].max()
+
+    @staticmethod
+    def over(p):
+        u = unit(p)
+        return (u[:, :2] ** 2).sum(axis=1) <= (RIM * (1 + u[:, 2])) ** 2
+
+    def distance(self, p):
+        u = unit(p)
+        rho, n = self.face.exact(u)
+        return (np.linalg.norm(p, axis=1) - rho) * (n * u).sum(axis=1)
+
+    def spacing(self):
+        """Twice the distance to the nearest point that three quarters of the face's area do not exceed."""
+        at = hemisphere(5000)
+        rho = self.face.exact(at)[0]
+        away = cKDTree(self.u).query(at)[0] * rho
+        order = np.argsort(away)
+        share = np.cumsum(rho[order] ** 2) / (rho**2).sum()
+        return 2 * away[order][np.searchsorted(share, 0.75)]
+
+    def covered(self, spacing):
+        away = cKDTree(self.u).query(hemisphere(2000))[0]
+        return (away <= 2 * np.sin(spacing / self.radius)).mean()
+
+    def settle(self, spacing):
+        """The noise by the finest filter, and the longest wavelength at which no more than noise is left out."""
+        shortest = max(3 * spacing, 3 * self.radius * 4 * np.arctan(WIDEST) / 160)
+        steps = 1 + int(np.floor(np.log(self.radius / shortest) / np.log(np.sqrt(2))))
+        tried = [Filter(self.face, self.u, shortest * np.sqrt(2) ** k) for k in range(steps)]
+        scores = []
+        for k, own in enumerate(tried):
+            left = np.eye(len(self.u)) - own.passed(np.eye(len(self.u)))
+            square = own.mean_square(self.d - own.passed(self.d))
+            scores.append(square / (np.trace(left) / len(self.u)) ** 2)
+            if k == 0:
+                noise = (own.weights[:, None] * (left / own.c) ** 2).sum() / (own.weights / own.c**2).sum()
+                self.noise = np.sqrt(square / noise)
+        allowed = min(scores) * (1 + np.sqrt(2 / len(self.u)))
+        self.wavelength, self.form = max(
+            (shortest * np.sqrt(2) ** k, tried[k]) for k in range(steps) if scores[k] <= allowed
+        )
+
+
+def map_of(measured, own, control):
+    """Of a change over the chart, along the normal (um), and areas (mm^2); nan beyond the rim."""
+    axis = np.linspace(-1, 1, 201)
+    x, y = (each.ravel() for each in np.meshgrid(axis, axis))
+    inside, found, area = x**2 + y**2 <= 1, np.full(201**2, np.nan), np.full(201**2, np.nan)
+    u = from_chart(x[inside], y[inside])
+    rho, n = measured.face.exact(u)
+    c = (n * u).sum(axis=1)
+    found[inside], area[inside] = 1e3 * c * own.at(u, control), (rho * (1 + u[:, 2]) * 0.01) ** 2 / c
+    return found.reshape(201, 201), area.reshape(201, 201)
+
+
+def extent(values, area):
+    rms = np.sqrt(np.nansum(area * values**2) / np.nansum(area))
+    return {"max": near(np.nanmax(abs(values)), 2 * NEAR), "rms": near(rms)}
+
+
+def near(value, part=NEAR):
+    return value, part * abs(value) + 1e-6
+
+
+def light(case, face, call):
+    """Figures of one light of a stage, with another face."""
+    spec, faces = case.lens["spec"], faces_of(case.lens, case.lens["faces"])
+    receiver, images, window = receivers_of(spec)[0], [], []
+    flux = np.concatenate([factor * each for _, factor, _, _, each, _ in call])
+    number = np.concatenate([np.full(len(each), k) for k, _, _, _, each, _ in call])
+    p, d, nm = (np.concatenate([each[k] for each in call]) for k in (2, 3, 5))
+    behind = exits(case.lens, [face or faces[0], *faces[1:]], p, d, nm)
+    at, flux, number = (
+        receiver.land(behind.p[behind.left], behind.d[behind.left]),
+        (behind.flux * flux)[behind.left],
+        number[behind.left],
+    )
+    for k in range(16):
+        rows = (number == k) & ~np.isnan(at[:, 0])
+        images.append(filtered(receiver.bins(at[rows], flux[rows]), spec["evaluate"]["filter_variance"]))
+        window.append(flux[rows & receiver.in_window(*at.T)].sum() / flux_and_efficacy(spec["source"], case.files)[0])
+    return np.array(images), figures(case, np.array(images), np.array(window))
+
+
+def count_of(call):
+    return sum(len(each[2]) for each in call)
+
+
+def near_light(found, change=0.1):
+    """Figures of a light by another shape of the same form: within a part of their change and of its error."""
+    return {name: {"value": (value, change * (abs(value) + error)), "unit": "", "standard_error": near(error, 0.2)}
+            for name, (value, error) in found.items()}  # fmt: skip
+
+
+def pose_record(measured):
+    """Of each the value; its error by form error that neighbours share is that of tests/made/test_point_cloud.py."""
+    found = {}
+    for k, axis in enumerate("xyz"):
+        found[f"rotation_{axis}_deg"] = np.degrees(measured.motion[k]), "deg"
+        found[f"translation_{axis}_mm"] = measured.motion[3 + k], "mm"
+    return {key: {"value": (value, 5e-3), "unit": unit, "standard_error": ... if value else None}
+            for key, (value, unit) in found.items()}  # fmt: skip
+
+
+class Changed(Bent):
+    """A face with a change of its radius."""
+
+    def radius(self, u):
+        return self.face.radius(u) + self.error(u)
+
+    def exact(self, u):
+        return self.radius(u), self.normal(u)
+
+
+def changed(measured, own, control):
+    return Changed(measured.face, lambda u: own.at(u, control))
+
+
+def criterion(name, value, sense, limit, unit, passed=True):
+    return {"name": name, "value": value, "sense": sense, "limit": limit, "unit": unit, "tolerance": 0.0, "remedy": ...,
+            "passed": passed}  # fmt: skip
+
+
+def of_points(measured, covered):
+    return [criterion("points_used", measured.used, ">=", 0.9, "of the points"),
+            criterion("surface_covered", covered, ">=", 0.8, "of the surface")]  # fmt: skip
+
+
+def settled(case, registration):
+    """The points with the filter that they ask for; the spacing is that of correct.json, which is the oracle's, too."""
+
+    def make():
+        measured, found = Measured(case, registration), case.json("correct_inner")["point_spacing_mm"]
+        measured.spacing_mm = found if registration == "none" else measured.spacing()
+        measured.settle(measured.spacing_mm)
+        return measured
+
+    return kept_of(case, f"points {registration}", make)
+
+
+def compare_record(case):
+    measured = settled(case, "rigid")
+    own, receiver = measured.form, receivers_of(case.lens["spec"])[0]
+    control = own.through(measured.d)
+    form, area = map_of(measured, own, control)
+    distance = 1e3 * measured.d * own.c
+    calls = case.rays["compare_inner"]
+    faces = zip((None, changed(measured, own, control)), calls, strict=True)
+    (before, designed), (after, found) = (light(case, face, call) for face, call in faces)
+    covered, rays = (measured.covered(measured.spacing_mm), 0.005), count_of(calls[0])
+    mean = before.mean(axis=0), after.mean(axis=0)
+    return {
+        "conditions": None, "surface": FACE, "registration": "rigid", "point_count": measured.count,
+        "used_share": measured.used, "covered_share": covered, "pose": pose_record(measured),
+        "point_deviation_um": {"pv": near(np.ptp(distance), 1e-3), "rms": near(np.sqrt((distance**2).mean()), 1e-3),
+                               "min": near(distance.min(), 1e-3), "max": near(distance.max(), 1e-3)},
+        "form_deviation_um": {"pv": near(np.nanmax(form) - np.nanmin(form), 2 * NEAR), "rms": extent(form, area)["rms"],
+                              "min": near(np.nanmin(form), 2 * NEAR), "max": near(np.nanmax(form), 2 * NEAR)},
+        "residual_rms_um": near(1e3 * np.sqrt(own.mean_square(measured.d - own.passed(measured.d)))),
+        "rays": rays, "receiver": receiver.name, "far_field": False,
+        "width": receiver.size[0], "height": receiver.size[1], "design": metrics_record(metrics_of(designed)),
+        "measured": near_light(metrics_of(found)), "change": near_light(change_of(found, designed, rays)),
+        "nmse_between": near(((mean[1] - mean[0]) ** 2).sum() / (mean[0] ** 2).sum(), 0.2),
+        "criteria": of_points(measured, covered),
+    }  # fmt: skip
+
+
+def correct_record(case):
+    spec, measured, found = case.lens["spec"], settled(case, "none"), case.json("correct_inner")
+    chosen, gain = Filter(measured.face, measured.u, found["wavelength_mm"]), found["gain"]
+    control, likeliest = chosen.through(measured.d), measured.form.through(measured.d)
+    deviation, area = map_of(measured, measured.form, likeliest)
+    passed, _ = map_of(measured, chosen, control)
+    noise = measured.noise * np.random.default_rng(7).normal(size=len(measured.u)) / chosen.c
+    again = chosen.through(measured.form.passed(measured.d) + noise)
+    expected = extent(deviation - gain * map_of(measured, chosen, again)[0], area)
+    left = Changed(measured.face, lambda u: measured.form.at(u, likeliest) - gain * chosen.at(u, again))
+    calls = zip((None, changed(measured, measured.form, likeliest), left), case.rays["correct_inner"], strict=True)
+    designed, first, second = (light(case, face, call)[1] for face, call in calls)
+    rays, covered = count_of(case.rays["correct_inner"][0]), (measured.covered(measured.spacing_mm), 0.005)
+    content, (hollow, hollow_near) = (case.folder / "lens_corrected_inner.step").read_bytes(), hollow_mm(case, FACE)
+    cut = Part(FACE, changed(measured, chosen, -gain * control), "cavity", "body")
+    lowest = cut.extreme(lambda share, phi: -cut.curvatures(share, phi)[1], -1)
+    small = {"max": (0.5, 0.5), "rms": (0.5, 0.5)}
+    record = {
+        "conditions": None, "surface": FACE, "registration": "none", "make": "part", "scale": 1.0,
+        "point_count": measured.count, "point_spacing_mm": near(measured.spacing(), 0.02), "used_share": measured.used,
+        "covered_share": covered, "pose": pose_record(measured), "gain": 0.7,
+        "wavelength_mm": 2.1, "wavelength_given": True,
+        "noise_rms_um": near(1e3 * measured.noise, 0.05),
+        "residual_rms_um": near(1e3 * np.sqrt(chosen.mean_square(measured.d - chosen.passed(measured.d)))),
+        "deviation_um": extent(deviation, area), "correction_um": extent(gain * passed, area),
+        "expected_um": {"max": near(expected["max"][0], 2 * NOISY), "rms": near(expected["rms"][0], NOISY)},
+        "cutter": {"cutter_radius_mm": spec["manufacture"]["cutter_radius_mm"],
+                   "concave_radius_before_mm": (hollow, hollow_near), "concave_radius_mm": near(-1 / lowest, 0.01),
+                   "smoothed_more_share": 0.0, "cut_back_um": {"max": 0.0, "rms": 0.0}},
+        "nodes": ..., "step_schema": "AP214", "step_volume_change": (0.0, 1e-9), "form_error_nm": small,
+        "normal_error_mrad": {"max": (0.01, 0.01), "rms": (0.01, 0.01)}, "rays": rays,
+        "design": metrics_record(metrics_of(designed)), "first_cut": near_light(metrics_of(first)),
+        "second_cut": near_light(metrics_of(second)), "change": near_light(change_of(second, designed, rays), 0.3),
+        "criteria": [*of_points(measured, covered),
+                     criterion("form_error", found["form_error_nm"]["max"], "<=", 1.0, "nm"),
+                     criterion("normal_error", found["normal_error_mrad"]["max"], "<=", 0.02, "mrad"),
+                     criterion("step_volume_change", found["step_volume_change"], "<=", 1e-9, ""),
+                     criterion("concave_radius", found["cutter"]["concave_radius_mm"], ">=", near(0.998, 1e-9), "mm")],
+        "file": {"bytes": len(content), "sha256": sha256(content).hexdigest()},
+    }  # fmt: skip
+    cut_as_stated(case, measured)
+    return record
+
+
+def cut_as_stated(case, measured):
+    """The face in the file is the design with the correction that is stated, to nanometres."""
+    axis = arrays(case, "correct_inner")["chart"]
+    spline = spline_faces((case.folder / "lens_corrected_inner.step").read_text())["OPTICAL_INNER"]
+    p = spline.at(axis, axis)[0]
+    stated = arrays(case, "correct_inner")["correction_map_um"].T
+    off = 1e3 * measured.distance(p.reshape(-1, 3)).reshape(201, 201) - stated
+    assert np.nanmax(abs(off)) < 0.005 and np.nanmax(abs(stated)) > 1, np.nanmax(abs(off))
+
+
+RECORDS = {"compare_inner": compare_record, "correct_inner": correct_record}
+TEXTS = {
+    "compare_inner.registration": "rigid", "correct_inner.registration": "none, by datums",
+    "correct_inner.file": "lens_corrected_inner.step",
+}  # fmt: skip
+PATHS = {
+    "compare_inner": {"points": ("point_count", 1, ""), "covered": ("covered_share", 100, "%"),
+                      "form": ("form_deviation_um.pv", 1, "µm"), "residual": ("residual_rms_um", 1, "µm")},
+    "correct_inner": {"first_cut": ("deviation_um.rms", 1, "µm"), "correction": ("correction_um.rms", 1, "µm"),
+                      "second_cut": ("expected_um.rms", 1, "µm"), "filter": ("wavelength_mm", 1, "mm"),
+                      "left_out": ("residual_rms_um", 1, "µm"), "concave": ("cutter.concave_radius_mm", 1, "mm")},
+}  # fmt: skip
+
+
+def told(stage, path, factor=1.0, unit=""):
+    """A fact by the record."""
+
+    def oracle(case, place):
+        entry = kept_of(case, stage, lambda: RECORDS[stage](case))
+        for key in path.split("."):
+            entry = entry[key]
+        error, error_within = entry["standard_error"] if isinstance(entry, dict) else (None, 0.0)
+        value, within = entry["value"] if isinstance(entry, dict) else entry if isinstance(entry, tuple) else (entry, 0)
+        state = "pass" if place.key == "form" else ""
+        return Expected(
+            factor * value, factor * within, unit, error and factor * error, factor * error_within, state=state
+        )
+
+    return oracle
+
+
+ORACLES = {key: lambda case, place, text=text: Expected(text) for key, text in TEXTS.items()}
+for own_stage, lit in (("compare_inner", "measured"), ("correct_inner", "second_cut")):
+    ORACLES |= {f"{own_stage}.{key}": told(own_stage, *path) for key, path in PATHS[own_stage].items()}
+    for figure in FIGURES:
+        in_unit = (100.0, "%") if figure == "efficiency" else (1.0, "")
+        ORACLES[f"{own_stage}.{figure}_change"] = told(own_stage, f"change.{figure}", *in_unit)
+        ORACLES |= {f"{own_stage}.{figure}": told(own_stage, f"{lit}.{figure}", *in_unit)} if figure != "rsd" else {}
