@@ -16,8 +16,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from presets import WITH_TABLE_ERROR
+from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
+from skimage.transform import ProjectiveTransform
 
 import lensforge as lf
 from lensforge.results.arguments import threads_of_torch
@@ -41,7 +44,14 @@ FEW_RAYS = WITH_TABLE_ERROR.replace(
 )
 HOT_C = 95.0  # of the lens in the results "warm"
 STRAY = {"stray": lambda run: lf.stray_light(run.part)}
-STUDIES: dict[str, dict[str, Callable[[Any], Any]]] = dict.fromkeys(("roads", "tir", "plate"), STRAY)
+STUDIES: dict[str, dict[str, Callable[[Any], Any]]] = dict.fromkeys(("tir", "plate"), STRAY)
+# Corners of a photograph, and what its light is against the simulated one: larger, turned, shifted.
+SHOT = {"corners": [[61.0, 33.0], [455.0, 58.0], [431.0, 322.0], [38.0, 291.0]], "gamma": 1.8}
+STUDIES["roads"] = STRAY | {
+    "compare": lambda run: lf.compare(
+        run.light, on=photographed(run), off=run.folder / "off.png", lens=run.lens, **SHOT
+    )
+}
 STUDIES["chips"] = {
     "compare_inner": lambda run: lf.compare(run.lens, points=measured(run, "rigid"), surface="inner"),
     "correct_inner": lambda run: lf.correct(
@@ -171,6 +181,23 @@ def measured(run: Any, registration: str) -> Path:
         points = Rotation.from_rotvec([0.011, -0.017, 0.023]).apply(points) + np.array([0.031, -0.022, 0.014])
     np.savetxt(run.folder / f"points_{registration}.csv", points, delimiter=",", header="x,y,z")
     return run.folder / f"points_{registration}.csv"
+
+
+def photographed(run: Any) -> Path:
+    """Photographs of the light on the first receiver, 4 % larger, turned by 2.5 degrees, shifted; a few pixels clip."""
+    light, wide, high = run.light.map, run.light.first.width, run.light.first.height
+    corners = np.array([[-wide, high], [wide, high], [wide, -high], [-wide, -high]]) / 2
+    i, j = np.indices((350, 490))
+    to_mm = ProjectiveTransform.from_estimate(np.array(SHOT["corners"]), corners)
+    x, y = (to_mm(np.stack([j.ravel(), i.ravel()], axis=1)) - [0.02 * wide, -0.03 * high]).T
+    c, s = np.cos(np.radians(2.5)) / 1.04, np.sin(np.radians(2.5)) / 1.04
+    at = [((c * y - s * x) / high + 0.5) * len(light) - 0.5, ((c * x + s * y) / wide + 0.5) * light.shape[1] - 0.5]
+    seen = map_coordinates(light / light.max(), at, order=1, mode="nearest").reshape(i.shape)
+    dark = 0.04 + 0.05 * j / 490 + 0.03 * i / 350
+    for name, picture in (("on", 0.925 * seen + dark), ("off", dark)):
+        values = np.round(65535 * np.clip(picture, 0, 1) ** (1 / SHOT["gamma"])).astype(np.uint16)
+        Image.fromarray(values).save(run.folder / f"{name}.png")
+    return run.folder / "on.png"
 
 
 class Record:

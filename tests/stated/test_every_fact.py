@@ -14,6 +14,7 @@ from typing import Any
 import oracle_far
 import oracle_light
 import oracle_part
+import oracle_photo
 import oracle_points
 import oracle_proof
 import oracle_search
@@ -39,6 +40,7 @@ MODULES = (
     oracle_stray,
     oracle_study,
     oracle_points,
+    oracle_photo,
     record_export,
     record_check,
     record_verify,
