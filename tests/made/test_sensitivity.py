@@ -8,69 +8,13 @@ from presets import FEW
 from scenes import random_surface, small_spec
 
 from lensforge.light.evaluation import evaluate_lens
-from lensforge.light.evaluation_result import LightMetrics
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.sensitivity import measure_sensitivity, single_errors
 from lensforge.made.tolerance_result import Sensitivity
-from lensforge.optics.pose import Pose
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
-from lensforge.spec.tolerances_section import amounts_of, factors_of
-from lensforge.surfaces.bicubic_table import evaluate_table
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 RAYS = 8192
-
-
-def test_every_tolerance_is_named_and_nothing_changes_without_one():
-    lens = lens_with()
-    found = measure_sensitivity(lens, rays=1024)
-    assert found.inputs == {"lens": lens.sha256}
-    names = " ".join(row.name for row in found.rows)
-    for factor in factors_of(lens.spec.part_tolerances):
-        assert factor.words in names
-    for row in found.rows:
-        assert row.change.nmse.value == pytest.approx(row.metrics.nmse.value - found.nominal.nmse.value)
-    assert any(abs(row.change.nmse.value) > 1e-6 for row in found.rows)
-    tiny = {name: 1e-9 * amount for name, amount in amounts_of("standard").items() if amount > 0.0}
-    still = measure_sensitivity(lens_with(tiny), rays=1024)
-    assert max(abs(row.change.nmse.value) for row in still.rows) < 1e-4
-    assert max(row.change.nmse.standard_error for row in still.rows) < 1e-3
-
-
-def test_a_shift_is_along_one_axis_and_a_form_error_has_its_rms():
-    lens = lens_with(roughness=0.06)
-    study = PartStudy(Recipe(lens, 1, 256, 0, 256))
-    found = {}
-    for factor in study.factors:
-        for error in single_errors(study, factor):
-            found[error.name, error.amount > 0.0] = study.maker.part(error.deviations)
-    assert found["source, decentre in y", True].made.source.origin_mm == (0.0, 0.05, 0.0)
-    assert found["source, height", False].made.source.origin_mm == (0.0, 0.0, -0.05)
-    tilted = found["outer face against inner, tilt about x", True].made.faces["outer"]
-    assert tilted == Pose.displaced(rotation_rad=(np.radians(0.05), 0.0, 0.0))
-    assert found["refractive index", False].index == -1e-3
-    u = fibonacci_hemisphere(3000)
-    for name, rms_mm in (("form, inner face", 1e-3), ("form, outer face", 1e-3)):
-        face = name.split(", ")[1].split()[0]
-        surface, table = lens.surfaces[face], found[name, True].errors[face]
-        error = evaluate_table(study.light.nominal.scene.grid, table, u) * np.sum(surface.normal(u) * u, axis=1)
-        assert np.sqrt(np.mean(error**2)) == pytest.approx(rms_mm, rel=0.005)
-
-
-def test_the_lens_as_designed_is_that_of_its_evaluation():
-    lens = lens_with()
-    source, preset = build_source(lens.spec.source), FEW
-    nominal = measure_sensitivity(lens, rays=1024).nominal
-    light = evaluate_lens(lens, source, preset, rays=1024)
-    for name, metric in LightMetrics.of(light):
-        own = getattr(nominal, name)
-        if metric is None:
-            assert own is None
-            continue
-        # by other tables: those of the search, as of all parts
-        assert abs(own.value - metric.value) < 0.1 * metric.standard_error
-        assert own.standard_error == pytest.approx(metric.standard_error, rel=0.01)
 
 
 def square_lens():

@@ -14,7 +14,7 @@ from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_lens
 from lensforge.made.first_cut import FirstCut, Request, coverage
 from lensforge.made.measured_surface import ChangedLens, FacePixels, compare_surface
-from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison
+from lensforge.made.measurement_result import DeviationExtent
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.search.profiles import ProfileParameters
@@ -67,45 +67,6 @@ def test_coverage_is_the_share_of_the_hemisphere():
     u = directions(40_000, 5)
     assert coverage(u, 0.05) == pytest.approx(1.0, abs=0.01)
     assert coverage(u[u[:, 0] > 0.0], 0.02) == pytest.approx(0.5, abs=0.02)
-
-
-@pytest.fixture(scope="module")
-def compared():
-    def run(height):
-        cloud = probed(LENS.outer, 3000, height_mm=height, noise_mm=0.0005, rotation=ROTATION, shift=SHIFT)
-        return compare_surface(cloud, TRACED)
-
-    return run
-
-
-def test_a_good_part_makes_the_light_of_the_design(compared):
-    found = compared(0.0)
-    assert found.inputs == {"lens": LENS.sha256}
-    assert found.form_deviation_um.pv < 1.0
-    assert found.nmse_between < 1e-4
-    assert found.measured.efficiency.value == pytest.approx(found.design.efficiency.value, abs=1e-3)
-    assert len(found.criteria) == 2 and all(criterion.holds for criterion in found.criteria)
-
-
-@pytest.mark.nightly("three seconds; by day the light is that of the deformed lens")
-def test_a_deformed_part_makes_other_light(compared, tmp_path):
-    found = compared(HEIGHT)
-    found.write(tmp_path, "compare_outer")
-    assert SurfaceComparison.read(tmp_path, "compare_outer") == found
-    assert 0.3 * HEIGHT * 1e3 < found.form_deviation_um.pv < 1.2 * HEIGHT * 1e3
-    assert found.point_deviation_um.rms == pytest.approx(found.form_deviation_um.rms, rel=0.25)
-    assert found.nmse_between > 1e-5
-    assert found.irradiance_measured.shape == (24, 24)
-    assert found.point_count == 3000
-    assert np.nanmax(found.deviation_um) == pytest.approx(found.form_deviation_um.max)
-    square = found.deviation_um**2
-    by_area = np.sqrt(np.nansum(found.area_mm2 * square) / np.nansum(found.area_mm2))
-    assert found.form_deviation_um.rms == pytest.approx(by_area, rel=1e-9)
-    assert by_area != pytest.approx(np.sqrt(np.nanmean(square)), rel=0.02), "a map that could not tell"
-    peak = np.unravel_index(np.nanargmax(found.deviation_um), found.deviation_um.shape)
-    chart = found.chart[peak[1]], found.chart[peak[0]]
-    towards = np.array([0.5, 0.3, 0.8]) / np.linalg.norm([0.5, 0.3, 0.8])
-    np.testing.assert_allclose(chart, towards[:2] / (1.0 + towards[2]), atol=0.15)
 
 
 def deformed_part(height):

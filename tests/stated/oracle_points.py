@@ -248,12 +248,15 @@ def compare_record(case):
     own, receiver = measured.form, receivers_of(case.lens["spec"])[0]
     control = own.through(measured.d)
     form, area = map_of(measured, own, control)
-    distance = 1e3 * measured.d * own.c
+    distance, residual = 1e3 * measured.d * own.c, own.mean_square(measured.d - own.passed(measured.d))
     calls = case.rays["compare_inner"]
     faces = zip((None, changed(measured, own, control)), calls, strict=True)
     (before, designed), (after, found) = (light(case, face, call) for face, call in faces)
     covered, rays = (measured.covered(measured.spacing_mm), 0.005), count_of(calls[0])
-    mean = before.mean(axis=0), after.mean(axis=0)
+    mean, maps = (before.mean(axis=0), after.mean(axis=0)), arrays(case, "compare_inner")
+    assert np.nanmax(abs(maps["deviation_um"] - form)) < 0.1 * np.nanmax(abs(form))
+    for name, own in zip(("irradiance_design", "irradiance_measured"), mean, strict=True):
+        assert abs(maps[name] * receiver.measure - own).max() < 0.05 * own.max(), name
     return {
         "conditions": None, "surface": FACE, "registration": "rigid", "point_count": measured.count,
         "used_share": measured.used, "covered_share": covered, "pose": pose_record(measured),
@@ -261,8 +264,7 @@ def compare_record(case):
                                "min": near(distance.min(), 1e-3), "max": near(distance.max(), 1e-3)},
         "form_deviation_um": {"pv": near(np.nanmax(form) - np.nanmin(form), 2 * NEAR), "rms": extent(form, area)["rms"],
                               "min": near(np.nanmin(form), 2 * NEAR), "max": near(np.nanmax(form), 2 * NEAR)},
-        "residual_rms_um": near(1e3 * np.sqrt(own.mean_square(measured.d - own.passed(measured.d)))),
-        "rays": rays, "receiver": receiver.name, "far_field": False,
+        "residual_rms_um": near(1e3 * np.sqrt(residual)), "rays": rays, "receiver": receiver.name, "far_field": False,
         "width": receiver.size[0], "height": receiver.size[1], "design": metrics_record(metrics_of(designed)),
         "measured": near_light(metrics_of(found)), "change": near_light(change_of(found, designed, rays), 0.1),
         "nmse_between": near(((mean[1] - mean[0]) ** 2).sum() / (mean[0] ** 2).sum(), 0.2),

@@ -79,9 +79,20 @@ def test_the_loss_of_each_led_is_against_its_own_lens(study: tuple[Path, Sweep])
     with_all = load_results(folder / found.designs[2].folder).light.by_led
     for row in found.designs[:2]:
         (loss,) = (group for group in found.facts if group.title == f"{row.value} in one lens for all")
-        own, common = row.efficiency.value, with_all[str(row.value)].efficiency.value
-        assert loss.fact("lost").value == pytest.approx(100.0 * (1.0 - common / own))
-        assert loss.fact("more").value == pytest.approx(with_all[str(row.value)].nmse.value / row.nmse.value)
+        common = with_all[str(row.value)]
+        told = {"own_efficiency": (row.efficiency, 100.0, "%"), "efficiency": (common.efficiency, 100.0, "%"),
+                "own_nmse": (row.nmse, 1.0, ""), "nmse": (common.nmse, 1.0, "")}  # fmt: skip
+        expected = {
+            key: (factor * each.value, factor * each.standard_error, unit) for key, (each, factor, unit) in told.items()
+        }
+        expected["lost"] = 100.0 * (1.0 - common.efficiency.value / row.efficiency.value), None, "%"
+        expected["more"] = common.nmse.value / row.nmse.value, None, ""
+        for fact in loss.facts:
+            value, error, unit = expected.pop(fact.key)
+            assert (fact.value, fact.unit) == (pytest.approx(value), unit)
+            assert fact.standard_error == (None if error is None else pytest.approx(error))
+        assert not expected
+        assert found.designs[2].by_led[str(row.value)].efficiency == common.efficiency != row.efficiency
 
 
 def test_a_study_goes_on_with_what_is_finished(study: tuple[Path, Sweep], tmp_path: Path) -> None:

@@ -72,29 +72,44 @@ def test_every_design_is_the_spec_with_its_own_value(swept):
         assert lens.spec.model_dump(exclude=same) == SPEC.model_dump(exclude=same)
 
 
+METRICS = ("nmse", "uniformity", "rsd", "efficiency", "share_in_target")
+SIZES = ("max_radius_mm", "height_mm", "steps")
+
+
 def test_every_number_of_a_row_is_of_the_files_of_its_design(swept):
-    """Facts and cells of the table by each folder's own records, which are unlike."""
+    """Record, facts and cells of the table by each folder's own records, which are unlike; nothing else is stated."""
     folder, content = swept
     table = list(csv.DictReader((folder / "sweep.csv").read_text(encoding="utf-8").splitlines()))
-    for group, row, cells in zip(content.facts, content.designs, table, strict=True):
-        light, found = (
-            json.loads((folder / row.folder / f"{stage}.json").read_text()) for stage in ("evaluate", "design")
-        )
-        facts, shares = {fact.key: fact for fact in group.facts}, ("efficiency", "share_in_target")
-        for name in ("nmse", "rsd", "uniformity", *shares):
-            factor, fact = (100.0 if name in shares else 1.0), facts[name]
-            assert fact.value == pytest.approx(factor * light[name]["value"], rel=1e-12)
-            assert fact.standard_error == pytest.approx(factor * light[name]["standard_error"], rel=1e-12)
-            for key in ("value", "standard_error"):
-                assert float(cells[f"{name}.{key}"]) == pytest.approx(light[name][key], rel=1e-9)
-        sizes = {"radius": found["max_radius_mm"], "height": found["height_mm"], "steps": found["steps"]}
-        assert {name: facts[name].value for name in sizes} == sizes
-        assert [float(cells[name]) for name in ("max_radius_mm", "height_mm")] == pytest.approx(
-            list(sizes.values())[:2]
-        )
-        assert facts["constraints.max_radius_mm"].value == row.value
-        assert row.constraints.model_dump() == found["constraints"]
+    stored = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))["designs"]
+    for group, row, cells, value in zip(content.facts, stored, table, (6.5, 8.0), strict=True):
+        name = f"small-{value:g}".replace(".", "_")
+        light, found = (json.loads((folder / name / f"{stage}.json").read_text()) for stage in ("evaluate", "design"))
+        changes = {"constraints.max_radius_mm": value}
+        changes |= {field: pytest.approx(start * value / 7.0) for field, start in zip(SCALED, (3.0, 6.0), strict=True)}
+        expected = {
+            "value": value, "folder": name, "changes": changes, **{key: light[key] for key in METRICS},
+            **{key: found[key] for key in (*SIZES, "seconds", "constraints")}, "cutting": "undecided", "by_led": {},
+            "criteria": found["criteria"] + light["criteria"],
+        }  # fmt: skip
+        assert row == expected
+        facts = {key: (each, None, "") for key, each in changes.items()}
+        for key in METRICS:
+            factor, unit = (100.0, "%") if key in ("efficiency", "share_in_target") else (1.0, "")
+            pair = (pytest.approx(factor * light[key][part], rel=1e-12) for part in ("value", "standard_error"))
+            facts[key] = (*pair, unit)
+        keys = zip(("radius", "height", "steps"), ("mm", "mm", ""), SIZES, strict=True)
+        facts |= {key: (found[size], None, unit) for key, unit, size in keys}
+        facts |= {"criteria": ("all met", None, ""), "cutting": ("undecided", None, "")}
+        assert {fact.key: (fact.value, fact.standard_error, fact.unit) for fact in group.facts} == facts
+        assert numbers_in(cells) == numbers_in(content.designs[stored.index(row)].row())
+        for key in METRICS:
+            assert float(cells[f"{key}.value"]) == pytest.approx(light[key]["value"], rel=1e-9)
+        assert [float(cells[key]) for key in SIZES] == pytest.approx([found[key] for key in SIZES])
     assert len({cells["nmse.value"] for cells in table}) == len({cells["max_radius_mm"] for cells in table}) == 2
+
+
+def numbers_in(cells):
+    return {key: str(each) for key, each in cells.items() if each not in (None, "")}
 
 
 def test_the_plot_shows_the_figures_of_the_designs(swept):
