@@ -21,9 +21,9 @@ from lensforge.cad.step import signed_step
 from lensforge.errors import InputError
 from lensforge.shop.check_facts import check_facts
 from lensforge.shop.dimensions import datum_scheme, dimensions
-from lensforge.shop.drawing import SIZES, drawing_content, make_sheet, tool_notes
+from lensforge.shop.drawing import SIZES, _notes_box, drawing_content, inside_of, make_sheet, tool_notes, unit_of
 from lensforge.shop.sheet import Words, box_of, shown
-from lensforge.shop.sheet_marks import strokes_of, words_of_dimension
+from lensforge.shop.sheet_marks import axes_mark, strokes_of, words_of_dimension
 from lensforge.shop.sheet_tables import _texture, index_wavelength, tolerance_table
 from lensforge.shop.sheet_writers import _write_words, sheet_dxf, sheet_pdf
 from lensforge.shop.view_drawing import SCALES
@@ -234,6 +234,17 @@ def test_notes_begin_beside_the_top_of_the_table(drawings):
     rows = {words.text: words.at[1] for words in sheet.marks.words}
     first = next(row for text, row in rows.items() if text.startswith(f"1. {content.notes[0][:20]}"))
     assert first == pytest.approx(rows[content.table.columns["outer"]["title"]], abs=1.0)
+
+
+def test_arrows_name_the_axes_and_margins_of_a_smaller_sheet_are_smaller(drawings):
+    for towards, given in ((1.0, ()), (-1.0, (-1.0,))):  # to the right by default
+        mark = axes_mark((3.0, 4.0), "z", "x", 0.5, *given)
+        lines = [stroke.points.tolist() for stroke in mark.strokes if not stroke.filled]
+        assert lines == [[[3.0, 4.0], [3.0 + 3.5 * towards, 4.0]], [[3.0, 4.0], [3.0, 7.5]]]
+        assert {words.text: words.at for words in mark.words} == {"z": (3.0 + 4.5 * towards, 4.0), "x": (3.0, 8.5)}
+    content, _ = drawings["full"]
+    wide, small = (np.subtract(_notes_box(content, name), inside_of(name))[:3] / unit_of(name) for name in ("A3", "A4"))
+    assert small == pytest.approx(wide)
 
 
 def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
