@@ -27,6 +27,7 @@ from lensforge.shop.sheet_marks import axes_mark, strokes_of, words_of_dimension
 from lensforge.shop.sheet_tables import _texture, index_wavelength, tolerance_table
 from lensforge.shop.sheet_writers import _write_words, sheet_dxf, sheet_pdf
 from lensforge.shop.view_drawing import SCALES
+from lensforge.shop.view_lines import end_lines
 from lensforge.spec.part_section import read_drawing
 from lensforge.spec.tolerances_section import PartTolerances
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -350,6 +351,15 @@ def test_the_dome_is_seen_from_above_to_the_left_and_its_circle_holds_it(parts, 
         assert np.hypot(points[near, 0], points[near, 1]).max() == pytest.approx(np.hypot(*dome[k]), abs=0.03)
     lines = {each.name: each for each in sheet.marks.dimensions}
     assert lines["width of the dome"].end[0] < lines["outer apex above z = 0"].start[0], "first angle"
+
+
+def test_the_base_is_seen_at_its_size(parts):
+    """Areas within the outlines of the view from the base; a flat takes a segment of the circle."""
+    segment = 64.0 * np.arccos(7.5 / 8.0) - 7.5 * np.sqrt(64.0 - 7.5**2)
+    for name, wanted in {"flat": 64.0 * np.pi - segment, "square": 225.0, "below the dome": 30.25 * np.pi}.items():
+        loops = [line.points.T for line in end_lines(parts[name][0])]
+        areas = [0.5 * abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) for x, y in loops]
+        assert np.abs(np.array(areas) / wanted - 1.0).min() < 1e-3, name
 
 
 @pytest.mark.parametrize("factor", [0.02, 60.0])
