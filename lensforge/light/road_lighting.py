@@ -15,14 +15,13 @@ from lensforge.results import Count, Fact, Metric, NotNegative, Positive, Record
 from lensforge.spec.light_limits import PhotometrySection
 
 _NONE = "none"
-# Most candela per 1000 lm of the lamp at and above 70, 80 and 90 degrees.
+# Most candela per 1000 lm of the lamp at and above 70 and 80 degrees; none shines at 90, so that G*5 is G*6.
 _G = {
-    "G*6": (350.0, 100.0, 0.0),
-    "G*5": (350.0, 100.0, 10.0),
-    "G*4": (500.0, 100.0, 10.0),
-    "G*3": (np.inf, 100.0, 20.0),
-    "G*2": (np.inf, 150.0, 30.0),
-    "G*1": (np.inf, 200.0, 50.0),
+    "G*6": (350.0, 100.0),
+    "G*4": (500.0, 100.0),
+    "G*3": (np.inf, 100.0),
+    "G*2": (np.inf, 150.0),
+    "G*1": (np.inf, 200.0),
 }
 
 
@@ -40,9 +39,7 @@ class GlareIntensities(Record):
 def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:
     """Largest intensities of ``lamp`` near the horizon, without the noise that would choose them."""
     above_70, above_80 = (_largest_from(lamp, gamma, 1000.0 / lumens) for gamma in (70.0, 80.0))
-    keeps = (
-        name for name, (at_70, at_80, _) in _G.items() if above_70.value <= at_70 and above_80.value <= at_80
-    )  # nothing shines at 90 degrees and above
+    keeps = (name for name, (at_70, at_80) in _G.items() if above_70.value <= at_70 and above_80.value <= at_80)
     return GlareIntensities(above_70=above_70, above_80=above_80, glare_class=next(keeps, _NONE))
 
 

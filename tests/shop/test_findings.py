@@ -262,7 +262,8 @@ def test_a_thin_wall_is_designed_again_or_taken_as_it_is() -> None:
     there = f"{again}, or constraints.min_thickness_mm = 1.432 where that is enough"
     assert wall_finding(1.4329, spec).remedy == there
     assert wall_finding(1.4329, spec.replace({"constraints.min_thickness_mm": 1.432})).holds
-    assert wall_finding(-11.42, spec).remedy == again
+    assert "min_thickness_mm = 0.001 where" in wall_finding(1.19e-3, spec).remedy
+    assert {wall_finding(wall, spec).remedy for wall in (-11.42, -0.01, 9e-4)} == {again}, "that is no wall"
     assert wall_finding(1.5, spec).remedy == ""
 
 
