@@ -189,10 +189,10 @@ class FaceCoating:
 
 
 @runtime_checkable
-class FaceShape(Protocol):
-    """A star-shaped surface about its own origin; ``directions`` are unit vectors, also a little below z = 0.
+class Surface(Protocol):
+    """A star-shaped surface about its own origin, by its radius and gradient alone: all else follows from them.
 
-    ``surfaces.surface.Surface`` is the base of those of lensforge.
+    ``directions`` are unit vectors, also a little below z = 0. The kinds of it are in the room above, ``surfaces``.
     """
 
     @property
@@ -202,8 +202,8 @@ class FaceShape(Protocol):
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group that it is known to have."""
-        ...
+        """Largest mirror group, a name of ``surfaces.mirror_group``, that it is known to have."""
+        return "none"
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm), the distance from the origin, exact in float64."""
@@ -214,12 +214,14 @@ class FaceShape(Protocol):
         ...
 
     def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
-        """Distance (mm) on a square grid of the chart."""
-        ...
+        """``rho`` (mm) on a square chart grid centred on the axis; a surface with mirror images may use them."""
+        return self.radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
 
     def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Unit normals away from the origin."""
-        ...
+        """Unit normals pointing away from the origin: ``u - grad(rho)/rho``, normalised."""
+        outward = directions - self.gradient(directions) / self.radius(directions)[:, None]
+        unit: Float[np.ndarray, "n 3"] = outward / np.linalg.norm(outward, axis=1, keepdims=True)
+        return unit
 
 
 @dataclass(frozen=True)
@@ -233,8 +235,8 @@ class SecondaryOptic:
 
     name: str
     medium: Medium
-    inner: FaceShape
-    outer: FaceShape
+    inner: Surface
+    outer: Surface
     pose: Pose = IN_PLACE
     coatings: tuple[FaceCoating, ...] = ()
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.optics.media import FaceShape, Media, SecondaryOptic, Wavelengths
+from lensforge.optics.media import Media, SecondaryOptic, Surface, Wavelengths
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
 
@@ -120,7 +120,7 @@ def _from_the_rim(points: _Vectors, along: _Vectors) -> tuple[Bool[np.ndarray, "
     return ~below | rises, started
 
 
-def _first_crossing(shape: FaceShape, points: _Vectors, along: _Vectors) -> tuple[_Values, Bool[np.ndarray, " n"]]:
+def _first_crossing(shape: Surface, points: _Vectors, along: _Vectors) -> tuple[_Values, Bool[np.ndarray, " n"]]:
     """Path (mm) to where rays from within first leave the face, and whether they do so at or above z = 0."""
     depth = _depths(shape, points)
     far = _ROOM * _size(shape)
@@ -142,7 +142,7 @@ def _first_crossing(shape: FaceShape, points: _Vectors, along: _Vectors) -> tupl
     return 0.5 * (low + high), found & (depth > 0.0)
 
 
-def _size(shape: FaceShape) -> float:
+def _size(shape: Surface) -> float:
     """Largest radius (mm) of a face over the hemisphere."""
     turns = np.arange(_DIRECTIONS) * np.pi * (3.0 - np.sqrt(5.0))
     heights = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
@@ -150,7 +150,7 @@ def _size(shape: FaceShape) -> float:
     return float(shape.radius(np.column_stack([across * np.cos(turns), across * np.sin(turns), heights])).max())
 
 
-def _depths(shape: FaceShape, points: _Vectors) -> _Values:
+def _depths(shape: Surface, points: _Vectors) -> _Values:
     """Radius of the face in the direction of each point, less the distance of that from the origin (mm)."""
     distances = np.linalg.norm(points, axis=1)
     ways = np.where(distances[:, None] > 0.0, points, [0.0, 0.0, 1.0])

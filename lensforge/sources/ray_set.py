@@ -122,12 +122,10 @@ _MIRROR = {"none": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)
 
 def placed(rays: RayBundle, origin_mm: Float[np.ndarray, " 3"], placement: Placement) -> RayBundle:
     """Transform ``rays`` of a file to lens coordinates; ``origin_mm``, a point of the file, becomes the lens origin."""
-    pose = placement.pose
-    matrix = pose.rotation @ np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
+    matrix = np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
     origins = _turned(placement.scale * (rays.origins - origin_mm), matrix)
-    if any(pose.origin_mm):
-        origins = origins + np.array(pose.origin_mm)
-    return replace(rays, origins=origins, directions=_turned(rays.directions, matrix))
+    own = replace(rays, origins=origins, directions=_turned(rays.directions, matrix))
+    return own.placed(placement.pose)
 
 
 def _turned(vectors: Float[np.ndarray, "n 3"], matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "n 3"]:

@@ -1,4 +1,4 @@
-"""A surface as a radius over the sphere about the origin: its protocol, its chart, its record, and surfaces scaled.
+"""A surface as a radius over the sphere about the origin: its chart, its record, and surfaces scaled.
 
 The stereographic chart of the hemisphere is one square patch, with no pole and no seam:
 ``(X, Y) = tan(theta/2) (cos phi, sin phi)``. The hemisphere is the unit disc and its rim the unit circle. Every surface
@@ -12,13 +12,13 @@ by numbers alone by :func:`recorded`, any other by a class that extends :class:`
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import singledispatch
-from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar, runtime_checkable
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 from pydantic import Field, create_model
 
-from lensforge.optics.media import FaceShape
+from lensforge.optics.media import Surface as Surface  # what stands behind the lens has faces, too
 from lensforge.results import Number, Record
 from lensforge.results.registered_kinds import OfSeveralKinds
 
@@ -59,26 +59,6 @@ def grid(nodes: int, half_width: float = HALF_WIDTH) -> Float[np.ndarray, "n n 2
     """A square grid of ``nodes`` x ``nodes`` chart points, first index X, second index Y."""
     axis = np.linspace(-half_width, half_width, nodes)
     return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
-
-
-@runtime_checkable
-class Surface(FaceShape, Protocol):
-    """A surface by its radius and gradient alone: what else is asked of the shape of a face follows from them."""
-
-    @property
-    def symmetry(self) -> str:
-        """Largest mirror group, a name of ``surfaces.symmetry``, that it is known to have."""
-        return "none"
-
-    def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
-        """``rho`` (mm) on a square chart grid centred on the axis; a surface with mirror images may use them."""
-        return self.radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
-
-    def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Unit normals pointing away from the origin: ``u - grad(rho)/rho``, normalised."""
-        outward = directions - self.gradient(directions) / self.radius(directions)[:, None]
-        unit: Float[np.ndarray, "n 3"] = outward / np.linalg.norm(outward, axis=1, keepdims=True)
-        return unit
 
 
 @dataclass(frozen=True)
