@@ -5,34 +5,10 @@ Tables over the chart of a face are indexed [X, Y], pictures of light [row y, co
 its chart has the radius 2 sin(gamma / 2) at the angle gamma from its axis.
 A verb takes objects and returns a frozen result; only :func:`run` writes files, and :func:`load` reads them back.
 All names come from :mod:`lensforge.verbs`, which is loaded when the first of them is used.
-
-Import lensforge before torch: the wait policy below has no effect once torch has loaded its OpenMP.
 """
 
 import os
-import sys
 from typing import TYPE_CHECKING
-
-# Idle torch threads sleep; by default they spin, on the cores that are tracing the rays at that moment.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-
-
-def _forget_unknown_backend() -> None:
-    """Drop an MPLBACKEND that matplotlib does not know, and for which it would not load: no picture needs one."""
-    name = os.environ.get("MPLBACKEND", "")
-    if not name or name.startswith("module://") or "matplotlib" in sys.modules:
-        return
-    from importlib.metadata import entry_points
-    from importlib.util import find_spec
-
-    found = find_spec("matplotlib")
-    folders = [] if found is None else found.submodule_search_locations or []
-    files = (os.path.join(folder, "backends", f"backend_{name.lower()}.py") for folder in folders)  # noqa: PTH118
-    if not any(map(os.path.exists, files)) and not entry_points(group="matplotlib.backend", name=name):
-        del os.environ["MPLBACKEND"]
-
-
-_forget_unknown_backend()
 
 if TYPE_CHECKING:
     from lensforge.spec.far_field_targets import *  # noqa: F403

@@ -2,7 +2,6 @@
 
 import ast
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -207,17 +206,6 @@ def test_cadquery_is_loaded_for_the_user_s_own_solids_alone() -> None:
     """With all that it loads it takes 1.6 s more than the CAD kernel."""
     users = {_name(path) for path in MODULES if "cadquery" in _imports(path)}
     assert users == {"lensforge.cad.part", "lensforge.cad.custom_base"}
-
-
-@pytest.mark.parametrize(("given", "kept"), [(None, "PASSIVE"), ("ACTIVE", "ACTIVE")])
-def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | None, kept: str) -> None:
-    others = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
-    code = "import lensforge, os; print(os.environ['OMP_WAIT_POLICY'])"
-    environment = others if given is None else others | {"OMP_WAIT_POLICY": given}
-    run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", env=environment, check=True
-    )
-    assert run.stdout.strip() == kept
 
 
 def test_verification_shares_nothing_with_the_design() -> None:

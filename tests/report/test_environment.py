@@ -8,7 +8,6 @@ import pytest
 from matplotlib.figure import Figure
 from result_folders import make_light, small_lens
 
-import lensforge
 from lensforge.errors import InputError
 from lensforge.kernels.compiled import kernel
 from lensforge.results.figure_style import in_report_style, new_figure, to_svg
@@ -27,18 +26,6 @@ def test_a_command_ignores_what_would_change_or_end_its_libraries() -> None:
     environ = {**foreign, **kept}
     ignore_settings_of_libraries(environ)
     assert environ == {**kept, "MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
-
-
-@pytest.mark.parametrize(
-    ("name", "kept"), [("Qt4Agg", False), ("nonsense", False), ("Agg", True), ("TkAgg", True), ("module://x.y", True)]
-)
-def test_the_library_forgets_a_backend_that_matplotlib_does_not_know(
-    name: str, kept: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(lensforge.sys, "modules", {})
-    monkeypatch.setattr(os, "environ", {"MPLBACKEND": name})
-    lensforge._forget_unknown_backend()
-    assert ("MPLBACKEND" in os.environ) is kept
 
 
 def drawn() -> str:
