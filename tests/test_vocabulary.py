@@ -127,6 +127,14 @@ def test_functions_take_few_parameters() -> None:
     assert sum(count > 8 for count in counts) <= 12
 
 
+def test_copies_validate_what_they_are_given() -> None:
+    """By ``changed`` of records and sections; pydantic's own copy takes anything, and any field."""
+    copies = Counter(
+        {str(path.relative_to(PACKAGE)): path.read_text(encoding="utf-8").count(".model_copy(") for path in MODULES}
+    )
+    assert +copies == Counter({"results/validation.py": 1, "results/stage_result.py": 1})  # its base, and what it drops
+
+
 def test_tests_replace_little() -> None:
     """Places where a test, fixture or context replaces something as it runs; those where that is a constant."""
     tests = [path.read_text(encoding="utf-8") for path in (PACKAGE.parent / "tests").rglob("*.py")]

@@ -68,7 +68,7 @@ def base_with_room(lens: Lens) -> BaseSection:
     room = dict.fromkeys(("relief_step_mm", "relief_setback_mm", "bore_setback_mm"), 0.0)
     missing = [name for name in room if getattr(base, name) is None]
     if not missing or not any(spec.is_cut(name) for name in spec.lens.names):
-        return base.model_copy(update=dict.fromkeys(missing, 0.0))
+        return base.changed(**dict.fromkeys(missing, 0.0))
     cavity, envelope = fit_lens(lens)
     if any(spec.is_cut(face.name) for face in cavity.faces):
         room["bore_setback_mm"] = _bore_setback(cavity, spec)
@@ -78,7 +78,7 @@ def base_with_room(lens: Lens) -> BaseSection:
         room |= _relief(envelope, spec, opening)
     if base.relief_step_mm == 0.0:
         room["relief_setback_mm"] = 0.0  # without a step it has no wall
-    return base.model_copy(update={name: room[name] for name in missing})
+    return base.changed(**{name: room[name] for name in missing})
 
 
 @lru_cache(maxsize=4)  # sections and drawing ask for it

@@ -118,7 +118,7 @@ def _tell_conditions(result: StageResult) -> None:
         return
     for words in conditions.warnings:
         click.echo(warning_line(words), err=True)
-    own = stem_of(result.model_copy(update={"conditions": None}))
+    own = stem_of(result.changed(conditions=None))
     click.echo(
         f"{stem_of(result)}.json: other conditions than the lens's own ({conditions}); {own}.json and the verdict rest "
         "on the lens's own",

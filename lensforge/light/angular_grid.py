@@ -297,7 +297,7 @@ class FittedIntensity:
     def peak(self) -> Metric:
         """Largest intensity (W/sr), noise taken off."""
         largest = largest_without_noise(self.samples.reshape(len(self.samples), -1))
-        return largest.model_copy(update={"unit": "W/sr"})
+        return largest.changed(unit="W/sr")
 
 
 def fit(finest: AngularGrid, deposits: Samples) -> FittedIntensity:

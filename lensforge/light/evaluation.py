@@ -153,7 +153,7 @@ def evaluate_lens(
     fitted = _fitted(traced, lens.spec, searched(source), count, seed) if judging is not source else None
     settled: dict[str, object] = {"preset_error": error, "inputs": {"lens": lens.sha256}, "fitted": fitted}
     settled["lumens_per_watt"] = lumens_per_watt
-    return light.model_copy(update=settled)
+    return light.changed(**settled)
 
 
 def _fitted(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> FittedLight:
@@ -277,7 +277,7 @@ def _share_in_target(received: ReceivedFlux, emitted_w: float) -> Metric:
     if share.standard_error is None:
         return share
     error = float(np.hypot(share.standard_error, coarse.value - share.value))
-    return share.model_copy(update={"standard_error": error})
+    return share.changed(standard_error=error)
 
 
 def _possible(physics: PossibleLight, target: DrawnTarget, arriving: float) -> Possible:

@@ -133,13 +133,13 @@ class Light(SimulatedResult):
     @property
     def by_led(self) -> "dict[str, Light]":
         """The light of each LED alone, by its name, the first one's first; "" is the name of the only one."""
-        alone = self.model_copy(update={"others": ()}) if self.others else self
+        alone = self.changed(others=()) if self.others else self
         lights = {self.led: alone}
         for other in self.others:
             fields = {name: getattr(other, name) for name in type(other).model_fields if name not in ("name", "source")}
             conditions = Conditions.of(source_name=other.name, source=other.source)
             own = {"led": other.name, "conditions": conditions, "fitted": None, "preset_error": None}
-            lights[other.name] = alone.model_copy(update={**fields, **own})
+            lights[other.name] = alone.changed(**fields, **own)
         return lights
 
     @property

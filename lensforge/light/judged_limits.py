@@ -121,7 +121,7 @@ def figure_of(quantity: Quantity, sense: Sense, unit: str, readings: Readings) -
             return _inverse(ratio_of(_extreme(readings, ">="), _extreme(readings, "<=")))
         case "threshold_increment" | "veiling_ratio":
             return _glare(quantity, unit, readings)
-    return _extreme(readings, sense).model_copy(update={"unit": unit})
+    return _extreme(readings, sense).changed(unit=unit)
 
 
 def _glare(quantity: Quantity, unit: str, readings: Readings) -> Metric:

@@ -69,7 +69,7 @@ def evaluate(
         others = tuple(_others(body, preset, settings)) if other is None else ()
     led = lens.spec.sources[0].name if others else ""
     update = {"inputs": inputs_of(lens, chosen), "conditions": conditions, "led": led, "others": others}
-    return light.model_copy(update=update)
+    return light.changed(**update)
 
 
 def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[LedLight]:
@@ -111,7 +111,7 @@ def _conditions(
     if conditions.temperature_c is not None:
         warned += law.warnings(conditions.temperature_c)
     named = conditions if name is None else conditions.renamed(name)
-    return named.model_copy(update={"warnings": warned})
+    return named.changed(warnings=warned)
 
 
 _Value = TypeVar("_Value")

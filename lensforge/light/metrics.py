@@ -54,7 +54,7 @@ def with_error(metric: Metric, more: float) -> Metric:
     """``metric`` with one more part of its error, added as a square; as it is where it has none."""
     if metric.standard_error is None:
         return metric
-    return metric.model_copy(update={"standard_error": float(np.hypot(metric.standard_error, more))})
+    return metric.changed(standard_error=float(np.hypot(metric.standard_error, more)))
 
 
 def jackknife_error(left_out: Float[np.ndarray, " r"]) -> float:
@@ -289,7 +289,7 @@ def largest_without_noise(readings: Float[np.ndarray, "r k"], least: float | Non
     It is at least ``least``, by default the mean of all readings.
     """
     negative = least_without_noise(-readings, None if least is None else -least)
-    return negative.model_copy(update={"value": -negative.value})
+    return negative.changed(value=-negative.value)
 
 
 def ratio_of(above: Metric, below: Metric) -> Metric:

@@ -116,7 +116,7 @@ class CandelaTables:
         peak = largest_without_noise(profiles)
         return PlaneFigures(
             c_deg=c_deg,
-            peak_cd=peak.model_copy(update={"unit": "cd"}),
+            peak_cd=peak.changed(unit="cd"),
             beam_angle_deg=self._angle(c_deg, peak, BEAM_SHARE),
             field_angle_deg=self._angle(c_deg, peak, FIELD_SHARE),
         )
@@ -149,7 +149,7 @@ class CandelaTables:
         wide = width(self.whole, share * lowest) if lowest > 0.0 else self._span_deg  # all of the table is brighter
         narrow = width(self.whole, share * highest)
         error = min(float(np.hypot(angle.standard_error, 0.5 * (wide - narrow))), self._span_deg)
-        return angle.model_copy(update={"standard_error": error})
+        return angle.changed(standard_error=error)
 
 
 IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.iesxml", "lens.tm25ray"

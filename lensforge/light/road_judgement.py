@@ -82,7 +82,7 @@ class _Reader:
         """The ``quantity`` of ``light``."""
         readings = light.of(self.candela(light))
         found = figure_of(quantity, sense, unit, readings)
-        return found if len(readings) > 1 else found.model_copy(update={"standard_error": 0.0})
+        return found if len(readings) > 1 else found.changed(standard_error=0.0)
 
     def limits(self, readings: RoadReadings, name: str) -> Iterator[Fact]:
         """Limits by the class of the road, each judged."""
@@ -188,7 +188,7 @@ def held_spacing(road: RoadSection, candela: Candela, most_steps: int = 120) -> 
     read = _Reader(candela)
 
     def missed(spacing_m: float) -> Fact | None:
-        readings = RoadReadings.of(road.model_copy(update={"pole_spacing_m": spacing_m}))
+        readings = RoadReadings.of(road.changed(pole_spacing_m=spacing_m))
         return next((limit for limit in read.limits(readings, "") if not limit.holds), None)
 
     def end(inside: float, outside: float) -> tuple[float, Fact | None]:

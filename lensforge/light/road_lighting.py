@@ -47,7 +47,7 @@ def _largest_from(lamp: LampLight, gamma_deg: float, scale: float) -> Metric:
     nodes = np.append(gamma_deg, lamp.grid.gamma_deg[lamp.grid.gamma_deg > gamma_deg])
     lateral, gamma = (each.ravel() for each in np.meshgrid(lamp.grid.c_deg - lamp.street_deg, nodes, indexing="ij"))
     found = largest_without_noise(scale * lamp.intensities(lateral, gamma))
-    return found.model_copy(update={"value": max(found.value, 0.0), "unit": "cd/klm"})
+    return found.changed(value=max(found.value, 0.0), unit="cd/klm")
 
 
 class RoadFigures(Record):

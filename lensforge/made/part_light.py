@@ -174,7 +174,7 @@ class MeasuredPart:
             if light.uniformity is not None and "uniformity" in change:
                 ratio, moved = light.uniformity.value, change["uniformity"]  # within 0 and 1, however few the rays
                 within = min(max(moved.value, -ratio), 1.0 - ratio)
-                change["uniformity"] = moved.model_copy(update={"value": within})
+                change["uniformity"] = moved.changed(value=within)
             found.append({**change, "share_in_target": jackknife_metric(share - other_share, float)})
         limits = {}
         for number, (own_limit, other_limit) in enumerate(zip(self.limits, before.limits, strict=True)):

@@ -87,7 +87,7 @@ def compare(
         side = require_choice("surface", surface, [face.name for face in measured.body.faces if face.is_optical])
         traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
         comparison = compare_surface(read_cloud(points), traced, registration)
-        return comparison.model_copy(update={"conditions": conditions})
+        return comparison.changed(conditions=conditions)
     raise InputError(
         "compare: give a Light with on=PHOTO (--on PHOTO), or a Lens with points=FILE and surface=FACE, one of its "
         "faces (--points FILE --surface FACE)"
@@ -131,7 +131,7 @@ def _compare_photo(
         )
     grid = PixelGrid(first.width, first.height, columns, rows)
     comparison = compare_photo(shot, simulated=light.map, grid=grid, uniform=_uniform(light, lens))
-    return comparison.model_copy(update={"inputs": {"lens": light.inputs["lens"], "evaluate": light.sha256}})
+    return comparison.changed(inputs={"lens": light.inputs["lens"], "evaluate": light.sha256})
 
 
 def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None":
@@ -183,7 +183,7 @@ def correct(
     cuts, conditions = ChangedLens.of(lens, side, rays)
     with threads_of_torch(threads):
         correction = correct_face(read_cloud(file), cuts, request)
-    return correction.model_copy(update={"conditions": conditions})
+    return correction.changed(conditions=conditions)
 
 
 _LEAST_PARTS = 40  # two in each block by which the shares of the variance have their errors
@@ -208,7 +208,7 @@ def sensitivity(
     count, conditions = rays_of(count_of("rays", rays), usual, judging_source(lens.spec))
     with threads_of_torch(threads):
         result = measure_sensitivity(lens, rays=count, progress=progress)
-    return result.model_copy(update={"conditions": conditions})
+    return result.changed(conditions=conditions)
 
 
 def tolerance(
@@ -266,7 +266,7 @@ def tolerance(
         tolerances_sha256=None if other is None else section_sha256(other),
         seed=unless_own(seed, 0),
     )
-    return study.model_copy(update={"inputs": {"lens": lens.sha256}, "conditions": conditions})
+    return study.changed(inputs={"lens": lens.sha256}, conditions=conditions)
 
 
 @contextmanager

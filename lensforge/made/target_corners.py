@@ -281,7 +281,7 @@ def _with_lit(square: Square, light: Float[np.ndarray, "h w"], border_share: flo
     border = ((1.0 - t) * square.corners + t * np.roll(square.corners, -1, axis=0)).reshape(-1, 2)
     ring = np.concatenate([centre + inset * (border - centre) for inset in (0.9, 0.93, 0.96)])
     share = float(np.median(map_coordinates(light, [ring[:, 1], ring[:, 0]], order=1)) / np.quantile(light, 0.999))
-    return replace(square, located=square.located.model_copy(update={"lit": share > _LIT + border_share}))
+    return replace(square, located=square.located.changed(lit=share > _LIT + border_share))
 
 
 def _one(squares: list[Square]) -> Square:

@@ -79,7 +79,7 @@ def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = 
     )
     referees = Referees(mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0)
     proof = verify_in_sandbox(files, of_design, referees, torch.get_num_threads(), second)
-    return proof.model_copy(update={"conditions": conditions, "altered_files": part.altered})
+    return proof.changed(conditions=conditions, altered_files=part.altered)
 
 
 def expected_of(lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFaces") -> "list[Expected]":
@@ -145,4 +145,4 @@ def stray_light(
             threads=torch.get_num_threads(),
             inputs={"lens": lens.sha256, "export": part.sha256},
         )
-    return stray.model_copy(update={"conditions": conditions})
+    return stray.changed(conditions=conditions)

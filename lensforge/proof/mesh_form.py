@@ -36,7 +36,7 @@ def mesh_forms(files: Sequence[DesignedFile], known: Mapping[bytes, trimesh.Trim
             judged.append((corners, found[file.name]))
         else:
             edges = open_edges(triangles, len(vertices))
-            found[file.name] = same.model_copy(update={"name": file.name, "open_edges": edges})
+            found[file.name] = same.changed(name=file.name, open_edges=edges)
     return found
 
 

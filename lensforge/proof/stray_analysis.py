@@ -69,7 +69,7 @@ def trace_stray(
         criteria=(),
         seconds=perf_counter() - start,
     )
-    return result.model_copy(update={"criteria": stray_criteria(result)})
+    return result.changed(criteria=stray_criteria(result))
 
 
 def _on_receiver(

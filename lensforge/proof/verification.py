@@ -168,7 +168,7 @@ def verify_part(
         criteria=(),
         seconds=perf_counter() - started,
     )
-    return proof.model_copy(update={"criteria": proof_criteria(proof), "seconds": perf_counter() - started})
+    return proof.changed(criteria=proof_criteria(proof), seconds=perf_counter() - started)
 
 
 def passage_through(file: bytes, optical: OpticalFaces, media: Media, rays: RayBundle) -> Passage:

@@ -117,7 +117,7 @@ def photometry(
     lumens, source = number_of("lumens", lumens), judging_source(lens.spec)
     with kernel_threads(count_of("threads", threads)):
         measured = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
-    return measured.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})
+    return measured.changed(conditions=photometry_conditions(lens, source, rays, lumens))
 
 
 def handover(
@@ -283,7 +283,7 @@ def write_kinds(first: Run, heard: Listener) -> None:
         if lens.kind == first.lens.kind:
             continue
         with heard.timed(lens.kind), opened(first.folder / lens.kind, create=True) as there:
-            there.write(_of_lens(first.design, lens).model_copy(update={"lens": lens}))
+            there.write(_of_lens(first.design, lens).changed(lens=lens))
             light = there.write(_of_lens(first.light, lens))
             there.write(_of_lens(first.photometry, lens))
             part = there.write(build(lens))
@@ -294,7 +294,7 @@ def write_kinds(first: Run, heard: Listener) -> None:
 
 def _of_lens(result: _Result, lens: Lens) -> _Result:
     """``result``, which is the same for all kinds, as that of ``lens``."""
-    return result.model_copy(update={"inputs": {**result.inputs, "lens": lens.sha256}})
+    return result.changed(inputs={**result.inputs, "lens": lens.sha256})
 
 
 def write_report(folder: Path) -> Run:

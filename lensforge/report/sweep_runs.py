@@ -182,8 +182,8 @@ def _joined(spec: Spec, variation: AnyVariation, made: Iterator[Made], directory
     if isinstance(variation, SourceVariation):  # workers end in any order
         order = [variant.value for variant in variation.variants(spec)]
         rows = sorted(sweep.designs, key=lambda row: order.index(row.value) if row.value in order else -1)
-        sweep = sweep.model_copy(update={"designs": tuple(rows)})
-    sweep = sweep.model_copy(update={"failed": failed})
+        sweep = sweep.changed(designs=tuple(rows))
+    sweep = sweep.changed(failed=failed)
     sweep.write(directory)
     sweep.save(directory / TABLE)
     results = [load_results(directory / row.folder) for row in sweep.designs]

@@ -53,12 +53,12 @@ class Conditions(Record):
             raise InputError(
                 f"name = {name!r}: must be letters, digits, '_', '-' and '.', at most 120, and begin with none of '-.'"
             )
-        return self.model_copy(update={"name": name})
+        return self.changed(name=name)
 
     def same_as(self, other: "Conditions") -> bool:
         """True where ``other`` are the same conditions, whatever their name and warnings."""
         plain = {"name": "other", "warnings": ()}
-        return self.model_copy(update=plain) == other.model_copy(update=plain)
+        return self.changed(**plain) == other.changed(**plain)
 
     def __str__(self) -> str:
         words = [] if self.source is None else [self.source]

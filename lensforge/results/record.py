@@ -29,7 +29,7 @@ from pydantic_core import CoreSchema, core_schema
 from lensforge.results.files import MIB
 from lensforge.results.notebook_html import Brief, table_html
 from lensforge.results.numerals import quantity
-from lensforge.results.validation import same
+from lensforge.results.validation import same, with_changes
 
 # Of any number in a record, in the unit of its field: products of three, and squares over products, stay within
 # floating point. The largest that a sound result may hold are W/m^2 of a laser's focus, 1e20.
@@ -175,6 +175,10 @@ class Record(BaseModel):
                 except ValueError as error:
                     raise ValueError(f"{name}: {error}") from None
         return self
+
+    def changed(self, **fields: Any) -> Self:
+        """A copy with other values in some ``fields``. Raises :class:`ValidationError` for one that is not allowed."""
+        return with_changes(self, fields)
 
     def follows(self) -> Iterator[tuple[str, float, float]]:
         """Figures that follow from others of the record, where both are kept: name, value, and what follows."""

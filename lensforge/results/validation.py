@@ -2,17 +2,47 @@
 
 import re
 from collections.abc import Collection, Mapping
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
 from lensforge.errors import InputError
+from lensforge.results.registered_kinds import models_in
 
 _MOST_CHARACTERS = 80  # of a value in a message
 _MOST_OF_MESSAGE = 600  # of what is wrong with it, which may name what is allowed
 _MOST_BITS = 256  # of a whole number in a message; Python refuses to print more than 4300 digits
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def with_changes(model: _Model, fields: Mapping[str, Any]) -> _Model:
+    """A copy of ``model`` with other values in some ``fields``, each validated by itself.
+
+    pydantic's own way to validate one field refuses a frozen model. Raises :class:`ValidationError` for a value that a
+    field does not take, and :class:`TypeError` for a field that there is not.
+    """
+    valid = {name: _validated(type(model), name, value) for name, value in fields.items()}
+    return model.model_copy(update=valid)
+
+
+def _validated(kind: type[BaseModel], name: str, value: object) -> object:
+    field = kind.model_fields.get(name)
+    if field is None:
+        raise TypeError(f"{kind.__name__} has no field {name}")
+    if isinstance(value, models_in(field.annotation)):  # they are valid; to build what says so takes 50 ms for a lens
+        return value
+    return getattr(_alone(kind, name).model_validate({name: value}), name)
+
+
+@cache
+def _alone(kind: type[BaseModel], name: str) -> type[BaseModel]:
+    """A model that has one field of ``kind`` alone."""
+    field, config = kind.model_fields[name], ConfigDict(**{**kind.model_config, "frozen": False})
+    return cast(type[BaseModel], create_model(kind.__name__, __config__=config, **{name: (field.annotation, field)}))
 
 
 def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions: Collection[str] = ()) -> InputError:

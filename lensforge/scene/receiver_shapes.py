@@ -187,13 +187,13 @@ def seen_by_lamp(spec: Spec, number: int) -> Spec:
     """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
     lamp = spec.all_lamps.lamps[number].pose
     sections = tuple(_alone(each).posed(each.pose.seen_from(lamp)) for each in spec.all_receivers)
-    return spec.of_one_lamp.model_copy(update={"target": None, "receivers": sections})
+    return spec.of_one_lamp.changed(target=None, receivers=sections)
 
 
 def _alone(section: ReceiverSection) -> ReceiverSection:
     """The section with targets that imply no receiver of their own."""
-    targets = tuple(target.model_copy(update=dict.fromkeys(OF_RECEIVER)) for target in section.targets)
-    return section.model_copy(update={"targets": targets})
+    targets = tuple(target.changed(**dict.fromkeys(OF_RECEIVER)) for target in section.targets)
+    return section.changed(targets=targets)
 
 
 _FEWER, _MORE = 0.75, 1.3  # pixels over those asked for, so that lamps may lie alike on them

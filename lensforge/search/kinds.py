@@ -30,9 +30,7 @@ def spec_of_each_kind(spec: Spec) -> dict[str, Spec]:
     """The spec with the mirror symmetry of the lens of each kind, by its name; ``spec`` has that of the sum."""
     lens = spec.lens
     return {
-        kind.name: spec.model_copy(
-            update={"lens": lens.model_copy(update={"symmetry": kind.symmetry(str(lens.symmetry))})}
-        )
+        kind.name: spec.changed(lens=lens.changed(symmetry=kind.symmetry(str(lens.symmetry))))
         for kind in spec.all_lamps.kinds
     }
 

@@ -32,7 +32,7 @@ def search_kinds(
     """
     if spec.lamps is None or not spec.all_lamps.kinds or (start is not None and start.others):
         return search(spec, source, start=start, checkpoint=checkpoint, resume=resume, progress=progress, **options)
-    equal = spec.model_copy(update={"lamps": spec.lamps.of_one_kind})
+    equal = spec.changed(lamps=spec.lamps.of_one_kind)
     first = search(equal, source, start=start, checkpoint=checkpoint, resume=resume, progress=progress, **options)
     after = None if progress is None else _after(first, progress)
     beside = None if checkpoint is None else of_kinds(checkpoint)
@@ -60,9 +60,9 @@ def _levels(design: Design) -> int:
 def _joined(first: Design, found: Design) -> Design:
     """The record of ``found``, with the search that went before."""
     levels = _levels(first)
-    later = tuple(level.model_copy(update={"level": levels + level.level}) for level in found.history)
+    later = tuple(level.changed(level=levels + level.level) for level in found.history)
     each = {"one lens": first.ended, "lenses of all kinds": found.ended}
     ended = "; ".join(f"{which}: {words}" for which, words in each.items() if words) or None
     both: dict[str, object] = {"steps": first.steps + found.steps, "seconds": first.seconds + found.seconds}
     both |= {"ended": ended, "kept_start": first.kept_start and found.kept_start}
-    return found.model_copy(update={**both, "history": (*first.history, *later)})
+    return found.changed(**both, history=(*first.history, *later))

@@ -264,7 +264,7 @@ def _with_step(
         "efficiency": (*last.efficiency, result.efficiency),
         "constraints": {name: (*values, least[name]) for name, values in last.constraints.items()},
     }
-    return (*earlier, last.model_copy(update=longer))
+    return (*earlier, last.changed(**longer))
 
 
 _SIZE_DIRECTIONS = 20_000  # over the hemisphere, at which radius and height are sampled
@@ -328,7 +328,7 @@ def search(
     moved = "" if state.steps_done == 0 else ending.why  # of faces that are all given nothing moves
     found = _design(ending.lens, ending.margins, source, state, last.rays, warnings)
     ended = "; ".join(words for words in (moved, why) if words) or None
-    return found.model_copy(update={"ended": ended, "kept_start": bool(moved)})
+    return found.changed(ended=ended, kept_start=bool(moved))
 
 
 def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> SearchEnd:
@@ -378,7 +378,7 @@ def _design(
         max_radius_mm=float((radius * across).max()),
         height_mm=float((radius * directions[:, 2]).max()),
         constraints=margins,
-        source=summary.model_copy(update={"warnings": (*summary.warnings, *warnings)}),
+        source=summary.changed(warnings=(*summary.warnings, *warnings)),
         source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
         history=state.history,
         criteria=constraint_criteria(lens.spec, margins),

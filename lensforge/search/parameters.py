@@ -239,7 +239,7 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
     name = spec.lens.symmetry
     if name == "auto":
         symmetry = next(each for each in reversed(NAMES) if each != "diagonal" and _has_symmetry(spec, source, each))
-        return spec.model_copy(update={"lens": spec.lens.model_copy(update={"symmetry": symmetry})})
+        return spec.changed(lens=spec.lens.changed(symmetry=symmetry))
     for own in _groups(spec, name):
         if not contains(source.symmetry, own):
             raise InputError(f"lens.symmetry = {own!r}: the source has only {source.symmetry!r}; use that, or 'auto'")

@@ -144,7 +144,7 @@ def _least_radius_mm(spec: Spec, physics: PossibleLight, asked: float, most: Cal
     limits = spec.constraints
 
     def suffices(radius_mm: float) -> bool:
-        space = spec.lens.exit_space(limits.model_copy(update={"max_radius_mm": radius_mm}))
+        space = spec.lens.exit_space(limits.changed(max_radius_mm=radius_mm))
         return most(replace(physics, space=space)) >= asked * (1.0 - _ROUNDING)
 
     low, high = limits.max_radius_mm, _WIDEST * limits.max_radius_mm

@@ -265,7 +265,7 @@ def best_design(
                 announce(f"start {len(made)} of {count}: seed {start.seed}, {start.words}")
     ordered = [made[number] for number in range(count)]
     best, _ = min(ordered, key=lambda pair: pair[1].rank)  # of equals the first seed
-    return best.model_copy(update={"starts": tuple(start for _, start in ordered)})
+    return best.changed(starts=tuple(start for _, start in ordered))
 
 
 def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:

@@ -89,7 +89,7 @@ def _results(lens: Lens, pair: Pair[Patch], faces: dict[str, FaceCheck]) -> dict
             widest = plan.outline if plan.flange is None else plan.flange
             covered = face.samples.area.share_within(widest, lens.spec.manufacture.scale)
             undercut = max(found[name].undercut_fraction, covered)
-            found[name] = found[name].model_copy(update={"undercut_fraction": undercut})
+            found[name] = found[name].changed(undercut_fraction=undercut)
     return found
 
 

@@ -157,7 +157,7 @@ def summarise(source: Source, spec: EmitterSection) -> SourceSummary:
     if isinstance(source, ColouredSource):
         plain = summarise(source.source, spec)
         warnings = (*plain.warnings, *source.warnings)
-        return plain.model_copy(update={**source.index_range.fields(), "warnings": warnings})
+        return plain.changed(**source.index_range.fields(), warnings=warnings)
     known = getattr(source, "summary", None)  # ray sets have one; their module is loaded for them alone
     if isinstance(known, SourceSummary):
         return known

@@ -248,7 +248,7 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
             *flux.warnings,
             *ray_set_warnings(at_place, placed=True),
         ),
-        files=tuple(file.model_copy(update={"flux_w": file.flux_w * (flux_w / total)}) for file in files),
+        files=tuple(file.changed(flux_w=file.flux_w * (flux_w / total)) for file in files),
         placement=AppliedPlacement(
             origin_mm=as_point(origin_mm),
             backward_share=at_place.backward / flux_w,
@@ -256,7 +256,7 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
         ),
     )
     if index_range is not None:
-        summary = summary.model_copy(update=index_range.fields())
+        summary = summary.changed(**index_range.fields())
     return RaySetEmitter(rays, flux_w, summary, pose=spec.pose)
 
 

@@ -51,7 +51,7 @@ class SearchEffort(Section):
         number a draft of led_rayfile from 24,000 rays ends at an NMSE of 0.014 instead of 0.018 to 0.020.
         """
         first, most = (each if count is None else min(2 * each, count) for each in self.rays)
-        return self.model_copy(update={"rays": (first, most)})
+        return self.changed(rays=(first, most))
 
 
 class PartEffort(Section):
@@ -182,7 +182,7 @@ _PREVIEW_STEPS = (25, 50)
 
 def for_preview(preset: Preset) -> Preset:
     """The ``preset`` with fewer steps, for a first look."""
-    return preset.model_copy(update={"effort": preset.effort.model_copy(update={"steps": _PREVIEW_STEPS})})
+    return preset.changed(effort=preset.effort.changed(steps=_PREVIEW_STEPS))
 
 
 def accuracy_of(given: object) -> AnyAccuracy:

@@ -161,16 +161,16 @@ class Spec(Section):
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
         if self.lens.levels == levels:
             return self
-        changes: dict[str, Section] = {"lens": self.lens.model_copy(update={"levels": levels})}
+        changes: dict[str, Section] = {"lens": self.lens.changed(levels=levels)}
         if "seconds" in self.optimise.model_fields_set:
             changes["optimise"] = self._optimise_without({"seconds"})
-        return self.model_copy(update=changes)
+        return self.changed(**changes)
 
     def with_automatic_levels(self) -> "Spec":
         """The spec of a search that chooses its levels, without the settings that go with given ones."""
-        lens = self.lens.model_copy(update={"levels": "auto"})
+        lens = self.lens.changed(levels="auto")
         optimise = self._optimise_without({*_OF_GIVEN_LEVELS})
-        return self.model_copy(update={"lens": lens, "optimise": optimise})
+        return self.changed(lens=lens, optimise=optimise)
 
     def _optimise_without(self, names: set[str]) -> OptimiseSection:
         kept = self.optimise.model_fields_set - names
@@ -225,7 +225,7 @@ class Spec(Section):
         """The spec with each of its LEDs alone, all else as it is."""
         if not self.sources:
             return (self,)
-        return tuple(self.model_copy(update={"source": each.source, "sources": ()}) for each in self.sources)
+        return tuple(self.changed(source=each.source, sources=()) for each in self.sources)
 
     @property
     def all_lamps(self) -> Lamps:
@@ -235,7 +235,7 @@ class Spec(Section):
     @property
     def of_one_lamp(self) -> "Spec":
         """The spec of the lens alone, at the origin."""
-        return self if self.lamps is None else self.model_copy(update={"lamps": None})
+        return self if self.lamps is None else self.changed(lamps=None)
 
     @check
     def _lamps_have_room(self) -> None:
@@ -290,7 +290,7 @@ class Spec(Section):
         none = FaceTolerances()
         faces = {name: face.with_tolerances(given.faces.get(name, none)) for name, face in self.lens.faces.items()}
         own = TolerancesSection(**given.model_dump(exclude_unset=True, exclude={"faces"}))
-        return self.model_copy(update={"lens": self.lens.model_copy(update=faces), "tolerances": own})
+        return self.changed(lens=self.lens.changed(**faces), tolerances=own)
 
     def is_cut(self, face: str) -> bool:
         """True for a face that is designed for the cutter of ``[manufacture]``: the base gives it room there.

@@ -4,6 +4,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, RIM_FLANGE, FaceRole, bounding
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
@@ -48,7 +49,7 @@ class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stand
 
     def with_tolerances(self, other: FaceTolerances) -> "FaceSection":
         """The face with the tolerances of ``other`` in place of its own."""
-        own = self.model_copy(update={name: getattr(other, name) for name in FaceTolerances.model_fields})
+        own = self.changed(**{name: getattr(other, name) for name in FaceTolerances.model_fields})
         own.model_fields_set.difference_update(FaceTolerances.model_fields.keys() - other.model_fields_set)
         return own
 
@@ -148,10 +149,16 @@ class FacesSection(Section):
 
     @property
     def start_mm(self) -> dict[str, float]:
-        """Heights of the faces on the axis before the search."""
-        apexes = {name: face.apex_mm for name, face in self.faces.items()}
-        assert None not in apexes.values(), "a spec derives what is left out"
-        return {name: height for name, height in apexes.items() if height is not None}
+        """Heights of the faces on the axis before the search.
+
+        Raises :class:`InputError` where no spec has derived one.
+        """
+        heights = dict[str, float]()
+        for name, face in self.faces.items():
+            if face.apex_mm is None:
+                raise InputError(f"lens.{name}: without a height on the axis; a spec derives it, ask the lens of one")
+            heights[name] = face.apex_mm
+        return heights
 
     @property
     def fixed(self) -> dict[str, Surface | None]:

@@ -212,7 +212,7 @@ class LampsWithRim(LampsSection):
     @property
     def of_one_kind(self) -> Self:
         """The same places, where all lamps have one lens."""
-        return self.model_copy(update={"kinds": "one"})
+        return self.changed(kinds="one")
 
 
 class GridLamps(LampsWithRim):
@@ -316,7 +316,7 @@ class TableLamps(LampsSection):
     @property
     def of_one_kind(self) -> Self:
         """The same places, where all lamps have one lens."""
-        return self.model_copy(update={"kinds": ()})
+        return self.changed(kinds=())
 
     @check
     def _can_be(self) -> None:

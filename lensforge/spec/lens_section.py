@@ -122,8 +122,12 @@ class LensShape(LensMaterial, OfSeveralKinds):
 
     @property
     def basis(self) -> SrbfBasis:
-        """The functions that shape the free surfaces, of levels that are numbers; "auto" symmetry counts as none."""
-        assert self.levels != "auto", "a search sets them"
+        """The functions that shape the free surfaces; "auto" symmetry counts as none.
+
+        Raises :class:`InputError` for levels that are no numbers yet.
+        """
+        if self.levels == "auto":
+            raise InputError('lens.levels = "auto": a search chooses them; ask its lens, or give numbers')
         return SrbfBasis(self.levels, self.sigma_c, self._own_symmetry)
 
     @property

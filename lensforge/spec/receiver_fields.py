@@ -96,7 +96,7 @@ class ReceiverSection(OfSeveralKinds, Section):
         """The receiver in another pose."""
         centre_mm, facing, turn_deg = pose.origin_mm, pose.axes[2], pose.turn_deg
         fields = {"centre_mm": centre_mm, self.faces_by: facing, "tilt_deg": None, "rotation_deg": turn_deg}
-        return self.model_copy(update={name: fields[name] for name in fields if name in type(self).model_fields})
+        return self.changed(**{name: fields[name] for name in fields if name in type(self).model_fields})
 
     def require_outside(self, lens: LensShape, limits: ConstraintsSection, distance: str) -> None:
         """Raise ``ValueError`` for a receiver inside the largest lens, or where its light cannot come.
@@ -163,7 +163,7 @@ def named(receivers: tuple[ReceiverSection, ...]) -> tuple[ReceiverSection, ...]
         name = receiver.name or (receiver.kind if len(alike) == 1 else f"{receiver.kind}_{number}")
         if any(name == each.name for each in with_names):
             raise ValueError(f"receivers: two are called {name!r}; give each a name of its own")
-        with_names.append(receiver.model_copy(update={"name": name}))
+        with_names.append(receiver.changed(name=name))
     return tuple(with_names)
 
 

@@ -10,7 +10,7 @@ from datetime import date, datetime
 from inspect import Signature
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -29,7 +29,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from lensforge.errors import InputError
 from lensforge.results.record import read_only, real_numbers
-from lensforge.results.validation import same
+from lensforge.results.validation import same, with_changes
 from lensforge.spec.spec_fields import help_of, signature_of
 from lensforge.spec.spec_files import NamedFrom, full_path
 from lensforge.spec.wrong_fields import spec_error
@@ -39,7 +39,9 @@ class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metacla
     """Turns the validation error of a section that a script constructs into the lines of the command line.
 
     A class that names its field ``positional`` takes that one without its name. Words and signature of a class are
-    made when they are asked for: reading all of them takes a second.
+    made when they are asked for: reading all of them takes a second. An ``__init__`` of the sections would not do: for
+    a table within a table pydantic calls it, too, and what it raises has lost its place. Nor would a hook for new
+    classes, where a signature must be there at once.
     """
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
@@ -99,6 +101,16 @@ class Section(_Model):
         """Count the kind as given where it was left to the class: without it a file could not be read again."""
         if "kind" in type(self).model_fields:
             self.model_fields_set.add("kind")
+
+    def changed(self, **fields: Any) -> Self:
+        """A copy with other values in some ``fields``, each checked by itself: what they make together is not.
+
+        Raises :class:`InputError` for a value that is not allowed.
+        """
+        try:
+            return with_changes(self, fields)
+        except ValidationError as error:
+            raise spec_error(error, type(self).__name__, type(self)) from None
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise InputError(f"{type(self).__name__}.{name}: a spec does not change; make another with replace(...)")

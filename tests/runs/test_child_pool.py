@@ -147,8 +147,9 @@ def test_items_are_shared_out_and_those_of_a_lost_process_are_done_here() -> Non
     assert dict(IN_TURN.map(operator.sub, 2.0, [1.0, 3.0])) == {0: 1.0, 1: -1.0}
 
 
-def test_processes_of_this_machine_need_no_dask(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
+def test_processes_of_this_machine_are_workers_and_where_there_is_no_room_it_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     with connected("local:1") as workers:
         assert dict(workers.map(operator.mul, 2.0, [1.0, 3.0])) == {0: 2.0, 1: 6.0}
     with connected(None) as workers:

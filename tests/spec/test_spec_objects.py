@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.errors import InputError
 from lensforge.results.registered_kinds import models_in
 from lensforge.spec import parse_spec, source_sections
 from lensforge.spec.emitter_section import (
@@ -240,3 +242,31 @@ def test_a_date_of_toml_and_its_text_are_the_same(tmp_path: Path) -> None:
     (tmp_path / "date.toml").write_text(text.replace('"2026-03-31"', "2026-03-31"), encoding="utf-8")
     assert lf.load_spec(tmp_path / "date.toml") == lf.load_spec(tmp_path / "text.toml") == dated
     assert dated.manufacture.date == "2026-03-31"
+
+
+def test_a_changed_section_or_record_takes_no_value_that_its_field_does_not_allow() -> None:
+    spec = small_spec()
+    wider = spec.changed(lens=spec.lens.changed(levels=[9, 25]), name="wider")
+    assert (wider.lens.levels, wider.name, spec.name) == ((9, 25), "wider", small_spec().name)
+    assert wider.model_fields_set == spec.model_fields_set | {"name"}
+    for section, change in (
+        (spec.lens, {"levels": "many"}),
+        (spec, {"lens": 3}),
+        (spec.lens.outer, {"offset_mm": -1.0}),
+    ):
+        with pytest.raises(InputError, match=next(iter(change))):
+            section.changed(**change)
+    metric = lf.Metric(value=1.0, unit="W", standard_error=0.5)
+    assert metric.changed(value=2) == lf.Metric(value=2.0, unit="W", standard_error=0.5)
+    for wrong in ({"value": "2"}, {"value": np.inf}, {"standard_error": -0.1}):
+        with pytest.raises(ValidationError, match=next(iter(wrong))):
+            metric.changed(**wrong)
+    with pytest.raises(TypeError, match="Metric has no field error"):
+        metric.changed(error=1.0)
+
+
+def test_a_lens_by_itself_says_that_a_spec_derives_its_sizes_and_a_search_its_levels() -> None:
+    with pytest.raises(InputError, match=r"lens\.inner: without a height on the axis"):
+        _ = lf.LensSection().start_mm
+    with pytest.raises(InputError, match='levels = "auto"'):
+        _ = lf.LensSection().basis

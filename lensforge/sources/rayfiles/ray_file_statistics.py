@@ -231,18 +231,16 @@ def describe(rayfile: RayFile) -> RayFileSummary:
     }
     colours, mean_nm = sums.colours, sums.colours.mean_nm
     of_rays = None if mean_nm is None else WavelengthRange(min=colours.low_nm, max=colours.high_nm, mean=mean_nm)
-    summary = header.model_copy(
-        update={
-            "rays_used": sums.rays,
-            "rays_dropped": RaysDropped.model_validate(sums.dropped),
-            "effective_rays": sums.effective_rays,
-            "flux": header.flux.model_copy(update=flux),
-            "bounding_box_mm": Box(min=as_point(sums.low), max=as_point(sums.high)),
-            "virtual_focus_mm": sums.focus_mm,
-            "mean_direction": as_point(sums.direction / sums.flux),
-            "wavelengths_nm": of_rays or header.wavelengths_nm,
-            "warnings": (*file_warnings(rayfile, sums), *ray_set_warnings(sums, placed=False)),
-        }
+    summary = header.changed(
+        rays_used=sums.rays,
+        rays_dropped=RaysDropped.model_validate(sums.dropped),
+        effective_rays=sums.effective_rays,
+        flux=header.flux.changed(**flux),
+        bounding_box_mm=Box(min=as_point(sums.low), max=as_point(sums.high)),
+        virtual_focus_mm=sums.focus_mm,
+        mean_direction=as_point(sums.direction / sums.flux),
+        wavelengths_nm=of_rays or header.wavelengths_nm,
+        warnings=(*file_warnings(rayfile, sums), *ray_set_warnings(sums, placed=False)),
     )
     summary._rayfile = rayfile  # for its plot: neither compared nor saved
     return summary
