@@ -78,9 +78,8 @@ def in_lens(scene: Scene, rays: RayBundle) -> RayBundle:
     if scene.made is None:
         return rays
     placed = scene.made.placed
-    first = placed.steps[0]
-    origins = first.points(rays.origins, placed.factor_in)
-    return replace(rays, origins=origins, directions=first.directions(rays.directions))
+    origins = placed.into.points(rays.origins, placed.factor_in)
+    return replace(rays, origins=origins, directions=placed.into.directions(rays.directions))
 
 
 def _seen_from_source(scene: Scene, points: _Vectors) -> _Vectors:
@@ -88,7 +87,7 @@ def _seen_from_source(scene: Scene, points: _Vectors) -> _Vectors:
     if scene.made is None:
         return points
     placed = scene.made.placed
-    seen: _Vectors = placed.steps[0].own_points(points) / placed.factor_in
+    seen: _Vectors = placed.into.own_points(points) / placed.factor_in
     return seen
 
 
@@ -266,7 +265,7 @@ def _gain(
     """
     across = crossing.across(in_lens(scene, rays).directions)
     if scene.made is not None:
-        across = scene.made.placed.steps[0].own_directions(across)
+        across = scene.made.placed.into.own_directions(across)
     beside = []
     for sign in (1.0, -1.0):
         directions = rays.directions + sign * BESIDE * across

@@ -173,7 +173,7 @@ class _Passage:
     def through(self, light: RaysInBody) -> RaysInBody:
         """Rays behind the body, in their order; those that had ended before stay as they are."""
         place, ended, going = self.body.placement, [light.take(~light.left)], light.take(light.left)
-        entered, outside = self._entered(going if place is None else going.placed(place.steps[0], place.factor_in))
+        entered, outside = self._entered(going if place is None else going.placed(place.into, place.factor_in))
         ended += outside
         media = {CAVITY: entered}
         for event in range(self.body.chain.events):
@@ -185,7 +185,7 @@ class _Passage:
             media = {medium: RaysInBody.joined(parts) for medium, parts in onward.items()}
         found = RaysInBody.joined(ended + [rays.ended(Fate.EVENT_LIMIT) for rays in media.values()])
         found = found.take(torch.argsort(found.numbers))
-        return found if place is None else found.placed(place.steps[-1], place.factor_out)
+        return found if place is None else found.placed(place.back, place.factor_out)
 
     def _entered(self, light: RaysInBody) -> tuple[RaysInBody, list[RaysInBody]]:
         """The rays that come into the cavity, at its opening if from below z = 0; and the others."""
@@ -346,7 +346,7 @@ class _Passage:
         elif last or place is None or not self.body.in_order:
             yield medium, light
         else:
-            light = light.placed(place.steps[event + 1])
+            light = light.placed(place.between[event])
             raised, path = _raised(light)
             # at the rim, below the plane in which a lowered or tilted face ends: into the body through it, or the base
             risen = (light.directions[:, 2] > 0.0) & self._inside([event + 1], raised.points)

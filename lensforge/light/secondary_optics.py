@@ -51,7 +51,7 @@ def tabled(optic: SecondaryOptic) -> TabledOptic:
             break
         nodes *= 2
     bounds = FaceBounds.of([surface_bounds(table, grid.origin, grid.step) for table in tables])
-    return TabledOptic(tables, grid, bounds, FacePoses((optic.pose.inverse, IN_PLACE, optic.pose)))
+    return TabledOptic(tables, grid, bounds, FacePoses(optic.pose.inverse, (IN_PLACE,), optic.pose))
 
 
 def polarised(exits: ExitRays, fields: Float[np.ndarray, "n 12"] | None) -> ExitRays:

@@ -75,6 +75,12 @@ class Pose:
         return np.array(self.axes).T
 
     @property
+    def axis(self) -> Vector:
+        """Direction of its z axis."""
+        _, _, z = self.axes
+        return z
+
+    @property
     def moves(self) -> bool:
         """False where everything stays where it is."""
         return self != IN_PLACE
@@ -82,7 +88,8 @@ class Pose:
     @property
     def turn_deg(self) -> float:
         """Turn (degrees) about its z axis, before that is tilted the shortest way."""
-        x, y, _ = self.seen_from(Pose.facing(self.axes[2], self.origin_mm)).axes[0]
+        along_x, _, _ = self.seen_from(Pose.facing(self.axis, self.origin_mm)).axes
+        x, y, _ = along_x
         return degrees(atan2(y, x))
 
     def at(self, origin_mm: _Three) -> "Pose":
@@ -140,18 +147,22 @@ IN_PLACE = Pose()
 
 
 class FacePoses(NamedTuple):
-    """Frames in which the faces of a body stand: each in the next one, from that of the rays to the way back to it.
+    """Frames of the faces of a body, as rays pass them.
 
-    ``factor_in``, ``factor_out``: of lengths on the first and on the last step.
+    ``into``: the frame of the rays in that of the first face; ``between``: that of each face in that of the next one;
+    ``back``: that of the last face in that of the rays. ``factor_in``, ``factor_out``: of lengths into and back.
     """
 
-    steps: tuple[Pose, ...]
+    into: Pose
+    between: tuple[Pose, ...]
+    back: Pose
     factor_in: float = 1.0
     factor_out: float = 1.0
 
     def packed(self) -> FacePlacement:
         """Arrays, as the kernels of bodies take them."""
-        return FacePlacement(np.stack([step.frame for step in self.steps]), self.factor_in, self.factor_out)
+        frames = [pose.frame for pose in (self.into, *self.between, self.back)]
+        return FacePlacement(np.stack(frames), self.factor_in, self.factor_out)
 
 
 def _vector(values: Any) -> Vector:

@@ -108,7 +108,7 @@ def _draw_fan(
     traced: TracedLens | None,
 ) -> None:
     """Rays from the centre of the source that start in the section, on the side to which its axis points."""
-    theta, axis = np.radians(_FAN_DEG), np.array(lens.spec.source.pose.axes[2])
+    theta, axis = np.radians(_FAN_DEG), np.array(lens.spec.source.pose.axis)
     directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
     directions = directions[directions @ axis > 0.0]
     centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))

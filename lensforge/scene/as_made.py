@@ -59,9 +59,9 @@ class AsMade:
         source = self.source.seen_from(self.lens).at((self.lens.own_points(emitted) - up) / self.scale)
         faces = [self.faces.get(name, IN_PLACE) for name in self.names]
         last = faces[-1].at(self.scale * np.array(faces[-1].origin_mm) + up)
-        between = [one.seen_from(other) for one, other in pairwise(faces)]
-        steps = (source.seen_from(faces[0]), *between, self.lens.after(last))
-        return FacePoses(steps, self.source_size / self.scale, self.scale)
+        between = tuple(one.seen_from(other) for one, other in pairwise(faces))
+        into, back = source.seen_from(faces[0]), self.lens.after(last)
+        return FacePoses(into, between, back, self.source_size / self.scale, self.scale)
 
     def rough(self, rays: int) -> Roughness | None:
         """Roughness of all faces for so many rays; None where all are polished."""

@@ -162,7 +162,7 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
     if lamps.is_single:
         return LampPictures(receiver, (Raster(receiver, 1),))
     moves = np.array(lamps.places_mm) @ receiver.pose.rotation[:2, :2] / receiver.grid.pixel
-    level = receiver.is_flat and not any(receiver.pose.axes[2][:2]) and not lamps.posed
+    level = receiver.is_flat and not any(receiver.pose.axis[:2]) and not lamps.posed
     for own in _alike(receiver, moves, level):
         if lamps.period_mm is not None:
             rasters.append(_period(receiver, own[0]))

@@ -363,7 +363,7 @@ class PossibleLight:
             return np.zeros(1)
         nearest_mm = float(np.linalg.norm(corners, axis=-1).min())
         if receiver.is_flat:  # between the corners it may be nearer
-            nearest_mm = abs(receiver.pose.inverse.origin_mm[2])
+            nearest_mm = abs(float(np.dot(receiver.pose.axis, receiver.pose.origin_mm)))
         off_mm = np.array([self._exit.radius_mm])
         if self.light.media.open_mirror is not None:
             glass = self.light.media.cover_glass

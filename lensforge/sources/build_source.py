@@ -91,7 +91,7 @@ class PlacedSource(ChangedSource):
     @property
     def is_round(self) -> bool:
         """True where it is moved and turned along and about the axis alone."""
-        return super().is_round and not any(self.pose.origin_mm[:2]) and self.pose.axes[2] == ALONG_Z
+        return super().is_round and not any(self.pose.origin_mm[:2]) and self.pose.axis == ALONG_Z
 
     def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
         """The rays, moved."""

@@ -94,7 +94,7 @@ class ReceiverSection(OfSeveralKinds, Section):
 
     def posed(self, pose: Pose) -> Self:
         """The receiver in another pose."""
-        centre_mm, facing, turn_deg = pose.origin_mm, pose.axes[2], pose.turn_deg
+        centre_mm, facing, turn_deg = pose.origin_mm, pose.axis, pose.turn_deg
         fields = {"centre_mm": centre_mm, self.faces_by: facing, "tilt_deg": None, "rotation_deg": turn_deg}
         return self.changed(**{name: fields[name] for name in fields if name in type(self).model_fields})
 

@@ -51,7 +51,7 @@ class PlaneReceiver(ReceiverSection):
     @property
     def facing(self) -> Direction:
         """Direction of the normal, away from the lens."""
-        x, y, z = self.normal or Pose.of_tilts(tilt_deg=self.tilt_deg or (0.0, 0.0)).axes[2]
+        x, y, z = self.normal or Pose.of_tilts(tilt_deg=self.tilt_deg or (0.0, 0.0)).axis
         away = x * self.centre_mm[0] + y * self.centre_mm[1] + z * self.centre_mm[2]
         return (x, y, z) if away >= 0.0 else (-x, -y, -z)
 

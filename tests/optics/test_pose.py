@@ -84,7 +84,7 @@ def test_a_source_a_body_a_lamp_and_a_receiver_in_one_pose_put_a_point_at_the_sa
     led = build_source(lf.SquareSource(side_mm=2.0, position_mm=PLACE, **angles))
     shells = {name: {"fixed": {"kind": "sphere", "radius_mm": radius}} for name, radius in (("inner", 3), ("outer", 4))}
     body = BodySection(name="dome", refractive_index=1.5, centre_mm=PLACE, **angles, **shells).body(550.0)
-    axis = CROOKED.axes[2]
+    axis = CROOKED.axis
     chart = {"width_mm": 2.0, "height_mm": 2.0, "targets": [lf.DiscTarget(diameter_mm=1.0)]}
     plane = lf.PlaneReceiver(centre_mm=PLACE, normal=axis, rotation_deg=CROOKED.turn_deg, **chart)
     aim = tuple(place + 10.0 * along for place, along in zip(PLACE, axis, strict=True))
