@@ -15,7 +15,7 @@ step of its angles wide at an edge of the light.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -56,13 +56,7 @@ class LampLight:
 
 Lateral = Literal["I", "II", "III", "IV", "V"]
 Longitudinal = Literal["very short", "short", "medium", "long", "very long"]
-_ALONG: tuple[tuple[Longitudinal, float], ...] = (
-    ("very short", 1.0),
-    ("short", 2.25),
-    ("medium", 3.75),
-    ("long", 6.0),
-    ("very long", np.inf),
-)
+_ENDS_ALONG = (1.0, 2.25, 3.75, 6.0, np.inf)  # mounting heights at which the light of each ends, along the road
 _ACROSS: tuple[tuple[Lateral, float], ...] = (("I", 1.0), ("II", 1.75), ("III", 2.75), ("IV", np.inf))
 _HALF = 0.5
 _ROUND = 2.0 / 3.0  # least over largest reach of the line: a square has 0.71, an ellipse of 2:1 half
@@ -130,13 +124,13 @@ def distribution_type(lamp: LampLight) -> DistributionType:
     everywhere = roundness.value >= _ROUND  # the largest intensity is then as large along the road
     along = np.hypot(road.along, road.across if everywhere else 0.0)
     farthest = float(along[samples.mean(axis=0).argmax()])
-    place = int(np.searchsorted([end for _, end in _ALONG], farthest, side="right"))
-    low, high = (0.0 if place == 0 else _ALONG[place - 1][1]), _ALONG[place][1]
+    place = int(np.searchsorted(_ENDS_ALONG, farthest, side="right"))
+    low, high = (0.0 if place == 0 else _ENDS_ALONG[place - 1]), _ENDS_ALONG[place]
     street = _with_step(figure(lambda light: road.reach(light, low, high, 1.0)))
     house = _with_step(figure(lambda light: road.reach(light, low, high, -1.0)))
     return DistributionType(
         lateral="V" if everywhere else next(name for name, end in _ACROSS if street.value <= end),
-        longitudinal=_ALONG[place][0],
+        longitudinal=get_args(Longitudinal)[place],
         along_mh=farthest,
         street_mh=street,
         house_mh=house,

@@ -116,14 +116,6 @@ Progress = Callable[[int, int], object]  # parts measured, and of those that a s
 
 Chunks = Sequence[tuple[Job, ...]]
 MeasuredChunks = Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]  # numbers of chunks, in any order, and their metrics
-Workers = Callable[[PartStudy, Chunks], MeasuredChunks]
-
-
-def by_threads(study: PartStudy, chunks: Chunks) -> MeasuredChunks:
-    """Measure every chunk in its turn, as many parts at once as the kernels may use threads."""
-    prepare(study)
-    for number, chunk in enumerate(chunks):
-        yield number, np.stack(in_parallel_map(lambda job: measured(study, job), chunk))
 
 
 def prepare(study: PartStudy) -> None:
@@ -139,10 +131,10 @@ def measured(study: PartStudy, job: Job) -> Float[np.ndarray, "m 2"]:
 
 @dataclass
 class MeasuredParts:
-    """Metrics of the parts of ``study``; those that are not ``kept`` are measured by ``workers``."""
+    """Metrics of the parts of ``study``; those that are not ``kept`` are measured by ``workers``, or threads here."""
 
     study: PartStudy
-    workers: Workers = by_threads
+    workers: WorkerPool | None = None
     kept: KeptParts = field(default_factory=KeptParts)
     progress: Progress | None = None
 
@@ -159,7 +151,7 @@ class MeasuredParts:
         chunks = [tuple(missing[first : first + _CHUNK]) for first in range(0, len(missing), _CHUNK)]
         saved, done = time.monotonic(), len(jobs) - len(missing)
         try:
-            for number, values in self.workers(self.study, chunks) if chunks else ():
+            for number, values in self._measured(chunks) if chunks else ():
                 known.update(zip(((rays, job) for job in chunks[number]), values, strict=True))
                 done += len(chunks[number])
                 if self.progress is not None and self.progress(done, len(jobs)) is False:
@@ -172,15 +164,18 @@ class MeasuredParts:
                 self.kept.save()
         return np.stack([known[rays, job] for job in jobs])
 
+    def _measured(self, chunks: Chunks) -> MeasuredChunks:
+        """Each chunk as a task of the workers, or in its turn, as many parts at once as the kernels may use threads."""
+        if self.workers is not None:
+            return self.workers.map(measured_chunk, self.study.recipe, chunks)
+        prepare(self.study)
+        by_threads = (in_parallel_map(lambda job: measured(self.study, job), chunk) for chunk in chunks)
+        return enumerate(map(np.stack, by_threads))
+
 
 _MOST_STUDIES = 2  # in the memory of a worker: of the same lens with fewer rays, and the one at hand
 _studies: list[PartStudy] = []
 _lock = Lock()
-
-
-def of_cluster(pool: WorkerPool) -> Workers:
-    """Workers of a pool of processes or of a cluster, which measure each chunk as one task."""
-    return lambda study, chunks: pool.map(measured_chunk, study.recipe, chunks)
 
 
 def measured_chunk(recipe: Recipe, chunk: tuple[Job, ...]) -> Float[np.ndarray, "j m 2"]:

@@ -3,8 +3,7 @@
 A machined part is known by a photograph of its light, or by points that were measured on a surface.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args, overload
@@ -27,8 +26,6 @@ from lensforge.surfaces.point_cloud import read_cloud
 if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Bool
-
-    from lensforge.made.measured_parts import Workers
 
 
 @overload
@@ -249,14 +246,14 @@ def tolerance(
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
     other = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
     drawn = lens if other is None else replace(lens, spec=lens.spec.with_tolerances(other))
-    with threads_of_torch(threads), _part_workers(scheduler) as workers:
+    with threads_of_torch(threads), connected(scheduler) as workers:
         study = measure_yield(
             drawn,
             parts=parts,
             rays=count,
             seed=seed,
             with_budget=budget,
-            workers=workers,
+            workers=None if scheduler is None else workers,
             file=path_of("checkpoint", checkpoint),
             progress=progress,
             announce=announce,
@@ -267,18 +264,6 @@ def tolerance(
         seed=unless_own(seed, 0),
     )
     return study.changed(inputs={"lens": lens.sha256}, conditions=conditions)
-
-
-@contextmanager
-def _part_workers(scheduler: str | None) -> "Iterator[Workers]":
-    """Workers of the cluster of ``scheduler``; None: the threads of this process."""
-    from lensforge.made.measured_parts import by_threads, of_cluster
-
-    if scheduler is None:
-        yield by_threads
-        return
-    with connected(scheduler) as cluster:
-        yield of_cluster(cluster)
 
 
 def _name_of(tolerances: PartTolerances) -> str:

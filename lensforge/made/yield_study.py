@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from lensforge.light.metrics import jackknife_error
 from lensforge.light.simulation import REPLICATES
 from lensforge.made.board_light import periods_of
-from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress, Workers, by_threads
+from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress
 from lensforge.made.part_light import ReplicateRays
 from lensforge.made.part_study import PartStudy, Recipe, require_feasible_tolerances
 from lensforge.made.tolerance_budget import budget
@@ -35,6 +35,7 @@ from lensforge.made.tolerance_result import (
     drawn_to_mean,
 )
 from lensforge.results import Metric
+from lensforge.results.cluster import WorkerPool
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws, orthonormal
 from lensforge.sources.build_source import build_source
@@ -128,7 +129,7 @@ def measure_yield(
     rays: int | None = None,
     seed: int = 0,
     with_budget: bool = True,
-    workers: Workers = by_threads,
+    workers: WorkerPool | None = None,
     file: Path | None = None,
     progress: Progress | None = None,
     announce: Callable[[str], None] | None = None,

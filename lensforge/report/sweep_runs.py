@@ -37,14 +37,6 @@ Files = Mapping[str, bytes]
 Made = tuple[Variant, str]  # a design that is in its folder, and the reason where there is none
 
 
-def runs_on_workers(
-    specs: Sequence[Spec], options: Mapping[str, Any], scheduler: str
-) -> Iterator[tuple[int, Files | str]]:
-    """Make every design, in any order: its number, and its files by name, or why there are none."""
-    with connected(scheduler) as cluster:
-        yield from cluster.map(files_of_run, options, specs)
-
-
 def files_of_run(options: Mapping[str, Any], spec: Spec) -> Files | str:
     """Make one design in a folder of the worker: its files by their paths in it, or why it cannot be made.
 
@@ -109,11 +101,11 @@ def run_sweep(
 
         if scheduler is None:
             made = _one_by_one(wanted, directory, run_design, resume, tell)
-        else:
-            options = {**further, "accuracy": accuracy, "seed": seed}
-            answers = runs_on_workers([variant.spec for variant in wanted], options, scheduler)
-            made = _written(wanted, directory, answers, tell)
-        return _joined(spec, variation, made, directory, sweep)
+            return _joined(spec, variation, made, directory, sweep)
+        options, specs = {**further, "accuracy": accuracy, "seed": seed}, [variant.spec for variant in wanted]
+        with connected(scheduler) as workers:
+            made = _written(wanted, directory, workers.map(files_of_run, options, specs), tell)
+            return _joined(spec, variation, made, directory, sweep)
 
 
 def _require_other_folders(wanted: Sequence[Variant], sweep: Sweep | None) -> None:

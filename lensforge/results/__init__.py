@@ -11,6 +11,7 @@
 - ``files.replacing``: a file that is written whole or not at all
 - ``text_table.TextTable``: the one reader of tables in text files
 - ``sandbox.work_in_child``: foreign files, read in a child process
+- ``child_pool.child_pool``: functions called in child processes
 - ``cluster.connected``: work on many machines
 """
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Collection, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
@@ -42,7 +42,9 @@ def _validated(kind: type[BaseModel], name: str, value: object) -> object:
 def _alone(kind: type[BaseModel], name: str) -> type[BaseModel]:
     """A model that has one field of ``kind`` alone."""
     field, config = kind.model_fields[name], ConfigDict(**{**kind.model_config, "frozen": False})
-    return cast(type[BaseModel], create_model(kind.__name__, __config__=config, **{name: (field.annotation, field)}))
+    definition: Any = (field.annotation, field)
+    alone: type[BaseModel] = create_model(kind.__name__, __config__=config, **{name: definition})
+    return alone
 
 
 def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions: Collection[str] = ()) -> InputError:

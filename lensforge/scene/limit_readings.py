@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
+from typing import cast, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -127,14 +128,9 @@ def _bounds_of(
 
 
 def _kind(quantity: str) -> Quantity:
-    kinds: dict[str, Quantity] = {
-        "deg": "beam_angle",
-        "relative": "relative",
-        "share": "share",
-        "min_over_mean": "min_over_mean",
-        "min_over_max": "min_over_max",
-    }
-    return kinds.get(quantity, "light")
+    if quantity == "deg":
+        return "beam_angle"
+    return cast(Quantity, quantity) if quantity in get_args(Quantity) else "light"
 
 
 def _scale(quantity: str, where: str, lumens_per_watt: float | None) -> float:

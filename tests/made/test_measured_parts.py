@@ -12,14 +12,14 @@ from presets import FEW
 
 from lensforge.errors import Cancelled, InputError
 from lensforge.made import measured_parts
-from lensforge.made.measured_parts import KeptParts, MeasuredParts, by_threads
+from lensforge.made.measured_parts import KeptParts, MeasuredParts
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.yield_study import measure_yield
 from lensforge.results.stage_result import with_checksum
 
 
 def _parts(study, file=None, progress=None) -> MeasuredParts:
-    return MeasuredParts(study, by_threads, KeptParts.of(file, study), progress)
+    return MeasuredParts(study, None, KeptParts.of(file, study), progress)
 
 
 def test_an_interrupted_study_goes_on_to_the_same_bits(tmp_path) -> None:

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -116,13 +117,18 @@ def test_workers_get_all_options_and_their_designs_are_in_the_order_of_the_leds(
     folder, found = study
     asked = {}
 
-    def backwards(specs: list, options: dict, scheduler: str) -> Iterator[tuple[int, object]]:
-        asked.update(options, scheduler=scheduler)
-        for number in reversed(range(len(specs))):
-            made = folder / specs[number].name
-            yield number, {each.name: each.read_bytes() for each in made.iterdir()} if made.exists() else "cannot be"
+    class Backwards:
+        def __init__(self, scheduler: str) -> None:
+            asked["scheduler"] = scheduler
 
-    monkeypatch.setattr("lensforge.report.sweep_runs.runs_on_workers", backwards)
+        def map(self, _: object, options: dict, specs: list) -> Iterator[tuple[int, object]]:
+            asked.update(options)
+            for number in reversed(range(len(specs))):
+                made = folder / specs[number].name
+                content = {each.name: each.read_bytes() for each in made.iterdir()} if made.exists() else "cannot be"
+                yield number, content
+
+    monkeypatch.setattr("lensforge.report.sweep_runs.connected", lambda scheduler: nullcontext(Backwards(scheduler)))
     there = run_sweep(
         found.spec, sources_of(found.spec.sources, found.spec), tmp_path, pytest.fail, accuracy=FEW, seed=2,
         scheduler="tcp://host:8786", force=True,
