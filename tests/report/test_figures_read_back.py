@@ -85,8 +85,11 @@ def test_maps_of_a_face_have_x_to_the_right_and_lengths_as_they_can_be_read() ->
             assert f"({unit})" in bar.get_ylabel()
     at = {text.get_text().strip(): text.get_position() for text in axes.texts}
     assert at["x"][0] > 1.0 == at["x"][1] + 1.0 and at["y"][1] > 1.0 == at["y"][0] + 1.0, "beyond the rim, on the axes"
+    circles = {patch.radius: patch.center for patch in axes.patches}
     for angle in (30.0, 60.0, 90.0):
-        assert np.hypot(*at[f"{angle:.0f}°"]) == pytest.approx(np.tan(np.radians(angle) / 2.0))
+        radius = np.hypot(*at[f"{angle:.0f}°"])
+        assert radius == pytest.approx(np.tan(np.radians(angle) / 2.0))
+        assert [circles[each] for each in circles if each == pytest.approx(radius)] == [(0.0, 0.0)]
     curved = surface_figures.curvature_map(np.where(values > 0.0, -2.0, -0.1), 1.0)
     assert curved.axes[0].images[0].get_array()[6, 2] == -2.0
     form = surface_figures.form_map(-1.5 * np.sign(values)).axes[0].images[0]

@@ -66,6 +66,7 @@ def both_landings(receiver: PosedReceiver, points: np.ndarray, directions: np.nd
     one, other = receiver.land(exits), receiver.land_by_arrays(exits)
     assert np.array_equal(one.landed, other.landed) and np.array_equal(one.missed_receiver, other.missed_receiver)
     assert np.array_equal(one.missed_receiver, ~one.landed) and np.array_equal(one.flux, other.flux)
+    assert np.array_equal(one.arrived, one.landed), "all have flux"
     np.testing.assert_allclose(one.hits, other.hits, rtol=1e-9, atol=1e-9)
     return one.hits, one.landed
 

@@ -61,11 +61,13 @@ def box_extent(u: np.ndarray, half: np.ndarray, centre: np.ndarray, growth_mm: f
     return found
 
 
-def test_the_extent_of_a_grown_ball_is_a_larger_ball(ball_file: Path) -> None:
+def test_the_extent_of_a_grown_ball_is_a_larger_ball(ball_file: Path, tmp_path: Path) -> None:
     u = hemisphere_directions(800)
     extent = KeepOutExtent.of(kept_out(ball_file)).along(u)
     assert np.abs(extent - ball_extent(u, GROWTH_MM)).max() < 3e-3
     assert (extent > ball_extent(u, MARGIN_MM) - 1e-6).all(), "the mesh is grown by its error, too"
+    below = step_file(tmp_path / "below.step", ball(BALL_MM, (0.5, 0.0, -2.0)))
+    assert not KeepOutExtent.of(kept_out(below)).along(u).any(), "it ends below z = 0"
 
 
 def test_the_extent_of_a_grown_box_has_round_edges_and_corners(tmp_path: Path) -> None:

@@ -160,6 +160,10 @@ def test_lenses_of_the_drawing_stand_where_they_are(part: Part) -> None:
     places = np.array(lens.spec.all_lamps.places_mm)
     away = np.linalg.norm(np.array(middles)[:, None] - places, axis=2)
     assert (away.min(axis=0) < 0.2).all()
+    labels = {words.text: (np.array(words.at) - sheet.origin) / sheet.scale for words in sheet.marks.words[::-1]}
+    for number, place in enumerate(places, start=1):  # to the right and above of the lens, beside its circle
+        across, up = labels[f"L{number}"] - place
+        assert across == pytest.approx(up) and 7.0 < np.hypot(across, up) < 14.0
 
 
 def test_the_handover_has_both_drawings(part: Part) -> None:
