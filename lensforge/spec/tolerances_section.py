@@ -17,7 +17,7 @@ from math import pi
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer
 
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, SHELL, FaceRole
@@ -117,6 +117,11 @@ class ToleranceSpec(Section):
     def _has_a_width(self) -> None:
         if self.amount == 0.0 and "distribution" in self.model_fields_set:
             raise ValueError("amount = 0: a distribution has a width; raise it, or write 0 alone for an exact part")
+
+    @model_serializer(mode="wrap")
+    def _as_given(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The record without a distribution that was not given: an amount of 0 and a face's error may have none."""
+        return {name: each for name, each in write(self).items() if name in self.model_fields_set}
 
 
 def _from_number(value: Any) -> Any:

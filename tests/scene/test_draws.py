@@ -7,7 +7,14 @@ from scipy.stats import kstest, norm, truncnorm, uniform
 
 from lensforge.errors import InputError
 from lensforge.scene.perturbations import Draws, orthonormal, quantiles
-from lensforge.spec.tolerances_section import Factor, PartTolerances, factors_of, read_tolerances
+from lensforge.spec.tolerances_section import (
+    FaceTolerances,
+    Factor,
+    PartTolerances,
+    TolerancesSection,
+    factors_of,
+    read_tolerances,
+)
 
 TRUTHS = {
     "uniform": uniform(-1.0, 2.0),
@@ -98,6 +105,16 @@ def test_a_wrong_tolerance_is_one_line(changes: dict, words: str) -> None:
     with pytest.raises(InputError, match=words) as error:
         PartTolerances(**changes)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("amount", [0.0, 0.01, {"amount": 0.01, "distribution": "uniform"}])
+@pytest.mark.parametrize("of", [TolerancesSection, FaceTolerances])
+def test_every_tolerance_is_read_back_as_it_was_given(of: type[TolerancesSection], amount: float | dict) -> None:
+    names = [name for name, field in of.model_fields.items() if field.default is None]
+    assert len(names) > 6
+    given = of(**{name: amount for name in names if not (isinstance(amount, dict) and name.endswith("_um"))})
+    record = given.model_dump(mode="json")
+    assert of(**record) == given and of(**record).model_dump(mode="json") == record
 
 
 def test_no_tolerance_at_all_is_one_line() -> None:

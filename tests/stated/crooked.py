@@ -262,6 +262,8 @@ def made(name: str, folder: Path) -> Case:
     """The design of this name, run through every stage in ``folder``."""
     from undrawn import undrawn
 
+    from lensforge.report.folder import opened
+
     record = Record()
     spec, start = spec_of(name, folder / "spec"), lf.load_lens(stored(name, folder / "spec"))
     with record.kept(), undrawn(), threads_of_torch(1):
@@ -275,8 +277,8 @@ def made(name: str, folder: Path) -> Case:
             results["warm"].write(run.folder, "warm")
         for stage, study in STUDIES.get(name, {}).items():
             record.begins(stage)
-            results[stage] = study(run)
-            results[stage].write(run.folder, stage)
+            with opened(run.folder) as here:
+                results[stage] = here.write(study(run))
     lens = json.loads((run.folder / "lens.json").read_text(encoding="utf-8"))
     facts = {stage: run.facts(result) for stage, result in results.items()}
     return Case(name, run.folder, lens, results, facts, record.rays)
