@@ -215,6 +215,15 @@ def test_pixels_that_are_equally_dark_are_read_together() -> None:
     np.testing.assert_array_equal(_darkest(np.array([[1.0, 0.0, 0.0]]), images), [[0.0, 2.0, 2.0]])
 
 
+@pytest.mark.parametrize("count", [3, 16])
+def test_a_bound_holds_where_the_readings_are_beyond_it(count: int) -> None:
+    readings = pictures(count, 0.02).reshape(count, -1)
+    least, largest = least_without_noise(readings).value, largest_without_noise(readings).value
+    assert [least_without_noise(readings, most).value for most in (0.5 * least, 2.0 * largest)] == [0.5 * least, least]
+    found = [largest_without_noise(readings, bound).value for bound in (0.5 * least, 2.0 * largest)]
+    assert found == [largest, 2.0 * largest]
+
+
 @pytest.mark.parametrize("count", [1, 15, 17])
 def test_other_than_sixteen_replicates_have_the_least_of_their_mean(count: int) -> None:
     readings = pictures(count, 0.3).reshape(count, -1)
