@@ -23,10 +23,10 @@ from lensforge.shop.check_facts import check_facts
 from lensforge.shop.dimensions import datum_scheme, dimensions
 from lensforge.shop.drawing import SIZES, _notes_box, drawing_content, inside_of, make_sheet, tool_notes, unit_of
 from lensforge.shop.sheet import Words, box_of, shown
-from lensforge.shop.sheet_marks import axes_mark, strokes_of, words_of_dimension
+from lensforge.shop.sheet_marks import axes_mark, strokes_of, text_span, words_of_dimension
 from lensforge.shop.sheet_tables import _texture, index_wavelength, tolerance_table
 from lensforge.shop.sheet_writers import _write_words, sheet_dxf, sheet_pdf
-from lensforge.shop.view_drawing import SCALES
+from lensforge.shop.view_drawing import SCALES, _candidates
 from lensforge.shop.view_lines import end_lines
 from lensforge.spec.part_section import read_drawing
 from lensforge.spec.tolerances_section import PartTolerances
@@ -246,6 +246,15 @@ def test_arrows_name_the_axes_and_margins_of_a_smaller_sheet_are_smaller(drawing
     content, _ = drawings["full"]
     wide, small = (np.subtract(_notes_box(content, name), inside_of(name))[:3] / unit_of(name) for name in ("A3", "A4"))
     assert small == pytest.approx(wide)
+
+
+def test_texts_of_a_dimension_are_tried_in_its_middle_near_both_ends_and_beyond_both(drawings):
+    dimension = max(drawings["full"][1].marks.dimensions, key=lambda each: np.ptp(each.ends_mm) - len(each.text))
+    found, (low, high) = list(_candidates(dimension, 0.0, [])), sorted(dimension.ends_mm)
+    middle, right, left, above, below = (sum(text_span(each)) / 2.0 for each in found)
+    assert middle == pytest.approx(0.5 * (low + high)) and right - middle == pytest.approx(middle - left)
+    assert all(low < end < high for each in found[:3] for end in text_span(each)) and left < middle - 0.1 * (high - low)
+    assert text_span(found[3])[0] > high and text_span(found[4])[1] < low and above - high == pytest.approx(low - below)
 
 
 def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
