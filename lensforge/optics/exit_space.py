@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from math import pi
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -29,6 +29,7 @@ _Points = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, "*n"]
 
 
+@runtime_checkable
 class ExitSpace(Protocol):
     """A space that all light leaves, or several, of which a lens has one."""
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 from lensforge.errors import InputError, LensforgeError
 from lensforge.results.child_pool import IN_TURN, child_pool
@@ -29,6 +29,7 @@ _Found = TypeVar("_Found")
 _GOES_ON = "what was computed is kept where the command keeps it; the same command goes on from there"
 
 
+@runtime_checkable
 class WorkerPool(Protocol):
     """Child processes, or a cluster: what maps a function over items."""
 

@@ -1,7 +1,7 @@
 """Emitting areas in the plane z = 0, which map points of the unit square to start points of equal flux."""
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,6 +13,7 @@ from lensforge.surfaces.mirror_group import largest_symmetry
 _SAME_MM = 1e-9
 
 
+@runtime_checkable
 class Area(Protocol):
     """An emitting area of any kind."""
 
