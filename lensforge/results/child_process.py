@@ -21,7 +21,15 @@ _WORKER = Path(__file__).with_name("worker.py").resolve()
 _PACKAGES = Path(__file__).resolve().parents[2]
 # Threads are what the parent shares out. For every core of a large machine these libraries would also reserve memory
 # before there is any work.
-_THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+def _threads_for_calls() -> dict[str, str]:
+    """One thread, but those of the parent for linear algebra, which rounds by their number: the bits are to be its."""
+    names = ("OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS", "OMP_NUM_THREADS")  # the first that is set counts
+    asked = (os.environ[name] for name in names if os.environ.get(name))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return {**_ONE_THREAD, "OPENBLAS_NUM_THREADS": next(asked, str(cores))}
 
 
 class ChildProcess:
@@ -31,13 +39,13 @@ class ChildProcess:
     """
 
     def __init__(self, folder: Path, *work: object) -> None:
-        pipe = subprocess.DEVNULL if work else subprocess.PIPE
+        pipe, threads = (subprocess.DEVNULL, _ONE_THREAD) if work else (subprocess.PIPE, _threads_for_calls())
         self._closed = False
         self._process = subprocess.Popen(
             # -P: neither the folder of the script nor the current one is searched for modules
             [sys.executable, "-P", *map(str, (_WORKER, _PACKAGES, *work, os.getpid()))],
             cwd=folder if work else None,
-            env={**os.environ, **_THREADS, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))},
+            env={**os.environ, **threads, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))},
             stdin=pipe,
             stdout=pipe,
             stderr=subprocess.DEVNULL,

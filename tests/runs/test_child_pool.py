@@ -123,8 +123,16 @@ def test_a_process_that_was_killed_costs_time_alone() -> None:
         del sleeps
 
 
-def test_a_child_takes_one_thread(second: ChildPool) -> None:
-    assert there(second.call(thread_count)) == 1
+def test_a_child_takes_one_thread_and_rounds_as_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sums of linear algebra depend on its number of threads."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    with child_pool(1) as second:
+        assert there(second.call(thread_count)) == 1
+        assert there(second.call(os.getenv, "OPENBLAS_NUM_THREADS")) == "3"
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    with child_pool(1) as second:
+        assert there(second.call(os.getenv, "OPENBLAS_NUM_THREADS")) == "2"
 
 
 _WHO = "__import__('time').sleep(0.2) or __import__('os').getpid()"  # of the standard library: tests do not travel
