@@ -171,11 +171,11 @@ def simulate(
     ]
     by_way, traced = FluxByWay.none_yet(lens.scene.chain, replicates), 0
     for replicate, share, bundle in bundles(source, rays, replicates, seed):
-        exit_rays = lens.trace(bundle)
+        exit_rays, colours = lens.trace(bundle), bundle.colours if coloured else None
         by_way.add(replicate, share, exit_rays)
         for board, own in zip(lamps, deposits, strict=True):
             for receiver, deposit in zip(board.receivers, own, strict=True):
-                deposit.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays), bundle.tristimulus)
+                deposit.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays), colours)
         traced += len(bundle)
     received = tuple(
         own[0] if board.is_single else ReceivedFlux.mean_of_lamps(board, own, wanted)

@@ -39,14 +39,12 @@ class SourceColour:
     def of(source: Source) -> "SourceColour":
         """Mean over the rays of ``source``, which carry their colours."""
         rays = source.sample(min(_RAYS, source.ray_count or _RAYS), _SEED)
-        assert rays.tristimulus is not None, "a source that was built with its colours"
-        mean = rays.flux @ rays.tristimulus / rays.flux.sum()
+        mean = rays.flux @ rays.colours / rays.flux.sum()
         return SourceColour(uv_of(mean), float(denominator(mean)))
 
     def weights(self, rays: RayBundle) -> Float[np.ndarray, "2 n"]:
         """U and V of 1 W of each ray, over D of 1 W of the source."""
-        assert rays.tristimulus is not None, "a source that was built with its colours"
-        return np.ascontiguousarray(away_from(self.uv, rays.tristimulus).T / self.per_watt)
+        return np.ascontiguousarray(away_from(self.uv, rays.colours).T / self.per_watt)
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,6 +73,13 @@ class RayBundle:
         """Wavelength (nm) of each; None where that does not count."""
         return None if self.waves is None else self.waves.nm
 
+    @property
+    def colours(self) -> Float[np.ndarray, "n 3"]:
+        """X, Y, Z (lm) per W of each. Raises ``ValueError`` for rays of a source that was built without them."""
+        if self.tristimulus is None:
+            raise ValueError("rays without colours: build their source with them")
+        return self.tristimulus
+
     def with_wavelengths(self, wavelengths_nm: Float[np.ndarray, " n"] | None) -> "RayBundle":
         """The rays with these wavelengths (nm), or with none."""
         return replace(self, waves=None if wavelengths_nm is None else Wavelengths(wavelengths_nm))

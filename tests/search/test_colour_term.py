@@ -111,3 +111,8 @@ def test_a_search_mixes_colours() -> None:
         assert merit.colour is not None
         left.append(merit.colour.error(lights[0].colours, lights[1].colours).item())
     assert left[1] < 0.7 * left[0]
+
+
+def test_rays_of_a_source_without_colours_say_so() -> None:
+    with pytest.raises(ValueError, match="build their source with them"):
+        SourceColour.of(build_source(spec_of(1.2).source))
