@@ -124,6 +124,10 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
     assert np.mean(boss - pin, axis=0)[0] == np.mean(bore - pin, axis=0)[0] == pytest.approx(10.0)
     below = [each.length_mm for each in sheet.marks.dimensions if each.name == "height below the plate"]
     assert sorted(below) == [1.25, 2.0]  # of the pin, and of the boss
+    for axis, outermost in ((0, 20.0), (1, 12.5)):
+        (pitch,) = (each for each in sheet.marks.dimensions if each.name == f"pitch of the lenses along {'xy'[axis]}")
+        ends = [(end[axis] - sheet.origin[axis]) / sheet.scale for end in (pitch.start, pitch.end)]
+        assert ends == pytest.approx([-outermost, outermost]), "the outermost axes"
     texts = {each.name: each.text for each in sheet.marks.dimensions}
     assert texts["pitch of the lenses along x"] == "2 × 20.000 = 40.000"
     assert texts["pitch of the lenses along y"] == "25.000"
