@@ -5,7 +5,6 @@ import pytest
 from nightly import first_by_day
 from scenes import random_surface, small_spec, sphere
 
-from lensforge.scene.as_made import through_frame
 from lensforge.scene.made_part import FaceNodes, PartMaker, low_order, ripple, waviness
 from lensforge.spec.tolerances_section import FORM_NUMBERS, WAVINESS_NUMBERS, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table
@@ -103,6 +102,5 @@ def test_an_led_tilts_and_grows_about_its_own_place() -> None:
     place = np.array([0.3, -0.2, 0.5])
     maker = PartMaker.of(small_spec(source__position_mm=place.tolist()), {"inner": sphere(3.0)}, GRID, ())
     made = maker.part({"source_tilt_deg": np.array([0.0, 0.03]), "source_size": np.array([0.1])}).made
-    points, along = np.array([place, place + np.eye(3)[0]]), np.tile([0.0, 0.0, 1.0], (2, 1))
-    found, _ = through_frame(made.placed.frames[0], points, along, made.source_size)
+    found = made.placed.into.points(np.array([place, place + np.eye(3)[0]]), made.source_size)
     np.testing.assert_allclose(found - place, [[0, 0, 0], [1.1 * np.cos(0.03), 0, -1.1 * np.sin(0.03)]], atol=1e-12)
