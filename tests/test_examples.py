@@ -24,7 +24,10 @@ def schema() -> jsonschema.Draft202012Validator:
 def test_a_shipped_spec_is_valid_and_comes_back_from_its_file(
     path: Path, schema: jsonschema.Draft202012Validator, tmp_path: Path
 ) -> None:
-    schema.validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    schema.validate(content)
+    if not (path.parent / content.get("source", {}).get("file", "")).exists():
+        pytest.skip("its ray file comes from the vendor")
     spec = load_spec(path)
     assert spec.name == path.stem
     # the noise of limits of roads ends automatic levels too early, and lamps together are more even than they can tell

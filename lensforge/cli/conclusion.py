@@ -20,6 +20,7 @@ from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Fact, Group, StageResult
 from lensforge.results.criteria import require
+from lensforge.results.record import State
 from lensforge.results.verdict import Verdict
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
@@ -170,7 +171,9 @@ def summary(run: Run) -> list[Block]:
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
     return [
         Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
-        Block(f"Light: {verdict.light}{_to_look_at(light)}", [*rows_of(light), *rows_of(far_field), *why]),
+        Block(
+            f"Light: {verdict.light}{_to_look_at(verdict.light, light)}", [*rows_of(light), *rows_of(far_field), *why]
+        ),
         Block(f"Lens{search}", [*rows_of(lens), *_kinds(run)]),
         Block(f"Files: {verdict.files}", [*rows_of(files), *_because(verdict, "files")[:1]]),
         Block(f"Cutting: {verdict.cutting}", list(_cutting(run))),
@@ -178,8 +181,10 @@ def summary(run: Run) -> list[Block]:
     ]
 
 
-def _to_look_at(groups: Sequence[Group]) -> str:
-    """Names of the facts that deserve a look though no limit judges them, after a verdict."""
+def _to_look_at(state: State, groups: Sequence[Group]) -> str:
+    """Names of the facts that deserve a look though no limit judges them, after a verdict that nothing is wrong."""
+    if state != "pass":
+        return ""
     labels = dict.fromkeys(fact.label.lower() for group in groups for fact in group.facts if fact.notice)
     return f"; look at: {', '.join(labels)}" if labels else ""
 
@@ -222,7 +227,7 @@ def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
         part = {stem: each for stem, each in run.found.items() if stem == Part.stage}
         judged, under = Results(run.lens, {**part, result.stage: result}).verdict, " under other conditions"
     if isinstance(result, Light):
-        return f"Light{under}: {judged.light}{_to_look_at(run.facts(result))}", _because(judged, "light")
+        return f"Light{under}: {judged.light}{_to_look_at(judged.light, run.facts(result))}", _because(judged, "light")
     return f"Files{under}: {judged.files}", _because(judged, "files")
 
 

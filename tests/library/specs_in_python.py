@@ -15,7 +15,7 @@ from lensforge.spec import Spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 HEAD = ("import datetime", "from pathlib import Path", "", "import lensforge as lf")
-WITH_FILES = {"osram_pi"}  # whose ray file comes from the vendor
+WITH_FILES = {"osram_pi"}  # whose ray file comes from the vendor, and may be absent
 
 
 def shipped() -> dict[str, Path]:

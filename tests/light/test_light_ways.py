@@ -86,7 +86,8 @@ def test_an_efficiency_below_nine_tenths_of_possible_is_amber(of_possible: float
     group = light_facts(light.model_copy(update={"receivers": (receiver,)}), start)[0]
     fact = group.fact("efficiency")
     assert fact.notice == notice and fact.state == "" and fact.plain().get("notice", "") == notice
-    assert _to_look_at([group]) == ("; look at: efficiency" if notice else "")
+    assert _to_look_at("pass", [group]) == ("; look at: efficiency" if notice else "")
+    assert _to_look_at("fail", [group]) == "", "reasons say what is wrong"
     tables = Environment(loader=PackageLoader("lensforge.report")).get_template("tables.html").module
     for shown in (tables.asked_table([fact]), tables.card_list([fact]), tables.fact_table([fact])):
         assert ("look: below 0.9" in shown and 'badge open"' in shown) == bool(notice)

@@ -142,14 +142,14 @@ def test_items_are_shared_out_and_those_of_a_lost_process_are_done_here() -> Non
     told: list[str] = []
     with child_pool(2, told.append) as pool:
         assert dict(pool.map(operator.mul, 2.0, [1.0, 3.0, 5.0])) == {0: 2.0, 1: 6.0, 2: 10.0}
-        assert len({number for _, number in pool.map(eval, _WHO, [{}] * 4)} - {os.getpid()}) == 2
+        assert len({number for _, number in pool.map(eval, _WHO, [{} for _ in range(4)])} - {os.getpid()}) == 2
         with pytest.raises(ZeroDivisionError):
             dict(pool.map(operator.truediv, 1.0, [0.0]))
         assert not told
         for lost in (1, 2):
             child = next(iter(pool._living))
             child._process.kill()
-            numbers = [number for _, number in pool.map(eval, _WHO, [{}] * 4)]
+            numbers = [number for _, number in pool.map(eval, _WHO, [{} for _ in range(4)])]
             assert (os.getpid() in numbers) and len(pool._living) == 2 - lost, "the other one goes on"
         assert numbers == [os.getpid()] * 4 and "it has ended" in told[0] and "done again in this one" in told[0]
     assert dict(IN_TURN.map(operator.sub, 2.0, [1.0, 3.0])) == {0: 1.0, 1: -1.0}
