@@ -177,7 +177,7 @@ class Record(BaseModel):
         return self
 
     def changed(self, **fields: Any) -> Self:
-        """A copy with other values in some ``fields``. Raises :class:`ValidationError` for one that is not allowed."""
+        """A copy with other values in some ``fields``. Raises pydantic's ``ValidationError`` for one out of range."""
         return with_changes(self, fields)
 
     def follows(self) -> Iterator[tuple[str, float, float]]:
