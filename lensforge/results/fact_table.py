@@ -53,8 +53,11 @@ class Row:
         if self.like:
             return fact.judged_as(named(judged, self.like))
         limit = _at(spec, self.limit.format_map(words)) if self.limit else None
-        asked = limit is not None or not self.limit
-        return replace(fact, sense=self.sense, limit=limit, state=state_of(judged, self.by) if asked else "")
+        if limit is None and self.limit:
+            return replace(fact, sense=self.sense)
+        why = [each.note for each in judged if each.key == self.by and each.value is None and each.state == "fail"]
+        state = state_of(judged, self.by)  # for another reason than this value where the judgement has none
+        return replace(fact, sense=self.sense, limit=limit, state=state, note="; ".join(filter(None, [note, *why])))
 
 
 def facts_of(

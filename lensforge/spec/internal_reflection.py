@@ -62,6 +62,11 @@ class TirSection(ProfiledShape):
     flange: FlangeSection | None = None
     """Flange at the exit's rim; by default there is none."""
 
+    @classmethod
+    def first_tables(cls, shape: str) -> dict[str, dict[str, object]]:
+        """Fields for its light; without a base, over which its wall could not be drawn from a mould."""
+        return {**super().first_tables(shape), "base": {"kind": "none"}}
+
     @property
     def rim_flange(self) -> FlangeSection | None:
         """The flange at the exit's rim."""

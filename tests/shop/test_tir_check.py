@@ -58,12 +58,16 @@ def test_a_wall_that_narrows_upwards_is_undercut() -> None:
 def test_what_lies_over_the_base_is_undercut_and_a_mould_says_so() -> None:
     over = 6.0 - np.sqrt(144.0 - 11.0**2)  # where the wall is 11 mm from the axis
     base = {"kind": "cylinder", "diameter_mm": 22.0, "height_mm": 2.0}
-    found, _ = checked(OPEN, base=base, manufacture={"make": "insert", "shrinkage": 0.01})
+    found, lens = checked(OPEN, base=base, manufacture={"make": "insert", "shrinkage": 0.01})
     wall = found.faces["wall"]
     assert wall.undercut_fraction == pytest.approx(over / OPEN_MM, abs=1e-4) and wall.draft_deg.min > 10.0
     finding = next(each for each in found.verdicts if (each.key, each.place) == ("draft", "wall"))
     assert not finding.holds and 'base.kind = "none"' in finding.remedy
     assert "of the wall face lies over the base: its half of the mould cannot be drawn" in finding.note
+    spec = lens.spec.replace({"lens.wall.draft_deg": 1.0})
+    shown = next(fact for group in check_facts(found, spec) for fact in group.facts if fact.key == "wall_draft")
+    assert (shown.value, shown.limit, shown.state) == (wall.draft_deg.min, 1.0, "fail")
+    assert shown.note == finding.note, "a value that keeps its limit is not left without the reason"
     others = [each for each in found.verdicts if each.key == "draft" and each.place in ("cap", "exit")]
     assert len(others) == 2 and all(each.holds for each in others)
 
