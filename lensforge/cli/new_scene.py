@@ -18,7 +18,7 @@ from lensforge.shop.findings import GOOD_DRAFT_DEG
 from lensforge.sources.build_source import cavity_around
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.derived_values import WHY
-from lensforge.spec.lens_section import LensShape
+from lensforge.spec.lens_section import LensShape, LightShape
 from lensforge.spec.new_spec import new_text
 from lensforge.spec.source_sections import RayfileSource
 from lensforge.spec.tolerances_section import lets_light_in
@@ -81,7 +81,7 @@ class NewScene:
         shape = light_shape(usual)
         return LensAdvice.of(dict(self._specs(shape)), source_of(usual), shape)
 
-    def _specs(self, shape: str) -> Iterator[tuple[str, Spec]]:
+    def _specs(self, shape: LightShape) -> Iterator[tuple[str, Spec]]:
         """A spec with each kind of lens that has room within these sizes, by its name."""
         from lensforge.search.start_faces import start_faces
 
@@ -91,7 +91,7 @@ class NewScene:
                 start_faces(made)
                 yield kind, made
 
-    def content(self, kind: str, shop: Tables | None = None, shape: str = "picture") -> Tables:
+    def content(self, kind: str, shop: Tables | None = None, shape: LightShape = "picture") -> Tables:
         """Tables of a spec with this ``kind`` of lens for light of a ``shape``; ``shop``: as of :func:`limits_of`."""
         section, made_by = LensShape.kinds[kind], shop or {}
         first = section.first_tables(shape)

@@ -68,8 +68,7 @@ def new(
         source_in(source) if source else _asked("--source", f"LED ({SOURCES})", source_in),
         max_radius or _asked("--max-radius", "largest radius of the lens in mm", _radius),
     )
-    advice = scene.of_material(material or _MATERIAL).advice()
-    kind = lens or _suitable(advice)
+    kind, why = (lens, "") if lens else _suitable(scene.of_material(material or _MATERIAL).advice())
     if not scene.takes_material(kind):
         if material is not None:
             raise InputError(f"--material {material}: no light enters a lens of kind {kind!r}; leave it out")
@@ -78,8 +77,8 @@ def new(
     shop = cutter or (_asked("--cutter", CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
     folder = Path() if spec is None else spec.parent
     text = scene.of_material(material).text(kind, limits_of(shop), folder, _alike(kind, scene.target["kind"]), force)
-    if lens is None and not _at_terminal():
-        click.echo(f"lensforge: lens: {advice.words}; {kind} is taken, --lens takes another", err=True)
+    if why:
+        click.echo(why, err=True)
     if spec is None:
         click.echo(text, nl=False)
         return
@@ -89,12 +88,18 @@ def new(
     click.echo(f"{spec}\tlensforge design {shlex.quote(str(spec))}")
 
 
-def _suitable(advice: "LensAdvice") -> str:
-    """The kind of lens that suits the light, or that a person at the terminal chooses."""
-    if not _at_terminal():
-        return advice.advised
-    words = f"kind of lens, one of {', '.join(advice.options)} ({advice.words})"
-    return str(_asked("--lens", words, advice.chosen, advice.advised))
+def _suitable(advice: "LensAdvice") -> tuple[str, str]:
+    """The kind of lens that a person at the terminal chooses, or the one that suits the light, and why."""
+    kinds = ", ".join(advice.options)
+
+    def chosen(kind: str) -> str:
+        if kind not in advice.options:
+            raise InputError(f"--lens {kind}: must be one of {kinds}")
+        return kind
+
+    if _at_terminal():
+        return _asked("--lens", f"kind of lens, one of {kinds} ({advice.words})", chosen, advice.advised), ""
+    return advice.advised, f"lensforge: lens: {advice.words}; {advice.advised} is taken, --lens takes another"
 
 
 def _asked(option: str, words: str, read: Callable[[str], Any], default: str | None = None) -> Any:
@@ -169,8 +174,11 @@ def examples(name: str | None) -> None:
 def _alike(kind: str, target_kind: str) -> str:
     """Names of a few shipped specs with this kind of lens, those of this kind of target first, in a line of a spec."""
     same, others = list[str](), list[str]()
-    folder = next((place for place in _PLACES if place.is_dir()), None)
-    for path in sorted(folder.glob("*.toml")) if folder is not None else ():
+    try:
+        paths = sorted(shipped_folder().glob("*.toml"))
+    except InputError:  # an installation without any
+        return ""
+    for path in paths:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
         if content.get("lens", {}).get("kind", LensShape.usual_kind) == kind:
             (same if content.get("target", {}).get("kind") == target_kind else others).append(path.stem)

@@ -5,6 +5,7 @@ the same bits. It is there to be faster, and for nothing else: where it cannot b
 process calls the function itself, and raises what the function raises. Work that was done twice is told by a warning.
 """
 
+import pickle
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
@@ -120,11 +121,15 @@ class ChildPool:
 
     def _asked(self, call: tuple[Any, ...]) -> Answer:
         """Answer of the next process that is idle; False first where there is none, for whatever reason."""
+        try:
+            message = pickle.dumps(call, protocol=pickle.HIGHEST_PROTOCOL)
+        except Exception:  # it cannot travel: no process is to blame
+            return False, None
         child = self._idle.get()
         if child is not None:
             try:
-                answer = child.ask(call)
-            except Exception as error:  # it has ended, or what travels cannot: nothing is lost but the time
+                answer = child.ask(message)
+            except Exception as error:  # it has ended, or its answer cannot travel: nothing is lost but the time
                 self._ended = self._ended or type(error).__name__
                 child.close()  # half a message may be left in a pipe
                 self._living.discard(child)

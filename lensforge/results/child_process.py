@@ -59,12 +59,12 @@ class ChildProcess:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def ask(self, call: tuple[Any, ...]) -> tuple[bool, Any]:
-        """Have it call a function: whether that returned, and what. Raises what pipes and pickles do where it ends."""
+    def ask(self, call: bytes) -> tuple[bool, Any]:
+        """Have it make a pickled call: whether that returned, and what. Raises what pipes do where it has ended."""
         asked, answers = self._process.stdin, self._process.stdout
         if asked is None or answers is None:
             raise ValueError("a child process that has work answers no calls")
-        asked.write(pickle.dumps(call, protocol=pickle.HIGHEST_PROTOCOL))
+        asked.write(call)
         asked.flush()
         returned, result = pickle.load(answers)
         return bool(returned), result

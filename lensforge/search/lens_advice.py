@@ -1,26 +1,25 @@
 """Advice on the kind of lens: the largest share of the light that each can send to a target, and which suits that best.
 
 Each turns light by other means, and loses some (``scene.possible_light``); étendue bounds lenses of one size alike, and
-tells no kind from another. What a kind can draw its declaration says: faces of one way draw
-any picture, pictures of several ways overlap to a patch of light, and a mirror around the source gathers light.
+tells no kind from another. What a kind can draw its declaration says: faces of one way draw any picture, pictures of
+several ways overlap to a patch of light, and a mirror around the source gathers light.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
-from lensforge.errors import InputError
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.search.scene_check import Requirement, light_requirements
+from lensforge.search.start_faces import pixel_angles_rad
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
-from lensforge.spec.lens_section import LensShape
+from lensforge.spec.lens_section import LensShape, LightShape
 
 # Share of the largest bound with which a simpler lens is advised. Around a half angle of 30 degrees the bound of two
 # faces is 0.988 of that with total reflection, and designed lenses send 0.973; at 20 degrees 0.969 and 0.943
@@ -29,8 +28,6 @@ _NEAR = 0.97
 _CONVEX = 0.9  # of the area of its hull: the pixels of a disc 10 pixels wide have 0.93 of it
 _UNEVEN = 0.05  # share of the light's variance within rings of equal angle: pixels of a round edge have less
 _RINGS = 32
-
-LightShape = Literal["round", "patch", "picture"]
 
 
 @dataclass(frozen=True)
@@ -71,12 +68,6 @@ class LensAdvice:
         ordered = sorted(self.options.values(), key=lambda each: -each.possible)
         return f"of the light at most {', '.join(each.words for each in ordered)}"
 
-    def chosen(self, kind: str) -> str:
-        """The kind of this name. Raises :class:`InputError` where there is none of it."""
-        if kind not in self.options:
-            raise InputError(f"--lens {kind}: must be one of {', '.join(self.options)}")
-        return kind
-
 
 def _turned(target: Requirement) -> float:
     """Largest share of the light that can reach ``target`` by all laws but étendue."""
@@ -97,9 +88,7 @@ def light_shape(spec: Spec) -> LightShape:
 
 def _is_round(light: Float[np.ndarray, "h w"], receiver: PosedReceiver) -> bool:
     """True where the light depends on the angle from the axis of the lens alone."""
-    corners = receiver.corners()
-    centres = (corners[1:, 1:] + corners[:-1, 1:] + corners[1:, :-1] + corners[:-1, :-1]).reshape(-1, 3)
-    angles = np.arctan2(np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2])
+    angles = pixel_angles_rad(receiver).ravel()
     rings = np.minimum((angles / angles.max() * _RINGS).astype(int), _RINGS - 1)
     values, counts = light.ravel(), np.maximum(np.bincount(rings, minlength=_RINGS), 1)
     means = np.bincount(rings, values, minlength=_RINGS) / counts

@@ -5,7 +5,9 @@ from math import radians
 import numpy as np
 
 from lensforge.errors import remedy
+from lensforge.results import Image
 from lensforge.scene.body import Body
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.spec import Spec
@@ -28,13 +30,18 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     return surfaces
 
 
+def pixel_angles_rad(receiver: PosedReceiver) -> Image:
+    """Angle from the axis of the lens, as seen from its origin, under which each pixel's centre lies."""
+    x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
+    points = receiver.places(x.ravel(), y.ravel())
+    angles: Image = np.arccos(np.clip(points[:, 2] / np.linalg.norm(points, axis=1), -1.0, 1.0)).reshape(x.shape)
+    return angles
+
+
 def _beam(spec: Spec) -> Beam:
     """The light that the first target wants."""
     receiver, section = receivers_of(spec, spec.optimise.pixels)[0], spec.all_receivers[0]
-    bright = in_target(target_light(section.targets, receiver))
-    x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
-    points = receiver.places(x.ravel(), y.ravel())
-    angles = np.arccos(np.clip(points[:, 2] / np.linalg.norm(points, axis=1), -1.0, 1.0)).reshape(bright.shape)
+    bright, angles = in_target(target_light(section.targets, receiver)), pixel_angles_rad(receiver)
     pixel = max(float(np.abs(np.diff(angles, axis=axis)).max()) for axis in (0, 1))
     least, most = float(angles[bright].min()), float(angles[bright].max())
     return Beam(least if least > pixel else 0.0, max(most, _NARROWEST_BEAM_RAD))

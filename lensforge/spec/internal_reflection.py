@@ -11,7 +11,7 @@ from pydantic import Field
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceRole
 from lensforge.spec.face_section import FaceSection, FlangeSection
-from lensforge.spec.lens_section import Beam, ProfiledShape, StartConditions
+from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.spec_section import check
 from lensforge.surfaces.collimator import Collimator, best_collimator
 from lensforge.surfaces.profile import AXIS, HORIZON, shrunk
@@ -63,7 +63,7 @@ class TirSection(ProfiledShape):
     """Flange at the exit's rim; by default there is none."""
 
     @classmethod
-    def first_tables(cls, shape: str) -> dict[str, dict[str, object]]:
+    def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
         """Fields for its light; without a base, over which its wall could not be drawn from a mould."""
         return {**super().first_tables(shape), "base": {"kind": "none"}}
 

@@ -32,6 +32,9 @@ Levels = Annotated[
 Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "diagonal", "rectangle", "square"]
 
 
+LightShape = Literal["round", "patch", "picture"]  # about the axis; in one patch; anything else
+
+
 class Beam(NamedTuple):
     """Least and largest angle (rad) from the axis of the light that is wanted; least: 0 for light about the axis."""
 
@@ -75,7 +78,7 @@ class LensShape(LensMaterial, OfSeveralKinds):
 
     usual_kind = "double"
     title: ClassVar[str] = ""
-    draws: ClassVar[frozenset[str]] = frozenset({"round", "patch", "picture"})
+    draws: ClassVar[frozenset[LightShape]] = frozenset({"round", "patch", "picture"})
     parametrisation: ClassVar[str] = "spheres"
     may_be_round: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False
@@ -92,7 +95,7 @@ class LensShape(LensMaterial, OfSeveralKinds):
     """Result folder, or its lens.json, from whose lens the search goes on instead of from the hemispheres."""
 
     @classmethod
-    def first_tables(cls, shape: str) -> dict[str, dict[str, object]]:
+    def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
         """Fields of a new spec with such a lens, by section; ``shape``: of its light, as in ``draws``."""
         return {"lens": {"levels": "auto"}}
 
@@ -203,7 +206,7 @@ class ProfiledShape(LensShape):
     """Largest number of faces that a ray meets; what goes on then is counted as its own fate."""
 
     @classmethod
-    def first_tables(cls, shape: str) -> dict[str, dict[str, object]]:
+    def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
         """Faces of revolution for round light, else also some functions beyond their profiles."""
         return {"lens": {} if shape == "round" else {"levels": list(_FIRST_LEVELS)}}
 

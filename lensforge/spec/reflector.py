@@ -10,7 +10,7 @@ from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitColumn, ExitSpace
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, FaceRole
 from lensforge.spec.face_section import FaceSection
-from lensforge.spec.lens_section import Beam, ProfiledShape, StartConditions
+from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Label, check
 from lensforge.surfaces.reflector_cup import ParabolicCup, best_cup, mouth_radius_mm, reflector_faces
@@ -51,7 +51,7 @@ class ReflectorSection(ProfiledShape):
     """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
 
     @classmethod
-    def first_tables(cls, shape: str) -> dict[str, dict[str, object]]:
+    def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
         """Fields for as much light as can be where it is wanted, whatever its picture; without a base."""
         return {"lens": {}, "base": {"kind": "none"}, "optimise": {"aim": "share"}}
 
