@@ -77,15 +77,15 @@ def new(
     shop = cutter or (_asked("--cutter", CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
     folder = Path() if spec is None else spec.parent
     text = scene.of_material(material).text(kind, limits_of(shop), folder, _alike(kind, scene.target["kind"]), force)
-    if why:
-        click.echo(why, err=True)
     if spec is None:
         click.echo(text, nl=False)
-        return
-    _write(spec, text)
-    if not (folder / SCHEMA_FILE).exists():
-        _write(folder / SCHEMA_FILE, _schema_text())
-    click.echo(f"{spec}\tlensforge design {shlex.quote(str(spec))}")
+    else:
+        _write(spec, text)
+        if not (folder / SCHEMA_FILE).exists():
+            _write(folder / SCHEMA_FILE, _schema_text())
+        click.echo(f"{spec}\tlensforge design {shlex.quote(str(spec))}")
+    if why:
+        click.echo(why, err=True)
 
 
 def _suitable(advice: "LensAdvice") -> tuple[str, str]:

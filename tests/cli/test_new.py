@@ -124,6 +124,12 @@ def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
     assert (tmp_path / "lamp.toml").read_text(encoding="utf-8") == "mine"
 
 
+def test_where_nothing_can_be_written_one_line_says_so(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    code, output, errors = lensforge("new", tmp_path / "file" / "lamp.toml", *LAMP)
+    assert (code, output, len(errors.splitlines())) == (2, "", 1) and "cannot be written" in errors
+
+
 def test_what_is_impossible_is_said_at_once_and_not_written(tmp_path: Path) -> None:
     cob = ("--source", "disc:3", "--target", "rectangle:60x40@500", "--max-radius", "14", "--lens", "double")
     code, output, errors = lensforge("new", tmp_path / "cob.toml", *cob)
