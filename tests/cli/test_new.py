@@ -221,5 +221,5 @@ def test_the_command_that_is_printed_can_be_pasted(tmp_path: Path, monkeypatch: 
     ]
     ran = CliRunner().invoke(cli, ["new", "own lens; v2.toml", *given])
     assert ran.exit_code == 0, ran.output
-    command = ran.output.rstrip("\n").split("\t")[1]
+    command = ran.stdout.rstrip("\n").split("\t")[1]
     assert shlex.split(command) == ["lensforge", "design", "own lens; v2.toml"]
