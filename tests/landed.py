@@ -112,8 +112,8 @@ def exactly(surfaces: Mapping[str, Surface], scene: Scene, rays: RayBundle) -> E
 
 def by_kernels(tables: list[torch.Tensor], scene: Scene, rays: RayBundle, distance: float) -> Landed:
     """Through two tables, differentiable in them."""
-    (landings,), sin2_exit = landed_through(torch.stack(list(tables)), scene, rays, (plane_at(distance),))
-    return Landed(trace_tables(tables, scene, rays), landings, sin2_exit)
+    (landings,), exits = landed_through(torch.stack(list(tables)), scene, rays, (plane_at(distance),))
+    return Landed(trace_tables(tables, scene, rays), landings, exits.sin2_exit)
 
 
 def in_torch(exits: ExitRays, distance: float) -> Landed:

@@ -13,9 +13,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge import seeds
+from lensforge.kernels.fate import Fate
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import FittedLight, Light, PresetError, TableError, light_criteria
 from lensforge.light.judged_limits import colour_limits, judged_limits
+from lensforge.light.light_ways import FluxByWay
 from lensforge.light.metrics import (
     Images,
     jackknife_metric,
@@ -25,7 +27,7 @@ from lensforge.light.metrics import (
     relative_square,
     uniformity,
 )
-from lensforge.light.received_flux import CAUSES, ReceivedFlux, named_flux
+from lensforge.light.received_flux import CAUSES, MISSED_RECEIVER, ReceivedFlux, named_flux
 from lensforge.light.receiver_light import (
     Flux,
     MissedByCause,
@@ -41,6 +43,7 @@ from lensforge.results import Metric
 from lensforge.results.chart import light_unit
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
+from lensforge.scene.light_ends import LOSSES, NUMBER_BY_FATE
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
 from lensforge.scene.possible_light import PossibleLight, SourceLight
@@ -196,9 +199,10 @@ def evaluate_traced(
         for section, receiver, received in zip(spec.all_receivers, receivers, simulation.received, strict=True)
     )
     images = [gaussian3(received.images, variance) for received in simulation.received] if limits else []
+    losses = [_losses(received, simulation.by_way) for received in simulation.received] if limits else []
     return Light(
         receivers=lit,
-        limits=(*judged_limits(limits, images, [each.name for each in lit]), *colour_limits(colour, lit)),
+        limits=(*judged_limits(limits, images, [each.name for each in lit], losses), *colour_limits(colour, lit)),
         ways=simulation.by_way.ways(simulation.emitted_w),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
@@ -263,6 +267,13 @@ def receiver_light(
         colour=None if colour is None or colours is None else BeamColour.of(colours, colour.level),
         tristimulus_map=None if colours is None else colours.mean(axis=1) / measure,
     )
+
+
+def _losses(received: ReceivedFlux, by_way: FluxByWay) -> Float[np.ndarray, "r c"]:
+    """Flux (W) by cause of its loss, as ``scene.light_ends`` orders them, in each replicate."""
+    ended = received.by_fate[:, : len(Fate)] @ (NUMBER_BY_FATE[:, None] == np.arange(len(LOSSES)))
+    ended[:, LOSSES.index("beside")] = received.outside + received.by_fate[:, MISSED_RECEIVER]
+    return np.concatenate([ended, by_way.leaked()], axis=1)
 
 
 def _in_bodies(media: Media, received: ReceivedFlux, emitted_w: float) -> dict[str, float]:

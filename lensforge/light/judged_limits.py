@@ -28,10 +28,20 @@ Readings = Float[np.ndarray, "r k"]
 
 
 def judged_limits(
-    limits: Sequence[LightLimit], images: Sequence[Float[np.ndarray, "_ _ _"]], names: Sequence[str]
+    limits: Sequence[LightLimit],
+    images: Sequence[Float[np.ndarray, "_ _ _"]],
+    names: Sequence[str],
+    losses: Sequence[Float[np.ndarray, "_ _"]] = (),
 ) -> tuple[Fact, ...]:
-    """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
-    return tuple(judged(limit, names[limit.receiver], limit_value(limit, images[limit.receiver])) for limit in limits)
+    """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver.
+
+    ``losses``: flux (W) by cause of its loss, likewise.
+    """
+    read = ((losses if limit.of_losses else images)[limit.receiver] for limit in limits)
+    return tuple(
+        judged(limit, names[limit.receiver], limit_value(limit, light))
+        for limit, light in zip(limits, read, strict=True)
+    )
 
 
 _QUANTITIES = {
@@ -40,6 +50,7 @@ _QUANTITIES = {
     "min_over_mean": "least over mean light",
     "min_over_max": "least over largest light",
     "share": "share of the flux",
+    "loss": "lost share of the flux",
     "beam_angle": "beam angle",
     "threshold_increment": "threshold increment",
     "ratio": "ratio of means",
@@ -75,13 +86,13 @@ def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -
 BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak"}
 
 
-def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric:
+def limit_value(limit: LightLimit, images: Float[np.ndarray, "r *_"]) -> Metric:
     """The value that decides, in the limit's unit."""
     return _value(limit, limit.of(images), images)
 
 
 def values_left_out(
-    limit: LightLimit, read: Float[np.ndarray, "k r"], images: Float[np.ndarray, "r h w"]
+    limit: LightLimit, read: Float[np.ndarray, "k r"], images: Float[np.ndarray, "r *_"]
 ) -> Float[np.ndarray, " v"]:
     """The value that decides by all replicates, then with one after the other left out; of one replicate alone it.
 
@@ -107,7 +118,7 @@ def _value(limit: LightLimit, readings: Readings, images: Float[np.ndarray, "r *
 def figure_of(quantity: Quantity, sense: Sense, unit: str, readings: Readings) -> Metric:
     """The ``quantity`` of readings by every replicate, in ``unit``: all that needs no more than these."""
     match quantity:
-        case "share":
+        case "share" | "loss":
             return jackknife_metric(readings.sum(axis=1), float)
         case "min_over_mean":
             return least_over_mean(readings).metric()

@@ -13,6 +13,7 @@ from lensforge.optics.face_roles import OUTSIDE, RIM_FLANGE
 from lensforge.results import Fact, Group, Metric, Record, Text
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.light_ends import last_face
 from lensforge.spec.lens_section import LensShape
 
 _LONGEST = 4  # faces of a way that is told apart
@@ -59,6 +60,10 @@ class FluxByWay:
             numbers = _numbers(rays.met[out], len(self.chain.names))
             self.flux[replicate] += np.bincount(numbers, share * rays.flux[out], minlength=self.flux.shape[1])
 
+    def leaked(self) -> Float[np.ndarray, "r k"]:
+        """Flux (W) that left by each face before the exit, in each replicate; none of the usual lens."""
+        return self.flux[:, 1 : 1 if self.chain is None else len(self.chain.names)]
+
     def ways(self, emitted_w: float) -> tuple[LightWay, ...]:
         """The brightest ways to the exit, what leaves by each other face to the outside, and all other light."""
         if self.chain is None:
@@ -88,7 +93,7 @@ def _faces(number: int, names: Sequence[str]) -> Iterator[str]:
 def _numbers(met: Int8[np.ndarray, "n e"], faces: int) -> Int[np.ndarray, " n"]:
     """Number of the way of each ray; of its last face alone where that is not the exit, 0 where it is long."""
     count = (met >= 0).sum(axis=1)
-    last = met[np.arange(len(met)), count - 1].astype(int)
+    last = last_face(met).astype(int)
     digits = met[:, :_LONGEST].astype(int) + 1
     whole = digits @ (faces + 1) ** np.arange(digits.shape[1])
     found: Int[np.ndarray, " n"] = np.where(last < faces - 1, last + 1, np.where(count <= _LONGEST, whole, 0))

@@ -126,7 +126,9 @@ def _exits(light: RaysInBody, absorbs: bool = False) -> ExitRays:
     """Exit rays; points and directions of those that have not left are 0."""
     points, directions = (torch.where(light.left[:, None], each, 0.0) for each in (light.points, light.directions))
     absorbed = light.absorbed if absorbs else None
-    return ExitRays(points, directions, light.flux, light.sin2_exit, light.fates, absorbed)
+    return ExitRays(
+        points, directions, light.flux, light.sin2_exit, light.fates, absorbed, met=light.last[:, None].to(torch.int8)
+    )
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,6 +16,7 @@ from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens,
 from lensforge.light.table_trace import trace_tables
 from lensforge.results import Metric
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.light_ends import cause_numbers, loss_names, with_beside
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.made_part import MadePart
 from lensforge.scene.pixel_grid import bin_replicates, gaussian3
@@ -69,17 +71,37 @@ class ReplicateRays:
         return found
 
 
+class _SeenByLimit(NamedTuple):
+    """The light that limits read: the picture of a receiver, or the losses there."""
+
+    receiver: int
+    of_losses: bool
+
+    @staticmethod
+    def by(limit: LightLimit) -> "_SeenByLimit":
+        """The light that ``limit`` reads."""
+        return _SeenByLimit(limit.receiver, limit.of_losses)
+
+
 @dataclass(frozen=True, eq=False)
 class ReceivedImages:
     """Filtered image of flux (W) of every replicate on one receiver; shares of the emitted flux in window and target.
 
-    ``emitted_w``: of this part's source.
+    ``emitted_w``: of this part's source. ``losses``: flux (W) by cause of its loss, where a limit asks for it.
     """
 
     images: Images
     window: Float[np.ndarray, " r"]
     in_target: Float[np.ndarray, " r"]
     emitted_w: float
+    losses: Float[np.ndarray, "r c"] | None = None
+
+    def light(self, seen: _SeenByLimit) -> Float[np.ndarray, "r *_"]:
+        """The images, or the losses, which a limit has asked for."""
+        if not seen.of_losses:
+            return self.images
+        assert self.losses is not None
+        return self.losses
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +126,7 @@ class PartLight:
         """Light of a part on each receiver, by each of its lenses, here one; None: of the lens as designed."""
         part = None if parts is None else parts[0]
         exits, flux = self.exit_rays(part), 1.0 if part is None else part.flux
+        by_cause = self._by_cause(exits, flux) if any(limit.of_losses for limit in self.limits) else None
         found = []
         for receiver, target in zip(self.receivers, self.targets[0], strict=True):
             landings = receiver.land(exits)
@@ -113,8 +136,16 @@ class PartLight:
             images = bin_replicates(hits, carried, receiver.grid, held.replicate, held.replicates)
             emitted_w = flux * held.emitted_w
             smooth = gaussian3(images, self.spec.evaluate.filter_variance)
-            found.append(ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w))
+            losses = None if by_cause is None else with_beside(by_cause, window)
+            found.append(ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w, losses))
         return tuple(found)
+
+    def _by_cause(self, exits: ExitRays, flux: float) -> Float[np.ndarray, "r c"]:
+        """Flux (W) by the cause by which each ray ends, in every replicate."""
+        chain, shape = self.nominal.scene.chain, (self.held.replicates, len(loss_names(self.nominal.scene.chain)))
+        numbers = cause_numbers(exits, chain)
+        places, ends = self.held.replicate * shape[1] + numbers, numbers >= 0
+        return flux * np.bincount(places[ends], exits.flux[ends], shape[0] * shape[1]).reshape(shape)
 
     def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
         """Metrics of one part by its replicates."""
@@ -128,19 +159,24 @@ class PartLight:
     def _limits(self, received: tuple[ReceivedImages, ...]) -> Iterator[Float[np.ndarray, " v"]]:
         """The values that decide on each limit, by all replicates, then with one after the other left out."""
         read = {}
-        for receiver, matrix in self._readings.items():  # all limits at once: to read pixels takes longer than to judge
-            images, asked = received[receiver].images, [each for each in self.limits if each.receiver == receiver]
+        for seen, matrix in self._readings.items():  # all limits at once: to read pixels takes longer than to judge
+            light, asked = (
+                received[seen.receiver].light(seen),
+                [each for each in self.limits if _SeenByLimit.by(each) == seen],
+            )
             ends = np.cumsum([each.readings.shape[0] for each in asked])[:-1]
-            read[receiver] = iter(np.split(matrix @ images.reshape(len(images), -1).T, ends))
+            read[seen] = iter(np.split(matrix @ light.reshape(len(light), -1).T, ends))
         for limit in self.limits:
-            yield values_left_out(limit, next(read[limit.receiver]), received[limit.receiver].images)
+            seen = _SeenByLimit.by(limit)
+            yield values_left_out(limit, next(read[seen]), received[seen.receiver].light(seen))
 
     @cached_property
-    def _readings(self) -> dict[int, sparse.csr_array]:
-        """Readings of all limits on each receiver that has some, as one matrix."""
-        numbers = dict.fromkeys(limit.receiver for limit in self.limits)
-        rows = {each: [limit.readings for limit in self.limits if limit.receiver == each] for each in numbers}
-        return {each: sparse.csr_array(sparse.vstack(own)) for each, own in rows.items()}
+    def _readings(self) -> dict[_SeenByLimit, sparse.csr_array]:
+        """Readings of all limits on what some of them read, as one matrix."""
+        rows = dict[_SeenByLimit, list[sparse.csr_array]]()
+        for limit in self.limits:
+            rows.setdefault(_SeenByLimit.by(limit), []).append(limit.readings)
+        return {seen: sparse.csr_array(sparse.vstack(own)) for seen, own in rows.items()}
 
     @cached_property
     def targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:

@@ -11,6 +11,8 @@ from scipy import sparse
 
 from lensforge.errors import InputError
 from lensforge.results import Sense
+from lensforge.scene.body import Chain
+from lensforge.scene.light_ends import loss_names
 from lensforge.scene.receiver import PosedReceiver, equal_area
 from lensforge.scene.road_classes import asked_of
 from lensforge.scene.road_field import RoadReadings
@@ -20,6 +22,7 @@ from lensforge.spec.light_limits import (
     GlareLimit,
     LimitSection,
     LineLimit,
+    LossLimit,
     PointsLimit,
     Quantity,
     ZoneLimit,
@@ -39,7 +42,8 @@ class LightLimit:
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
     angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of a
     threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
-    first place is over the second. ``road``: number of the road whose class asks for it, ``share`` its weight.
+    first place is over the second. Of a loss the readings are of the flux (W) by cause, as ``scene.light_ends`` orders
+    them. ``road``: number of the road whose class asks for it, ``share`` its weight.
     """
 
     name: str
@@ -59,8 +63,13 @@ class LightLimit:
         """True for a limit by the class of a road: each of its few places decides, however many there are."""
         return self.road is not None
 
-    def of(self, images: Float[np.ndarray, "r h w"]) -> Float[np.ndarray, "r k"]:
-        """Readings of pictures of flux (W)."""
+    @property
+    def of_losses(self) -> bool:
+        """True where it reads the flux by cause of its loss, and no picture."""
+        return self.quantity == "loss"
+
+    def of(self, images: Float[np.ndarray, "r *_"]) -> Float[np.ndarray, "r k"]:
+        """Readings of pictures of flux (W), or of flux (W) by cause."""
         read: Float[np.ndarray, "r k"] = (self.readings @ images.reshape(len(images), -1).T).T
         return read
 
@@ -82,6 +91,9 @@ def light_limits(
     for number, limit in enumerate(spec.limits):
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
+        if isinstance(limit, LossLimit):
+            found += _of_loss(limit, limit.name or where, index, spec, flux_w)
+            continue
         found += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
     for number in range(len(spec.roads)):
         found += _of_road(number, spec, receivers, lumens_per_watt, flux_w)
@@ -106,6 +118,14 @@ def _of_road(
         readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
         limit = LightLimit(f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings)
         yield replace(limit, road=number, share=road.share)
+
+
+def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float) -> Iterator[LightLimit]:
+    """The limit on the share of the flux that ends by one cause."""
+    causes = loss_names(Chain.of_lens(spec.lens))
+    readings = sparse.csr_array(([1.0 / flux_w], ([0], [causes.index(limit.cause)])), shape=(1, len(causes)))
+    if limit.at_most_share is not None:
+        yield LightLimit(name, index, "loss", "<=", limit.at_most_share, "", readings)
 
 
 def _bounds_of(

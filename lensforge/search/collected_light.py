@@ -4,12 +4,12 @@ By the compiled kernels as one torch operation, or in torch where another device
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from lensforge.kernels.image_sums import (
@@ -22,6 +22,7 @@ from lensforge.kernels.image_sums import (
 )
 from lensforge.kernels.parallel import CHUNKS, in_chunks, in_pieces
 from lensforge.scene.lamp_pictures import LampPictures
+from lensforge.scene.light_ends import with_beside
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings
 
@@ -37,7 +38,7 @@ class Collected:
     widths and heights, infinite for one that lands nowhere. ``total_reflection``: flux whose squared exit sine exceeds
     0.97, likewise bounded: its gradient brings totally reflected rays back and keeps others from it. The last two count
     the flux with which a ray left the source, as a constant. ``colours``: as ``image``, of the flux times two weights
-    of each ray; None without these.
+    of each ray; ``losses``: the flux by cause, as ``scene.light_ends`` orders them; both None where they do not count.
     """
 
     image: Float[Tensor, "h w"]
@@ -45,6 +46,22 @@ class Collected:
     outside_receiver: Float[Tensor, ""]
     total_reflection: Float[Tensor, ""]
     colours: Float[Tensor, "2 h w"] | None = None
+    losses: Float[Tensor, " c"] | None = None
+
+    def with_losses(self, flux: Float[Tensor, " n"], numbers: Int[Tensor, " n"], causes: int) -> "Collected":
+        """The same, and the ``flux`` by the ``numbers`` of so many ``causes`` by which rays end.
+
+        Light has no gradient at the window's edge: the light beside it takes that of the flux off the receiver.
+        """
+        ends = numbers >= 0
+        by_cause = flux.new_zeros(causes).index_add(0, numbers[ends], flux[ends])
+        losses = with_beside(by_cause, self.in_window)
+        return replace(self, losses=_more_beside(losses, self.outside_receiver - self.outside_receiver.detach()))
+
+
+def _more_beside(losses: Float[Tensor, " c"], flux: Float[Tensor, ""]) -> Float[Tensor, " c"]:
+    """Losses with more ``flux`` beside the window."""
+    return torch.cat([(losses[0] + flux)[None], losses[1:]])
 
 
 class _Collect(torch.autograd.Function):
@@ -174,7 +191,11 @@ def mean_of_lamps(lamps: LampPictures, by_raster: Sequence[Collected]) -> Collec
         colours = torch.stack([_added(lamps, pictures) for pictures in pairs])
     in_window = image.sum() if lamps.widened else lamps.mean([each.in_window for each in by_raster])
     outside = lamps.mean([each.outside_receiver for each in by_raster])
-    return Collected(image, in_window, outside, by_raster[0].total_reflection, colours)
+    losses = None
+    if by_raster[0].losses is not None:
+        in_windows = lamps.mean([each.in_window for each in by_raster])
+        losses = _more_beside(lamps.mean([each.losses for each in by_raster]), in_windows - in_window)
+    return Collected(image, in_window, outside, by_raster[0].total_reflection, colours, losses)
 
 
 def _added(lamps: LampPictures, pictures: Sequence[Tensor]) -> Tensor:

@@ -9,13 +9,13 @@ each exit ray from its path lengths. On another device torch does all, in chunks
 the backward pass: only the hits of each ray are kept, 17 bytes at each event.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 from torch.utils.checkpoint import checkpoint
 
@@ -27,6 +27,7 @@ from lensforge.light.reference_trace import HitMemory, trace_reference
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.lamp_pictures import LampPictures
+from lensforge.scene.light_ends import cause_numbers
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -73,6 +74,14 @@ class _AtCreases(torch.autograd.Function):
         return ctx.flux * torch.from_numpy(found), None, None, None, None, *by
 
 
+class EndedRays(NamedTuple):
+    """Rays as they end: squared sine of the exit angle and flux (W), as of exit rays, and the number of the cause."""
+
+    sin2_exit: Float[Tensor, " n"]
+    flux: Float[Tensor, " n"]
+    causes: Int[Tensor, " n"]
+
+
 _CHUNK = 2**19  # rays; their graph takes 2.5 GiB
 
 
@@ -82,8 +91,8 @@ class LightPath:
 
     ``source``: where faces meet in creases, for the light that crosses these; None where there is no such light, or
     where the source cannot say how much it is. ``colour``: of the source, from which the colours of its rays are
-    collected; None where they do not count. Their gradient is without the light that crosses creases. ``flux``: of the
-    part's source over that of ``source``.
+    collected; None where they do not count. ``losses``: causes whose flux counts; 0: none. The gradient of both is
+    without the light that crosses creases. ``flux``: of the part's source over that of ``source``.
     """
 
     scene: Scene
@@ -92,6 +101,7 @@ class LightPath:
     chunk: int = _CHUNK
     source: Source | None = None
     colour: SourceColour | None = None
+    losses: int = 0
     flux: float = 1.0
 
     @cached_property
@@ -121,11 +131,13 @@ class LightPath:
         The same rays give the same bits on the same device; on another one they agree to rounding.
         """
         if self.device is None:
-            landed, sin2_exit = landed_through(tables, self.scene, rays, self.seen)
+            landed, exits = landed_through(tables, self.scene, rays, self.seen)
             emitted = torch.from_numpy(rays.flux)
             weights = None if self.colour is None else torch.from_numpy(self.colour.weights(rays))
             found = tuple(
-                collected(landings, sin2_exit, emitted, receiver.grid, receiver.window, weights)
+                self._with_losses(
+                    collected(landings, exits.sin2_exit, emitted, receiver.grid, receiver.window, weights), exits
+                )
                 for receiver, landings in zip(self.seen, landed, strict=True)
             )
         else:
@@ -133,8 +145,16 @@ class LightPath:
             parts = [self._part(bodies, rays, start, self.device) for start in range(0, len(rays), self.chunk)]
             sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
             each = len(sums) // len(self.seen)
-            found = tuple(Collected(*sums[first : first + each]) for first in range(0, len(sums), each))
+            counted = {"colours": self.colour is not None, "losses": self.losses > 0}
+            names = [each.name for each in fields(Collected) if counted.get(each.name, True)]
+            found = tuple(
+                Collected(**dict(zip(names, sums[first : first + each], strict=True)))
+                for first in range(0, len(sums), each)
+            )
         return self._together(found if self.source is None else self._with_creases(tables, found))
+
+    def _with_losses(self, light: Collected, exits: EndedRays) -> Collected:
+        return light.with_losses(exits.flux, exits.causes, self.losses) if self.losses else light
 
     def _together(self, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
         rest = iter(found)
@@ -165,7 +185,8 @@ class LightPath:
             for receiver in self.seen:
                 landings, places = receiver.land_by_arrays(exit_rays), (receiver.grid, receiver.window)
                 found = collected_on_device(landings, exit_rays.sin2_exit, emitted, *places, weights)
-                sums += (each for each in vars(found).values() if each is not None)
+                ended = EndedRays(exit_rays.sin2_exit, exit_rays.flux, cause_numbers(exit_rays, self.scene.chain))
+                sums += (each for each in vars(self._with_losses(found, ended)).values() if each is not None)
             return tuple(sums)
 
         parts: tuple[Tensor, ...] = checkpoint(light, use_reentrant=False, preserve_rng_state=False)
@@ -174,15 +195,16 @@ class LightPath:
 
 def landed_through(
     tables: Float[Tensor, "f side side"], scene: Scene, rays: RayBundle, receivers: tuple[PosedReceiver, ...]
-) -> tuple[list[Landings], Float[Tensor, " n"]]:
-    """Landings of ``rays`` on each receiver, and their ``sin2_exit``; differentiable in the tables, float64, CPU.
+) -> tuple[list[Landings], EndedRays]:
+    """Landings of ``rays`` on each receiver, and how they end; differentiable in the tables, float64, CPU.
 
     Raises :class:`InputError` when a surface has a radius that is not positive.
     """
-    sin2_exit, *fields = _Landing.apply(  # type: ignore[no-untyped-call]  # as torch has it
+    sin2_exit, flux, causes, *landed = _Landing.apply(  # type: ignore[no-untyped-call]  # as torch has it
         tables, scene, rays, receivers
     )
-    return [Landings(*fields[first : first + 4]) for first in range(0, len(fields), 4)], sin2_exit
+    each = [Landings(*landed[first : first + 4]) for first in range(0, len(landed), 4)]
+    return each, EndedRays(sin2_exit, flux, causes)
 
 
 class _Landing(torch.autograd.Function):
@@ -191,17 +213,18 @@ class _Landing(torch.autograd.Function):
         traced = TracedBundle.of(tables.detach().numpy(), scene, rays)
         landed = [receiver.land(traced.exits) for receiver in receivers]
         ctx.traced, ctx.receivers, ctx.missed = traced, receivers, [each.missed_receiver for each in landed]
-        fields = [
+        parts = [
             torch.from_numpy(field)
             for each in landed
             for field in (each.hits, each.flux, each.landed, each.missed_receiver)
         ]
-        ctx.mark_non_differentiable(*(field for field in fields if field.dtype == torch.bool))
-        return torch.from_numpy(traced.exits.sin2_exit), *fields
+        causes = torch.from_numpy(cause_numbers(traced.exits, scene.chain))
+        ctx.mark_non_differentiable(causes, *(field for field in parts if field.dtype == torch.bool))
+        return torch.from_numpy(traced.exits.sin2_exit), torch.from_numpy(traced.exits.flux), causes, *parts
 
     @staticmethod
-    def backward(ctx: Any, by_sin2: Tensor, *by_fields: Tensor) -> Any:
-        exits, total_flux = ctx.traced.exits, np.zeros(len(by_sin2))
+    def backward(ctx: Any, by_sin2: Tensor, by_flux_out: Tensor, _by_causes: Tensor, *by_fields: Tensor) -> Any:
+        exits, total_flux = ctx.traced.exits, by_flux_out.numpy()
         total: Sensitivities | None = None
         for k, (receiver, missed) in enumerate(zip(ctx.receivers, ctx.missed, strict=True)):
             by_hits, by_flux = by_fields[4 * k : 4 * k + 2]

@@ -17,6 +17,7 @@ from lensforge.scene.road_classes import glare_law
 
 Image = Float[Tensor, "h w"]
 Images = tuple[Float[Tensor, "_ _"], ...]  # of receivers, each with a shape of its own
+Losses = tuple[Float[Tensor, " c"], ...]  # flux by cause, of receivers; none where no limit asks for it
 
 
 def not_dark(scale: Float[Tensor, ""]) -> Float[Tensor, ""]:
@@ -57,17 +58,20 @@ class LimitTerm:
         factor = _OF_EACH * coo.shape[0]
         return LimitTerm(limit, matrix.coalesce(), limit.share * factor if limit.of_road else min(factor, _AT_MOST))
 
-    def loss(self, images: Images) -> Float[Tensor, ""]:
+    def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
+        if self.limit.of_losses:
+            by_cause = losses[self.limit.receiver]
+            return self.of_light(torch.mv(self.readings, by_cause), by_cause)
         picture = smoothed(images[self.limit.receiver])
         return self.of_light(torch.mv(self.readings, picture.reshape(-1)), picture)
 
-    def of_light(self, light: Float[Tensor, " k"], picture: Image) -> Float[Tensor, ""]:
+    def of_light(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, ""]:
         """The loss by the ``light`` at the places of the limit on a smoothed ``picture``."""
         excess = self._excess(light, picture).clamp(min=0.0)
         return self.factor * torch.mean(excess**2 / (1.0 + excess))
 
-    def _excess(self, light: Float[Tensor, " k"], picture: Image) -> Float[Tensor, " k"]:
+    def _excess(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, " k"]:
         """Excess at each place; of an even zone at its dark places, of a beam angle at those on the wrong side."""
         limit, scale = self.limit, torch.ones((), dtype=light.dtype)
         match limit.quantity:
@@ -115,7 +119,7 @@ class RoadTerms:
         terms = tuple(map(LimitTerm.of, limits))
         return RoadTerms(terms, torch.cat([term.readings for term in terms]).coalesce())
 
-    def loss(self, images: Images) -> Float[Tensor, ""]:
+    def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Sum of the losses of all limits."""
         picture = smoothed(images[self.terms[0].limit.receiver])
         light = torch.mv(self.readings, picture.reshape(-1)).split([len(term.readings) for term in self.terms])

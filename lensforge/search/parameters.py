@@ -279,6 +279,8 @@ def _in_targets(spec: Spec, name: str) -> bool:
     wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
     pictures = list(enumerate(wanted))
     for limit in light_limits(spec, receivers, 1.0, 1.0):  # whatever the lumens: only the places count
+        if limit.of_losses:
+            continue
         places = np.asarray(limit.readings.sum(axis=0)).reshape(receivers[limit.receiver].grid.shape)
         pictures.append((limit.receiver, places))
     return all(_has_mirrors(picture, every[index]) for index, picture in pictures)

@@ -207,7 +207,7 @@ class Spec(Section):
             receiver.require_outside(self.lens, self.constraints, field)
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
         require_bodies(self.bodies, self.lens, self.constraints, self.all_lamps)
-        require_limits_fit(self.limits, self.all_receivers)
+        require_limits_fit(self.limits, self.all_receivers, self.lens.leaks)
         require_all_below(self.roads, self.all_receivers)
 
     @property

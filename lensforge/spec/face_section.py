@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.optics.face_roles import BODY, CAVITY, RIM_FLANGE, FaceRole, bounding
+from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, OUTSIDE, RIM_FLANGE, FaceRole, bounding
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.spec_section import Millimetres, Section, check
@@ -120,6 +120,12 @@ class FacesSection(Section):
     def role(self, name: str) -> FaceRole:
         """The role of the face of that name."""
         return next(role for role in self.body_roles if role.name == name)
+
+    @property
+    def leaks(self) -> tuple[str, ...]:
+        """Names of the faces of a body of several by which light can leave, though it is not to."""
+        before_exit = self.body_roles[:-1] if self.body_names != DOUBLE else ()
+        return tuple(role.name for role in before_exit if role.behind == OUTSIDE and role.is_optical)
 
     @property
     def is_opaque(self) -> bool:

@@ -19,9 +19,10 @@ from lensforge.spec.target_sections import DegreesOff, InOneUnit, Unit
 Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
+LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
 LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "relative"]
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
-_OfLight = Literal["light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle"]
+_OfLight = Literal["light", "relative", "min_over_mean", "min_over_max", "share", "loss", "beam_angle"]
 _OfRoads = Literal["threshold_increment", "ratio", "mean_over_min", "max_over_min", "veiling_ratio"]
 Quantity = Literal[_OfLight, _OfRoads]  # what decides on a limit
 OF_FAR_FIELD = ("w_per_sr", "cd")
@@ -201,8 +202,29 @@ class BeamAngleLimit(LimitSection):
             raise ValueError("a beam angle is bounded by at_least_deg and at_most_deg")
 
 
+class LossLimit(LimitSection):
+    """Light of no use: the share of the flux of the source that ends by one cause."""
+
+    others: ClassVar[tuple[str, ...]] = ("share",)
+
+    kind: Literal["loss"] = "loss"
+    cause: Annotated[str, Field(max_length=64)]
+    """"beside": leaves the lens, and reaches no window of the receiver. "opening": starts outside the cavity, or goes
+    back through its opening. "base": in the body, down through z = 0. "flange": at the flange. "total_reflection": at
+    a face that lets light out. "trapped": still in the body after all its events. Or the name of a face by which light
+    is not to leave, such as "wall". The search lowers the light beside and by faces.
+    """
+    at_most_share: Fraction | None = None
+    """Largest share of the flux of the source."""
+
+    @check
+    def _bounds_the_share(self) -> None:
+        if self.unit is not None:
+            raise ValueError("a loss is bounded by at_most_share alone")
+
+
 LightLimitSpec = Annotated[
-    PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit, Field(discriminator="kind")
+    PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit | LossLimit, Field(discriminator="kind")
 ]
 
 
@@ -252,14 +274,22 @@ def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, fl
         require_on("the place", place, unit, extent, receiver)
 
 
-def require_limits_fit(limits: Sequence[LimitSection], receivers: Sequence[ReceiverSection]) -> None:
-    """Raise ``ValueError`` for limits on receivers that there are not, or that they do not fit."""
+def require_limits_fit(
+    limits: Sequence[LimitSection], receivers: Sequence[ReceiverSection], leaks: Sequence[str]
+) -> None:
+    """Raise ``ValueError`` for limits on receivers that there are not, or that they do not fit.
+
+    ``leaks``: names of the faces by which light can leave that is not to.
+    """
+    causes = (*get_args(LossCause), *leaks)
     by_name = {receiver.name: receiver for receiver in receivers}
     for number, limit in enumerate(limits):
         name = limit.receiver or next(iter(by_name))
         if name not in by_name:
             known = ", ".join(str(each) for each in by_name)
             raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
+        if isinstance(limit, LossLimit) and limit.cause not in causes:
+            raise ValueError(f"limits.{number}.cause = {limit.cause!r}: of this lens it is one of {', '.join(causes)}")
         try:
             _require_limit_fits(limit, by_name[name].unit, by_name[name].extent, f"receiver {name!r}")
         except ValueError as error:

@@ -20,8 +20,8 @@ from lensforge.scene.body import Body, Face
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver_shapes import FarField
 from lensforge.search.collected_light import collected
+from lensforge.search.image_terms import nmse_loss
 from lensforge.search.light_path import landed_through
-from lensforge.search.merit import nmse_loss
 from lensforge.seeds import sobol
 from lensforge.sources.build_source import PlacedSource, SquareEmitter
 from lensforge.sources.dispersion import ColouredSource
@@ -165,8 +165,8 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
     way = sum(step * by_parameter(pocket, base, name) for _, name, step in STEPS)  # of all parameters together
 
     def loss(given: torch.Tensor, rays: RayBundle) -> tuple[torch.Tensor, torch.Tensor]:
-        (landings,), sin2_exit = landed_through(given, here, rays, (receiver,))
-        found = collected(landings, sin2_exit, torch.from_numpy(rays.flux), receiver.grid, receiver.window)
+        (landings,), exits = landed_through(given, here, rays, (receiver,))
+        found = collected(landings, exits.sin2_exit, torch.from_numpy(rays.flux), receiver.grid, receiver.window)
         return nmse_loss(found.image, wanted) + 3.0 * found.outside_receiver - 2.0 * found.in_window, found.image
 
     apart, alone = [], []

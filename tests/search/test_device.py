@@ -47,7 +47,9 @@ FLANGE = {"diameter_mm": 20.0, "thickness_mm": 1.0, "setback_mm": 0.15}
 WIDE = COVER | {"inner": {"fixed": {"kind": "sphere", "radius_mm": 20.0}},
                 "outer": {"fixed": {"kind": "sphere", "radius_mm": 23.0, "centre_z_mm": -1.0}}}  # fmt: skip
 BODIES: dict[str, Callable[[], Spec]] = {
-    "TIR, of levels, absorbing": lambda: spot(levels=[9], absorption_per_mm=0.02),
+    "TIR, of levels, absorbing, with limits on losses": lambda: spot(levels=[9], absorption_per_mm=0.02).replace(
+        limits=[{"kind": "loss", "cause": cause, "at_most_share": 1e-4} for cause in ("beside", "wall")]
+    ),
     "TIR, with a flange": lambda: spot(flange=FLANGE).replace(base={"kind": "cylinder", "diameter_mm": 7.0}),
     "reflector": reflector,
     "two faces before a cover": spec_with,

@@ -12,13 +12,8 @@ from scipy import sparse
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
+from lensforge.search.image_terms import ImageTerms, nmse_loss, shortfall_loss, uniformity_loss
 from lensforge.search.limit_terms import LimitTerm, not_dark
-from lensforge.search.merit import (
-    ImageTerms,
-    nmse_loss,
-    shortfall_loss,
-    uniformity_loss,
-)
 from lensforge.search.parameters import chart_mirrors, mirror_mean, mirrored_light
 
 CHANCE = np.random.default_rng(0)
