@@ -143,7 +143,7 @@ def limits_of(cutter: str) -> Tables:
     if cutter == "none":
         return {}
     if cutter == "mould":
-        return {"face": {"draft_deg": GOOD_DRAFT_DEG}, "manufacture": {"make": "insert"}}
+        return {"face": {"draft_deg": GOOD_DRAFT_DEG}, "manufacture": {"process": "moulded"}}
     radius = millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")
     return {"face": {"concave_radius_mm": radius, "draft_deg": 0.0}, "manufacture": {"cutter_radius_mm": radius}}
 

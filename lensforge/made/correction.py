@@ -143,7 +143,7 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
         inputs={"lens": lens.sha256},
         surface=side,
         registration=request.registration,
-        make=shop.make,
+        process=shop.process,
         scale=shop.scale,
         point_count=len(cloud),
         point_spacing_mm=cut.span.spacing_mm,

@@ -32,6 +32,7 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart
 from lensforge.results.criteria import Criteria, at_least, at_most
+from lensforge.spec.part_section import Process
 from lensforge.surfaces.step_file import Schema
 
 if TYPE_CHECKING:
@@ -323,7 +324,7 @@ class Correction(SimulatedResult):
 
     surface: Text
     registration: Registration
-    make: Literal["part", "insert"]
+    process: Process
     scale: Positive
     point_count: Count
     point_spacing_mm: Positive

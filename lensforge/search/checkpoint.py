@@ -61,7 +61,7 @@ def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device
     of_faces = [f"lens.{face}.{name}" for face in spec.lens.names for name in FaceTolerances.model_fields]
     without = _NOT_ROBUST if spec.optimise.robust else (*_NOT_SEARCHED, *of_faces)
     searched, files = section_sha256(spec, without=without), input_hashes(spec)
-    text = f"{files}|{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"
+    text = f"{files}|{searched}|{spec.manufacture.process}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -109,7 +109,7 @@ def _constraint(spec: Spec, limit: Limit) -> Constraint:
     field: Field
     if limit.kind == CURVATURE:
         # the cutter touches a lens from the air side, a mould insert from the side of the lens body
-        air = (-1 if limit.faces[0].before == CAVITY else 1) * (1 if spec.manufacture.make == "part" else -1)
+        air = (-1 if limit.faces[0].before == CAVITY else 1) * (1 if spec.manufacture.cuts != "inserts" else -1)
         field = partial(_curvature_left, air, 1.0 / limit.given)
         factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
     elif limit.kind == DRAFT:

@@ -38,7 +38,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     manufacture = lens.spec.manufacture
     pair = fit_lens(lens, *([] if nodes is None else [nodes[name] for name in lens.surfaces]))
     faces, walls = _faces(lens, pair), _walls(pair)
-    plan = lay_out(*pair, base_with_room(lens)) if manufacture.make == "part" else None  # an insert has no base
+    plan = lay_out(*pair, base_with_room(lens)) if manufacture.cuts == "lens" else None  # an insert has no base
     custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
     relief = check_ball_clearance(plan, custom, faces)
     tools = check_tools(manufacture.tools, faces, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
@@ -46,7 +46,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     edges = tuple(Edge(**{**vars(edge), "point_mm": tuple(edge.point_mm.tolist())}) for edge in sharpest)
     return Check(
         inputs={"lens": lens.sha256},
-        make=manufacture.make,
+        process=manufacture.process,
         scale=manufacture.scale,
         min_wall_mm=walls.thinnest.thickness_mm,
         walls=walls,

@@ -38,7 +38,7 @@ def finding_groups(check: Check) -> list[Group]:
 def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
     """Reasons why the lens cannot be cut."""
     for finding in check.verdicts:
-        of_part = finding.key in ("wall", "plate") and spec.manufacture.make == "insert"  # an insert has none of them
+        of_part = finding.key in ("wall", "plate") and spec.manufacture.cuts == "inserts"  # an insert has none of them
         counts = finding.key != "tool" and not of_part
         if counts and not finding.holds:
             yield "fail", finding.note

@@ -13,6 +13,7 @@ from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria
 from lensforge.results.fact import StoredAs
 from lensforge.results.notebook_html import screenful
+from lensforge.spec.part_section import Process
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -243,7 +244,7 @@ class Check(StageResult):
     stage: ClassVar[str] = "check"
     told_if_any: ClassVar[tuple[str, ...]] = ("edges",)
 
-    make: Literal["part", "insert"]
+    process: Process
     scale: Positive
     min_wall_mm: Number
     walls: Walls

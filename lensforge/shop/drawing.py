@@ -104,7 +104,7 @@ def _edges(words: DrawingSection) -> str:
 def mould_words(lens: Lens) -> list[str]:
     """A note on the faces of the mould, by how much they are larger; none for parts that are cut."""
     shop = lens.spec.manufacture
-    if shop.make == "part":
+    if shop.cuts != "inserts":
         return []
     return [f"The moulded lens; faces of the mould inserts are these times {shop.scale:.12g} about the origin."]
 

@@ -95,7 +95,8 @@ class AirSide(IntEnum):
 
 def air_side(face: Face, shop: ManufactureSection) -> AirSide:
     """Side of the air of ``face`` as it is cut: a mould insert has air where the lens has material."""
-    return AirSide.INSIDE if (face.before == CAVITY and not face.is_open) == (shop.make == "part") else AirSide.OUTSIDE
+    around_cavity = face.before == CAVITY and not face.is_open
+    return AirSide.OUTSIDE if around_cavity == (shop.cuts == "inserts") else AirSide.INSIDE
 
 
 @dataclass(frozen=True)

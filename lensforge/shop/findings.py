@@ -109,7 +109,7 @@ def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Sp
     """Reach of the spec's ball cutter on a face."""
     largest = cutter.largest_radius_mm
     again = _design_again("concave_radius_mm", cutter.radius_mm, spec, surface)
-    changes = [again if spec.manufacture.make == "part" else ""]
+    changes = [again if spec.manufacture.cuts == "lens" else ""]
     if largest is not None:
         changes.append(f"manufacture.cutter_radius_mm = {_down(largest)}")
     ball = f"a ball of {quantity(cutter.radius_mm, 'mm')} radius"
@@ -208,7 +208,7 @@ def wall_finding(wall_mm: float, spec: Spec) -> Fact:
 def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -> Iterator[Fact]:
     """Room for the ball between the lenses of the plate, where these are cut, and the thinnest wall of the plate."""
     shop, required_mm, tolerance = spec.manufacture, spec.constraints.min_thickness_mm, spec.constraints.tolerance_mm
-    if gap_mm is not None and shop.make == "part":
+    if gap_mm is not None and shop.cuts == "lens":
         wide = 2.0 * shop.cutter_radius_mm
         fits = "fits" if within(wide, "<=", gap_mm, tolerance) else "does not fit"
         reason = f"a ball of {quantity(wide, 'mm')} diameter {fits} between two lenses, {quantity(gap_mm, 'mm')} apart"
@@ -242,7 +242,7 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Fact:
 
 def _draft_counts(surface: str, spec: Spec) -> bool:
     """True for a mould, and where the spec asks for a draft: any other part is cut, and needs none."""
-    return spec.manufacture.make == "insert" or spec.lens.faces[surface].draft_deg is not None
+    return spec.manufacture.cuts == "inserts" or spec.lens.faces[surface].draft_deg is not None
 
 
 def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: float | None) -> Fact:

@@ -162,7 +162,7 @@ def origin_lines(lens: Lens, part: Part) -> list[str]:
     """Lines on the lens, its files, and who has made them."""
     signature, shop = part.signature, lens.spec.manufacture
     scale = "shrinkage: none; the points are those of the lens itself"
-    if shop.make == "insert":
+    if shop.cuts == "inserts":
         scale = f"shrinkage: {shop.shrinkage:.12g}; the points are those of the mould, the lens times {shop.scale:.12g}"
     return [
         f"lens: {lens.spec.name}, SHA-256 {lens.sha256}",

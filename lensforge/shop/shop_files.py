@@ -211,11 +211,11 @@ def table_facts(grids: tuple[PointGrid, ...]) -> Group:
 
 
 def _make(lens: Lens, part: Part) -> Iterator[Fact]:
-    """Object that is cut; of a mould insert the shrinkage, and the files that carry it."""
+    """Process and object that is cut; of a mould insert the shrinkage, and the files that carry it."""
     shop = lens.spec.manufacture
-    made = {"part": "the lens itself", "insert": "mould inserts"}[shop.make]
-    yield Fact("make", "To be manufactured", made)
-    if shop.make == "insert":
+    made = "mould inserts" if shop.cuts == "inserts" else f"the lens itself, {shop.process}"
+    yield Fact("process", "To be manufactured", made)
+    if shop.cuts == "inserts":
         scale = quantity(shop.scale, digits=12)
         mould = "the tables of points, figures and pictures of the optical faces"
         if part.untrimmed_surfaces is not None:

@@ -29,7 +29,7 @@ from lensforge.spec.light_limits import (
     require_limits_fit,
     require_seen_from_afar,
 )
-from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
+from lensforge.spec.part_section import BaseSection, Cutting, DrawingSection, ManufactureSection
 from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.receiver_fields import ReceiverSection, named
 from lensforge.spec.receiver_sections import implied_receiver
@@ -135,7 +135,9 @@ class Spec(Section):
     @check
     def _with_derived_values(self) -> None:
         """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
-        for name, derived in derived_sizes(self.each_source, self.lens, self.constraints, self.target).items():
+        sizes = derived_sizes(self.each_source, self.lens, self.constraints, self.target)
+        process = self.lens.made_alone if self.plate is None else "moulded"
+        for name, derived in (sizes | {"manufacture": {"process": process}}).items():
             section: Section | None = getattr(self, name)
             if section is None:
                 continue
@@ -299,7 +301,19 @@ class Spec(Section):
         """
         radius_mm = self.lens.faces[face].concave_radius_mm
         designed = radius_mm is not None and radius_mm >= self.manufacture.cutter_radius_mm
-        return self.manufacture.make == "part" and (designed or self.manufacture.required)
+        return self.manufacture.cuts == "lens" and (designed or self.manufacture.required)
+
+    def cutting(self, face: str) -> Cutting | None:
+        """Process by which a face is cut, of the lens or of an insert; None where it is printed.
+
+        An insert is turned where its face is of revolution, else milled.
+        """
+        match self.manufacture.process:
+            case "milled" | "turned" as process:
+                return process
+            case "moulded":
+                return "turned" if self.lens.is_revolved(face) else "milled"
+        return None
 
     @property
     def has_limits(self) -> bool:

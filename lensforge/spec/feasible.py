@@ -122,7 +122,7 @@ def _faults(
     if draft is not None and sin(radians(shape.least_draft_deg)) < sin(radians(draft)) - _SHAPE_TOLERANCE:
         yield f"has a draft of {shape.least_draft_deg:.3g} deg at least, lens.{role.name}.draft_deg = {draft:g}"
     least, most = shape.curvatures_per_mm
-    concave = most if of_cavity == (manufacture.make == "part") else -least  # of a convex body: where the air is
+    concave = most if of_cavity == (manufacture.cuts != "inserts") else -least  # of a convex body: where the air is
     if ball is not None and concave * ball > 1.0 + _SHAPE_TOLERANCE:
         yield f"has a concave radius of {1.0 / concave:.4g} mm, lens.{role.name}.concave_radius_mm = {ball:g}"
 

@@ -23,6 +23,7 @@ class FixedFace(OfSeveralKinds, Section):
     """A surface that the search does not change. A kind of it is a class that extends this one: it registers itself."""
 
     form: ClassVar[str] = "freeform"  # in a drawing
+    is_round: ClassVar[bool] = False  # of revolution about the axis
 
     @property
     def surface(self) -> Surface:
@@ -78,6 +79,7 @@ class FixedSphere(_ByFormula):
     """Sphere with its centre on the axis; the origin, where the source is, must lie inside."""
 
     form: ClassVar[str] = "sphere"
+    is_round: ClassVar[bool] = True
 
     kind: Literal["sphere"] = "sphere"
     radius_mm: Millimetres
@@ -95,6 +97,7 @@ class FixedAsphere(_ByFormula):
     """Even asphere by the sag of ISO 10110-12."""
 
     form: ClassVar[str] = "asphere"
+    is_round: ClassVar[bool] = True
 
     kind: Literal["asphere"] = "asphere"
     vertex_z_mm: Millimetres
@@ -146,6 +149,7 @@ class FixedFocalConic(_ByFormula):
     """
 
     form: ClassVar[str] = "conic"
+    is_round: ClassVar[bool] = True
 
     kind: Literal["focal_conic"] = "focal_conic"
     vertex_mm: Millimetres

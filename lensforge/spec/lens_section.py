@@ -13,6 +13,7 @@ from lensforge.optics.face_roles import MOST_EVENTS
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_material import LensMaterial
+from lensforge.spec.part_section import Cutting
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import FilePath, check
 from lensforge.surfaces.imported_face import lens_file
@@ -138,6 +139,16 @@ class LensShape(LensMaterial, OfSeveralKinds):
         """True where all faces are of revolution."""
         return False
 
+    def is_revolved(self, face: str) -> bool:
+        """True for a face of revolution about the axis."""
+        fixed = self.faces[face].fixed
+        return self.is_round if fixed is None else fixed.is_round
+
+    @property
+    def made_alone(self) -> Cutting:
+        """Process by which such a lens is made where it is no part of a plate: turned, if all its faces can be."""
+        return "turned" if all(map(self.is_revolved, self.names)) else "milled"
+
     @property
     def most_events(self) -> int:
         """Largest number of faces that a ray meets: each once, one after the other."""
@@ -219,6 +230,11 @@ class ProfiledShape(LensShape):
     def is_round(self) -> bool:
         """True without levels, and without faces that are given."""
         return not self.levels and all(face.fixed is None for face in self.faces.values())
+
+    def is_revolved(self, face: str) -> bool:
+        """True without levels for a face that is not given, and for one that is given so."""
+        fixed = self.faces[face].fixed
+        return not self.levels if fixed is None else fixed.is_round
 
     def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
         """The cylinder in which the lens lies: light leaves by its wall, too."""

@@ -111,7 +111,7 @@ _NOTES = {
     "source.origin": "the file's virtual focus lies at the lens origin",
     **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),
     "manufacture.cutter_radius_mm": "of the ball",
-    "manufacture.make": "inserts of a mould are cut, not the lens; shrinkage = 0.005: of its material",
+    "manufacture.process": "inserts of a mould are cut, not the lens; shrinkage = 0.005: of its material",
     "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
     "constraints.max_radius_mm": words_of(ConstraintsSection, "max_radius_mm").split(".")[0].lower(),
 }

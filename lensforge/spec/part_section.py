@@ -20,6 +20,8 @@ from lensforge.spec.spec_section import (
     section_of,
 )
 
+Process = Literal["milled", "turned", "moulded", "printed"]
+Cutting = Literal["milled", "turned"]
 _MOST_FEET = 32
 _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008
 
@@ -192,8 +194,10 @@ class ManufactureSection(Section):
     """Radius of the ball cutter."""
     tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = ()
     """Further ball-end mills."""
-    make: Literal["part", "insert"] = "part"
-    """Parts that are cut: the lens itself, or the mould inserts of its shape."""
+    process: Process | None = None
+    """Process by which the lens is made: milled or turned itself, moulded between inserts that are, or printed. By
+    default a lens whose faces are all of revolution is turned, a ``[plate]`` moulded, any other lens milled.
+    """
     shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = 0.0
     """Shrinkage of the moulded lens, as a share; the insert's faces are the lens's times 1 + shrinkage."""
     form_tolerance_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
@@ -213,8 +217,16 @@ class ManufactureSection(Section):
 
     @check
     def _only_a_mould_shrinks(self) -> None:
-        if self.shrinkage > 0.0 and self.make != "insert":
-            raise ValueError(f'shrinkage = {self.shrinkage:g} goes with make = "insert"; a lens that is cut has none')
+        if self.shrinkage > 0.0 and self.process not in (None, "moulded"):  # None: before it is derived
+            stated = f"shrinkage = {self.shrinkage:g}"
+            raise ValueError(f'{stated} goes with process = "moulded", not "{self.process}"; leave it out')
+
+    @property
+    def cuts(self) -> Literal["lens", "inserts"] | None:
+        """Body that tools cut: the lens itself, or the inserts of its mould; None where it is printed."""
+        if self.process == "printed":
+            return None
+        return "inserts" if self.process == "moulded" else "lens"
 
     @property
     def scale(self) -> float:

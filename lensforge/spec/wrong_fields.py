@@ -32,6 +32,7 @@ _MOVED = {
     **{f"{face}_{name}": f"lens.{face}.{name}" for face in DOUBLE for name in (*_OF_FACES, *_ERRORS_OF_FACES)},
 }
 _GONE = {
+    "make": 'it is process now: "moulded" in place of "insert", "milled" or "turned" in place of "part"',
     **dict.fromkeys(("half_width_mm", "half_width_deg"), "it is width now, the whole of it"),
     **{
         f"{name}_{unit}": f'it is {name} now, with unit = "{unit}"'

@@ -205,12 +205,12 @@ def test_lenses_that_overlap_and_pins_in_a_cavity_are_refused_in_one_line() -> N
 
 
 @pytest.mark.parametrize(
-    ("cutter", "make", "holds"), [(2.0, "part", True), (2.1, "part", False), (2.1, "insert", None)]
+    ("cutter", "process", "holds"), [(2.0, "milled", True), (2.1, "milled", False), (2.1, "moulded", None)]
 )
-def test_the_ball_must_fit_between_lenses_that_are_cut(cutter: float, make: str, holds: bool | None) -> None:
+def test_the_ball_must_fit_between_lenses_that_are_cut(cutter: float, process: str, holds: bool | None) -> None:
     """Spheres of 2.45 mm, 9 mm apart, leave 4.1 mm."""
     lens = on_plate({"thickness_mm": 1.0}, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
-    spec = lens.spec.replace({"manufacture.cutter_radius_mm": cutter, "manufacture.make": make})
+    spec = lens.spec.replace({"manufacture.cutter_radius_mm": cutter, "manufacture.process": process})
     found = [each for each in findings(replace(lens, spec=spec)) if each.key == "gap"]
     assert [each.holds for each in found] == ([] if holds is None else [holds])
     for each in found:

@@ -44,10 +44,14 @@ def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("cutter", "limits", "manufacture"),
     [
-        ((), {"concave_radius_mm": 1.0, "draft_deg": 0.0}, {"cutter_radius_mm": 1.0, "make": "part"}),
-        (("--cutter", "0.7"), {"concave_radius_mm": 0.7, "draft_deg": 0.0}, {"cutter_radius_mm": 0.7, "make": "part"}),
-        (("--cutter", "mould"), {"concave_radius_mm": None, "draft_deg": 2.0}, {"make": "insert"}),
-        (("--cutter", "none"), {"concave_radius_mm": None, "draft_deg": None}, {"make": "part"}),
+        ((), {"concave_radius_mm": 1.0, "draft_deg": 0.0}, {"cutter_radius_mm": 1.0, "process": "milled"}),
+        (
+            ("--cutter", "0.7"),
+            {"concave_radius_mm": 0.7, "draft_deg": 0.0},
+            {"cutter_radius_mm": 0.7, "process": "milled"},
+        ),
+        (("--cutter", "mould"), {"concave_radius_mm": None, "draft_deg": 2.0}, {"process": "moulded"}),
+        (("--cutter", "none"), {"concave_radius_mm": None, "draft_deg": None}, {"process": "milled"}),
     ],
 )
 def test_a_new_spec_has_the_limits_of_the_shop(

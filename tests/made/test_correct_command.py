@@ -104,7 +104,7 @@ def test_an_insert_is_judged_as_large_as_it_is_cut_and_its_file_is_signed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A mould of a lens that shrinks by 5 %: its radii are those of the scaled face, the file is that of the lens."""
-    shop = {"make": "insert", "shrinkage": 0.05, "author": "Ada", "date": "2026-01-31", "form_tolerance_um": 5.0}
+    shop = {"process": "moulded", "shrinkage": 0.05, "author": "Ada", "date": "2026-01-31", "form_tolerance_um": 5.0}
     mould = replace(LENS, spec=LENS.spec.replace({"manufacture": shop}))
     np.savetxt(tmp_path / "points.csv", measured(LENS.outer, lambda u: machine_error(u, 13.0, wave_mm=6.0), 1200))
     balls = []

@@ -61,7 +61,7 @@ def lens(seed: int = 1, **changes: Any) -> Lens:
 def plated(seed: int = 1) -> Part:
     """Two lenses on a plate, one of them turned: every kind of file at once."""
     lamps = {"kind": "table", "places_mm": [[0.0, 0.0], [8.0, 0.5]], "turns_deg": [0.0, 30.0]}
-    shop = {"make": "insert", "shrinkage": 0.005}
+    shop = {"process": "moulded", "shrinkage": 0.005}
     made = lens(seed, lamps=lamps, plate=PLATE, base={"kind": "none"}, manufacture=shop)
     return build_part(made, rings=16, extension_deg=5.0)
 

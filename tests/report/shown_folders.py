@@ -161,14 +161,14 @@ def ray_file():
 def moulded():
     """Mould inserts of a coated lens: drafts, limits of size and wall, a keep-out solid, a mass."""
     limits = {"max_wall_mm": 9.0, "max_height_mm": 12.5}
-    shop = {"make": "insert", "shrinkage": 0.0125, "form_tolerance_um": 2.5}
+    shop = {"process": "moulded", "shrinkage": 0.0125, "form_tolerance_um": 2.5}
     base = {"diameter_mm": 25.4, "flange_diameter_mm": 30.0, "pocket_diameter_mm": 12.0}
     lens = lens_of(constraints=limits, manufacture=shop, base=base, lens=_COATED)
     keep_out = KeepOutDistance(
         distance_mm=0.35, body_point_mm=(1.0, 2.0, 3.0), keep_out_point_mm=(2.0, 2.0, 3.0), error_mm=0.001
     )
     results = _folder(
-        ("design", "export", "check"), lens, export={"keep_out": keep_out, "mass_g": 4.5}, check={"make": "insert"}
+        ("design", "export", "check"), lens, export={"keep_out": keep_out, "mass_g": 4.5}, check={"process": "moulded"}
     )
     check = results.check
     findings = check_findings(lens.spec, check.faces, check.min_wall_mm, check.relief, check.tools)

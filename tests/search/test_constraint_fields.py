@@ -41,15 +41,15 @@ def jets(count: int = 30) -> tuple[RadiusJet, RadiusJet, ChartPoints]:
     return inner, outer, ChartPoints.of(chance.uniform(-0.7, 0.7, (count, 2)))
 
 
-@pytest.mark.parametrize("make", ["part", "insert"])
-def test_fields_of_all_constraints_are_their_definitions(make: str) -> None:
-    spec = shop_spec(manufacture={"make": make}, constraints__cavity_radius_mm=1.25)
+@pytest.mark.parametrize("process", ["milled", "moulded"])
+def test_fields_of_all_constraints_are_their_definitions(process: str) -> None:
+    spec = shop_spec(manufacture={"process": process}, constraints__cavity_radius_mm=1.25)
     inner, outer, points = jets()
     faces = {"inner": inner, "outer": outer}
     found = {each.key: each.of(faces, points).numpy() for each in constraints_of(spec) if each.key != WALL}
     a, b = inner.rho.numpy(), outer.rho.numpy()
     cosine = points.cosine.numpy()
-    sign = 1 if make == "part" else -1
+    sign = 1 if process == "milled" else -1
     drafts = [np.degrees(np.arcsin(np.clip(draft_sine(each, points).numpy(), -1.0, 0.5))) for each in (inner, outer)]
     wanted = {
         "cavity_clearance_mm": 0.5 / 1.25**2 * a**2 * (1.0 - cosine**2) + a * cosine - 0.5,

@@ -44,12 +44,12 @@ def shop_spec(**changes: Any) -> Spec:
     return small_spec(**(wishes | changes))
 
 
-@pytest.mark.parametrize("make", first_by_day(1, ["part", "insert"]))
-def test_the_manufacturing_check_finds_the_same_curvature_and_draft(make: str) -> None:
-    spec = shop_spec(manufacture={"make": make})
+@pytest.mark.parametrize("process", first_by_day(1, ["milled", "moulded"]))
+def test_the_manufacturing_check_finds_the_same_curvature_and_draft(process: str) -> None:
+    spec = shop_spec(manufacture={"process": process})
     lens = Lens.double(random_surface(1, 3.0, 0.01, (25,)), random_surface(2, 6.0, 0.01, (25,)), spec, 0, "draft")
     found = measure_constraints(lens)
-    airs = (AirSide.INSIDE, AirSide.OUTSIDE) if make == "part" else (AirSide.OUTSIDE, AirSide.INSIDE)
+    airs = (AirSide.INSIDE, AirSide.OUTSIDE) if process == "milled" else (AirSide.OUTSIDE, AirSide.INSIDE)
     for name, surface, air, radius, draft in (
         ("inner", lens.inner, airs[0], 2.5, 3.0),
         ("outer", lens.outer, airs[1], 4.0, 2.0),

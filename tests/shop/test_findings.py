@@ -117,12 +117,12 @@ def face(least_deg: float, undercut: float = 0.0) -> FaceResult:
 
 
 def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of_the_samples() -> None:
-    mould = small_spec(manufacture__make="insert")
+    mould = small_spec(manufacture__process="moulded")
     for least_deg, holds in ((2.0, True), (1.99998, True), (1.981, True), (1.979, False)):  # the second: a cone of 2
         assert draft_finding("inner", face(least_deg), mould).holds == holds
     assert "a mould needs 2 deg" in draft_finding("inner", face(1.0), mould).note
-    for make in ("part", "insert"):
-        asked = small_spec(manufacture__make=make, lens__inner__draft_deg=3.0)
+    for process in ("milled", "moulded"):
+        asked = small_spec(manufacture__process=process, lens__inner__draft_deg=3.0)
         assert draft_finding("inner", face(2.981), asked).holds
         low = draft_finding("inner", face(2.979), asked)
         assert not low.holds and "the spec asks for 3 deg" in low.note
@@ -137,7 +137,7 @@ def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of
     ],
 )
 def test_a_vertical_rim_is_no_undercut(least_deg, undercut, value, words) -> None:
-    found = draft_finding("outer", face(least_deg, undercut), small_spec(manufacture__make="insert"))
+    found = draft_finding("outer", face(least_deg, undercut), small_spec(manufacture__process="moulded"))
     assert found.value == value and plain(found.note).startswith(words)
 
 
@@ -241,7 +241,7 @@ def test_what_limits_a_tool_is_its_ball_or_its_shank(ball, whole, holds, collide
 def test_all_findings_are_there_and_each_has_its_own_numbers() -> None:
     custom = CustomBaseClearance(retreat_mm=0.1, flush_fraction=0.5)
     relief = BallClearance(faces={"inner": custom, "outer": outer(0.5)})
-    spec = small_spec(manufacture__max_tilt_deg=60.0, manufacture__make="insert")
+    spec = small_spec(manufacture__max_tilt_deg=60.0, manufacture__process="moulded")
     faces = {"inner": face(1.0), "outer": face(5.0)}
     found = check_findings(spec, faces, 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")))
     subjects = ["cutter inner", "cutter outer", "relief inner", "relief outer", "tilt inner", "tilt outer", "wall body"]
@@ -268,16 +268,16 @@ def test_a_thin_wall_is_designed_again_or_taken_as_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "kept", "expected"),
+    ("process", "kept", "expected"),
     [
-        ("part", {}, f"{WIDER}, or {SMALLER}"),
-        ("insert", {}, SMALLER),
-        ("part", {"lens__outer__concave_radius_mm": 1.0}, SMALLER),
-        ("part", {"lens__outer__concave_radius_mm": 0.9}, f"{WIDER}, or {SMALLER}"),
+        ("milled", {}, f"{WIDER}, or {SMALLER}"),
+        ("moulded", {}, SMALLER),
+        ("milled", {"lens__outer__concave_radius_mm": 1.0}, SMALLER),
+        ("milled", {"lens__outer__concave_radius_mm": 0.9}, f"{WIDER}, or {SMALLER}"),
     ],
 )
-def test_a_smaller_ball_or_a_search_for_wider_hollows_is_advised(make, kept, expected) -> None:
-    spec = small_spec(manufacture__make=make, manufacture__cutter_radius_mm=1.0, **kept)
+def test_a_smaller_ball_or_a_search_for_wider_hollows_is_advised(process, kept, expected) -> None:
+    spec = small_spec(manufacture__process=process, manufacture__cutter_radius_mm=1.0, **kept)
     assert cutter_finding("outer", cutter(1.0, 0.27949), NO_BASE, spec).remedy == expected
     assert cutter_finding("outer", cutter(0.279, 0.27949), NO_BASE, spec).holds, "as advised"
 
@@ -301,7 +301,7 @@ def test_more_draft_or_more_tilt_is_advised_as_far_as_a_spec_takes_it(allowed, s
 
 
 def test_the_draft_of_a_mould_or_of_the_spec_is_asked_of_the_search() -> None:
-    mould = small_spec(manufacture__make="insert")
+    mould = small_spec(manufacture__process="moulded")
     assert draft_finding("outer", face(1.0), mould).remedy == "lens.outer.draft_deg = 2 and design again"
     kept = draft_finding("outer", face(1.0), small_spec(lens__outer__draft_deg=3.0))
     assert not kept.holds and kept.remedy == "", "the search has kept it"

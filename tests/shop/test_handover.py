@@ -118,7 +118,7 @@ def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results)
 
 def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
     shop = {
-        "make": "insert",
+        "process": "moulded",
         "shrinkage": 0.0125,
         "author": "A. Author",
         "date": "2026-03-31",

@@ -134,7 +134,7 @@ def mill(radius, shank, length):
 
 def checked(**manufacture):
     part = lens(hemisphere(0.8), hemisphere(2.45), base="none")
-    section = ManufactureSection(cutter_radius_mm=1.0, **manufacture)
+    section = ManufactureSection(**{"process": "milled", "cutter_radius_mm": 1.0, **manufacture})
     spec = part.spec.model_copy(update={"manufacture": section})
     return check_lens(type(part)(part.surfaces, spec, 0, CHECKED))
 
@@ -152,7 +152,7 @@ def test_every_tool_has_its_verdict():
 
 
 def test_a_mould_insert_swaps_hollow_and_bump():
-    found = checked(make="insert")
+    found = checked(process="moulded")
     assert found.inner.cutter.reachable_fraction == 1.0
     assert found.inner.curvature.kappa_min_per_mm == pytest.approx(1.0 / 0.8, abs=1e-5)
     assert found.outer.cutter.largest_radius_mm == pytest.approx(2.45, abs=2e-5)

@@ -87,7 +87,7 @@ def test_a_given_spacing_is_kept_and_its_error_stated():
 
 
 def test_the_tables_of_a_mould_are_scaled_and_their_air_is_where_the_lens_has_material():
-    plain = lens_of(sphere(3.0), sphere(6.0), make="insert")
+    plain = lens_of(sphere(3.0), sphere(6.0), process="moulded")
     shrunk = replace(plain, spec=plain.spec.replace({"manufacture.shrinkage": 0.005}))
     for scale, lens in ((1.0, plain), (1.005, shrunk)):
         for name, size, air in (("inner", 3.0, 1.0), ("outer", 6.0, -1.0)):

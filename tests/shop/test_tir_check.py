@@ -58,7 +58,7 @@ def test_a_wall_that_narrows_upwards_is_undercut() -> None:
 def test_what_lies_over_the_base_is_undercut_and_a_mould_says_so() -> None:
     over = 6.0 - np.sqrt(144.0 - 11.0**2)  # where the wall is 11 mm from the axis
     base = {"kind": "cylinder", "diameter_mm": 22.0, "height_mm": 2.0}
-    found, lens = checked(OPEN, base=base, manufacture={"make": "insert", "shrinkage": 0.01})
+    found, lens = checked(OPEN, base=base, manufacture={"process": "moulded", "shrinkage": 0.01})
     wall = found.faces["wall"]
     assert wall.undercut_fraction == pytest.approx(over / OPEN_MM, abs=1e-4) and wall.draft_deg.min > 10.0
     finding = next(each for each in found.verdicts if (each.key, each.place) == ("draft", "wall"))

@@ -248,7 +248,7 @@ ELSEWHERE = {  # where each value is one of a test's cases
     "axis": "sources/test_ray_set_numbers.py", "mirror": "sources/test_ray_set_numbers.py",
     "origin": "sources/test_ray_set.py", "surface": "scene/test_road_field.py",
     "edition": "scene/test_road_field.py", "coordinates": "surfaces/test_given_faces.py",
-    "make": "search/test_constraint_fields.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
+    "process": "spec/test_process.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
     "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
 }  # fmt: skip
 DEFAULTS = {"use": "general", "aim": "pattern", "origin": "file"}  # what every other test takes

@@ -73,7 +73,7 @@ def test_all_kinds_are_in_the_schema(schema: dict[str, Any]) -> None:
         ("tolerances", "index", {"amount": -1.0}),
         ("lens", "outer", {"gap_mm": {"amount": -1.0}}),
         ("lens", "middle", {"offset_mm": 6.0}),
-        ("manufacture", "make", "mould"),
+        ("manufacture", "process", "mould"),
     ],
 )
 def test_the_schema_refuses_what_the_program_refuses(

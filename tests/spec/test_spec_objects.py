@@ -220,7 +220,6 @@ def test_a_spec_with_automatic_levels_keeps_all_that_does_not_go_with_given_ones
 @pytest.mark.parametrize(
     ("fields", "line"),
     [
-        ({"shrinkage": 0.005}, r'shrinkage = 0\.005 goes with make = "insert"'),
         ({"date": "31.3.2026"}, r"date = '31\.3\.2026': a date is written as year-month-day"),
         ({"date": "2026-02-30"}, r"date = '2026-02-30': a date is written as year-month-day"),
         ({"date": 20260331}, r"date = 20260331: a date is written as year-month-day"),

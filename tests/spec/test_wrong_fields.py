@@ -69,8 +69,12 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ),
         ({"photometry": {"use": "road"}}, "photometry.use = 'road': Input should be 'general' or 'area'"),
         (
-            {"manufacture.make": "inser"},
-            "manufacture.make = 'inser': Input should be 'part' or 'insert'; did you mean ",
+            {"manufacture.process": "mould"},
+            "manufacture.process = 'mould': Input should be 'milled', 'turned', 'moulded' or 'printed'; did you mean ",
+        ),
+        (
+            {"manufacture.make": "insert"},
+            'manufacture.make = \'insert\': unknown; it is process now: "moulded" in place of "insert", "milled" ',
         ),
         ({"target.kind": "rectangl"}, "target.kind = 'rectangl': must be one of flat_top, rectangle, disc, "),
         ({"target.kind": None}, "target: kind is missing; it must be one of flat_top, rectangle, "),

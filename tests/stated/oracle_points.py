@@ -290,7 +290,7 @@ def correct_record(case):
     lowest = cut.extreme(lambda share, phi: -cut.curvatures(share, phi)[1], -1)
     small = {"max": (0.5, 0.5), "rms": (0.5, 0.5)}
     record = {
-        "conditions": None, "surface": FACE, "registration": "none", "make": "part", "scale": 1.0,
+        "conditions": None, "surface": FACE, "registration": "none", "process": "milled", "scale": 1.0,
         "point_count": measured.count, "point_spacing_mm": near(measured.spacing(), 0.02), "used_share": measured.used,
         "covered_share": covered, "pose": pose_record(measured), "gain": 0.7,
         "wavelength_mm": 2.1, "wavelength_given": True,

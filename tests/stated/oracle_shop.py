@@ -22,9 +22,9 @@ class CutFace:
     def __init__(self, case, name):
         spec, body = case.lens["spec"], body_of(case)
         self.part, shop = body.parts[name], spec["manufacture"]
-        self.scale = 1 + shop["shrinkage"] if shop["make"] == "insert" else 1.0
+        self.scale = 1 + shop["shrinkage"] if shop["process"] == "moulded" else 1.0
         self.cutter = shop["cutter_radius_mm"]
-        self.air = (-1 if self.part.before == "cavity" else 1) * (1 if shop["make"] == "part" else -1)
+        self.air = (-1 if self.part.before == "cavity" else 1) * (-1 if shop["process"] == "moulded" else 1)
         self.sense = -1 if name in FROM_BELOW else 1
         own = body.cavity if self.part.before == "cavity" else body.envelope
         self.beside = [part for part in own if part.name not in (name, "mouth", "flange")]
@@ -109,7 +109,7 @@ def asked_draft(case, name):
 
 def draft_state(case, name):
     wanted = asked_draft(case, name)
-    if wanted is None and case.lens["spec"]["manufacture"]["make"] == "part":
+    if wanted is None and case.lens["spec"]["manufacture"]["process"] != "moulded":
         return ""
     held = face_of(case, name).draft_deg >= (GOOD_DRAFT_DEG if wanted is None else wanted) - ANGLE_DEG
     return "pass" if held and not over_base(case, name) else "fail"

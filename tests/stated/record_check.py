@@ -96,12 +96,12 @@ def check_record(case):
             judged(f"edge of {one} and {other}", edge["angle_deg"], ">=", least_deg, "deg", ANGLE_DEG, passed=...)
             for (one, other), edge in zip(pairs, edges, strict=True)
         ]  # fmt: skip
-    based = spec["base"]["kind"] != "none" and shop["make"] == "part"
-    note = "there is no base" if shop["make"] == "part" else "a mould insert has no base"
+    based = spec["base"]["kind"] != "none" and shop["process"] != "moulded"
+    note = "a mould insert has no base" if shop["process"] == "moulded" else "there is no base"
     each = {name: {key: (value, 2e-2 * value + 2e-5) for key, value in relief_of(case, name).items()}
             for name in names if based}  # fmt: skip
     return {
-        "make": shop["make"], "scale": (1 + shop["shrinkage"] if shop["make"] == "insert" else 1.0, 1e-12),
+        "process": shop["process"], "scale": (1 + shop["shrinkage"] if shop["process"] == "moulded" else 1.0, 1e-12),
         "min_wall_mm": thin,
         "walls": {"thinnest": wall_record(case, found["walls"]["thinnest"], thin[0]),
                   "thickest": wall_record(case, found["walls"]["thickest"], thick)},
@@ -118,7 +118,7 @@ def verdicts(case, names, each, thin):
         spec["constraints"],
         spec["manufacture"],
         slack_mm(case),
-        spec["manufacture"]["make"] == "part",
+        spec["manufacture"]["process"] != "moulded",
     )
 
     def said(name, surface, value, sense, limit, unit, tolerance, state):

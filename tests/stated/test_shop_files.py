@@ -101,7 +101,7 @@ def test_points_of_the_tables(case: Callable[[str], Case], name: str) -> None:
     """Points and normals into the air of the exact faces, times the scale of a mould; departures from the sphere."""
     own = case(name)
     body, shop, check = PageBody(own.lens), own.lens["spec"]["manufacture"], own.json("check")
-    insert = shop["make"] == "insert"
+    insert = shop["process"] == "moulded"
     scale, lens = (1.0 + shop["shrinkage"] if insert else 1.0), lf.load_lens(own.folder / "lens.json")
     text = points_table(lens, own.results["check"], [])
     rows = list(csv.reader(line for line in text.splitlines() if not line.startswith("#")))[1:]
