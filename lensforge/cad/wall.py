@@ -1,4 +1,4 @@
-"""Wall between cavity and envelope: their least distance, and the largest thickness along rays from the origin.
+"""Wall between cavity and envelope: their least distance, the largest thickness along rays, and the largest ball.
 
 The least distance is what a caliper finds. Its line is normal to both faces, or ends on a rim, and it crosses nothing
 but the wall: from whichever face the lines along the normal start, none that ends at its first hit is shorter.
@@ -26,7 +26,11 @@ _FIRST, _ROUNDING = 16, 1e-9  # of the samples, every so many bound the least di
 _SAME = 1e-12  # of the chart
 _FAR = 1e9  # mm: in the directions of an opening
 _PRECISION = 1e-14  # of the squared distance, relative
+_SPACINGS = (0.02, 0.003)  # of the points by which a ball grows, over the width of the part
+_NEAREST, _GROWTHS, _GROWN_MM = 1000, 40, 1e-6  # points that limit it in each round
+_TRIED, _ACROSS = 12, 48  # sections in which a ball is looked for, and places along and across each
 _Point = Float[np.ndarray, "3"]
+_Sections = Float[np.ndarray, "a m 3"]
 
 
 @dataclass(frozen=True)
@@ -192,3 +196,53 @@ def _inside(one: Domain, other: Domain) -> dict[str, Callable[[Float[np.ndarray,
         return np.concatenate([np.atleast_1d(each) for each in found])
 
     return {"fun": room}
+
+
+def largest_ball(sections: _Sections) -> tuple[float, _Point]:
+    """Diameter (mm) and centre of the largest ball within the body, to 0.2 %: what a moulder calls its thickness.
+
+    ``sections``: points all around the body's outline on one side of the axis, at even azimuths. The distance of a
+    point is a convex function of the centre: its tangent plane never says that there is more room than there is.
+    """
+    from scipy.spatial import cKDTree
+
+    points, starts = sections.reshape(-1, 3), _places_within(sections)
+    cells = [np.round(points / (share * np.ptp(points[:, 0]))).astype(int) for share in _SPACINGS]
+    trees = [cKDTree(points[np.unique(each, axis=0, return_index=True)[1]]) for each in cells]
+    centre = starts[np.argmax(trees[0].query(starts)[0])]
+    for tree in trees:
+        centre = _grown(tree, centre)
+    return 2.0 * float(trees[-1].query(centre)[0]), centre
+
+
+def _places_within(sections: _Sections) -> Float[np.ndarray, "n 3"]:
+    """Places (mm) of even grids within some of the sections."""
+    places = []
+    for section in sections[:: max(len(sections) // _TRIED, 1)]:
+        across, height = np.hypot(section[:, 0], section[:, 1]), section[:, 2]
+        around = section[np.argmax(across)] / across.max()
+        r, z = np.meshgrid(*(np.linspace(line.min(), line.max(), _ACROSS) for line in (across, height)))
+        crossed = (height[:-1] > z[..., None]) != (height[1:] > z[..., None])
+        rise = np.where(height[1:] == height[:-1], 1.0, height[1:] - height[:-1])
+        there = across[:-1] + (z[..., None] - height[:-1]) / rise * np.diff(across)
+        inside = np.sum(crossed & (there > r[..., None]), axis=-1) % 2 == 1
+        places.append(np.column_stack([r[inside, None] * around[:2], z[inside]]))
+    return np.concatenate(places)
+
+
+def _grown(tree: Any, centre: _Point) -> _Point:
+    """The centre of the largest ball near one about ``centre`` with no point of ``tree`` in it.
+
+    It moves by no more than half of the way that the nearest points leave to all others.
+    """
+    from scipy.optimize import linprog
+
+    for _ in range(_GROWTHS):
+        distance, nearest = tree.query(centre, k=min(_NEAREST, tree.n))
+        away, reach = centre - tree.data[nearest], 0.5 / 3.0**0.5 * (distance[-1] - distance[0])
+        rows = np.column_stack([-away / distance[:, None], np.ones(len(away))])
+        best = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=distance, bounds=[(-reach, reach)] * 3 + [(0.0, None)])
+        if best.x is None or best.x[3] < distance[0] + _GROWN_MM:
+            break
+        centre = centre + best.x[:3]
+    return centre

@@ -92,7 +92,7 @@ def _of_correction(made: Correction, _: Lens) -> Iterable[Fact]:
 
 def _findings(check: Check, lens: Lens) -> Iterator[Fact]:
     """Findings on faces, base, wall and tools, and on the room of a plate, which is taken as stated."""
-    yield from check_findings(lens.spec, check.faces, check.min_wall_mm, check.relief, check.tools)
+    yield from check_findings(lens.spec, check.faces, check.min_wall_mm, check.relief, check.tools, check.mould)
     gap, wall = named(check.verdicts, "gap"), named(check.verdicts, "plate")
     thinnest = PlateWall(wall.value, "") if wall is not None and isinstance(wall.value, float) else None
     yield from plate_findings(lens.spec, None if gap is None else gap.limit, thinnest)

@@ -15,10 +15,11 @@ from lensforge.cad.plate_export import room_on_plate
 from lensforge.cad.wall import Span, thickest, thinnest
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh
-from lensforge.shop.check_result import Check, Edge, FaceResult, Wall, Walls
+from lensforge.shop.check_result import Check, Edge, Wall, Walls
 from lensforge.shop.face_check import FaceCheck, check_face, face_result
 from lensforge.shop.face_samples import OpticalFace, air_side
 from lensforge.shop.findings import check_findings, edge_criteria, plate_findings, wall_criteria
+from lensforge.shop.mould_halves import mould_of
 from lensforge.shop.tool_reach import check_tools
 from lensforge.spec.accuracy import preset_of
 
@@ -42,7 +43,9 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
     relief = check_ball_clearance(plan, custom, faces)
     tools = check_tools(manufacture.tools, faces, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
-    results, sharpest = _results(lens, pair, faces), (edge for side in pair for edge in sharpest_edges(side))
+    results = {name: face_result(face) for name, face in faces.items()}
+    mould = mould_of(lens, pair) if manufacture.process == "moulded" else None
+    sharpest = (edge for side in pair for edge in sharpest_edges(side))
     edges = tuple(Edge(**{**vars(edge), "point_mm": tuple(edge.point_mm.tolist())}) for edge in sharpest)
     return Check(
         inputs={"lens": lens.sha256},
@@ -53,9 +56,10 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         relief=relief,
         tools=tools,
         edges=edges,
+        mould=mould,
         criteria=(*wall_criteria(lens.spec, walls), *edge_criteria(lens.spec, edges)),
         verdicts=(
-            *check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools),
+            *check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools, mould),
             *plate_findings(lens.spec, *room_on_plate(lens, pair)),
         ),
         seconds=time.perf_counter() - started,
@@ -78,19 +82,6 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
             beside = tuple(other for each, other in faces.items() if each != name)
             found[name] = check_face(replace(own, beside=beside), manufacture.cutter_radius_mm, nodes)
     return {name: found[name] for name in lens.surfaces if name in found}
-
-
-def _results(lens: Lens, pair: Pair[Patch], faces: dict[str, FaceCheck]) -> dict[str, FaceResult]:
-    """The record of each face; of one that is made from below, what lies over the base is undercut, too."""
-    found, base = {name: face_result(face) for name, face in faces.items()}, base_with_room(lens)
-    for name, face in faces.items():
-        if face.samples.face.sense < 0 and base.kind not in ("none", "step"):
-            plan = lay_out(*pair, base)
-            widest = plan.outline if plan.flange is None else plan.flange
-            covered = face.samples.area.share_within(widest, lens.spec.manufacture.scale)
-            undercut = max(found[name].undercut_fraction, covered)
-            found[name] = found[name].changed(undercut_fraction=undercut)
-    return found
 
 
 def _walls(pair: Pair[Patch]) -> Walls:

@@ -8,6 +8,7 @@ from lensforge.results.criteria import named, state_of
 from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.verdict import Reason
 from lensforge.shop.check_result import BODY, Check, Edge, FaceResult
+from lensforge.shop.mould_facts import mould_facts
 from lensforge.spec import Spec
 
 
@@ -16,7 +17,8 @@ def check_facts(check: Check, spec: Spec) -> list[Group]:
     faces = [Group(name, face_title(name), tuple(_face(name, face, check, spec))) for name, face in check.faces.items()]
     walls = Group("walls", "Wall", tuple(facts_of(check, _WALLS, judged=check.criteria)))
     edges = [Group("edges", "Edges", tuple(_edge(each, check, spec) for each in check.edges))] if check.edges else []
-    return [*faces, walls, *edges, *finding_groups(check)]
+    mould = [] if check.mould is None else [Group("mould", "Mould", tuple(mould_facts(check.mould, check, spec)))]
+    return [*faces, walls, *edges, *mould, *finding_groups(check)]
 
 
 def face_title(name: str) -> str:

@@ -84,8 +84,9 @@ class BallClearance(Record):
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
-FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool", "gap", "plate"]
+FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "undercut", "tool", "gap", "plate"]
 BODY = "body"  # the place of a finding on none of the faces
+BASE, FLANGE, PLATE = "base", "flange", "plate"  # what stands around the optical faces of a moulded part
 FLAT_MM = 1e6  # a radius beyond it is that of a plane
 # Question, sense and unit of each finding.
 FINDINGS: dict[str, tuple[str, Sense, str]] = {
@@ -94,6 +95,7 @@ FINDINGS: dict[str, tuple[str, Sense, str]] = {
     "tilt": ("Tilt is allowed", "<=", "deg"),
     "wall": ("Wall suffices", ">=", "mm"),
     "draft": ("Draft suffices", ">=", "deg"),
+    "undercut": ("Mould draws it", "<=", "of the face"),
     "tool": ("Tool reaches it", ">=", "of the face"),
     "gap": ("Ball fits between lenses", "<=", "mm"),
     "plate": ("Walls of the plate suffice", ">=", "mm"),
@@ -231,18 +233,66 @@ class Edge(Record):
         return "edge of " + " and ".join(self.faces)
 
 
+class MouldedFace(Record):
+    """An optical face by the two halves of a mould that opens along the axis.
+
+    Shares of its area that each half draws, and that neither does; heights (mm) between which that lies. ``draft_deg``:
+    the least of what is drawn, from the half that draws it; None where nothing is.
+    """
+
+    upper_fraction: Share
+    lower_fraction: Share
+    undercut_fraction: Share
+    undercut_heights_mm: tuple[Number, Number] | None = None
+    draft_deg: NotNegative | None
+
+
+class PartingLine(Record):
+    """The line in which the halves meet, around the body: its largest distance from the axis, and its heights.
+
+    ``places``: names of the faces on which it lies, or "base" or "flange". Of a plate it is the edge of its top, which
+    has no one distance.
+    """
+
+    places: tuple[Text, ...]
+    radius_mm: Positive | None
+    low_mm: Number
+    high_mm: Number
+
+
+class InscribedBall(Record):
+    """The largest ball within the part."""
+
+    diameter_mm: NotNegative
+    centre_mm: Point
+
+
+class Mould(Record):
+    """The part as it is moulded: its faces by the halves of the mould, their parting, and its thickest place.
+
+    ``gate``: the piece at whose side it can be filled, away from optical faces; None where it has none. ``cooling_s``:
+    estimate for a slab as thick as the ball; None for a material that cures, or whose heat is not known.
+    """
+
+    faces: dict[Text, MouldedFace]
+    parting: PartingLine
+    thickest: InscribedBall
+    gate: Literal["flange", "base", "plate"] | None
+    cooling_s: NotNegative | None
+
+
 class Check(StageResult):
     """The manufacturing check. ``criteria`` are those of the design, ``verdicts`` the findings for the shop.
 
     Beside its fields it has one for each face, by its name. ``scale``: of the faces that are cut against the lens's,
-    1 + shrinkage for a mould insert; faces and ``tools`` are of these, the ``walls`` of the lens. ``chart_axis``: of
-    the maps of all faces.
+    1 + shrinkage for a mould insert; faces and ``tools`` are of these, the ``walls`` of the lens. ``mould``: of a part
+    that is moulded. ``chart_axis``: of the maps of all faces.
     """
 
     __pydantic_extra__: dict[str, FaceResult]
     model_config = ConfigDict(extra="allow")
     stage: ClassVar[str] = "check"
-    told_if_any: ClassVar[tuple[str, ...]] = ("edges",)
+    told_if_any: ClassVar[tuple[str, ...]] = ("edges", "mould")
 
     process: Process
     scale: Positive
@@ -251,6 +301,7 @@ class Check(StageResult):
     relief: BallClearance
     tools: tuple[ToolResult, ...]
     edges: tuple[Edge, ...] = ()
+    mould: Mould | None = None
     criteria: Criteria
     verdicts: Findings
     seconds: NotNegative

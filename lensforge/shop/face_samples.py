@@ -22,7 +22,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.cad.boundary import WHOLE, Domain
-from lensforge.cad.outline import Outline
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
 from lensforge.cad.patch import Jet, Patch, PrincipalCurvatures, principal_curvatures
 from lensforge.optics.face_roles import CAVITY
@@ -222,11 +221,6 @@ class FaceArea:
     def undercut_fraction(self) -> float:
         """Share of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
         return self.rule.share_below(self.sense * self.outward[:, 2], -_UNDERCUT, self.areas)
-
-    def share_within(self, outline: Outline, scale: float) -> float:
-        """Share of the area that lies within an outline, ``scale`` times as large, seen along the axis."""
-        x, y, _ = self.points.T
-        return self.rule.share_below(np.hypot(x, y) - scale * outline.radius(np.arctan2(y, x)), 0.0, self.areas)
 
 
 def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:

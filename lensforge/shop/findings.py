@@ -24,6 +24,8 @@ from lensforge.shop.check_result import (
     Edge,
     FaceResult,
     FindingName,
+    Mould,
+    MouldedFace,
     StepClearance,
     ToolReach,
     ToolResult,
@@ -43,15 +45,29 @@ _MOST_TILT_DEG, _MOST_DRAFT_DEG = 120.0, 25.0  # of manufacture.max_tilt_deg and
 
 
 def check_findings(
-    spec: Spec, faces: Mapping[str, FaceResult], wall_mm: float, relief: BallClearance, tools: tuple[ToolResult, ...]
+    spec: Spec,
+    faces: Mapping[str, FaceResult],
+    wall_mm: float,
+    relief: BallClearance,
+    tools: tuple[ToolResult, ...],
+    mould: Mould | None = None,
 ) -> tuple[Fact, ...]:
-    """All findings on a lens of ``spec`` from the measurements of its check; ``wall_mm``: the thinnest wall."""
+    """All findings on a lens of ``spec`` from the measurements of its check; ``wall_mm``: the thinnest wall.
+
+    ``mould``: of a part that is moulded: its faces are judged from both halves, and by no tilt of a tool.
+    """
+    moulded = {} if mould is None else mould.faces
     return (
         *(cutter_finding(name, face.cutter, relief, spec) for name, face in faces.items()),
         *clearance_findings(relief, spec.base),
-        *(tilt_finding(name, face.largest_tilt_deg, spec) for name, face in faces.items()),
+        *(tilt_finding(name, face.largest_tilt_deg, spec) for name, face in faces.items() if name not in moulded),
         wall_finding(wall_mm, spec),
-        *(draft_finding(name, face, spec) for name, face in faces.items() if _draft_counts(name, spec)),
+        *(undercut_finding(name, face, spec) for name, face in moulded.items()),
+        *(
+            draft_finding(name, face, spec, moulded.get(name))
+            for name, face in faces.items()
+            if name in moulded or spec.lens.faces[name].draft_deg is not None
+        ),
         *(
             tool_finding(tool, name, tool.faces[name], face.cutter.largest_radius_mm)
             for tool in tools
@@ -221,14 +237,43 @@ def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -
         yield _finding("plate", BODY, wall.thickness_mm, required_mm, reason, changes, tolerance)
 
 
-def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Fact:
-    """Draft: what the spec asks, else what a mould of two parts needs that opens along the axis."""
+def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
+    """Share of a face that neither half of the mould draws."""
+    share, heights = face.undercut_fraction, face.undercut_heights_mm
+    if heights is None:
+        reason = f"{drawn_by(face)} of the mould {'draw' if 'both' in drawn_by(face) else 'draws'} the {surface} face"
+        return _finding("undercut", surface, share, 0.0, reason)
+    low, high = (quantity(round(height, 2) + 0.0, digits=4) for height in heights)
+    reason = (
+        f"{percent(share)} of the {surface} face is undercut, from z = {low} to {high} mm: neither half of the mould "
+        "draws it, the part itself is in the way"
+    )
+    wanted_deg = spec.lens.faces[surface].draft_deg or GOOD_DRAFT_DEG
+    slanted = within(face.draft_deg, ">=", wanted_deg)  # and hidden all the same
+    changes = [] if slanted else [_design_again("draft_deg", wanted_deg, spec, surface)]
+    if spec.base.kind != "none" and spec.plate is None:
+        changes += ['base.kind = "none"', "a narrower base"]
+    return _finding("undercut", surface, share, 0.0, reason, changes)
+
+
+def drawn_by(face: MouldedFace) -> str:
+    """The half of the mould that draws a face, in words."""
+    if min(face.upper_fraction, face.lower_fraction) > _SHARE_TOLERANCE:
+        return "both halves"
+    return "the upper half" if face.upper_fraction > face.lower_fraction else "the lower half"
+
+
+def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFace | None = None) -> Fact:
+    """Draft: what the spec asks, else what a mould of two halves needs; of a ``moulded`` face, of what these draw."""
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
     asked_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg
-    if undercut > 0.0 and spec.lens.role(surface).widens and least_deg >= 0.0:
-        reason = f"{percent(undercut)} of the {surface} face lies over the base: its half of the mould cannot be drawn"
-        return _finding("draft", surface, None, wanted_deg, reason, ['base.kind = "none"', "a narrower base"])
+    again = _design_again("draft_deg", wanted_deg, spec, surface)
+    if moulded is not None:
+        if moulded.draft_deg is None:
+            reason = f"neither half of the mould draws any of the {surface} face"
+            return _finding("draft", surface, None, wanted_deg, reason, [again])
+        least_deg, undercut = moulded.draft_deg, 0.0
     if undercut > 0.0:
         down = quantity(least_deg, "deg", digits=3)
         reason = f"{percent(undercut)} of the {surface} face is undercut, down to a draft of {down}"
@@ -236,13 +281,7 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Fact:
         least_deg = max(least_deg, 0.0)  # form error of a vertical rim
         needed = f"{'a mould needs' if asked_deg is None else 'the spec asks for'} {quantity(wanted_deg, 'deg')}"
         reason = f"the least draft of the {surface} face is {quantity(least_deg, 'deg', digits=3)}; {needed}"
-    again = _design_again("draft_deg", wanted_deg, spec, surface)
     return _finding("draft", surface, least_deg, wanted_deg, reason, [again], ANGLE_TOLERANCE_DEG)
-
-
-def _draft_counts(surface: str, spec: Spec) -> bool:
-    """True for a mould, and where the spec asks for a draft: any other part is cut, and needs none."""
-    return spec.manufacture.cuts == "inserts" or spec.lens.faces[surface].draft_deg is not None
 
 
 def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: float | None) -> Fact:

@@ -188,7 +188,7 @@ def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
     """Facts on the part and its files, beyond those of its title block."""
     files = part_facts(part)[0].select("form_error", "normal_error", "volume", "mass", "schema", "surfaces").facts
     groups = check_facts(check, lens.spec)
-    walls = [fact for group in groups if group.key in ("walls", "edges") for fact in group.facts]
+    walls = [fact for group in groups if group.key in ("walls", "edges", "mould") for fact in group.facts]
     facts = (
         *_make(lens, part),
         *files,

@@ -16,6 +16,8 @@ from lensforge.shop.check_result import (
     Cutter,
     Draft,
     FaceResult,
+    Mould,
+    MouldedFace,
     StepClearance,
     ToolReach,
     ToolResult,
@@ -243,11 +245,17 @@ def test_all_findings_are_there_and_each_has_its_own_numbers() -> None:
     relief = BallClearance(faces={"inner": custom, "outer": outer(0.5)})
     spec = small_spec(manufacture__max_tilt_deg=60.0, manufacture__process="moulded")
     faces = {"inner": face(1.0), "outer": face(5.0)}
-    found = check_findings(spec, faces, 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")))
-    subjects = ["cutter inner", "cutter outer", "relief inner", "relief outer", "tilt inner", "tilt outer", "wall body"]
-    subjects += ["draft inner", "draft outer", "tool inner", "tool outer", "tool inner", "tool outer"]
-    assert [f"{each.key} {each.place}" for each in found] == subjects
-    assert [each.value for each in found[2:]] == [0.1, 0.5, 89.0, 85.0, 1.25, 1.0, 5.0, 1.0, 1.0, 0.5, 1.0]
+    halves = MouldedFace(upper_fraction=1.0, lower_fraction=0.0, undercut_fraction=0.0, draft_deg=3.0)
+    hidden = {"upper_fraction": 0.75, "undercut_fraction": 0.25, "undercut_heights_mm": (0.0, 1.0), "draft_deg": 1.5}
+    mould = Mould.model_construct(faces={"inner": halves, "outer": halves.changed(**hidden)})
+    found = check_findings(spec, faces, 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")), mould)
+    subjects = ["cutter inner", "cutter outer", "relief inner", "relief outer", "wall body"]
+    subjects += ["undercut inner", "undercut outer", "draft inner", "draft outer"]
+    subjects += ["tool inner", "tool outer", "tool inner", "tool outer"]
+    assert [f"{each.key} {each.place}" for each in found] == subjects, "no tilt of a tool"
+    assert [each.value for each in found[2:]] == [0.1, 0.5, 1.25, 0.0, 0.25, 3.0, 1.5, 1.0, 1.0, 0.5, 1.0]
+    cut = check_findings(spec.replace({"manufacture.process": "milled"}), faces, 1.25, relief, ())
+    assert [each.value for each in cut if each.key == "tilt"] == [89.0, 85.0]
     part = check_findings(small_spec(lens__outer__draft_deg=1.0), faces, 1.25, relief, ())
     assert [each.place for each in part if each.key == "draft"] == ["outer"], "where a part that is cut needs one"
 

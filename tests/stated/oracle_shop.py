@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 from crooked import Expected
+from oracle_mould import half, is_moulded
 from oracle_part import base_of, body_of, kept_of, lamps_of, plate_sides
 from page_body import directions
 from scipy.optimize import minimize_scalar
@@ -108,21 +109,12 @@ def asked_draft(case, name):
 
 
 def draft_state(case, name):
-    wanted = asked_draft(case, name)
-    if wanted is None and case.lens["spec"]["manufacture"]["process"] != "moulded":
+    """The draft of a cut face from the side of its tool, of a moulded one from the half that draws it."""
+    wanted, moulded = asked_draft(case, name), is_moulded(case)
+    if wanted is None and not moulded:
         return ""
-    held = face_of(case, name).draft_deg >= (GOOD_DRAFT_DEG if wanted is None else wanted) - ANGLE_DEG
-    return "pass" if held and not over_base(case, name) else "fail"
-
-
-def over_base(case, name):
-    """True where a wall that is made from below lies over the base."""
-    base = case.lens["spec"]["base"]
-    if name not in FROM_BELOW or base["kind"] not in ("cylinder", "square"):
-        return False
-    p = face_of(case, name).part.area[0]
-    wide = (base["flange_diameter_mm"] or base["diameter_mm"]) / 2
-    return bool((np.hypot(p[:, 0], p[:, 1]) < wide).any())
+    least = half(case, name)[3] if moulded else face_of(case, name).draft_deg
+    return "pass" if least >= (GOOD_DRAFT_DEG if wanted is None else wanted) - ANGLE_DEG else "fail"
 
 
 def tilt_state(case, name):
@@ -185,7 +177,8 @@ def concave(case, name):
 
 def tilt(case, name):
     limit = ("<=", case.lens["spec"]["manufacture"]["max_tilt_deg"])
-    return Expected(90 - face_of(case, name).draft_deg, 0.003, "°", limit=limit, state=tilt_state(case, name))
+    state = "" if is_moulded(case) else tilt_state(case, name)
+    return Expected(90 - face_of(case, name).draft_deg, 0.003, "°", limit=limit, state=state)
 
 
 def draft(case, name):

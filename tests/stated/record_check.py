@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+from oracle_mould import ball, cooling_s, half, is_moulded, parting
 from oracle_part import body_of, gap_mm
 from oracle_shop import (
     ANGLE_DEG,
@@ -15,7 +16,6 @@ from oracle_shop import (
     edge_deg,
     face_of,
     hollow_mm,
-    over_base,
     plate_wall_mm,
     reached_share,
     relief_of,
@@ -53,21 +53,36 @@ def face_record(case, name):
         "cutter": {"radius_mm": face.cutter, "reachable_fraction": (reached, within), "largest_radius_mm": ball,
                    "residual_mm": 0.0 if reached == 1 else ...},
         "draft_deg": {"min": (face.draft_deg, 0.003)},
-        "undercut_fraction": (undercut(case, name), 5e-3),
+        "undercut_fraction": (facing_wrong(case, name), 5e-3),
         "largest_tilt_deg": (90 - face.draft_deg, 0.003),
         "area_mm2": (face.scale**2 * face.part.area[2].sum(), 2e-6 * face.scale**2 * face.part.area[2].sum()),
     }  # fmt: skip
 
 
-def undercut(case, name):
-    """Share of the area that is undercut, or of a wall that lies over the base."""
-    face, base = face_of(case, name), case.lens["spec"]["base"]
-    p, n, areas = face.part.area
+def facing_wrong(case, name):
+    """Share of the area that faces away from the half that makes it."""
+    face = face_of(case, name)
+    _, n, areas = face.part.area
     under = np.where(face.draft_deg < -ANGLE_DEG, face.sense * n[:, 2] < -2e-5, False)
-    over = np.zeros(len(p), dtype=bool)
-    if over_base(case, name):
-        over = np.hypot(p[:, 0], p[:, 1]) < (base["flange_diameter_mm"] or base["diameter_mm"]) / 2
-    return max(areas[under].sum(), areas[over].sum()) / areas.sum()
+    return areas[under].sum() / areas.sum()
+
+
+def mould_record(case, names):
+    faces = {}
+    for name in names:
+        upper, lower, heights, draft_deg = half(case, name)
+        hidden = {"undercut_heights_mm": [(each, 0.25) for each in heights] if heights else None}
+        shares = {"upper_fraction": upper, "lower_fraction": lower, "undercut_fraction": 1 - upper - lower}
+        shares = {key: (share, 0.015) for key, share in shares.items()}
+        faces[name] = {**shares, "draft_deg": (draft_deg, 0.02), **hidden}
+    line, diameter = parting(case), ball(case)
+    seconds = cooling_s(case)
+    return {
+        "faces": faces, "parting": {key: list(each) if key == "places" else each for key, each in line.items()},
+        "thickest": {"diameter_mm": (diameter, 4e-3 * diameter), "centre_mm": [...] * 3},
+        "gate": "plate" if case.lens["spec"]["plate"] else "base",
+        "cooling_s": None if seconds is None else (seconds, 1e-2 * seconds),
+    }  # fmt: skip
 
 
 def judged(name, value, sense, limit, unit, tolerance, **more):
@@ -107,6 +122,7 @@ def check_record(case):
                   "thickest": wall_record(case, found["walls"]["thickest"], thick)},
         "relief": {"faces": each, "note": None if based else note},
         "edges": edges, "criteria": criteria, "verdicts": list(verdicts(case, names, each, thin)),
+        **({"mould": mould_record(case, names)} if is_moulded(case) else {}),
         **{name: face_record(case, name) for name in names},
     }  # fmt: skip
 
@@ -131,19 +147,21 @@ def verdicts(case, names, each, thin):
     for name, found in each.items():
         most = max((value for key, value in found.items() if key.endswith("mm")), key=lambda pair: pair[0])
         yield said("relief", name, most, "<=", 0.0, "mm", 0.0, relief_state(case, name))
-    for name in names:
+    for name in names if cut else ():
         tilted = (90 - face_of(case, name).draft_deg, 0.003)
         yield said("tilt", name, tilted, "<=", shop["max_tilt_deg"], "deg", ANGLE_DEG, tilt_state(case, name))
     yield said("wall", "body", thin, ">=", limits["min_thickness_mm"], "mm", slack, wall_state(case))
+    for name in names if is_moulded(case) else ():
+        upper, lower, heights, _ = half(case, name)
+        share = (1 - upper - lower, 0.015) if heights else 0.0
+        yield said("undercut", name, share, "<=", 0.0, "of the face", 0.0, "fail" if heights else "pass")
     for name in names:
         wanted = asked_draft(case, name)
         if cut and wanted is None:
             continue
-        least, covered = face_of(case, name).draft_deg, over_base(case, name) and face_of(case, name).draft_deg >= 0
-        value = None if covered else (least if undercut(case, name) > 0 else max(least, 0.0), 0.003)
+        least = (half(case, name)[3], 0.02) if is_moulded(case) else (face_of(case, name).draft_deg, 0.003)
         wanted = GOOD_DRAFT_DEG if wanted is None else wanted
-        tolerance = 0.0 if covered else ANGLE_DEG
-        yield said("draft", name, value, ">=", wanted, "deg", tolerance, draft_state(case, name))
+        yield said("draft", name, least, ">=", wanted, "deg", ANGLE_DEG, draft_state(case, name))
     if spec["plate"] is not None:
         if cut:
             wide, gap = 2 * shop["cutter_radius_mm"], (gap_mm(case), 0.004)

@@ -13,6 +13,7 @@ from typing import Any
 
 import oracle_far
 import oracle_light
+import oracle_mould
 import oracle_part
 import oracle_photo
 import oracle_points
@@ -35,6 +36,7 @@ MODULES = (
     oracle_light,
     oracle_far,
     oracle_part,
+    oracle_mould,
     oracle_shop,
     oracle_proof,
     oracle_stray,

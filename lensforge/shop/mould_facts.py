@@ -1,0 +1,109 @@
+"""Facts of a moulded part: the halves of its mould, where it is filled, where it may sink, and how long it cools."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import log, pi
+
+from lensforge.optics.face_roles import CAVITY
+from lensforge.results import Fact
+from lensforge.results.numerals import quantity
+from lensforge.shop.check_result import Check, Mould, PartingLine
+from lensforge.shop.findings import drawn_by
+from lensforge.spec import Spec
+
+MOST_RATIO = 3.0  # thickest over thinnest: a rule of thumb of guides for the design of moulded parts
+
+
+@dataclass(frozen=True)
+class Plastic:
+    """Heat of a plastic as it is moulded: thermal diffusivity, and temperatures of melt, mould and ejection."""
+
+    diffusivity_mm2_per_s: float
+    melt_c: float
+    mould_c: float
+    ejected_c: float
+
+    def cooling_s(self, thickness_mm: float) -> float:
+        """Seconds until the middle of a slab is as cool as it is ejected (Ballman and Shusman, 1959)."""
+        cooled = (self.melt_c - self.mould_c) / (self.ejected_c - self.mould_c)
+        return thickness_mm**2 / (pi**2 * self.diffusivity_mm2_per_s) * log(4.0 / pi * cooled)
+
+
+# Rounded typical values of general-purpose grades, as guides for processing have them; the diffusivity is k / (rho c)
+# at some 150 deg C. The data sheet of a grade goes first.
+PLASTICS = {
+    "pmma": Plastic(0.11, 240.0, 70.0, 95.0),
+    "pc": Plastic(0.13, 300.0, 95.0, 125.0),
+    "ps": Plastic(0.09, 220.0, 45.0, 80.0),
+    "cop": Plastic(0.10, 280.0, 115.0, 130.0),
+    "coc": Plastic(0.10, 270.0, 110.0, 125.0),
+}
+
+
+def plastic_of(material: str) -> Plastic | None:
+    """The plastic that a material's name begins with; None of one that is not known, or that cures instead."""
+    return PLASTICS.get(material.lower().split(" ")[0]) if material else None
+
+
+def mould_facts(mould: Mould, check: Check, spec: Spec) -> Iterator[Fact]:
+    """The halves of the mould, and the part as it fills and cools."""
+    for name, face in mould.faces.items():
+        drawn = face.upper_fraction + face.lower_fraction
+        yield Fact.share(
+            f"{name}_drawn", f"Drawn, {name} face", drawn, f"of the face, by {drawn_by(face)} of the mould"
+        )
+    yield _parting(mould.parting)
+    yield _gate(mould, spec)
+    yield _inner_corners(check, mould, spec)
+    thickest, thinnest = mould.thickest.diameter_mm, check.min_wall_mm
+    yield Fact("thickest_ball", "Thickest place", thickest, "mm", note="diameter of the largest ball within the part")
+    if thinnest > 0.0:
+        sinks = "it may sink, or have a void, where it is thickest" if thickest > MOST_RATIO * thinnest else ""
+        note = f"of the ball over the thinnest wall; a rule of thumb is {MOST_RATIO:g} at most"
+        yield Fact("thickness_ratio", "Thickest over thinnest", thickest / thinnest, note=note, notice=sinks, digits=3)
+    yield _cooling(mould, spec.lens.material)
+
+
+def _parting(line: PartingLine) -> Fact:
+    """The place of the parting line."""
+    low, high = (quantity(round(height, 3) + 0.0, digits=4) for height in (line.low_mm, line.high_mm))
+    if line.radius_mm is None:
+        note = f"z = {low} mm; all below it is of the lower half"
+        return Fact("parting", "Parting line", "the edge of the plate’s top", note=note)
+    first, *more = line.places
+    where = f"where {first} and {' and '.join(more)} meet" if more else f"the widest of the {first}"
+    heights = low if low == high else f"{low} to {high}"
+    note = f"{quantity(line.radius_mm, 'mm', digits=4)} from the axis at most, z = {heights} mm"
+    return Fact("parting", "Parting line", where, note=note)
+
+
+def _gate(mould: Mould, spec: Spec) -> Fact:
+    """Place of the gate; what the part lacks for one."""
+    if mould.gate is None:
+        lacks = "give it a base, a flange or a plate: there is no side to fill it at but that of optical faces"
+        return Fact("gate", "Gate", "nowhere", notice=lacks)
+    marked = spec.plate is not None and spec.plate.gate is not None
+    note = "as marked on its drawing" if marked else "away from the optical faces"
+    return Fact("gate", "Gate", f"at the side of the {mould.gate}", note=note)
+
+
+def _inner_corners(check: Check, mould: Mould, spec: Spec) -> Fact:
+    """Edges of the mould that material surrounds: those of the core, and at the foot of base, flange or plate."""
+    sides = [(spec.lens.role(edge.faces[0]), " and ".join(edge.faces)) for edge in check.edges]
+    corners = [pair for first, pair in sides if first.before == CAVITY and not first.is_open]
+    if mould.gate == "flange" or mould.gate in mould.parting.places:
+        corners.append(f"{mould.gate} and {'lens' if mould.gate == 'flange' else spec.lens.outward}")
+    note = "the edge of the mould in them wears: agree on a radius with the moulder" if corners else ""
+    return Fact("inner_corners", "Sharp inner corners", ", ".join(corners) or "none", note=note)
+
+
+def _cooling(mould: Mould, material: str) -> Fact:
+    """The estimate of the cooling time, or why there is none."""
+    plastic = plastic_of(material)
+    if mould.cooling_s is None or plastic is None:
+        cures = material.lower().startswith("silicone")
+        why = "it cures in the mould, and does not cool" if cures else f"the heat of {material or 'it'} is not known"
+        return Fact("cooling", "Cooling time", "no estimate", note=why)
+    temperatures = f"{plastic.melt_c:g} °C of the melt, {plastic.mould_c:g} of the mould, {plastic.ejected_c:g} ejected"
+    note = f"estimate for a slab of {material} as thick as the largest ball; {temperatures}"
+    return Fact("cooling", "Cooling time", mould.cooling_s, "s", note=note, digits=2)

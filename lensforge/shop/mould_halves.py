@@ -1,0 +1,232 @@
+"""A mould of two halves that opens along the axis of the lens: what each half draws, and what neither; the parting.
+
+As the halves open, a point moves along z, and so stays at its azimuth and its distance from the axis: whether the body
+is in its way is seen in the section on one side of the axis. A half draws a place that faces it, with nothing of the
+body in between. What is upright to the tolerance of angles is no undercut.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Shaped
+
+from lensforge.cad.boundary import Pair, TrimmedFace
+from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.flange import ring_of
+from lensforge.cad.outline import FULL_TURN, circle
+from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
+from lensforge.cad.patch import Patch
+from lensforge.cad.plan import Corner, Plan, base_corners, lay_out, rim_directions, rim_radius
+from lensforge.cad.wall import largest_ball
+from lensforge.scene.lens import Lens
+from lensforge.shop.check_result import BASE, FLANGE, PLATE, InscribedBall, Mould, MouldedFace, PartingLine
+from lensforge.shop.mould_facts import plastic_of
+from lensforge.spec import BaseSection
+
+_AZIMUTHS, _ALONG, _ON_EDGE = 192, 512, 64  # points of each face, and between two corners
+_UPRIGHT = float(np.sin(np.deg2rad(ANGLE_TOLERANCE_DEG)))
+_SAME_MM = 1e-6
+_BALL = 360, 96  # azimuths and points of each face, about as far apart all over
+_OF_PLATE = PartingLine(places=(PLATE,), radius_mm=None, low_mm=0.0, high_mm=0.0)
+
+_Values = Float[np.ndarray, "a m"]
+_Names = Shaped[np.ndarray, " n"]
+_Marks = Bool[np.ndarray, "_ _"]
+
+
+def mould_of(lens: Lens, pair: Pair[Patch]) -> Mould:
+    """The mould of ``lens`` by its fitted faces, with its base, flange or plate; a base from a file is left out."""
+    spec, plate = lens.spec, lens.spec.plate
+    base = base_with_room(lens) if plate is None else BaseSection(kind="none")
+    plan = replace(lay_out(*pair, base), rim_flange=ring_of(lens, pair[1]))
+    around = [] if plate is None else _around(plan, plate.thickness_mm, spec.constraints.max_radius_mm)
+    halves = TwoHalves.of(pieces_of(plan, around))
+    every = [piece.points for piece in pieces_of(plan, around, *_BALL)]
+    diameter_mm, centre = largest_ball(np.concatenate(every, axis=1))
+    plastic = plastic_of(spec.lens.material)
+    sides = {PLATE: plate is not None, FLANGE: plan.rim_flange is not None, BASE: base.kind != "none"}
+    return Mould(
+        faces=halves.faces([name for name in lens.surfaces if lens.body.face(name).is_optical]),
+        parting=halves.parting() if plate is None else _OF_PLATE,
+        thickest=InscribedBall(diameter_mm=diameter_mm, centre_mm=tuple(centre.tolist())),
+        gate=next((name for name, there in sides.items() if there), None),
+        cooling_s=None if plastic is None else plastic.cooling_s(diameter_mm),
+    )
+
+
+def _around(plan: Plan[Patch], thickness_mm: float, lens_mm: float) -> list[Corner]:
+    """Corners of the plate around a lens of at most ``lens_mm`` radius, as far as it matters to that."""
+    wide = circle(lens_mm + thickness_mm).radius
+    return [Corner(wide, 0.0, ""), Corner(wide, thickness_mm, ""), Corner(rim_radius(plan.cavity), thickness_mm, "")]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A stretch of the sections at even azimuths, from the axis around the outside to the cavity.
+
+    ``points`` (mm); ``facing``: z of the unit normal out of the material; ``areas``: shares of the face's own area that
+    the points stand for. Of what is no optical face the last two are 0.
+    """
+
+    name: str
+    points: Float[np.ndarray, "a m 3"]
+    facing: _Values
+    areas: _Values
+
+    @property
+    def across(self) -> _Values:
+        """Distance (mm) from the axis."""
+        return np.asarray(np.hypot(self.points[..., 0], self.points[..., 1]))
+
+    @property
+    def height(self) -> _Values:
+        """Height (mm)."""
+        return np.asarray(self.points[..., 2])
+
+
+def pieces_of(
+    plan: Plan[Patch], plate: Sequence[Corner] = (), azimuths: int = _AZIMUTHS, along: int = _ALONG
+) -> list[Piece]:
+    """The pieces of a body at so many azimuths, ``along`` points of each face.
+
+    ``plate``: corners of what stands around the lens, from the outer rim to the cavity's, in place of its base.
+    """
+    turn = np.linspace(0.0, FULL_TURN, azimuths, endpoint=False)
+    outside = [piece for face in plan.envelope.of_material for piece in _pieces_of_face(face, plan, turn, along, 1)]
+    inside = [piece for face in plan.cavity.of_material for piece in _pieces_of_face(face, plan, turn, along, -1)]
+    corners = plate or base_corners(plan)[1:]
+    chain = [outside[-1].points[:, -1:], *(_corner(each, turn) for each in corners), inside[-1].points[:, -1:]]
+    name = PLATE if plate else BASE
+    return [*outside, _upright(name, _filled(chain)), *(_turned_back(piece) for piece in reversed(inside))]
+
+
+def _pieces_of_face(
+    face: TrimmedFace[Patch], plan: Plan[Patch], turn: Float[np.ndarray, " a"], along: int, sense: int
+) -> Iterator[Piece]:
+    """A face from the axis outwards; ``sense``: 1 where its outward normal leaves the material."""
+    shares = np.concatenate([[0.0], (np.arange(along) + 0.5) / along, [1.0]])
+    low, high = face.domain.radii(turn)
+    radius = low[:, None] + (high - low)[:, None] * shares
+    chart = radius[..., None] * rim_directions(turn)[:, None, :2]
+    points, *tangents = (each.reshape(*radius.shape, 3) for each in face.shape.tangents(chart.reshape(-1, 2)))
+    normal = np.cross(*tangents)
+    element = np.linalg.norm(normal, axis=-1)
+    if face.is_flange and plan.rim_flange is not None:
+        corners = (Corner(lambda azimuths, r=r: np.full_like(azimuths, r), -z, "") for r, z in plan.rim_flange.corners)
+        yield _upright(FLANGE, _filled([points[:, :1], *(_corner(each, turn) for each in corners), points[:, -1:]]))
+        return
+    areas = element * radius * (high - low)[:, None]
+    areas[:, [0, -1]] = 0.0  # the ends alone stand for nothing
+    yield Piece(face.name, points, sense * normal[..., 2] / element, areas / areas.sum())
+
+
+def _corner(corner: Corner, turn: Float[np.ndarray, " a"]) -> Float[np.ndarray, "a 1 3"]:
+    points = corner.radius(turn)[:, None] * rim_directions(turn)
+    points[:, 2] = -corner.depth_mm
+    return np.asarray(points[:, None])
+
+
+def _filled(chain: Sequence[Float[np.ndarray, "a 1 3"]]) -> Float[np.ndarray, "a k 3"]:
+    """Points along a chain of corners, the last one included."""
+    share = (np.arange(_ON_EDGE) / _ON_EDGE)[:, None]
+    return np.concatenate([*(one + share * (other - one) for one, other in pairwise(chain)), chain[-1]], axis=1)
+
+
+def _upright(name: str, points: Float[np.ndarray, "a k 3"]) -> Piece:
+    return Piece(name, points, *np.zeros((2, *points.shape[:2])))
+
+
+def _turned_back(piece: Piece) -> Piece:
+    """The piece from the rim to the axis."""
+    return Piece(piece.name, piece.points[:, ::-1], piece.facing[:, ::-1], piece.areas[:, ::-1])
+
+
+@dataclass(frozen=True, eq=False)
+class TwoHalves:
+    """The sections of a body, and what of each point is free of the body above it and below it."""
+
+    pieces: list[Piece]
+    free_above: list[_Marks]
+    free_below: list[_Marks]
+
+    @staticmethod
+    def of(pieces: list[Piece]) -> "TwoHalves":
+        """What each half sees of ``pieces``."""
+        across, height = (np.concatenate([getattr(each, name) for each in pieces], axis=1) for name in _OF_SECTION)
+        top, bottom = (np.stack(each) for each in zip(*map(_extremes, across, height), strict=True))
+        ends = np.cumsum([piece.points.shape[1] for piece in pieces])[:-1]
+        above, below = (np.split(each, ends, axis=1) for each in (height > top - _SAME_MM, height < bottom + _SAME_MM))
+        return TwoHalves(pieces, above, below)
+
+    def faces(self, names: Sequence[str]) -> dict[str, MouldedFace]:
+        """Each of the optical faces called ``names``, in that order."""
+        found = {
+            piece.name: _moulded(piece, above, below)
+            for piece, above, below in zip(self.pieces, self.free_above, self.free_below, strict=True)
+            if piece.name in names
+        }
+        return {name: found[name] for name in names}
+
+    def parting(self) -> PartingLine:
+        """The line in which the halves meet: where the body is widest; of an upright side, all of its height."""
+        across, height = (np.concatenate([getattr(each, name) for each in self.pieces], axis=1) for name in _OF_SECTION)
+        names = np.concatenate([[piece.name] * piece.points.shape[1] for piece in self.pieces])
+        widest = across >= across.max(axis=1, keepdims=True) - _SAME_MM
+        at = dict.fromkeys(names[np.flatnonzero(widest.any(axis=0))].tolist())
+        heights = [_widest_heights(*section, names) for section in zip(across, height, widest, strict=True)]
+        low, high = float(min(each[0] for each in heights)), float(max(each[1] for each in heights))
+        return PartingLine(places=tuple(at), radius_mm=float(across.max()), low_mm=low, high_mm=high)
+
+
+_OF_SECTION = "across", "height"
+
+
+def _extremes(across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"]) -> tuple[Any, Any]:
+    """The highest and the lowest of the section at each of its own distances from the axis."""
+    step = np.diff(across)
+    way = np.where(np.abs(step) <= _UPRIGHT * np.hypot(step, np.diff(height)), 0.0, np.sign(step))
+    starts = np.flatnonzero(np.diff(way, prepend=np.nan) != 0.0)
+    top, bottom = np.full_like(across, -np.inf), np.full_like(across, np.inf)
+    for start, end in pairwise([*starts.tolist(), len(way)]):
+        if way[start] == 0.0:
+            continue
+        rows = slice(start, end + 1)
+        known = across[rows], height[rows]
+        rising = known if way[start] > 0.0 else (known[0][::-1], known[1][::-1])
+        top = np.maximum(top, np.interp(across, *rising, left=-np.inf, right=-np.inf))
+        bottom = np.minimum(bottom, np.interp(across, *rising, left=np.inf, right=np.inf))
+    return top, bottom
+
+
+def _moulded(piece: Piece, free_above: _Marks, free_below: _Marks) -> MouldedFace:
+    """What the halves draw of a face."""
+    facing, areas = piece.facing, piece.areas
+    above, below = free_above & (facing >= -_UPRIGHT), free_below & (facing <= _UPRIGHT)
+    undercut = ~(above | below) & (np.abs(facing) > _UPRIGHT) & (areas > 0.0)
+    upper, drawn = above & ((facing > 0.0) | ~below), ~undercut
+    heights = piece.height[undercut]
+    least = 0.0 if facing.min() < 0.0 < facing.max() else float(np.abs(facing[drawn]).min(initial=1.0))
+    return MouldedFace(
+        upper_fraction=float(areas[upper].sum()),
+        lower_fraction=float(areas[drawn & ~upper].sum()),
+        undercut_fraction=float(areas[undercut].sum()),
+        undercut_heights_mm=(float(heights.min()), float(heights.max())) if heights.size else None,
+        draft_deg=float(np.degrees(np.arcsin(least))) if drawn.any() else None,
+    )
+
+
+def _widest_heights(
+    across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"], widest: Bool[np.ndarray, " n"], names: _Names
+) -> tuple[float, float]:
+    """Heights between which a section is widest; within a face of the parabola through three points."""
+    k, low, high = int(np.argmax(across)), float(height[widest].min()), float(height[widest].max())
+    near = slice(k - 1, k + 2)
+    rises = np.diff(height[near])
+    if high - low > _SAME_MM or len(set(names[near])) > 1 or len(rises) < 2 or rises[0] * rises[1] <= 0.0:
+        return low, high
+    bend, slope, _ = np.polyfit(height[near] - height[k], across[near], 2).tolist()
+    place = height[k] + float(np.clip(-0.5 * slope / bend, *np.sort(height[near][[0, 2]] - height[k])))
+    return place, place
