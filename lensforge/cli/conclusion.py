@@ -11,6 +11,7 @@ from lensforge.cad.part import Part
 from lensforge.cli.output import Block, Output, Row, warning_line
 from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import Light
+from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, TM25_FILE, TM33_FILE, Photometry
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
@@ -18,8 +19,8 @@ from lensforge.report.headline import headline, kinds
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
-from lensforge.results import Fact, Group, StageResult
-from lensforge.results.criteria import require
+from lensforge.results import Fact, Group, ResultByLed, StageResult
+from lensforge.results.criteria import criteria_of, require
 from lensforge.results.record import State
 from lensforge.results.verdict import Verdict
 from lensforge.search.design_result import Design
@@ -62,7 +63,7 @@ def finish(
     )
     for result in results:
         _tell_conditions(result)
-    require(criterion for each in results for criterion in getattr(each, "criteria", ()))
+    require(criterion for each in results for criterion in criteria_of(each))
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
 
@@ -137,7 +138,9 @@ def _require_pass(run: Run, *parts: str) -> None:
 
 def blocks_of(result: StageResult, run: Run) -> list[Block]:
     """Blocks for ``result``, one of those in the folder of ``run``, and the file that holds it."""
-    groups = run.facts(result)
+    groups, light = run.facts(result), run.find(Light)
+    if light is not None and isinstance(result, ResultByLed):  # of the same LEDs
+        groups = [*groups, *place_groups(light)]
     title, reasons = _judged(result, run)
     blocks = [Block(title, [*rows_of(groups), *reasons])] if title else _titled(groups)
     conditions = conditions_of(result)
@@ -281,6 +284,7 @@ def _written(run: Run) -> str:
     part, photometry = run.find(Part), run.find(Photometry)
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
+    names += [] if photometry is None else [f"{_STEM}_{each.led}.ies" for each in photometry.others]
     first = names[:1]  # "lens.step, .stl, .3mf"
     return ", ".join(
         [*first, *(name.removeprefix(_STEM) if name.startswith(f"{_STEM}.") else name for name in names[1:])]

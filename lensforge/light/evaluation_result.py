@@ -25,6 +25,7 @@ from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criteria, at_most
 from lensforge.results.fact import StoredAs
 from lensforge.results.record import MOST_PIXELS
+from lensforge.sources.source_place import SourcePlace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,6 +79,7 @@ class LedLight(Record):
 
     name: Text
     source: Text
+    place: SourcePlace | None = None
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: JudgedLimits = ()
     ways: tuple[LightWay, ...] = ()
@@ -88,7 +90,7 @@ class LedLight(Record):
     @staticmethod
     def of(name: str, source: str, light: "Light") -> "LedLight":
         """The ``light`` of one LED by its own evaluation."""
-        kept = ("receivers", "limits", "ways", "rays", "lumens_per_watt", "criteria")
+        kept = ("place", "receivers", "limits", "ways", "rays", "lumens_per_watt", "criteria")
         return LedLight(name=name, source=source, **{field: getattr(light, field) for field in kept})
 
 
@@ -104,17 +106,18 @@ class Light(SimulatedResult):
     Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
     that the search has not used; ``fitted``: by the rays that it has. ``pixels``: along the longer side of a map as
     asked, of which lamps together may need somewhat more or fewer. ``ways``: shares of the emitted flux by way, of a
-    lens of more than two faces. Of a lens for several LEDs they are those of the first, called ``led``; ``others``: the
-    light of each of the rest.
+    lens of more than two faces. ``place``: of the LED, where it is from a ray file or is moved. Of a lens for several
+    LEDs they are those of the first, called ``led``; ``others``: the light of each of the rest.
     """
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
-    told_if_any: ClassVar[tuple[str, ...]] = ("ways",)
+    told_if_any: ClassVar[tuple[str, ...]] = ("ways", "place")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: JudgedLimits = ()
     ways: tuple[LightWay, ...] = ()
+    place: SourcePlace | None = None
     led: str = ""
     others: tuple[LedLight, ...] = ()
     rays: Annotated[Count, Field(ge=1)]

@@ -17,6 +17,7 @@ from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import SeveralSources
+from lensforge.sources.source_place import SourcePlace
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import Preset, preset_of
 from lensforge.spec.emitter_section import EmitterSection
@@ -68,8 +69,9 @@ def evaluate(
         )
         others = tuple(_others(body, preset, settings)) if other is None else ()
     led = lens.spec.sources[0].name if others else ""
+    place = SourcePlace.of(chosen, summary)
     update = {"inputs": inputs_of(lens, chosen), "conditions": conditions, "led": led, "others": others}
-    return light.changed(**update)
+    return light.changed(**update, place=place)
 
 
 def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[LedLight]:
@@ -78,9 +80,10 @@ def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator
 
     for led in lens.spec.sources[1:]:
         emitter = build_source(led.source, lens.dispersion, coloured=lens.spec.colour is not None)
-        efficacy = summarise(emitter, led.source).lumens_per_watt
+        summary = summarise(emitter, led.source)
+        efficacy = summary.lumens_per_watt
         light = evaluate_lens(lens, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
-        yield LedLight.of(led.name, led.source.title, light)
+        yield LedLight.of(led.name, led.source.title, light.changed(place=SourcePlace.of(led.source, summary)))
 
 
 def _conditions(

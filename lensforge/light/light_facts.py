@@ -43,7 +43,8 @@ _LIGHT = {"cd": "luminous intensity", "W/sr": "radiant intensity", "lx": "illumi
 
 
 def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -> list[Group]:
-    """Groups: one for each receiver, the ways of the light, the limits (``possible``: light there), the simulation.
+    """Groups: one for each receiver, the ways of the light, the limits (``possible``: light there), and at the end the
+    place of each LED and the simulation.
 
     Of a lens for several LEDs all but the last are those of each, which its name tells apart.
     """
@@ -59,7 +60,17 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
             groups.append(replace(way_facts(led_light.ways), title=f"Light by way{end}"))
         if led_light.limits:
             groups.append(Group("limits", f"Limits{end}", tuple(limit_facts(led_light, possible or {}, end))))
+    groups += place_groups(light)
     return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
+
+
+def place_groups(light: Light) -> list[Group]:
+    """A group of the place of each LED that is from a ray file or is moved."""
+    return [
+        led_light.place.group(f", {name}" if light.others else "")
+        for name, led_light in light.by_led.items()
+        if led_light.place is not None
+    ]
 
 
 def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
@@ -277,7 +288,15 @@ _ZONES = {
 
 
 def photometry_facts(photometry: Photometry, spec: Spec) -> list[Group]:
-    """Groups of the far field and, of a lamp for an area or a road, of the lamp and its zones."""
+    """Groups of the far field with each LED and, of a lamp for an area or a road, of the lamp and its zones."""
+    return [
+        replace(group, title=f"{group.title}, {name}" if photometry.others else group.title)
+        for name, of_led in photometry.by_led.items()
+        for group in _photometry_of_led(of_led, spec)
+    ]
+
+
+def _photometry_of_led(photometry: Photometry, spec: Spec) -> list[Group]:
     groups = [Group("far_field", "Far field", tuple(_far_field(photometry, spec))), *map(road_facts, photometry.roads)]
     if photometry.road is None:
         return groups

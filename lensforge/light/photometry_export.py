@@ -51,7 +51,7 @@ from lensforge.sources.rayfiles.ray_file_rows import FileImage
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
-from lensforge.spec.lamps_section import ALONE
+from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import reach_mm
 
@@ -108,6 +108,7 @@ def read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float)
 
 
 _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
+_BEYOND = 1e-3  # of the light of lamps that are aimed; above it the files say that they lack it
 _NOISY = 0.05  # rms of the nodes, relative; above it the files say that they are noisy
 
 
@@ -119,13 +120,16 @@ def measure_photometry(
     rays: int | None = None,
     lumens: float | None = None,
     ies_version: IesVersion = NEWEST,
+    led: str = "",
 ) -> Photometry:
     """Trace the light of ``lens`` to its far field, and make its files; ``lumens``: luminous flux of the source.
 
     Without it, the flux is what the spec or the source's file says; where nothing does, 1000 lm: then candela are
     cd/klm, and record and files say so. Without ``rays`` as many are traced as the noise of the table asks for.
-    ``ies_version``: year of LM-63. The date of the files is that of the spec, as in all files for others. Raises
-    :class:`InputError` for lumens that are not above 0 and finite, and where no light leaves the lens upwards.
+    ``ies_version``: year of LM-63, ``led``: name of the LED, of several, in the files. Of several lamps they hold the
+    light of all, as it is seen from afar; of an infinite lattice that of one. The date of the files is that of the
+    spec, as in all files for others. Raises :class:`InputError` for lumens that are not above 0 and finite, and where
+    no light leaves the lens upwards.
     """
     if lumens is not None and not 0.0 < lumens < np.inf:
         raise InputError(f"lumens = {lumens:g}: must be above 0 and finite; leave it out to take those of the spec")
@@ -133,17 +137,16 @@ def measure_photometry(
     summary = summarise(source, lens.spec.source)
     bright, section = SourceLumens.of(lumens, summary), lens.spec.photometry
     bright.require_known(section)
-    together = lens.spec.all_lamps
-    lamps = ALONE if together.posed or together.period_mm is not None else together
+    lamps = ALONE if lens.spec.all_lamps.period_mm is not None else lens.spec.all_lamps
     if not bright.per_1000_lm:
         bright = replace(bright, lumens=len(lamps) * bright.lumens)
     source_w = len(lamps) * source.flux_w
-    largest_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies)) + lamps.reach_mm
+    lens_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies))
     light = trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
         Goniophotometer(
-            sphere_mm=_SLACK * largest_mm,
+            sphere_mm=_SLACK * (lens_mm + lamps.reach_mm),
             symmetry=shared_symmetry([source.symmetry, lens.symmetry], lamps.in_far_field.has_mirrors),
             street_deg=section.street_side_deg,
             lamps=lamps,
@@ -159,8 +162,8 @@ def measure_photometry(
     photometric = PhotometricFile(
         candela,
         (LampSet(bright.lumens, kind="LED"),),
-        title=f"lensforge {lens.spec.name}",
-        opening=LuminousOpening.disc(2.0 * largest_mm),
+        title=", ".join(filter(None, (f"lensforge {lens.spec.name}", led))),
+        opening=_opening(lamps, lens_mm),
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )
@@ -204,6 +207,14 @@ def measure_photometry(
     )
 
 
+def _opening(lamps: Lamps, lens_mm: float) -> LuminousOpening:
+    """The disc of one lens within ``lens_mm`` of its origin; the box that holds all of several."""
+    if lamps.is_single:
+        return LuminousOpening.disc(2.0 * lens_mm)
+    x_mm, y_mm, z_mm = np.ptp([lamp.place_mm for lamp in lamps.lamps], axis=0).tolist()
+    return LuminousOpening.of_area(x_mm + 2.0 * lens_mm, y_mm + 2.0 * lens_mm, (z_mm,) * 4, circular=False)
+
+
 def _lamp(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLight:
     """Light of the lens as that of a lamp."""
     finer = light.finer
@@ -221,8 +232,9 @@ def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
 def _warnings(bright: SourceLumens, source: Source, light: ExitLight, spec: Spec) -> Iterator[str]:
     if spec.all_lamps.period_mm is not None:
         yield "an infinite lattice has no far field: the files are those of one lamp"
-    if spec.all_lamps.posed:
-        yield "each of the lamps has its height and aim: the files are those of one, in its own axes"
+    beyond = named_flux(light.by_fate_w)["missed_receiver"] / source.flux_w / len(spec.all_lamps)
+    if spec.all_lamps.posed and beyond > _BEYOND:
+        yield f"{beyond:.1%} of the light goes beyond 90 degrees from the z of the lamps, and is not in the files"
     if bright.per_1000_lm:
         yield (
             "luminous flux of the source not known: 1000 lm taken, so candela are per 1000 lm of the source; give "

@@ -28,7 +28,7 @@ from lensforge.results import (
     Number,
     Positive,
     Record,
-    SimulatedResult,
+    ResultByLed,
     Text,
 )
 from lensforge.results.criteria import Criteria, at_most
@@ -203,7 +203,7 @@ class LostFlux(Record):
     bodies: NotNegative = 0.0
 
 
-class Photometry(SimulatedResult):
+class Photometry(ResultByLed):
     """The light that leaves the lens upwards. ``lost_w``: the rest by fate; ``reflected_w``: lost at the surfaces.
 
     ``candela`` at the angles ``c_deg`` and ``gamma_deg``: gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the
@@ -217,11 +217,12 @@ class Photometry(SimulatedResult):
 
     ``source_lm_from``: where the luminous flux of the source comes from. Where nothing states it, ``per_1000_lm`` is
     true: ``source_lm`` is 1000, and candela are per 1000 lm of the source. ``warnings``: whatever limits the use of the
-    files. ``ies``, ``ldt``, ``tm33``, ``tm25``: the bytes of the files.
+    files. ``ies``, ``ldt``, ``tm33``, ``tm25``: the bytes of the files. Of several lamps all is that of the whole.
     """
 
     stage: ClassVar[str] = "photometry"
 
+    others: "tuple[Photometry, ...]" = ()
     rays: Count
     source_w: Positive
     exit_w: Metric

@@ -181,8 +181,11 @@ def noise_limit(floor: float) -> float:
     return NOISE_FLOORS * floor + NOISE_ALLOWANCE
 
 
-def proof_criteria(proof: Proof) -> Criteria:
-    """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name."""
+def proof_criteria(proof: Proof, *, on_plate: bool = False) -> Criteria:
+    """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name.
+
+    ``on_plate``: all lamps together are those of a plate.
+    """
     broken = "do not trust this verification, its casting is broken: please report it"
     criteria = [
         at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
@@ -196,10 +199,11 @@ def proof_criteria(proof: Proof) -> Criteria:
     for number, receiver in enumerate(proof.receivers):
         of_receiver = _receiver_criteria(proof, receiver)
         criteria += of_receiver if number == 0 else [under(receiver.name, each) for each in of_receiver]
-    finer = "verify with more rays, or export again: plate.stl is not the lens of lens.json at its places"
+    lamps, file = ("plate", "plate.stl") if on_plate else ("lamps", "lens.stl")
+    finer = f"verify with more rays, or export again: {file} is not the lens of lens.json at its places"
     for lit in proof.together:
         limit = noise_limit(lit.noise_floor_nmse)
-        criteria.append(under(lit.name, at_most("plate_nmse_vs_sum", lit.nmse_vs_sum, limit, "", finer)))
+        criteria.append(under(lit.name, at_most(f"{lamps}_nmse_vs_sum", lit.nmse_vs_sum, limit, "", finer)))
     return tuple(criteria)
 
 

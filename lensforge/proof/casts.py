@@ -29,9 +29,9 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     """Cast rays through the STL and STEP of ``part``, and compare their landings with the design's.
 
     ``light``: of the same lens. The ray cast shares no code with the design's tracer; further rays are drawn by code
-    that shares nothing with its sampler, and make the light of the design; of several lamps that of one. Both files are
-    measured, and compared with the size as exported. With a plate the light of all lamps goes through its mesh as well,
-    and is compared with their sum.
+    that shares nothing with its sampler, and make the light of the design. Of a lens for several LEDs the rays of each
+    are cast. Of several lamps the rays of one are compared one by one, and the light of all lamps with this lens with
+    their sum: with a plate through its mesh. Both files are measured, and compared with the size as exported.
     """
     with threads_of_torch(threads):
         return verify_with(IN_TURN, part, light, rays)
@@ -39,47 +39,61 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
 
 def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = None) -> Proof:
     """Do as :func:`verify` does, with a second process for referees that hold Python's lock; the same bits."""
+    lens, known = require(part, Part, "verify").lens, require(light, Light, "verify").inputs
+    rays, wanted = count_of("rays", rays), inputs_of(lens, lens.spec.source)
+    for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
+        if known.get(name) != wanted[name]:
+            raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
+    lenses, by_led = lens.by_led, light.by_led
+    if missing := [name for name in lenses if name not in by_led]:
+        raise InputError(
+            f"verify: the light is without that of the LED {missing[0]!r}; evaluate the lens with all LEDs"
+        )
+    inputs = {"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256}
+    first = next(iter(lenses))
+    proofs = {
+        name: _verified(part, (own, by_led[name]), rays, inputs, second, measured=name == first)
+        for name, own in lenses.items()
+    }
+    return Proof.joined(proofs).changed(altered_files=part.altered)
+
+
+def _verified(
+    part: Part, lit: tuple[Lens, Light], rays: int | None, inputs: dict[str, str], second: ChildPool, *, measured: bool
+) -> Proof:
+    """The part with the one LED of a lens, whose light is known; ``measured``: form and size of its files, too."""
     import torch
 
     from lensforge.proof.form_inputs import designed_files
     from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
-    from lensforge.proof.proof_inputs import independent_light, lamps_on_plate, optical_of
+    from lensforge.proof.proof_inputs import independent_light, lamps_together, optical_of
     from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees
 
-    lens, spec = require(part, Part, "verify").lens, part.lens.spec
-    rays = count_of("rays", rays)
-    whole, known = light, require(light, Light, "verify").inputs
-    wanted = inputs_of(lens, spec.source)
-    for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
-        if known.get(name) != wanted[name]:
-            raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
-    lens, light = _of_one_lamp(lens, light)
-    spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(spec)
+    lens, light = lit
+    preset, source, optical = preset_of(lens.accuracy), judging_source(lens.spec), optical_of(lens.body, lens.events)
     count, conditions = rays_of(rays, preset.verify_rays, source)
     bundle = source.sample(count, seeds.of_verification(lens.seed))
-    optical = optical_of(lens.body, lens.events)
-    lamps = lamps_on_plate(part.plate_stl, part.lens, whole, bundle, optical)
+    alone, seen = _of_one_lamp(lens, light)
     files = FilesOfPart(
         part.stl,
         part.step,
-        lamps,
-        designed=list(designed_files(part)),
-        exported=part.size,
+        lamps_together(part.plate_stl, _of_own_lamps(lens, light), bundle, optical),
+        designed=list(designed_files(part)) if measured else (),
+        exported=part.size if measured else None,
         chord_mm=1e-3 * part.triangulation.chord_error_um,
-        inputs={"lens": part.lens.sha256, "export": part.sha256, "evaluate": whole.sha256},
+        inputs=inputs,
     )
     of_design = LightOfDesign(
         bundle,
         lens.media,
-        expected_of(lens, light, bundle, optical),
-        names=[receiver.name for receiver in light.receivers],
-        own=independent_light(lens, source, light, count),
+        expected_of(alone, seen, bundle, optical),
+        names=[receiver.name for receiver in seen.receivers],
+        own=independent_light(alone, source, seen, count),
         optical=optical,
     )
     referees = Referees(mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0)
-    proof = verify_in_sandbox(files, of_design, referees, torch.get_num_threads(), second)
-    return proof.changed(conditions=conditions, altered_files=part.altered)
+    return verify_in_sandbox(files, of_design, referees, torch.get_num_threads(), second).changed(conditions=conditions)
 
 
 def expected_of(lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFaces") -> "list[Expected]":
@@ -98,21 +112,25 @@ def expected_of(lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFace
 
 
 def _of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:
-    """The lens without other lamps, and its light: what a cast through one part can show."""
+    """The lens without other lamps, and its light: what can be compared ray by ray."""
     if lens.spec.all_lamps.is_single:
         return lens, light
     alone = replace(lens, spec=_of_first_lamp(lens), others={})
     return alone, evaluate(alone, rays=light.rays, pixels=light.pixels)
 
 
+def _of_own_lamps(lens: Lens, light: Light) -> tuple[Lens, Light]:
+    """The lens with those lamps alone that have it, and their light."""
+    own = lens.of_own_lamps
+    known = own is lens or len(own.spec.all_lamps) == 1  # one lamp alone is not compared
+    return own, light if known else evaluate(own, rays=light.rays, pixels=light.pixels)
+
+
 def _of_first_lamp(lens: Lens) -> Spec:
     """The spec of one lamp at the origin, of those with heights and aims the first with ``lens``, and what it sees."""
     from lensforge.scene.receiver_shapes import seen_by_lamp
 
-    lamps = lens.spec.all_lamps
-    if not lamps.posed:
-        return lens.spec.of_one_lamp
-    return seen_by_lamp(lens.spec, next((kind.numbers[0] for kind in lamps.kinds if kind.name == lens.kind), 0))
+    return seen_by_lamp(lens.spec, lens.first_lamp) if lens.spec.all_lamps.posed else lens.spec.of_one_lamp
 
 
 def stray_light(
@@ -120,29 +138,33 @@ def stray_light(
 ) -> StrayLight:
     """Follow rays through the part with reflections and the base, which the sequential design leaves out.
 
-    Where the part has a plate they go through all of it, from the lamp nearest to its middle, which is at the origin.
+    Of a lens for several LEDs the rays of each. Where the part has a plate they go through all of it, from the lamp
+    nearest to its middle, which is at the origin.
     """
+    lens, rays = require(part, Part, "stray_light").lens, count_of("rays", rays)
+    with threads_of_torch(threads):
+        return StrayLight.joined({name: _stray_light(part, own, rays, base) for name, own in lens.by_led.items()})
+
+
+def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polished", "black"]) -> StrayLight:
+    """Stray light of one LED of ``lens``."""
     import torch
 
     from lensforge.proof.proof_inputs import optical_of, plate_of, screens_of
 
-    lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
-    rays = count_of("rays", rays)
-    preset, source = preset_of(lens.accuracy), judging_source(spec)
+    spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(lens.spec)
     count, conditions = rays_of(rays, min(preset.verify_rays, preset.stray_rays), source)
     optical, stl = optical_of(lens.body, lens.events), part.stl
     if spec.plate is not None and part.plate_stl is not None:
         optical, stl = replace(optical, plate=plate_of(spec.plate.lenses(spec.lamps))), part.plate_stl
-    with threads_of_torch(threads):
-        stray = stray_in_sandbox(
-            stl,
-            rays=source.sample(count, seeds.of_verification(lens.seed)),
-            media=lens.media,
-            screens=screens_of(_of_first_lamp(lens) if spec.all_lamps.posed else spec),
-            names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
-            base=base,
-            optical=optical,
-            threads=torch.get_num_threads(),
-            inputs={"lens": lens.sha256, "export": part.sha256},
-        )
-    return stray.changed(conditions=conditions)
+    return stray_in_sandbox(
+        stl,
+        rays=source.sample(count, seeds.of_verification(lens.seed)),
+        media=lens.media,
+        screens=screens_of(_of_first_lamp(lens) if spec.all_lamps.posed else spec),
+        names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
+        base=base,
+        optical=optical,
+        threads=torch.get_num_threads(),
+        inputs={"lens": part.lens.sha256, "export": part.sha256},
+    ).changed(conditions=conditions)

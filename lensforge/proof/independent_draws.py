@@ -5,6 +5,7 @@ disc are thrown away, cosines are NumPy's own power law, and tables are drawn by
 """
 
 from collections.abc import Callable
+from math import atan2, hypot
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -125,6 +126,15 @@ def posed(
     turn = Rotation.from_euler("zxy", [rotate_z_deg, *tilt_deg], degrees=True)  # small letters: about fixed axes
     count = len(points)
     return RayBundle(turn.apply(points) + position_mm, turn.apply(directions), np.full(count, flux_w / count))
+
+
+def stand(axis: tuple[float, float, float], turn_deg: float) -> Float[np.ndarray, "3 3"]:
+    """Axes of a lamp as columns: turned about z, then tilted by the shortest turn, so that z goes along ``axis``."""
+    across = hypot(axis[0], axis[1])
+    tilt = Rotation.from_euler("y", atan2(across, axis[2]))
+    pan = Rotation.from_euler("z", atan2(axis[1], axis[0]) if across > 0.0 else 0.0)
+    turned: Float[np.ndarray, "3 3"] = (pan * tilt * pan.inv() * Rotation.from_euler("z", turn_deg, True)).as_matrix()
+    return turned
 
 
 def wavelengths(

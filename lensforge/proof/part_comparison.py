@@ -6,6 +6,7 @@ come from the description of the source; their noise is known, so that they test
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -239,30 +240,62 @@ class LampsOnPlate:
     stl: bytes
     rays: RayBundle
     optical: OpticalFaces
-    designed: Sequence[tuple[str, Screen, Float[np.ndarray, "h w"]]]
+    designed: Sequence[tuple[str, Screen, Float[np.ndarray, "_ _"]]]
+
+    @property
+    def count(self) -> int:
+        """Number of the lamps."""
+        return 1 if self.optical.plate is None else len(self.optical.plate.places)
+
+    @cached_property
+    def part(self) -> PartMesh:
+        """The mesh of the plate."""
+        return read_part_mesh(self.stl, self.optical)
+
+    def cast(self, media: Media, threads: int) -> Passage:
+        """Cast the rays through the mesh of the plate.
+
+        As in the sum that the design states, a ray that leaves its lens meets no other one: what does is stray light.
+        """
+        return send_through(self.part, Grid(self.part.mesh), self.rays, media, threads)
 
 
-def cast_lamps(
-    lamps: LampsOnPlate, media: Media, threads: int, part: PartMesh | None = None
+@dataclass(frozen=True, eq=False)
+class LampsApart:
+    """Lamps with a part each: places (mm), axes as columns, the lamp of each ray, and the design's light as above."""
+
+    places: Float[np.ndarray, "k 3"]
+    axes: Float[np.ndarray, "k 3 3"]
+    numbers: Int[np.ndarray, " n"]
+    designed: Sequence[tuple[str, Screen, Float[np.ndarray, "_ _"]]]
+
+    @property
+    def count(self) -> int:
+        """Number of the lamps."""
+        return len(self.places)
+
+    def stood(self, passage: Passage) -> Passage:
+        """A ``passage`` through the part at the origin, each ray moved with its lamp."""
+        turned = self.axes[self.numbers]
+        points, directions = (np.einsum("nij,nj->ni", turned, each) for each in (passage.points, passage.directions))
+        return replace(passage, points=points + self.places[self.numbers], directions=directions)
+
+
+def light_of_lamps(
+    lamps: LampsOnPlate | LampsApart, alone: Passage, rays: RayBundle, media: Media, threads: int
 ) -> tuple[LampsTogether, ...]:
-    """Cast the rays of all lamps through the mesh of the plate, and compare their light on each receiver.
-
-    ``part``: the mesh, where it has been read.
-
-    As in the sum that the design states, a ray that leaves its lens meets no other one: what does is stray light.
-    """
-    part = part or read_part_mesh(lamps.stl, lamps.optical)
-    passage, together = send_through(part, Grid(part.mesh), lamps.rays, media, threads), []
-    count = len(lamps.optical.plate.places) if lamps.optical.plate is not None else 1
+    """Light of all ``lamps`` on each receiver; ``alone``: the passage of ``rays`` through the part of one."""
+    passage = lamps.cast(media, threads) if isinstance(lamps, LampsOnPlate) else lamps.stood(alone)
+    together = []
     for name, screen, designed in lamps.designed:
         landed = passage.landed(screen)
-        _, off, noise_floor = screen.against(landed.landings, count * landed.flux, designed)
+        _, off, noise_floor = screen.against(landed.landings, lamps.count * landed.flux, designed)
         together.append(
             LampsTogether(
                 name=name,
-                lamps=count,
-                rays=len(lamps.rays),
-                efficiency=share(lamps.rays, landed.flux[screen.in_window(landed.landings)]),
+                lamps=lamps.count,
+                rays=len(rays),
+                efficiency=share(rays, landed.flux[screen.in_window(landed.landings)]),
                 nmse_vs_sum=off,
                 noise_floor_nmse=noise_floor,
             )

@@ -1,6 +1,8 @@
 """Facts of the verification: each independent tracer of the exported part against the design, and stray light."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
 
 from lensforge.proof.file_form import FileForm
 from lensforge.proof.proof_result import (
@@ -39,25 +41,53 @@ _ENDS = {
 }
 
 
-def proof_facts(proof: Proof, designed: Mapping[str, float]) -> list[Group]:
-    """A group for each receiver; ``designed``: efficiency of the design's light by the receiver's name."""
-    return [
+def proof_facts(
+    proof: Proof, designed: Mapping[tuple[str, str], float], lamp: str = "", *, on_plate: bool = False
+) -> list[Group]:
+    """A group for each receiver, with each LED; ``designed``: efficiency of the design's light by LED and receiver.
+
+    ``lamp``: words on the one whose rays are compared, of several; ``on_plate``: all stand on a plate.
+    """
+    parts = [
         Group(
             "part",
-            f"Exported part{suffix(proof.receivers, index)}",
-            tuple(_receiver(proof, index, designed.get(receiver.name))),
+            f"Exported part{lit.ending}",
+            tuple(_receiver(lit.result, lit.index, designed.get((lit.result.led, lit.receiver.name)))),
+            lamp,
         )
-        for index, receiver in enumerate(proof.receivers)
-    ] + [
-        *(
-            [Group("forms", "Form of the files", tuple(_form(each, proof) for each in proof.forms))]
-            if proof.forms
-            else []
-        ),
-        *(
-            Group("together", f"All lamps of the plate{suffix(proof.together, index)}", tuple(_together(each, proof)))
-            for index, each in enumerate(proof.together)
-        ),
+        for lit in lit_receivers(proof)
+    ]
+    forms = [Group("forms", "Form of the files", tuple(_form(each, proof) for each in proof.forms))]
+    lamps = "All lamps of the plate" if on_plate else "All lamps with this lens"
+    together = [
+        Group(
+            "together", f"{lamps}{lit.ending}", tuple(_together(lit.result.together[lit.index], lit.result, on_plate))
+        )
+        for lit in lit_receivers(proof)
+        if lit.result.together
+    ]
+    return [*parts, *(forms if proof.forms else []), *together]
+
+
+class LitReceiver(NamedTuple):
+    """One receiver in the ``result`` with one LED: its ``index``, and the ``ending`` of titles that tell it apart."""
+
+    result: Any
+    index: int
+    ending: str
+
+    @property
+    def receiver(self) -> Any:
+        """The light on it."""
+        return self.result.receivers[self.index]
+
+
+def lit_receivers(result: Proof | StrayLight) -> list[LitReceiver]:
+    """Every receiver with every LED."""
+    return [
+        LitReceiver(of_led, index, f", {led}{on}" if result.others else on)
+        for led, of_led in result.by_led.items()
+        for index, on in enumerate(map(partial(suffix, of_led.receivers), range(len(of_led.receivers))))
     ]
 
 
@@ -67,24 +97,25 @@ def _form(form: FileForm, proof: Proof) -> Fact:
     return Fact(f"form {form.name}", form.name, 1e3 * form.off_um, "nm", state=state, note=note, digits=2)
 
 
-def _together(lit: LampsTogether, proof: Proof) -> Iterator[Fact]:
-    judged = named(proof.criteria, f"{lit.name}: plate_nmse_vs_sum")
+def _together(lit: LampsTogether, proof: Proof, on_plate: bool) -> Iterator[Fact]:
+    judged = named(proof.criteria, f"{lit.name}: {'plate' if on_plate else 'lamps'}_nmse_vs_sum")
     note = f"of {lit.lamps} lamps; ray noise alone makes {number(lit.noise_floor_nmse, 3)}"
     yield Fact("nmse_vs_sum", "NMSE against the sum", lit.nmse_vs_sum, note=note, digits=3).judged_as(judged)
-    yield Fact.share("plate_efficiency", "Efficiency of the plate", lit.efficiency, "through its mesh")
+    label = "Efficiency of the plate" if on_plate else "Efficiency of all lamps"
+    yield Fact.share("plate_efficiency", label, lit.efficiency, "through its mesh")
 
 
 def tracer_groups(proof: Proof) -> list[Group]:
     """A row for every independent tracer that has run, on each receiver; distances are those of the landings."""
-    rows = [row for index in range(len(proof.receivers)) for row in _tracers(proof, index)]
+    rows = [row for lit in lit_receivers(proof) for row in _tracers(lit)]
     return [rows[0], _plain(proof), *rows[1:]]
 
 
-def stray_facts(stray: StrayLight) -> list[Group]:
-    """A group of the stray light on each receiver."""
+def stray_facts(stray: StrayLight, lamp: str = "") -> list[Group]:
+    """A group of the stray light on each receiver, with each LED; ``lamp``: as of the proof."""
     return [
-        Group("stray", f"Stray light{suffix(stray.receivers, index)}", (*_stray(stray, each), *_neighbours(stray)))
-        for index, each in enumerate(stray.receivers)
+        Group("stray", f"Stray light{lit.ending}", (*_stray(lit.result, lit.receiver), *_neighbours(lit.result)), lamp)
+        for lit in lit_receivers(stray)
     ]
 
 
@@ -139,24 +170,24 @@ def _length(mm: float) -> tuple[float, str]:
     return (1e3 * mm, "µm") if mm < 0.1 else (mm, "mm")
 
 
-def _tracer(proof: Proof, index: int, title: str, facts: tuple[Fact, ...], says: str, names: Sequence[str]) -> Group:
+def _tracer(lit: LitReceiver, title: str, facts: tuple[Fact, ...], says: str, names: Sequence[str]) -> Group:
     """The row of one tracer; its state follows from the criteria of ``names`` on the receiver."""
-    state = _state(proof.criteria, proof.receivers[index], index, *names)
-    return Group("tracer", f"{title}{suffix(proof.receivers, index)}", facts, says, state)
+    state = _state(lit.result.criteria, lit.receiver, lit.index, *names)
+    return Group("tracer", f"{title}{lit.ending}", facts, says, state)
 
 
-def _tracers(proof: Proof, index: int) -> Iterator[Group]:
-    receiver = proof.receivers[index]
+def _tracers(lit: LitReceiver) -> Iterator[Group]:
+    proof, receiver = lit.result, lit.result.receivers[lit.index]
     noise = f"NMSE {number(receiver.nmse_vs_design, 2)}, ray noise alone {number(receiver.noise_floor_nmse, 2)}"
     names = ("deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation")
     facts = (_rays(proof.rays), *_gaps(receiver.against_design))
-    yield _tracer(proof, index, "Mesh with smooth normals", facts, f"lens.stl; {noise}", names)
+    yield _tracer(lit, "Mesh with smooth normals", facts, f"lens.stl; {noise}", names)
     if receiver.brep is not None:
-        yield _brep(proof, receiver.brep, index)
+        yield _brep(lit, receiver.brep)
     if receiver.mitsuba is not None:
-        yield _mitsuba(proof, receiver.mitsuba, index)
+        yield _mitsuba(lit, receiver.mitsuba)
     if receiver.own_rays is not None:
-        yield _independent_rays(proof, receiver.own_rays, index)
+        yield _independent_rays(lit, receiver.own_rays)
 
 
 def _plain(proof: Proof) -> Group:
@@ -166,34 +197,34 @@ def _plain(proof: Proof) -> Group:
     return Group("tracer", "Plain ray cast by trimesh", (_rays(plain.rays),), f"lens.stl; {says}", state)
 
 
-def _brep(proof: Proof, brep: BrepCast, index: int) -> Group:
+def _brep(lit: LitReceiver, brep: BrepCast) -> Group:
     fates = brep.against_design.fates
     ends = "every ray has the same fate" if fates == 0 else f"{number(fates)} rays have another fate"
     says = f"lens.step; {quantity(brep.against_mesh.rms, 'mm', digits=2)} rms from the mesh; {ends}"
     names = ("brep_deviation_rms", "brep_flux_deviation", "brep_fate_disagreements")
     facts = (_rays(brep.rays), *_gaps(brep.against_design))
-    return _tracer(proof, index, "CAD kernel, face by face", facts, says, names)
+    return _tracer(lit, "CAD kernel, face by face", facts, says, names)
 
 
-def _mitsuba(proof: Proof, mitsuba: MitsubaCast, index: int) -> Group:
+def _mitsuba(lit: LitReceiver, mitsuba: MitsubaCast) -> Group:
     relation = "within" if mitsuba.nmse_vs_design <= mitsuba.noise_floor_nmse else "above"
     floor = number(mitsuba.noise_floor_nmse, 2)
     says = f"lens.stl; NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
     kinds = ("nmse_vs_design", "deviation_rms", "flux_deviation", "fate_disagreement_flux")
     facts = (_rays(mitsuba.rays), *_gaps(mitsuba.against_design))
     title = f"Mitsuba {mitsuba.version}, flat facets"
-    return _tracer(proof, index, title, facts, says, [f"mitsuba_{kind}" for kind in kinds])
+    return _tracer(lit, title, facts, says, [f"mitsuba_{kind}" for kind in kinds])
 
 
-def _independent_rays(proof: Proof, independent: IndependentRays, index: int) -> Group:
+def _independent_rays(lit: LitReceiver, independent: IndependentRays) -> Group:
     redrawn, expected = (
         Fact.share("", "", share).text for share in (independent.efficiency, independent.efficiency_design)
     )
     says = f"lens.stl; efficiency {redrawn}, the design’s light {expected}"
     if independent.nmse_less_noise is not None:
         says += f"; NMSE less noise {independent.nmse_less_noise}"
-    names = ("own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if index == 0 else []))
-    return _tracer(proof, index, "Freshly drawn rays of the LED", (_rays(independent.rays),), says, names)
+    names = ("own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if lit.index == 0 else []))
+    return _tracer(lit, "Freshly drawn rays of the LED", (_rays(independent.rays),), says, names)
 
 
 def _rays(count: int) -> Fact:

@@ -19,7 +19,7 @@ from lensforge.optics.face_roles import BODY
 from lensforge.optics.image_reading import read_light
 from lensforge.proof import independent_draws
 from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
-from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsOnPlate
+from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsApart, LampsOnPlate
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
 from lensforge.scene.lens import Lens
@@ -70,22 +70,27 @@ def plate_of(lamps: Lamps) -> PlateOfLenses:
     return PlateOfLenses(places, np.radians(lamps.turns_deg), int(np.hypot(*places.T).argmin()))
 
 
-def lamps_on_plate(
-    stl: bytes | None, lens: Lens, light: Light, rays: RayBundle, optical: OpticalFaces
-) -> LampsOnPlate | None:
-    """The cast of all lamps; None without a plate of several, and for a lattice, whose light no plate makes.
+def lamps_together(
+    stl: bytes | None, lit: tuple[Lens, Light], rays: RayBundle, optical: OpticalFaces
+) -> LampsOnPlate | LampsApart | None:
+    """The cast of all lamps; None for one alone, and for a lattice, whose light no part makes.
 
-    ``light``: of all lamps; ``rays``, ``optical``: of one.
+    ``stl``: of their plate, where there is one. ``lit``: the lens with all lamps that have it, and their light;
+    ``rays``, ``optical``: of one.
     """
+    lens, light = lit
     spec, lamps = lens.spec, lens.spec.all_lamps
-    if stl is None or spec.plate is None or lamps.period_mm is not None or len(lamps) == 1:
+    if lamps.period_mm is not None or len(lamps) == 1 or (stl is None and spec.plate is not None):
         return None
-    plate = PlateOfLenses(np.array(lamps.places_mm), np.radians(lamps.turns_deg), None)
     drawn = np.random.default_rng(seeds.of_verification(lens.seed)).permutation(len(rays)) % len(lamps)
     designed = [
         (lit.name, replace(screen, rows=len(lit.map), columns=len(lit.map[0])), lit.map)
         for lit, screen in zip(light.receivers, screens_of(spec, light.pixels), strict=True)
     ]
+    if stl is None:
+        stands = [independent_draws.stand(lamp.axis, lamp.turn_deg) for lamp in lamps.lamps]
+        return LampsApart(np.array([lamp.place_mm for lamp in lamps.lamps]), np.array(stands), drawn, designed)
+    plate = PlateOfLenses(np.array(lamps.places_mm), np.radians(lamps.turns_deg), None)
     return LampsOnPlate(stl, plate.placed(rays, drawn), replace(optical, plate=plate), designed)
 
 

@@ -19,14 +19,14 @@ from lensforge.results import (
     Number,
     Positive,
     Record,
+    ResultByLed,
     Share,
-    SimulatedResult,
     Text,
     stated,
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart, light_unit
-from lensforge.results.criteria import Criteria
+from lensforge.results.criteria import Criteria, criteria_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -195,7 +195,7 @@ class LampsTogether(Record):
     noise_floor_nmse: NotNegative
 
 
-class Proof(SimulatedResult):
+class Proof(ResultByLed):
     """Rays through the exported part, against the same rays through the design, on every receiver.
 
     Results that are not of the rays or the mesh are those of the first receiver. ``altered_files``: those whose content
@@ -203,12 +203,13 @@ class Proof(SimulatedResult):
     ``emission_apart``: largest difference of a moment of the design's rays, as they leave the source, from that of rays
     which verification has drawn, in standard errors; None where it has drawn none. ``far_facets``: optical facets of
     the mesh far from every face of the design, of a body of more than two. ``together``: all lamps through their plate.
-    ``forms``: of every file of the part.
+    ``forms``: of every file of the part; they and ``sizes`` are told once, with the first LED.
     """
 
     stage: ClassVar[str] = "verify"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "export", "evaluate")
 
+    others: "tuple[Proof, ...]" = ()
     receivers: Annotated[tuple[ReceiverProof, ...], Field(min_length=1)]
     rays: Count
     seconds: NotNegative
@@ -259,7 +260,7 @@ class Proof(SimulatedResult):
         return tuple(said.format(name, by[name in lit]) for name in self.altered_files)
 
     def __str__(self) -> str:
-        failed = [str(criterion) for criterion in self.criteria if not criterion.holds]
+        failed = [str(criterion) for criterion in criteria_of(self) if not criterion.holds]
         deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"
         verdict = "; ".join(failed) or "every criterion is met"
         landing = f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
@@ -325,7 +326,7 @@ class ReceiverStray(OnReceiver):
     stray: Irradiance
 
 
-class StrayLight(SimulatedResult):
+class StrayLight(ResultByLed):
     """Stray light, which the sequential design leaves out: reflections, the base, absorption; on every receiver.
 
     The flux budget and the efficiencies are those of the first. Of a plate with several ``lenses`` one in the middle is
@@ -336,6 +337,7 @@ class StrayLight(SimulatedResult):
     command: ClassVar[str] = "verify --stray"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "export")
 
+    others: "tuple[StrayLight, ...]" = ()
     receivers: Annotated[tuple[ReceiverStray, ...], Field(min_length=1)]
     rays: Count
     base: Literal["polished", "black"]

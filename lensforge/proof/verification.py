@@ -23,13 +23,14 @@ from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import (
     Expected,
     IndependentLight,
+    LampsApart,
     LampsOnPlate,
-    cast_lamps,
     compare,
     emission_difference,
     flux_budget,
     gap_quantiles,
     judge_independent_rays,
+    light_of_lamps,
     share,
 )
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh, sized_mesh
@@ -57,14 +58,14 @@ from lensforge.sources.ray_bundle import RayBundle
 class FilesOfPart:
     """Files of a part: the bytes of its STL (mm) and of its STEP; without that ``brep`` of the proof is None.
 
-    ``lamps``: of a plate, whose light is compared with their sum. ``designed``: every file of the part, these among
-    them, to compare its form. ``exported``: size of the part as exported, its box within ``chord_mm`` of the solid's.
-    ``inputs``: hashes of what it was made from, by name.
+    ``lamps``: all that have the part, on a plate or apart, whose light is compared with their sum. ``designed``: every
+    file of the part, these among them, to compare its form. ``exported``: size of the part as exported, its box within
+    ``chord_mm`` of the solid's. ``inputs``: hashes of what it was made from, by name.
     """
 
     stl: bytes
     step: bytes | None = None
-    lamps: LampsOnPlate | None = None
+    lamps: LampsOnPlate | LampsApart | None = None
     designed: Sequence[DesignedFile] = ()
     exported: BodySize | None = None
     chord_mm: float = 0.0
@@ -131,7 +132,7 @@ def verify_part(
         each.name: second.call(form_in_step, each) for each in files.designed if each.is_step and each is not designed
     }
     part = read_part_mesh(files.stl, optical)
-    plate = None if lamps is None else read_part_mesh(lamps.stl, lamps.optical)
+    plates = {lamps.stl: lamps.part.mesh} if isinstance(lamps, LampsOnPlate) else {}
     grid = Grid(part.mesh)
     plain = cast_plain(part, grid, rays, media, referees.plain_rays, second)
     passage = send_through(part, grid, rays, media, threads)
@@ -146,7 +147,7 @@ def verify_part(
         for name, each, brep, mitsuba, ours in zip(light.names, expected, by_step, by_mitsuba, by_own, strict=True)
     )
     sizes = None if exported is None else _sizes(part, cast, exported, files.chord_mm)
-    known = {files.stl: part.mesh} | ({} if lamps is None or plate is None else {lamps.stl: plate.mesh})
+    known = {files.stl: part.mesh} | plates
     forms = mesh_forms(files.designed, known) | {name: each.result() for name, each in solids.items()}
     if cast is not None and cast.form is not None:
         forms[cast.form.name] = cast.form
@@ -163,12 +164,13 @@ def verify_part(
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
         far_facets=part.far,
         plain_cast=compared,
-        together=() if lamps is None else cast_lamps(lamps, media, threads, plate),
+        together=() if lamps is None else light_of_lamps(lamps, passage, rays, media, threads),
         forms=tuple(forms[each.name] for each in files.designed),
         criteria=(),
         seconds=perf_counter() - started,
     )
-    return proof.changed(criteria=proof_criteria(proof), seconds=perf_counter() - started)
+    criteria = proof_criteria(proof, on_plate=isinstance(lamps, LampsOnPlate))
+    return proof.changed(criteria=criteria, seconds=perf_counter() - started)
 
 
 def passage_through(file: bytes, optical: OpticalFaces, media: Media, rays: RayBundle) -> Passage:

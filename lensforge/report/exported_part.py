@@ -15,7 +15,7 @@ from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.optics.face_roles import CAVITY
-from lensforge.proof.proof_facts import stray_budget, suffix
+from lensforge.proof.proof_facts import lit_receivers, stray_budget
 from lensforge.proof.proof_result import Proof, ReceiverProof, StrayLight
 from lensforge.report import lens_figures, light_figures, study_figures
 from lensforge.report.light_section import line_pictures, numbered, top_of, unit_of_light
@@ -126,11 +126,12 @@ def verification_pictures(results: Results) -> list[list[PagePicture]]:
     proof, rows = results.find(Proof), list[list[PagePicture]]()
     if proof is None:
         return rows
-    for index, receiver in enumerate(proof.receivers):
-        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
-        design, part, on = receiver.design_irradiance, receiver.irradiance, suffix(proof.receivers, index)
+    for index, lit in enumerate(lit_receivers(proof)):
+        receiver, on = lit.receiver, lit.ending
+        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
+        design, part = receiver.design_irradiance, receiver.irradiance
         top = top_of([design, part])
-        rays = f"{number(proof.rays)} rays cast through the exported mesh."
+        rays = f"{number(lit.result.rays)} rays cast through the exported mesh."
         noise = "Where the two agree, only the noise of the rays is left."
         draw, difference = light_figures.irradiance_map, light_figures.difference_map(part - design, chart, unit)
         rows.append(
@@ -152,11 +153,13 @@ def gap_pictures(results: Results) -> list[PagePicture]:
     return [
         picture(
             numbered("gaps", index),
-            study_figures.gap_figure(_quantiles(receiver), receiver.deviation_limit_mm, far_field=receiver.far_field),
-            f"Ray by ray{suffix(proof.receivers, index)}",
+            study_figures.gap_figure(
+                _quantiles(lit.receiver), lit.receiver.deviation_limit_mm, far_field=lit.receiver.far_field
+            ),
+            f"Ray by ray{lit.ending}",
             caption,
         )
-        for index, receiver in enumerate(proof.receivers)
+        for index, lit in enumerate(lit_receivers(proof))
     ]
 
 
@@ -175,11 +178,12 @@ def stray_pictures(results: Results) -> list[list[PagePicture]]:
     stray, rows = results.find(StrayLight), list[list[PagePicture]]()
     if stray is None:
         return rows
-    for index, receiver in enumerate(stray.receivers):
-        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
+    for index, lit in enumerate(lit_receivers(stray)):
+        receiver, on = lit.receiver, lit.ending
+        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
         scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
         change = light_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
-        budget, on = light_figures.waterfall(*stray_budget(receiver)), suffix(stray.receivers, index)
+        budget = light_figures.waterfall(*stray_budget(receiver))
         scale = "No stray light lands on the receiver." if not receiver.stray.any() else "On its own scale."
         detected, less = "Green: detected in the window.", "Red: the design predicts too little."
         rows.append(

@@ -17,6 +17,7 @@ from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
 from lensforge.results import Fact, Group, Image
 from lensforge.results.chart import Chart, LightUnit, light_unit
+from lensforge.results.criteria import criteria_of
 from lensforge.results.numerals import number, percent
 from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
@@ -103,9 +104,14 @@ def receivers_in(light: Light, spec: Spec) -> list[ShownReceiver]:
     ]
 
 
-def unit_of_light(results: Results, *, far_field: bool | None = None) -> LightUnit:
-    """Lux or candela where lumens are known, else W/m^2 or W/sr; ``far_field``: by default as the first receiver is."""
+def unit_of_light(results: Results, *, far_field: bool | None = None, led: str = "") -> LightUnit:
+    """Lux or candela where lumens are known, else W/m^2 or W/sr; ``far_field``: by default as the first receiver is.
+
+    ``led``: name of the LED, by default the first.
+    """
     light, design = results.find(Light), results.find(Design)
+    if light is not None and led:
+        light = light.by_led.get(led, light)
     if far_field is None:
         far_field = results.spec.all_receivers[0].is_far_field
     if light is not None:
@@ -248,27 +254,37 @@ def _flux(shown: ShownReceiver) -> list[PagePicture]:
 
 
 def photometry_pictures(results: Results) -> list[PagePicture]:
-    """Polar and isocandela diagram, and of a lamp for an area or a road the light on the ground."""
-    found, section = results.find(Photometry), results.spec.photometry
+    """Polar and isocandela diagram, and of a lamp for an area or a road the light on the ground, with each LED."""
+    found = results.find(Photometry)
     if found is None:
         return []
+    return [
+        replace(drawn, title=f"{drawn.title}, {led}" if found.others else drawn.title)
+        for index, (led, of_led) in enumerate(found.by_led.items())
+        for drawn in _photometry_of_led(of_led, results, index)
+    ]
+
+
+def _photometry_of_led(found: Photometry, results: Results, led: int) -> list[PagePicture]:
+    """The pictures with LED number ``led``."""
+    section = results.spec.photometry
     polar, isocandela = study_figures.polar_diagram(found), study_figures.isocandela_diagram(found)
     drawn = [
-        picture("polar", polar, "Polar diagram", "Intensity (cd); gamma = 0 is the axis of the lens."),
-        picture("isocandela", isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
+        picture(numbered("polar", led), polar, "Polar diagram", "Intensity (cd); gamma = 0 is the axis of the lens."),
+        picture(numbered("isocandela", led), isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
     ]
     if found.road is not None:
         height_m = results.spec.roads[0].pole_height_m if results.spec.roads else None
         ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, height_m)
         caption = "One lamp at the centre; above the line is the street."
-        drawn.append(picture("ground", ground, "On the ground", caption))
+        drawn.append(picture(numbered("ground", led), ground, "On the ground", caption))
     for index, judged in enumerate(found.roads):
         view, road = study_figures.road_from_above(found, index, results.spec), results.spec.roads[index]
-        words = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE
-        drawn.append(picture(f"road-{index}", view, judged.name.capitalize(), words))
+        words, name = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE, judged.name.capitalize()
+        drawn.append(picture(numbered(f"road-{index}", led), view, name, words))
         if road.by_luminance:
             night = study_figures.road_by_night(found, index, results.spec)
-            drawn.append(picture(f"night-{index}", night, f"{judged.name.capitalize()} by night", _BY_NIGHT))
+            drawn.append(picture(numbered(f"night-{index}", led), night, f"{name} by night", _BY_NIGHT))
     return drawn
 
 
@@ -301,7 +317,7 @@ def other_results(results: Results) -> list[Group]:
     for stem, result in results.others.items():
         if not isinstance(result, Light):
             main = [group.select(*_MAIN[group.key]).line for group in results.facts(result) if group.key in _MAIN]
-            missed = [str(each) for each in getattr(result, "criteria", ()) if not each.holds]
+            missed = [str(each) for each in criteria_of(result) if not each.holds]
             facts = [
                 Fact("conditions", "Conditions", str(result.conditions)),
                 Fact("figures", "Figures", "; ".join(main)),

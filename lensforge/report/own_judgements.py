@@ -29,7 +29,7 @@ from lensforge.made.measurement_result import (
 )
 from lensforge.proof.acceptance import proof_criteria, stray_criteria
 from lensforge.proof.proof_result import Proof, StrayLight
-from lensforge.results import Fact, Sense, StageResult
+from lensforge.results import Fact, ResultByLed, Sense, StageResult
 from lensforge.results.criteria import named
 from lensforge.results.record import agree
 from lensforge.scene.lens import Lens
@@ -107,7 +107,7 @@ JUDGES: dict[type[StageResult], dict[str, Judge]] = {
         "criteria": lambda check, lens: wall_criteria(lens.spec, check.walls) + edge_criteria(lens.spec, check.edges),
         "verdicts": _findings,
     },
-    Proof: {"criteria": lambda proof, _: proof_criteria(proof)},
+    Proof: {"criteria": lambda proof, lens: proof_criteria(proof, on_plate=lens.spec.plate is not None)},
     StrayLight: {"criteria": lambda stray, _: stray_criteria(stray)},
     Photometry: {"criteria": lambda photometry, _: photometry_criteria(photometry.files)},
     PhotoComparison: {"criteria": lambda photo, _: photo_criteria(photo.clipped)},
@@ -137,8 +137,8 @@ def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
 
 
 def _forged(result: StageResult, lens: Lens) -> Iterator[str]:
-    """Words on each judgement that its file states otherwise; those of a light are with every LED."""
-    for record in result.by_led.values() if isinstance(result, Light) else (result,):
+    """Words on each judgement that its file states otherwise; where it is told with each LED, those with all."""
+    for record in result.by_led.values() if isinstance(result, Light | ResultByLed) else (result,):
         for field, made in judged_again(record, lens).items():
             for stated, follows in zip_longest(getattr(record, field), made):
                 if not agree(_compared(stated), _compared(follows)):

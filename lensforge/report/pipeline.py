@@ -102,22 +102,26 @@ def photometry(
     threads: int | None = None,
     ies_version: IesVersion = NEWEST,
 ) -> Photometry:
-    """Compute the far field of ``lens`` and make its IES, EULUMDAT, TM-33 and TM-25 files.
+    """Compute the far field of ``lens`` and make its IES, EULUMDAT, TM-33 and TM-25 files, those of each of its LEDs.
 
-    ``lumens``: of the source; default: as spec or file of the source say, or relative to 1000. ``rays``: by default as
-    many as the noise of the intensities asks for. Other lumens than the source's own, and any ``rays`` that are given,
-    are other ``conditions`` than the lens's own. ``ies_version``: year of LM-63 that the IES file follows, 2019 or, for
-    programs that read no newer one, 2002.
+    Of several lamps they hold the light of all. ``lumens``: of the source; default: as spec or file of the source say,
+    or relative to 1000. ``rays``: by default as many as the noise of the intensities asks for. Other lumens than the
+    source's own, and any ``rays`` that are given, are other ``conditions`` than the lens's own. ``ies_version``: year
+    of LM-63 that the IES file follows, 2019 or, for programs that read no newer one, 2002.
     """
     from lensforge.light.photometry_export import measure_photometry
 
     require(lens, Lens, "photometry")
     version = require_ies_version(ies_version)
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
-    lumens, source = number_of("lumens", lumens), judging_source(lens.spec)
+    lumens, by_led = number_of("lumens", lumens), dict[str, Photometry]()
     with kernel_threads(count_of("threads", threads)):
-        measured = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
-    return measured.changed(conditions=photometry_conditions(lens, source, rays, lumens))
+        for name, own in lens.by_led.items():
+            source = judging_source(own.spec)
+            measured = measure_photometry(own, source, preset, rays=rays, lumens=lumens, ies_version=version, led=name)
+            conditions = photometry_conditions(own, source, rays, lumens)
+            by_led[name] = measured.changed(conditions=conditions, inputs={"lens": lens.sha256})
+    return Photometry.joined(by_led)
 
 
 def handover(

@@ -16,7 +16,7 @@ from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
-from lensforge.results.criteria import missed
+from lensforge.results.criteria import criteria_of, missed
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, design_facts
@@ -128,7 +128,7 @@ class Results:
         part, proof = self.find(Part), self.find(Proof)
         for result in (self.find(Design), part, self.find(Check), proof):
             if result is not None:
-                yield from missed(result.criteria)
+                yield from missed(criteria_of(result))
         if part is None:
             yield "undecided", "no files have been exported"
             return
@@ -156,10 +156,12 @@ class Results:
                 return check_facts(result, self.spec)
             case Proof():
                 light = self.find(Light)
-                designed = {} if light is None else {each.name: each.efficiency.value for each in light.receivers}
-                return proof_facts(result, designed)
+                by_led = {} if light is None else light.by_led
+                pairs = [(led, each) for led, of_led in by_led.items() for each in of_led.receivers]
+                designed = {(led, each.name): each.efficiency.value for led, each in pairs}
+                return proof_facts(result, designed, self.lens.lamp_words, on_plate=self.spec.plate is not None)
             case StrayLight():
-                return stray_facts(result)
+                return stray_facts(result, self.lens.lamp_words)
             case Photometry():
                 return photometry_facts(result, self.spec)
             case Sensitivity():
@@ -189,8 +191,7 @@ class Results:
     def criteria(self) -> Iterator[tuple[str, Fact]]:
         """Pairs (stem, criterion) of all results."""
         for stem, result in self.found.items():
-            for criterion in getattr(result, "criteria", ()):
-                yield stem, criterion
+            yield from ((stem, criterion) for criterion in criteria_of(result))
 
     def __eq__(self, other: object) -> bool:
         """True where lens and results are the same, bit for bit."""

@@ -42,7 +42,7 @@ from lensforge.results.record import (
     Text,
     stated,
 )
-from lensforge.results.stage_result import SimulatedResult, StageResult
+from lensforge.results.stage_result import ResultByLed, SimulatedResult, StageResult
 
 __all__ = [
     "Array",
@@ -65,6 +65,7 @@ __all__ = [
     "Point",
     "Positive",
     "Record",
+    "ResultByLed",
     "Scalar",
     "Sense",
     "Sha256",

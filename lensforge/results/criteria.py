@@ -40,6 +40,7 @@ _WORDS = {
     "plate_watertight_3mf": "plate.3mf is closed (1: yes)",
     "plate_genus_difference": "handles and holes that the mesh of the plate should not have",
     "plate_mesh_volume_change": "volume of plate.stl, against its closed form",
+    "lamps_nmse_vs_sum": f"pattern of all lamps through the {_STL} of each, against their sum",
     "plate_nmse_vs_sum": "pattern of all lamps through plate.stl, against their sum",
     "concave_radius": "smallest hollow of the corrected face",
     "form": "farthest point from the design",
@@ -127,6 +128,13 @@ def at_least(
 def under(start: str, criterion: Fact) -> Fact:
     """The ``criterion`` of one of several, whose name ``start`` begins its own."""
     return _completed(replace(criterion, key=f"{start}: {criterion.key}"))
+
+
+def criteria_of(result: object) -> Iterator[Fact]:
+    """Criteria of a result, those with a further LED under its name; most results have none."""
+    yield from getattr(result, "criteria", ())
+    for other in getattr(result, "others", ()):
+        yield from (under(getattr(other, "led", "") or other.name, criterion) for criterion in other.criteria)
 
 
 def shown(criterion: Fact) -> Fact:

@@ -278,13 +278,15 @@ def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> 
             raise ValueError(f"there is no place for the array {name[:60]!r}") from None
 
 
-def excluded_arrays(record: Record) -> dict[str, IncEx | bool]:
-    """The arrays of a record, as pydantic takes fields to leave out of a dump."""
-    fields = type(record).model_fields.items()
-    excluded: dict[str, IncEx | bool] = {name: True for name, info in fields if marker(info, Array) is not None}
+def stored_beside(record: Record) -> dict[str, IncEx | bool]:
+    """The arrays and files of a record, as pydantic takes fields to leave out of a dump."""
+    fields, marks = type(record).model_fields.items(), (Array, InFile)
+    excluded: dict[str, IncEx | bool] = {
+        name: True for name, info in fields if any(marker(info, mark) is not None for mark in marks)
+    }
     for name, value in values_of(record).items():
         entry = value[0] if isinstance(value, tuple) and value else value  # the entries of a list are of one class
-        if isinstance(entry, Record) and (nested := excluded_arrays(entry)):
+        if isinstance(entry, Record) and (nested := stored_beside(entry)):
             excluded[name] = nested if entry is value else {"__all__": nested}
     return excluded
 

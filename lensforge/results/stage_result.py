@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Self, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, get_args
 
 import numpy as np
 from pydantic import Field, ValidationError, model_serializer
@@ -30,10 +30,10 @@ from lensforge.results.record import (
     Sha256,
     Text,
     arrays_of,
-    excluded_arrays,
     marker,
     put_arrays,
     require_what_follows,
+    stored_beside,
 )
 from lensforge.results.validation import input_error, its_type
 from lensforge.version import __version__
@@ -117,6 +117,7 @@ def read_arrays(path: Path, sha256: object, remedy: str) -> dict[str, np.ndarray
 
 SCHEMA_VERSION = 3  # 1: the records of version 0.1.0, which named no schema; 2: of one receiver, a square on the axis
 _ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
+_LED = "[A-Za-z0-9_-]{0,32}"  # name of an LED, in the names of files
 _UNHASHED = ("seconds", "version")  # differ between runs with the same result
 
 
@@ -155,23 +156,20 @@ class StageResult(Record):
 
     def plain(self) -> dict[str, object]:
         """Numbers and texts as the JSON file holds them: without arrays, files and parts of other stages' results."""
-        elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | excluded_arrays(self)
+        elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | stored_beside(self)
         return self.model_dump(mode="json", exclude=elsewhere)
 
     @cached_property
     def sha256(self) -> str:
         """Hash of all fields except computing times and the program's version."""
         digest = hashlib.sha256()
-        skipped = excluded_arrays(self)
+        given = (name for name, info in type(self).model_fields.items() if marker(info, Given) is not None)
+        skipped = stored_beside(self) | dict.fromkeys(given, True)
         for name, array in arrays_of(self):
             digest.update(name.encode() + array.tobytes())
-        for field, info in type(self).model_fields.items():
-            value = getattr(self, field)
-            if marker(info, Given) is not None:
-                skipped[field] = True
-            elif marker(info, InFile) is not None:
-                skipped[field] = True
-                if value is not None:
+        for result, stem in self._stems(self.stage):
+            for field, _, _ in result._files(stem):
+                if (value := getattr(result, field)) is not None:
                     digest.update(field.encode() + value)
         hashed = _without_unhashed(self.model_dump(mode="json", exclude=skipped))
         digest.update(json.dumps(hashed, sort_keys=True).encode())
@@ -185,7 +183,8 @@ class StageResult(Record):
         return copy
 
     def _entries(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
-        elsewhere = self.stored_elsewhere()
+        untold = [name for name in self.told_if_any if not getattr(self, name)]
+        elsewhere = (*self.stored_elsewhere(), *untold)
         return ((key, value) for key, value in super()._entries(whole) if key.split(".")[0] not in elsewhere)
 
     def __str__(self) -> str:
@@ -204,15 +203,29 @@ class StageResult(Record):
             if (own := marker(info, InFile)) is not None:
                 yield field, own, own.beside(cls.stage, stem)
 
+    def _stems(self, stem: str) -> "Iterator[tuple[StageResult, str]]":
+        """The results in ``stem``.json, this one first, and what their files are named by in its place."""
+        yield self, stem
+
     @classmethod
-    def file_names(cls, stem: str) -> set[str]:
+    def _contents(cls, content: dict[str, Any], stem: str) -> Iterator[tuple[dict[str, Any], str]]:
+        """The contents of these results in that of a file."""
+        yield content, stem
+
+    def file_names(self, stem: str) -> set[str]:
         """Names of all files that a result may have beside ``stem``.json, and of that."""
-        return {f"{stem}.json", f"{stem}.npz", *(name for _, _, name in cls._files(stem))}
+        files = (name for result, own_stem in self._stems(stem) for _, _, name in result._files(own_stem))
+        return {f"{stem}.json", f"{stem}.npz", *files}
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
         name, arrays = stem or self.stage, dict(arrays_of(self))
-        files = {file: value for field, _, file in self._files(name) if (value := getattr(self, field)) is not None}
+        files = {
+            file: value
+            for result, own_stem in self._stems(name)
+            for field, _, file in result._files(own_stem)
+            if (value := getattr(result, field)) is not None
+        }
         head = {"schema": self.schema_name()}
         if arrays:
             archive = io.BytesIO()
@@ -277,12 +290,13 @@ class StageResult(Record):
                 put_arrays(content, arrays)
             except ValueError as error:
                 raise InputError(f"{path}: {error}; {cls.rebuild_command()}") from None
-        for field, own, file_name in cls._files(name):
-            file = folder / file_name
-            there = cls.model_fields[field].is_required() or file.is_symlink() or file.exists()
-            content[field] = (
-                read_file(file, missing=cls.rebuild_command(), most_bytes=own.most_bytes) if there else None
-            )
+        for place, own_stem in cls._contents(content, name):
+            for field, own, file_name in cls._files(own_stem):
+                file = folder / file_name
+                there = cls.model_fields[field].is_required() or file.is_symlink() or file.exists()
+                place[field] = (
+                    read_file(file, missing=cls.rebuild_command(), most_bytes=own.most_bytes) if there else None
+                )
         result = validated(cls, content, path, cls.rebuild_command())
         try:
             require_what_follows(result)
@@ -300,6 +314,43 @@ class SimulatedResult(StageResult):
     conditions: Conditions | None = None
 
 
+class ResultByLed(SimulatedResult):
+    """Result with each of the LEDs that a lens is for: with the first, called ``led``, and ``others``, with the rest.
+
+    The name of its LED ends the names of the files of one of the others.
+    """
+
+    told_if_any: ClassVar[tuple[str, ...]] = ("led", "others")
+
+    led: Annotated[str, Field(strict=True, pattern=f"^{_LED}$")] = ""
+    others: "tuple[ResultByLed, ...]" = ()
+
+    @classmethod
+    def joined(cls, by_led: Mapping[str, Self]) -> Self:
+        """The results of all LEDs, by name, as one; "" is the name of the only one."""
+        first, *rest = (result.changed(led=name) for name, result in by_led.items())
+        conditions = next(filter(None, (result.conditions for result in (first, *rest))), None)
+        return first.changed(others=tuple(rest), conditions=conditions) if rest else first
+
+    @property
+    def by_led(self) -> dict[str, Self]:
+        """The result of each LED alone, by its name, the first one's first; "" is the name of the only one."""
+        alone = self.changed(others=()) if self.others else self
+        return {each.led: each for each in (alone, *cast("tuple[Self, ...]", self.others))}
+
+    def _stems(self, stem: str) -> Iterator[tuple[StageResult, str]]:
+        yield from super()._stems(stem)
+        yield from ((other, f"{stem}_{other.led}") for other in self.others)
+
+    @classmethod
+    def _contents(cls, content: dict[str, Any], stem: str) -> Iterator[tuple[dict[str, Any], str]]:
+        yield from super()._contents(content, stem)
+        others = content.get("others")
+        for other in others if isinstance(others, list) else ():
+            if isinstance(other, dict) and re.fullmatch(_LED, str(other.get("led"))):
+                yield other, f"{stem}_{other['led']}"
+
+
 def _without_unhashed(content: object) -> object:
     if isinstance(content, dict):
         return {key: _without_unhashed(value) for key, value in content.items() if key not in _UNHASHED}
@@ -311,4 +362,8 @@ def _keeps_arrays(cls: type[Record]) -> bool:
     fields = cls.model_fields.values()
     own = any(marker(info, Array) is not None for info in fields)
     entries = (each for info in fields for each in get_args(info.annotation))
-    return own or any(_keeps_arrays(each) for each in entries if isinstance(each, type) and issubclass(each, Record))
+    return own or any(
+        _keeps_arrays(each)
+        for each in entries
+        if isinstance(each, type) and issubclass(each, Record) and each is not cls
+    )

@@ -81,6 +81,35 @@ class Lens:
             raise InputError(f"kind = {name!r}: no lens of that name; known: {known}")
         return self if name == self.kind else replace(self, surfaces=every.pop(name), others=every)
 
+    @property
+    def by_led(self) -> "dict[str, Lens]":
+        """The lens with each of its LEDs alone, by name; "" is the name of the only one."""
+        if not self.spec.sources:
+            return {"": self}
+        specs = zip(self.spec.sources, self.spec.of_each_source, strict=True)
+        return {led.name: replace(self, spec=spec) for led, spec in specs}
+
+    @property
+    def first_lamp(self) -> int:
+        """Number of the first of the lamps that have this lens."""
+        return next((each.numbers[0] for each in self.spec.all_lamps.kinds if each.name == self.kind), 0)
+
+    @property
+    def lamp_words(self) -> str:
+        """Words on the one of several lamps whose rays are followed one by one; empty where there is one alone."""
+        lamps = self.spec.all_lamps
+        if not lamps.posed:
+            return "" if lamps.is_single else "of one lamp, at the origin"
+        return f"of lamp {self.first_lamp + 1} of {len(lamps)}, with the receivers as it sees them"
+
+    @property
+    def of_own_lamps(self) -> "Lens":
+        """This lens with those lamps alone that have it: itself, where all have."""
+        own = next((each for each in self.spec.all_lamps.kinds if each.name == self.kind), None)
+        if own is None or self.spec.lamps is None:
+            return self
+        return replace(self, spec=self.spec.changed(lamps=self.spec.lamps.of_numbers(own.numbers)), others={})
+
     @cached_property
     def body(self) -> Body:
         """The faces, and the media between them."""

@@ -188,6 +188,13 @@ class LampsSection(Section):
         """The same places, where all lamps have one lens."""
         return self
 
+    def of_numbers(self, numbers: Sequence[int]) -> "TableLamps":
+        """Some of the lamps, by their numbers, with one lens."""
+        places, axes, turns = zip(*(self.lamps.lamps[number] for number in numbers), strict=True)
+        aims = [tuple(np.add(place, axis).tolist()) for place, axis in zip(places, axes, strict=True)]
+        sides = [aimed_from(ORIGIN, axis)[1] for axis in axes]
+        return TableLamps(places_mm=places, aims_mm=aims, turns_deg=tuple(np.subtract(turns, sides).tolist()))
+
 
 def _by_place(places: Sequence[Place], found: Sequence[KindOfPlace]) -> Lamps:
     """Lamps whose lenses differ by place. Raises ``ValueError`` where all places are of one kind."""

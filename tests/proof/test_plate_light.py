@@ -21,9 +21,9 @@ from lensforge.optics.media import Media, Medium
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Base
 from lensforge.proof.optical_faces import OpticalFaces
-from lensforge.proof.part_comparison import cast_lamps
+from lensforge.proof.part_comparison import LampsOnPlate, light_of_lamps
 from lensforge.proof.part_mesh import read_part_mesh
-from lensforge.proof.proof_inputs import lamps_on_plate, plate_of
+from lensforge.proof.proof_inputs import lamps_together, plate_of
 from lensforge.proof.proof_result import StrayLight
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.sequential_cast import send_through
@@ -126,8 +126,8 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
     lens = lens_on({}, places, turns, 0.03)
     layout, light, rays = layout_of(lens), evaluate(lens, rays=1024), lambertian(6000, 1.0, seed=5)
     assert layout is not None
-    lamps = lamps_on_plate(stl_of(lens, layout), lens, light, rays, OpticalFaces())
-    assert lamps is not None
+    lamps = lamps_together(stl_of(lens, layout), (lens, light), rays, OpticalFaces())
+    assert isinstance(lamps, LampsOnPlate)
     screen = replace(SCREEN, facing=(0.3, 0.0, 1.0))
     plan = lay_out(*fit_lens(lens), BaseSection(kind="none"))
     part = read_part_mesh(stl_bytes(lens_mesh(plan, 3)[0]))
@@ -140,6 +140,7 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
         own = replace(passage, points=points, directions=ways)
         landed = own.landed(screen)
         total += screen.irradiance(landed.landings, np.where(drawn == number, 3.0, 0.0) * landed.flux)
-    (found,) = cast_lamps(replace(lamps, designed=[("light", screen, total)]), Media(Medium(INDEX)), 1)
+    lamps = replace(lamps, designed=[("light", screen, total)])
+    (found,) = light_of_lamps(lamps, passage, rays, Media(Medium(INDEX)), 1)
     assert (found.lamps, found.rays) == (3, 6000) and found.nmse_vs_sum < 1e-4 < found.noise_floor_nmse
     assert found.efficiency == pytest.approx(total.sum() * screen.pixel_measure / 3.0, rel=1e-3)

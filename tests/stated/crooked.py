@@ -5,12 +5,14 @@ so that their lens is of today's code, and go on at small numbers of rays. ``pyt
 searches for the stored lenses anew.
 """
 
+import io
 import json
 import shutil
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -59,18 +61,23 @@ STUDIES["chips"] = {
     ),
 }
 STUDIES["leds"] = STRAY | {"sensitivity": lambda run: lf.sensitivity(run.lens)}
+BY_LED = ("verify", "stray", "photometry")  # results that hold one of their own kind for each further LED
 _SEARCHED_STEPS = 12  # for each level of a stored lens
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a fact stands: result and key, the numbers of its group and of itself among those of the same key."""
+    """Where a fact stands: result and key, the numbers of its group and of itself among those of the same key.
+
+    ``led``: of several, in a result of :data:`BY_LED`, whose groups are counted with each anew.
+    """
 
     stage: str
     key: str
     group: int = 0
     number: int = 0
     title: str = ""
+    led: int = 0
 
 
 @dataclass(frozen=True)
@@ -100,14 +107,40 @@ class Case:
         """The record of a stage as its file has it."""
         return json.loads((self.folder / f"{stage}.json").read_text(encoding="utf-8"))
 
+    def with_led(self, led: int) -> "Case":
+        """What a stranger sees of one of several LEDs, as if it were the only one: its records, arrays, files, rays."""
+        sources = self.lens["spec"]["sources"]
+        if not sources:
+            return self
+        name, folder = sources[led]["name"], self.folder.parent / f"with_{led}"
+        if not folder.exists():
+            folder.mkdir()
+            for path in self.folder.iterdir():
+                file = folder / path.name
+                if path.stem in (*BY_LED, "evaluate") and path.suffix in (".json", ".npz"):
+                    file.write_bytes(_of_led(path, led))
+                else:
+                    other = path.with_stem(f"{path.stem}_{name}")
+                    file.symlink_to(other if led and other.exists() else path)
+        spec = self.lens["spec"] | {"source": sources[led]["source"], "sources": []}
+        each = len(self.rays["photometry"]) // len(sources)
+        rays = self.rays | {
+            "photometry": self.rays["photometry"][led * each : (led + 1) * each],
+            "tables": self.rays["tables of LEDs"][led], "stray": self.rays["stray"][led:],
+        }  # fmt: skip
+        return replace(self, name=f"{self.name} {name}", folder=folder, lens=self.lens | {"spec": spec}, rays=rays)
+
     def stated(self) -> Iterator[tuple[Place, Fact]]:
         """Every fact of every result, with its place."""
         for stage, groups in self.facts.items():
             seen: dict[str, int] = {}
+            leds = len(self.lens["spec"]["sources"]) or 1 if stage in BY_LED else 1
+            counted = Counter(group.key for group in groups)
             for group in groups:
                 before: dict[str, int] = {}
+                led, own = divmod(seen.get(group.key, 0), max(1, counted[group.key] // leds))
                 for fact in group.facts:
-                    place = Place(stage, fact.key, seen.get(group.key, 0), before.get(fact.key, 0), group.title)
+                    place = Place(stage, fact.key, own, before.get(fact.key, 0), group.title, led)
                     yield place, fact
                     before[fact.key] = before.get(fact.key, 0) + 1
                 seen[group.key] = seen.get(group.key, 0) + 1
@@ -129,6 +162,18 @@ class Expected:
     state: str = ""
     possible: Any = None  # an Ellipsis: not compared
     possible_within: float = 0.0
+
+
+def _of_led(path: Path, led: int) -> bytes:
+    """Record or arrays of a stage without the other LEDs; of one of these as the first has its own."""
+    if path.suffix == ".json":
+        content = json.loads(path.read_text(encoding="utf-8"))
+        others = content.pop("others", [])
+        return json.dumps(content | (others[led - 1] if led else {})).encode()
+    start, file = f"others.{led - 1}.", io.BytesIO()
+    arrays = {name: values for name, values in np.load(path).items() if led or not name.startswith("others.")}
+    np.savez(file, **{name.removeprefix(start): values for name, values in arrays.items() if not led or start in name})
+    return file.getvalue()
 
 
 def led_rays(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -243,6 +288,7 @@ class Record:
             found = fitted(finest, deposits)
             table = found.grid.c_deg, found.grid.gamma_deg, found.samples, found.finer
             self.rays["tables"] = [*table[:3], table[3].c_deg, table[3].gamma_deg, table[3].values]
+            self.rays.setdefault("tables of LEDs", []).append(self.rays["tables"])
             return found
 
         def arrays(bundle: Any) -> tuple[Any, ...]:

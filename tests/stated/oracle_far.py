@@ -5,6 +5,7 @@ follow from these tables and from the rays, again.
 """
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -33,14 +34,18 @@ def once(case, what):
 
 
 def together(case):
-    """Lamps whose light is in the files: all, but one where each has its height and aim."""
+    """Lamps whose light is in the files: all."""
     lamps = case.lens["spec"]["lamps"]
-    return 1 if lamps is None or lamps["aims_mm"] else len(lamps["places_mm"])
+    return 1 if lamps is None else len(lamps["places_mm"])
 
 
 def leaving(case):
-    """Of each of 16 samples: flux (W) upwards, directions and flux of these rays, and flux by fate."""
-    lens, found = case.lens, []
+    """Of each of 16 samples: flux (W) upwards, directions and flux of these rays, and flux by fate.
+
+    Of lamps with aims each ray is of one, drawn by chance, as many of each.
+    """
+    lens, found, turns = case.lens, [], lamps_of(case.lens["spec"])[1]
+    aimed = bool((lens["spec"]["lamps"] or {}).get("aims_mm"))
     kinds = lamps_of(lens["spec"])[2]
     others = lens.get("others") or {}
     faces = {kind: faces_of(lens, others.get(kind, lens["faces"])) for kind in dict.fromkeys(kinds)}
@@ -51,6 +56,9 @@ def leaving(case):
         upward, on, of_ray, fates = 0.0, [], [], {}
         for kind, samples in traced.items():
             share, behind = kinds.count(kind) / len(kinds), samples[number]
+            if aimed:
+                lamp = np.random.default_rng(len(flux)).permutation(len(flux)) % len(turns)
+                behind = replace(behind, d=np.einsum("nij,nj->ni", turns[lamp], behind.d))
             rows = behind.left[behind.d[behind.left, 2] > 0]
             rest = np.setdiff1d(behind.left, rows)
             on.append(behind.d[rows])

@@ -326,20 +326,48 @@ def evaluated(case, stage):
         records.append((name, own))
     (led, first), others = records[0], records[1:]
     chart, held = first["receivers"][0], {"criteria": [...]}
-    record = first | {
+    record = first | ({"place": place} if (place := where_led_stands(leds[0][1])) else {}) | {
         **tables_record(case, flux_and_efficacy(leds[0][1], case.files)[0], stage == "warm"),
         "conditions": ..., "led": led if others else "",
         "replicates": 16, "pixels": spec["evaluate"]["pixels"],
         "filter": f"3x3 Gaussian, variance {spec['evaluate']['filter_variance']:g} pixel^2, hard bins", "seed": 3,
         "fitted": first.get("fitted"),
         "others": [
-            {"name": name, "source": ..., **{key: own[key] for key in own if key != "fitted"}, **held}
-            for name, own in others
+            {"name": name, "source": ..., "place": where_led_stands(source), **held}
+            | {key: own[key] for key in own if key not in ("fitted", *held)}
+            for (name, own), (_, source) in zip(others, leds[1:], strict=True)
         ],
         **{key: chart[key] for key in OF_THE_FIRST},
         **held,
     }  # fmt: skip
     return record, pictures, [own for _, own in records]
+
+
+def where_led_stands(source):
+    """Its place, as far as the spec states it; of a ray file with the point that is put at the origin."""
+    pose = {key: source[key] for key in ("rotate_z_deg", "tilt_deg", "position_mm")}
+    if source["kind"] not in ("rayfile", "rayfiles"):
+        moved = pose["rotate_z_deg"] or any((*pose["tilt_deg"], *pose["position_mm"]))
+        return {"file": None, **pose} if moved else None
+    at = source["origin"]
+    named = isinstance(at, str)
+    origin = {"found": at if named else "point", "at_mm": [0.0] * 3 if named else at}
+    return {"file": origin | {key: source[key] for key in ("axis", "scale", "mirror")}, **pose}
+
+
+def led_place(*path):
+    """A text of coordinates."""
+
+    def oracle(case, place):
+        spec = case.lens["spec"]
+        sources = [led["source"] for led in spec["sources"]] or [spec["source"]]
+        value = where_led_stands(sources[place.group])
+        for key in path:
+            value = value[key]
+        text = ", ".join(f"{each:g}".replace("-", "−") for each in value)
+        return Expected(f"({text})°" if "tilt_deg" in path else f"({text}) mm")
+
+    return oracle
 
 
 def place_of(case, place):
@@ -495,7 +523,8 @@ ORACLES = {
     "uniformity": from_receiver("uniformity"), "rsd": from_receiver("rsd"), "peak": from_receiver("in_region", "peak"),
     "colour_u": colour_fact("u"), "colour_v": colour_fact("v"), "cct": colour_fact("cct"), "duv": colour_fact("duv"),
     "rms_delta_uv": colour_fact("rms"), "worst_delta_uv": colour_fact("worst"), "limit": limit_fact, "way": way_fact,
-    "rays": from_first("rays"), "pixels": pixels_fact,
+    "rays": from_first("rays"), "pixels": pixels_fact, "file_origin": led_place("file", "at_mm"),
+    "led_position": led_place("position_mm"), "led_tilt": led_place("tilt_deg"),
     "raw_nmse": from_first("receivers", 0, "raw", "nmse"), "noise_nmse": from_first("receivers", 0, "nmse_of_noise"),
     "fitted_nmse": from_first("fitted", "nmse"),
     "fitted_efficiency": from_first("fitted", "efficiency", factor=100, unit="%"),

@@ -6,6 +6,7 @@ import zipfile
 import numpy as np
 from crooked import Expected
 from oracle_part import body_of, kept_of, lamps_of, mesh_of, own_places, placed, splines_of, worst_errors
+from page_scene import receivers_of
 from page_tracer import unit
 
 DEVIATION, NOISE_FLOORS, NOISE_ALLOWANCE = 1e-4, 2.5, 1e-3
@@ -172,16 +173,17 @@ def lit(case, place):
 def floor_of(case, index):
     """Noise of independent rays: of a pixel's flux F in rays of f each, f F - F^2/n, through the squared taps."""
     light, spec = arrays(case, "evaluate")[f"receivers.{index}.map"], case.lens["spec"]
-    one, (_, _, _, sides, _) = record(case)["receivers"][index], screens(case)[index]
+    one, receiver = record(case)["receivers"][index], receivers_of(spec)[index]
     e = np.exp(-1 / (2 * spec["evaluate"]["filter_variance"]))
     taps = np.array([e, 1, e]) / (1 + 2 * e)
-    landed = np.prod(sides) * 1e-6 / light.size * light
-    rays, window = record(case)["rays"], spec["evaluate"]["window_mm"] or max(sides)
-    x, y = (
-        abs((np.arange(n) + 0.5) / n - 0.5) * side < window / 2
-        for side, n in zip(sides, light.shape[::-1], strict=True)
+    landed = np.prod(receiver.size) * (1 if receiver.kind == "far_field" else 1e-6) / light.size * light
+    rays = record(case)["rays"]
+    sides = zip(receiver.size, light.shape[::-1], strict=True)
+    x, y = (((np.arange(n) + 0.5) / n - 0.5) * side for side, n in sides)
+    emitted = (
+        landed[receiver.in_window(*np.meshgrid(x, y))].sum()
+        / case.json("evaluate")["receivers"][index]["efficiency"]["value"]
     )
-    emitted = landed[np.ix_(y, x)].sum() / case.json("evaluate")["receivers"][index]["efficiency"]["value"]
     each = emitted * (1 - one["flux"]["cover_glass"] - one["flux"]["reflected"] - one["flux"]["absorbed"]) / rays
     return (taps**2).sum() ** 2 * (each * landed - landed**2 / rays).sum() / (landed**2).sum()
 

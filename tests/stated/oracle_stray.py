@@ -181,11 +181,12 @@ def emitted(case, solid):
     e, none = np.stack([one, np.cross(d, one)], axis=1).astype(complex), np.zeros(count, dtype=int)
     index = refractive_index(case.lens, nm, count)
     waves = np.full(count, solid.spec["lens"]["design_wavelength_nm"]) if nm is None else nm
-    light = Split(p, d, e, flux.copy(), none, none > 0, none, none, none > 0, index, waves)
+    inside = solid.inside(p) > 0  # of a file, some rays may start in the material
+    light = Split(p, d, e, flux.copy(), none, inside, none, none, none > 0, index, waves)
     t = solid.hit(p, d, light.inside)
     at = p + np.nan_to_num(t)[:, None] * d
     n, face = solid.normals(at)
-    first = ~np.isnan(t) & ((face >= 0) & ((at * n).sum(axis=1) > 0))  # the outside of the lens
+    first = inside | (~np.isnan(t) & ((face >= 0) & ((at * n).sum(axis=1) > 0)))  # the outside of the lens
     return light.but(cause=np.where(first, BASE, SEQUENTIAL))
 
 

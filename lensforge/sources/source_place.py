@@ -1,0 +1,72 @@
+"""Place of an LED in the lens: the point of its ray file that became the lens origin, its turn, tilt and shift."""
+
+from collections.abc import Iterator
+from typing import Literal
+
+from lensforge.results import Fact, Group, Number, Point, Positive, Record, Text
+from lensforge.results.numerals import number, quantity
+from lensforge.sources.source_summary import SourceSummary
+from lensforge.spec.emitter_section import EmitterSection
+from lensforge.spec.source_sections import Placement
+
+Origin = Literal["file", "virtual_focus", "point"]
+_FOUND: dict[Origin, str] = {
+    "file": "the file’s own origin",
+    "virtual_focus": "the virtual focus of its rays",
+    "point": "the point that the spec states",
+}
+
+
+class FileOrigin(Record):
+    """The point of a ray file (mm) that became the lens origin, and how it was ``found``.
+
+    ``axis``: direction of the file that became +z; ``mirror``: axis of the file that was turned around, or "none".
+    """
+
+    found: Origin
+    at_mm: Point
+    axis: Text
+    scale: Positive
+    mirror: Text
+
+
+class SourcePlace(Record):
+    """Turn (deg) of a source about z, its tilt about x, then y, and its shift (mm); of a ray file its origin, too."""
+
+    file: FileOrigin | None
+    rotate_z_deg: Number
+    tilt_deg: tuple[Number, Number]
+    position_mm: Point
+
+    @staticmethod
+    def of(section: EmitterSection, summary: SourceSummary) -> "SourcePlace | None":
+        """The place of the source of a spec; None for an emitting area that stands as it is described."""
+        file = None
+        if isinstance(section, Placement) and summary.placement is not None:
+            found: Origin = section.origin if isinstance(section.origin, str) else "point"
+            at_mm, axis = summary.placement.origin_mm, section.axis
+            file = FileOrigin(found=found, at_mm=at_mm, axis=axis, scale=section.scale, mirror=section.mirror)
+        elif not section.pose.moves:
+            return None
+        pose = {name: getattr(section, name) for name in ("rotate_z_deg", "tilt_deg", "position_mm")}
+        return SourcePlace(file=file, **pose)
+
+    def group(self, ending: str = "") -> Group:
+        """Its facts; ``ending``: of the title, that tells LEDs apart."""
+        return Group("place", f"Place of the LED{ending}", tuple(self._facts()))
+
+    def _facts(self) -> Iterator[Fact]:
+        if self.file is not None:
+            changes = [f"its {self.file.axis} is the lens’s +z"]
+            changes += [f"scaled by {number(self.file.scale)}"] if self.file.scale != 1.0 else []
+            changes += [f"mirrored in {self.file.mirror}"] if self.file.mirror != "none" else []
+            note = "; ".join([f"{_FOUND[self.file.found]}, put at the lens origin", *changes])
+            yield Fact("file_origin", "Origin in the file", _listed(self.file.at_mm, "mm"), note=note)
+        yield Fact("led_position", "Shifted by", _listed(self.position_mm, "mm"), note="after turn and tilt")
+        turn = f"about x, then y, after a turn of {quantity(self.rotate_z_deg, '°')} about z"
+        yield Fact("led_tilt", "Tilted by", _listed(self.tilt_deg, "°"), note=turn)
+
+
+def _listed(values: tuple[float, ...], unit: str) -> str:
+    """Coordinates in one text."""
+    return f"({', '.join(number(value) for value in values)}){'' if unit == '°' else ' '}{unit}"

@@ -1,0 +1,166 @@
+"""The table of kinds and stages in docs/architecture.md: a row for each kind that is registered, and each cell holds.
+
+Cells of a day: what is refused, and the light. By night every other cell is run.
+"""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from presets import FEW_STEPS
+from scenes import small_spec
+from undrawn import undrawn
+
+import lensforge as lf
+from lensforge.report.results import Results
+from lensforge.search.start_faces import start_faces
+from lensforge.spec import ReceiverSection
+from lensforge.spec.lamps_section import AnyLamps
+from lensforge.spec.lens_section import LensShape
+from lensforge.surfaces.surface import Surface
+from lensforge.verbs import STAGES, STRAY
+
+ROOT = Path(__file__).parents[1]
+TABLE = re.search(
+    r"<!-- kinds and stages -->\n\n(.*?)\n\n<!--", (ROOT / "docs/architecture.md").read_text("utf-8"), re.S
+)
+BEAM = {"target": {"kind": "disc", "diameter_deg": 20.0, "half_angle_deg": 60.0}}
+CONSTRAINTS = {"cavity_height_mm": 0.5, "cavity_radius_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 12.0}
+TURNED = BEAM | {"constraints": CONSTRAINTS, "optimise": {"steps_per_level": [1], "rays": 512, "aim": "share"}}
+LAMPS = {"kind": "table", "places_mm": [[-20.0, 3.0], [18.0, -2.0]]}
+AIMS = {"aims_mm": [[0.0, 9.0, 100.0], [5.0, -20.0, 100.0]]}
+FAR = {"kind": "far_field", "half_angle_deg": 90.0, "targets": [{"kind": "disc", "diameter_deg": 60.0}]}
+ROAD = {"lighting_class": "P4", "width_m": 5.0, "pole_height_m": 5.0, "pole_spacing_m": 14.0, "lamp_lm": 900.0}
+DISC = [{"kind": "disc", "diameter_mm": 60.0}]
+ROUND = {"centre_mm": [0.0, 0.0, 100.0], "facing": [0.0, 0.0, 1.0], "radius_mm": 200.0}
+NEAR = {"kind": "disc", "diameter_mm": 60.0, "distance_mm": 100.0, "receiver_mm": 60.0}
+
+
+def on(**receiver: Any) -> dict[str, Any]:
+    """Changes of a spec for one receiver."""
+    return {"target": None, "receivers": [receiver]}
+
+
+SCENES: dict[str, dict[str, Any]] = {
+    "lens double": {},
+    "lens tir": TURNED | {"lens": {"kind": "tir"}, "base": {"kind": "none"}},
+    "lens reflector": TURNED | {"lens": {"kind": "reflector"}, "base": {"kind": "none"}},
+    "lamps grid": {"lamps": {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0}},
+    "lamps hexagon": {"lamps": {"kind": "hexagon", "rings": 1, "pitch_mm": 40.0}},
+    "lamps ring": {"lamps": {"kind": "ring", "count": 3, "diameter_mm": 60.0}},
+    "lamps table": {"lamps": LAMPS},
+    "lamps endless": {"lamps": {"kind": "endless", "pitch_mm": 60.0}, "target": NEAR},
+    "lamps with heights and aims": {"lamps": LAMPS | AIMS},
+    "lamps with lenses of several kinds": {"lamps": LAMPS | {"kinds": ["wide", "narrow"]}},
+    "receiver plane": on(kind="plane", centre_mm=[0.0, 0.0, 100.0], width_mm=200.0, height_mm=150.0, targets=DISC),
+    "receiver far_field": on(**FAR),
+    "receiver cylinder": on(kind="cylinder", **ROUND, width_mm=200.0, height_mm=150.0, targets=DISC),
+    "receiver sphere": on(kind="sphere", **ROUND, half_angle_deg=30.0, targets=DISC),
+    "plate": {"lamps": LAMPS, "plate": {"thickness_mm": 2.0}, "base": {"kind": "none"}},
+    "roads": on(**FAR) | {"roads": [ROAD]},
+    "several LEDs": {
+        "source": None,
+        "sources": [
+            {"name": "one", "source": {"kind": "square", "side_mm": 1.0, "flux_lm": 90.0}},
+            {"name": "two", "source": {"kind": "disc", "diameter_mm": 0.7, "position_mm": [0.2, 0.1, 0.0]}},
+        ],
+    },
+    "bodies": {
+        "bodies": [
+            {
+                "name": "dome",
+                "refractive_index": 1.5,
+                "inner": {"fixed": {"kind": "sphere", "radius_mm": 15.0}},
+                "outer": {"fixed": {"kind": "sphere", "radius_mm": 17.0}},
+            }
+        ]
+    },
+    "cover glass": {"lens__cover_glass": {"distance_mm": 20.0, "thickness_mm": 2.0, "refractive_index": 1.5}},
+}
+POINTS = "points.csv"
+VERBS: dict[str, Callable[[lf.Lens, Path], Any]] = {
+    "design": lambda lens, _: lf.design(lens.spec, accuracy=FEW_STEPS, force=True, warn=lambda _: None),
+    "evaluate": lambda lens, _: lf.evaluate(lens, rays=512),
+    "export": lambda lens, _: lf.build(lens),
+    "check": lambda lens, _: lf.check(lens),
+    "verify": lambda lens, _: lf.verify(lf.build(lens), lf.evaluate(lens, rays=512), rays=512),
+    "stray": lambda lens, _: lf.stray_light(lf.build(lens), rays=64),
+    "photometry": lambda lens, _: lf.photometry(lens, rays=512),
+    "report": lambda lens, folder: lf.run(lens.spec, folder, accuracy=FEW_STEPS, force=True, warn=lambda _: None),
+    "handover": lambda lens, _: lf.handover(whole(lens), spacing_mm=2.0),
+    "sensitivity": lambda lens, _: lf.sensitivity(lens, rays=256),
+    "yield": lambda lens, _: lf.tolerance(lens, parts=40, rays=256, budget=False),
+    "compare": lambda lens, folder: lf.compare(lens, points=folder / POINTS, surface=face(lens)),
+    "correct": lambda lens, folder: lf.correct(lens, points=folder / POINTS, surface=face(lens), registration="none"),
+    "sweep": lambda lens, _: lf.sweep(lens.spec, "evaluate.rays", [512], accuracy=FEW_STEPS),
+    "tradeoff": lambda lens, _: lf.tradeoff(lens.spec, lens=lens, most_rays=2**12, accuracy=FEW_STEPS),
+}
+
+
+def whole(lens: lf.Lens) -> Results:
+    part = lf.build(lens)
+    return Results(lens, {each.stage: each for each in (part, lf.check(part))})
+
+
+def face(lens: lf.Lens) -> str:
+    return next(each.name for each in lens.body.faces if each.is_optical)
+
+
+def lens_of(row: str) -> lf.Lens:
+    """A lens of the faces from which a search of this scene begins."""
+    spec = small_spec(**SCENES[row])
+    if spec.lens.levels == "auto":
+        spec = spec.replace({"lens.levels": [4]})
+    faces: dict[str, Surface] = start_faces(spec)
+    others = {each.name: faces for each in spec.all_lamps.kinds[1:]}
+    return lf.Lens(faces, spec, 0, FEW_STEPS, others=others)
+
+
+def cells() -> dict[str, dict[str, str]]:
+    """Rows of the table in the docs, by their names, each with its cells by the names of the columns."""
+    assert TABLE is not None
+    head, _, *rows = ([cell.strip(" `") for cell in line.strip("|").split("|")] for line in TABLE[1].splitlines())
+    return {name: dict(zip(head[1:], row, strict=True)) for name, *row in rows}
+
+
+CELLS = [(row, stage, cell) for row, own in cells().items() for stage, cell in own.items()]
+
+
+def test_every_kind_and_every_stage_has_its_place() -> None:
+    """A kind that is registered, and a stage of the table of commands, stand in the table; and no cell is empty."""
+    lamps = [kind.model_fields["kind"].default for kind in get_args(get_args(AnyLamps)[0])]
+    kinds = {f"lens {kind}" for kind in LensShape.kinds} | {f"lamps {kind}" for kind in lamps}
+    kinds |= {f"receiver {kind}" for kind in ReceiverSection.kinds}
+    assert kinds <= set(cells()) and set(cells()) == set(SCENES)
+    stages = {stage.name for stage in (*STAGES, STRAY)}
+    for row in cells().values():
+        assert stages <= set(row) and set(row) == set(VERBS)
+        assert set(row.values()) <= {"all", "first", "no"}
+
+
+@pytest.mark.parametrize(("row", "stage"), [(row, stage) for row, stage, cell in CELLS if cell == "no"])
+def test_what_is_refused_is_refused_in_one_line(row: str, stage: str, tmp_path: Path) -> None:
+    (tmp_path / POINTS).write_text("x,y,z\n0,0,3\n", encoding="utf-8")
+    with pytest.raises(lf.InputError) as refused:
+        VERBS[stage](lens_of(row), tmp_path)
+    words = str(refused.value)
+    assert "\n" not in words and words.startswith(stage) and re.search("; (leave|take|design|give)", words)
+
+
+BY_DAY = ("evaluate",)
+OTHERS = [
+    pytest.param(row, stage, cell, marks=() if stage in BY_DAY else pytest.mark.nightly("a part or a search of each"))
+    for row, stage, cell in CELLS
+    if cell != "no" and stage not in ("compare", "correct")  # of one face, whatever the scene
+]
+
+
+@pytest.mark.parametrize(("row", "stage", "cell"), OTHERS)
+def test_what_is_not_refused_runs(row: str, stage: str, cell: str, tmp_path: Path) -> None:
+    """With several LEDs a result that is of all names each."""
+    with undrawn():
+        found = VERBS[stage](lens_of(row), tmp_path)
+    if row == "several LEDs" and hasattr(found, "by_led"):
+        assert (list(found.by_led) == ["one", "two"]) == (cell == "all")
