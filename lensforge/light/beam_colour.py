@@ -17,7 +17,9 @@ from lensforge.optics.colorimetry import ColourTemperature, away_from, colour_te
 from lensforge.results import Count, Metric, Record, Share
 
 Pictures = Float[np.ndarray, "3 r h w"]  # X, Y, Z (lm) in each pixel, by every replicate
+Light = Float[np.ndarray, "r n 3"]  # X, Y, Z (lm) of pixels, by every replicate
 _DIRECTIONS = 32
+_FEW_PIXELS = 2**6  # of a part, of which there are thousands, each judged seventeen times
 _MOST_PIXELS = 2**13  # of which the worst is sought: those that look worst, where there are more
 
 
@@ -41,21 +43,15 @@ class BeamColour(Record):
     @staticmethod
     def of(pictures: Pictures, level: float) -> "BeamColour | None":
         """Colour of filtered ``pictures``; None in the dark, and where a replicate is dark."""
-        luminous, replicates = pictures[1], pictures.shape[1]
-        if not (luminous.sum(axis=(1, 2)) > 0.0).all():
+        light = _in_beam(pictures, level)
+        if light is None:
             return None
-        peak = largest_without_noise(luminous.reshape(replicates, -1)).value
-        inside = luminous.mean(axis=0) >= level * peak
-        light = np.moveaxis(pictures[:, :, inside], 0, -1)
-        totals = light.sum(axis=1)
-        if not (totals[:, 1] > 0.0).all():
-            return None
+        totals, away = light.sum(axis=1), _away(light)
         mean = uv_of(totals.mean(axis=0))
-        away = away_from(mean, light) / denominator(light.mean(axis=0))[:, None]
         temperature, rms = colour_temperature(mean), _rms(away)
         return BeamColour(
             level=level,
-            pixels=int(inside.sum()),
+            pixels=light.shape[1],
             u=jackknife_metric(totals, lambda mean: float(uv_of(mean)[0])),
             v=jackknife_metric(totals, lambda mean: float(uv_of(mean)[1])),
             cct=None if temperature is None else _of_temperature(totals, temperature, 0, "K"),
@@ -63,6 +59,36 @@ class BeamColour(Record):
             rms=rms,
             worst=_worst(away, rms),
         )
+
+
+def distances_left_out(pictures: Pictures, level: float) -> list[dict[str, Metric] | None]:
+    """``rms`` and ``worst`` of filtered ``pictures`` by all replicates, then with one after the other left out.
+
+    None in the dark. The pixels of the beam are those of all replicates; the worst is sought among fewer of them.
+    """
+    light, rows = _in_beam(pictures, level), np.arange(pictures.shape[1])
+    kept = [rows, *(rows[rows != k] for k in rows if len(rows) > 1)]
+    if light is None:
+        return [None] * len(kept)
+    away = [_away(light[own]) for own in kept]
+    return [{"rms": (rms := _rms(each)), "worst": _worst(each, rms, _FEW_PIXELS)} for each in away]
+
+
+def _in_beam(pictures: Pictures, level: float) -> Light | None:
+    """Light of the pixels above ``level`` of the peak; None in the dark, and where a replicate is dark there."""
+    luminous, replicates = pictures[1], pictures.shape[1]
+    if not (luminous.sum(axis=(1, 2)) > 0.0).all():
+        return None
+    peak = largest_without_noise(luminous.reshape(replicates, -1)).value
+    light: Light = np.moveaxis(pictures[:, :, luminous.mean(axis=0) >= level * peak], 0, -1)
+    return light if (light[..., 1].sum(axis=1) > 0.0).all() else None
+
+
+def _away(light: Light) -> Float[np.ndarray, "r n 2"]:
+    """Distances in u', v' of pixels from the colour of all their light mixed."""
+    mean = uv_of(light.sum(axis=1).mean(axis=0))
+    away: Float[np.ndarray, "r n 2"] = away_from(mean, light) / denominator(light.mean(axis=0))[:, None]
+    return away
 
 
 def _of_temperature(totals: Float[np.ndarray, "r 3"], known: ColourTemperature, index: int, unit: str) -> Metric:
@@ -75,11 +101,11 @@ def _rms(away: Float[np.ndarray, "r n 2"]) -> Metric:
     return root_estimate(away.reshape(len(away), -1) / np.sqrt(away.shape[1]), np.ones(len(away))).metric()
 
 
-def _worst(away: Float[np.ndarray, "r n 2"], rms: Metric) -> Metric:
-    """Largest of the distances of ``n`` pixels, without noise; at least their ``rms``."""
+def _worst(away: Float[np.ndarray, "r n 2"], rms: Metric, pixels: int = _MOST_PIXELS) -> Metric:
+    """Largest of the distances of ``n`` pixels, without noise, at least their ``rms``; of so many that look worst."""
     seen = np.linalg.norm(away.mean(axis=0), axis=1)
-    if len(seen) > _MOST_PIXELS:
-        away = away[:, np.argpartition(seen, -_MOST_PIXELS)[-_MOST_PIXELS:]]
+    if len(seen) > pixels:
+        away = away[:, np.argpartition(seen, -pixels)[-pixels:]]
     angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     along = away @ np.stack([np.cos(angles), np.sin(angles)])
     return largest_without_noise(along.reshape(len(away), -1), least=rms.value)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.light.beam_colour import distances_left_out
 from lensforge.light.metrics import (
     jackknife_metric,
     largest_without_noise,
@@ -73,14 +74,26 @@ def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -
     """Judge the limits on the colour on each receiver; in the dark each is missed."""
     if section is None:
         return
-    bounds = {"rms": section.max_rms_delta_uv, "worst": section.max_delta_uv}
     for receiver in lit:
-        for words, bound in bounds.items():
-            if bound is not None:
-                name = f"Δu′v′ {words} {BEAMS[section.within]}"
-                value = _NO_COLOUR if receiver.colour is None else getattr(receiver.colour, words)
-                quantity = "distance from the mean colour"
-                yield Fact.measured(name, name, value, quantity, limit=bound, place=receiver.name)
+        for words, bound in section.bounds.items():
+            name = f"Δu′v′ {words} {BEAMS[section.within]}"
+            value = _NO_COLOUR if receiver.colour is None else getattr(receiver.colour, words)
+            quantity = "distance from the mean colour"
+            yield Fact.measured(name, name, value, quantity, limit=bound, place=receiver.name)
+
+
+def colours_left_out(
+    section: ColourSection | None, pictures: Float[np.ndarray, "c r h w"]
+) -> Iterator[Float[np.ndarray, " v"]]:
+    """Each limited figure of the colour on one receiver: by all replicates, then with one after the other left out.
+
+    ``pictures``: X, Y and Z; none where nobody asks for colour.
+    """
+    if section is None:
+        return
+    found = distances_left_out(pictures, section.level)
+    for words in section.bounds:
+        yield np.array([(_NO_COLOUR if each is None else each[words]).value for each in found])
 
 
 BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak"}

@@ -7,6 +7,8 @@ of the lamps adds no noise, rays that an error does not move add none, and a boa
 
 Of an infinite lattice a patch of some periods is drawn, and repeated without end: its light is measured over
 all of the patch, its limits in each of its periods.
+
+Where lenses are of several kinds, each lamp is traced by its own, and each kind has a picture as designed.
 """
 
 from collections.abc import Sequence
@@ -14,17 +16,25 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from scipy import sparse
 
 from lensforge.errors import InputError
 from lensforge.kernels.image_sums import add_to_bins
-from lensforge.light.metrics import Images
 from lensforge.light.simulation import REPLICATES, TracedLens, bundles
-from lensforge.made.part_light import PartLight, ReceivedImages, ReplicateRays
+from lensforge.made.part_light import (
+    Channels,
+    PartLight,
+    ReceivedImages,
+    ReplicateRays,
+    in_channels,
+    judged_colour,
+    rays_behind,
+)
 from lensforge.scene.lamp_pictures import LampPictures, patch_pictures, seen_by
+from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit
-from lensforge.scene.made_part import MadePart
+from lensforge.scene.made_part import MadePart, PartMaker
 from lensforge.scene.perturbations import Deviations
 from lensforge.scene.pixel_grid import bin_flux, gaussian3
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -32,6 +42,7 @@ from lensforge.scene.target_pattern import DrawnTarget
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.spec.lamp_places import Lamp
+from lensforge.spec.light_limits import ColourSection
 
 _PERIODS = 3  # along x and along y, of a lattice without a plate
 _MOST_PIXELS = 2**20  # of a patch, of which a study keeps sixteen pictures at a time
@@ -72,17 +83,23 @@ def pictures_of(receiver: PosedReceiver, periods: tuple[int, int]) -> LampPictur
 
 
 def designed_pictures(
-    lens: TracedLens, source: Source, boards: Sequence[LampPictures], rays: int, seed: int
-) -> list[list[Images]]:
-    """Flux (W) of one lamp as designed on the rasters of each receiver, in replicates."""
-    count = min(REPLICATES, rays, source.ray_count or rays)
-    found = [[np.zeros((count, *each.grid.shape)) for each in board.receivers] for board in boards]
+    lens: TracedLens,
+    source: Source,
+    boards: Sequence[LampPictures],
+    rays: int,
+    seed: int,
+    colour: ColourSection | None = None,
+) -> list[list[Channels]]:
+    """Light of one lamp as designed on the rasters of each receiver, in replicates."""
+    count, channels = min(REPLICATES, rays, source.ray_count or rays), 1 if colour is None else 4
+    found = [[np.zeros((channels, count, *each.grid.shape)) for each in board.receivers] for board in boards]
     for replicate, share, bundle in bundles(source, rays, count, seed):
         exits = lens.trace(bundle)
         for board, pictures in zip(boards, found, strict=True):
             for receiver, picture in zip(board.receivers, pictures, strict=True):
                 landings = receiver.land(exits)
-                picture[replicate] += bin_flux(landings.hits, landings.flux * share, receiver.grid)
+                for number, carried in enumerate(in_channels(landings.flux * share, bundle, colour)):
+                    picture[number, replicate] += bin_flux(landings.hits, carried, receiver.grid)
     return found
 
 
@@ -105,31 +122,53 @@ def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int])
 
 
 @dataclass(frozen=True, eq=False)
-class BoardLight(PartLight):
-    """Simulation of boards of ``spec``: the ``receivers`` are those of ``boards``, the ``limits`` those of one period.
+class LensOnBoard:
+    """A ``lens``, tabulated as a search does, of the lamps ``numbers``; ``boards``: each receiver lit by them alone.
 
-    ``designed``: pictures by :func:`designed_pictures`, in as many replicates as the rays that are held; ``one``: the
-    light of one lamp, or of one period.
+    The error of such tables is in the part and in the lens as designed alike.
     """
 
+    lens: Lens
+    nominal: TracedLens
+    maker: PartMaker
+    numbers: tuple[int, ...]
     boards: tuple[LampPictures, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class BoardLight(PartLight):
+    """Simulation of boards of ``spec``: the ``receivers`` are those of a patch, the ``limits`` those of one period.
+
+    ``designed``: pictures of each kind of lens by :func:`designed_pictures`, in as many replicates as the rays that are
+    held; ``one``: the light of one lamp, or of one period.
+    """
+
+    kinds: tuple[LensOnBoard, ...]
     periods: tuple[int, int]
-    designed: list[list[Images]]
+    designed: list[list[list[Channels]]]
     one: PartLight
 
     @staticmethod
-    def of(light: PartLight, boards: Sequence[LampPictures], designed: list[list[Images]]) -> "BoardLight":
-        """Boards on the receivers, and with the limits, of the spec. Raises :class:`InputError` for too few rays."""
-        periods, lamps, rays = periods_of(light.spec), len(boards[0].receiver.lamps), len(light.held)
+    def of(
+        light: PartLight,
+        receivers: tuple[PosedReceiver, ...],
+        kinds: tuple[LensOnBoard, ...],
+        designed: list[list[list[Channels]]],
+    ) -> "BoardLight":
+        """Boards on ``receivers``, with the limits of the spec. Raises :class:`InputError` for too few rays."""
+        periods, lamps, rays = periods_of(light.spec), len(receivers[0].lamps), len(light.held)
         if rays < REPLICATES * lamps:
             least = REPLICATES * lamps
             raise InputError(f"yield: {rays} rays for {lamps} lamps: {REPLICATES} each at least; give {least}")
-        receivers, limits = tuple(board.receiver for board in boards), light.limits
+        limits = light.limits
         if periods != (1, 1):
             limits = tuple(on_patch(each, light.receivers[each.receiver].grid.shape, periods) for each in limits)
-        return BoardLight(
-            light.spec, light.nominal, receivers, limits, light.held, tuple(boards), periods, designed, light
-        )
+        return BoardLight(light.spec, light.nominal, receivers, limits, light.held, kinds, periods, designed, light)
+
+    @cached_property
+    def _lens_of_lamp(self) -> list[TracedLens]:
+        lenses = {number: kind.nominal for kind in self.kinds for number in kind.numbers}
+        return [lenses[number] for number in range(len(lenses))]
 
     @cached_property
     def _shares(self) -> list[ReplicateRays]:
@@ -143,31 +182,40 @@ class BoardLight(PartLight):
     @cached_property
     def _landed(self) -> list[list[Landings]]:
         """Landings of the rays of each lamp behind the lens as designed."""
-        every = zip(self._shares, self._seen, strict=True)
-        return [[each.land(self.exit_rays(None, own.rays)) for each in seen] for own, seen in every]
+        every = zip(self._lens_of_lamp, self._shares, self._seen, strict=True)
+        return [[each.land(rays_behind(lens, None, own.rays)) for each in seen] for lens, own, seen in every]
 
     def received(self, parts: Sequence[MadePart] | None) -> tuple[ReceivedImages, ...]:
         """Light of a board on each receiver, by the lens of each of its lamps; None: of the lens as designed."""
         fluxes = np.ones(len(self._shares)) if parts is None else np.array([part.flux for part in parts])
-        pairs = zip(self.boards, self.designed, strict=True)
-        raw = [board.added(pictures, fluxes) for board, pictures in pairs]
+        raw = [self._designed(number, fluxes) for number in range(len(self.receivers))]
+        colour = judged_colour(self.spec)
         taken = [np.zeros_like(image) for image in raw]
         for number, part in enumerate(parts or ()):
             own = self._shares[number]
-            exits = self.exit_rays(part, own.rays)
+            exits = rays_behind(self._lens_of_lamp[number], part, own.rays)
             for k, receiver in enumerate(self._seen[number]):
                 for landings, images in ((receiver.land(exits), raw), (self._landed[number][k], taken)):
-                    flux = part.flux * landings.flux
-                    add_to_bins(landings.hits, flux, receiver.grid.size, own.replicate, images[k])
+                    carried = in_channels(part.flux * landings.flux, own.rays, colour)
+                    for each, image in zip(carried, images[k], strict=True):
+                        add_to_bins(landings.hits, each, receiver.grid.size, own.replicate, image)
         raw = [image - less for image, less in zip(raw, taken, strict=True)]
         emitted_w = float(fluxes.mean()) * self.held.emitted_w
         return tuple(self._received(number, image, emitted_w) for number, image in enumerate(raw))
 
-    def _received(self, number: int, raw: Images, emitted_w: float) -> ReceivedImages:
-        columns, rows = self.periods
+    def _designed(self, receiver: int, fluxes: Float[np.ndarray, " n"]) -> Channels:
+        """Light on a receiver of lamps with these fluxes behind the lenses as designed."""
+        found = []
+        for kind, designed in zip(self.kinds, self.designed, strict=True):
+            own = kind.boards[receiver].added(designed[receiver], fluxes[list(kind.numbers)])
+            found.append(len(kind.numbers) / len(fluxes) * own)
+        return np.asarray(np.sum(found, axis=0))
+
+    def _received(self, number: int, raw: Channels, emitted_w: float) -> ReceivedImages:
+        (columns, rows), flux = self.periods, raw[0]
         receiver, target = self.receivers[number], self.one.targets[0][number]
-        of_period = raw.reshape(len(raw), rows, -1, columns, raw.shape[2] // columns).sum(axis=(1, 3))
-        window = (raw * receiver.window.pixels(receiver.grid)).sum(axis=(1, 2))
+        of_period = flux.reshape(len(flux), rows, -1, columns, flux.shape[2] // columns).sum(axis=(1, 3))
+        window = (flux * receiver.window.pixels(receiver.grid)).sum(axis=(1, 2))
         lit = (of_period * target.coverage).sum(axis=(1, 2))
         smooth = gaussian3(raw, self.spec.evaluate.filter_variance)
         return ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w)

@@ -120,7 +120,7 @@ MeasuredChunks = Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]  # numbers of 
 
 def prepare(study: PartStudy) -> None:
     """Make all that the parts share, before several threads ask for it at once."""
-    _ = study.draws, study.maker, study.designed, study.of_design, study.bounds
+    _ = study.draws, study.of_design, study.bounds
 
 
 def measured(study: PartStudy, job: Job) -> Float[np.ndarray, "m 2"]:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import sparse
 
-from lensforge.light.judged_limits import values_left_out
+from lensforge.light.judged_limits import colours_left_out, values_left_out
 from lensforge.light.metrics import Images, jackknife_error, jackknife_metric
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask
@@ -24,6 +24,7 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.target_pattern import DrawnTarget, drawn_target, uniform_region
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
+from lensforge.spec.light_limits import ColourSection
 
 _COLUMNS = 32  # into which rays are sorted
 _SHARING = 7  # seed: any number
@@ -83,14 +84,29 @@ class _SeenByLimit(NamedTuple):
         return _SeenByLimit(limit.receiver, limit.of_losses)
 
 
+Channels = Float[np.ndarray, "c r h w"]  # flux (W) on each pixel by every replicate; X, Y and Z (lm) where they count
+
+
+def judged_colour(spec: Spec) -> ColourSection | None:
+    """The colour of the beam where ``spec`` sets limits to it, which alone makes a study trace it; else None."""
+    return spec.colour if spec.colour is not None and spec.colour.has_limits else None
+
+
+def in_channels(
+    flux: Float[np.ndarray, " n"], rays: RayBundle, colour: ColourSection | None
+) -> list[Float[np.ndarray, " n"]]:
+    """``flux`` (W) of ``rays``, and where their colour counts its X, Y and Z (lm)."""
+    return [flux] if colour is None else [flux, *(flux * per_watt for per_watt in rays.colours.T)]
+
+
 @dataclass(frozen=True, eq=False)
 class ReceivedImages:
-    """Filtered image of flux (W) of every replicate on one receiver; shares of the emitted flux in window and target.
+    """Filtered pictures of every replicate on one receiver; shares of the emitted flux in window and target.
 
     ``emitted_w``: of this part's source. ``losses``: flux (W) by cause of its loss, where a limit asks for it.
     """
 
-    images: Images
+    pictures: Channels
     window: Float[np.ndarray, " r"]
     in_target: Float[np.ndarray, " r"]
     emitted_w: float
@@ -103,6 +119,19 @@ class ReceivedImages:
         assert self.losses is not None
         return self.losses
 
+    @property
+    def images(self) -> Images:
+        """Flux (W) on each pixel."""
+        return np.asarray(self.pictures[0])
+
+
+def rays_behind(nominal: TracedLens, part: MadePart | None, rays: RayBundle) -> ExitRays:
+    """``rays`` behind one part of a lens; None: behind the lens as designed."""
+    if part is None:
+        return trace_tables(nominal.tables, nominal.scene, rays)
+    scene = replace(nominal.scene, media=part.media(nominal.scene.media), made=part.made)
+    return trace_tables(part.tables(nominal.tables), scene, rays)
+
 
 @dataclass(frozen=True, eq=False)
 class PartLight:
@@ -114,28 +143,27 @@ class PartLight:
     limits: tuple[LightLimit, ...]
     held: ReplicateRays
 
-    def exit_rays(self, part: MadePart | None, rays: RayBundle | None = None) -> ExitRays:
-        """Rays, by default all that are held, behind one part; None: behind the lens as designed."""
-        nominal, rays = self.nominal, self.held.rays if rays is None else rays
-        if part is None:
-            return trace_tables(nominal.tables, nominal.scene, rays)
-        scene = replace(nominal.scene, media=part.media(nominal.scene.media), made=part.made)
-        return trace_tables(part.tables(nominal.tables), scene, rays)
+    def exit_rays(self, part: MadePart | None) -> ExitRays:
+        """Rays behind one part; None: behind the lens as designed."""
+        return rays_behind(self.nominal, part, self.held.rays)
 
     def received(self, parts: Sequence[MadePart] | None) -> tuple[ReceivedImages, ...]:
         """Light of a part on each receiver, by each of its lenses, here one; None: of the lens as designed."""
         part = None if parts is None else parts[0]
-        exits, flux = self.exit_rays(part), 1.0 if part is None else part.flux
+        exits, flux, held = self.exit_rays(part), 1.0 if part is None else part.flux, self.held
         by_cause = self._by_cause(exits, flux) if any(limit.of_losses for limit in self.limits) else None
-        found = []
+        colour, found = judged_colour(self.spec), []
         for receiver, target in zip(self.receivers, self.targets[0], strict=True):
             landings = receiver.land(exits)
             hits, carried = landings.hits, landings.flux * flux
-            held, inside = self.held, (receiver.window.contains(hits), target.contains(hits))
+            inside = (receiver.window.contains(hits), target.contains(hits))
             window, lit = (np.bincount(held.replicate[own], carried[own], minlength=held.replicates) for own in inside)
-            images = bin_replicates(hits, carried, receiver.grid, held.replicate, held.replicates)
+            raw = [
+                bin_replicates(hits, each, receiver.grid, held.replicate, held.replicates)
+                for each in in_channels(carried, held.rays, colour)
+            ]
             emitted_w = flux * held.emitted_w
-            smooth = gaussian3(images, self.spec.evaluate.filter_variance)
+            smooth = gaussian3(np.stack(raw), self.spec.evaluate.filter_variance)
             losses = None if by_cause is None else with_beside(by_cause, window)
             found.append(ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w, losses))
         return tuple(found)
@@ -169,6 +197,8 @@ class PartLight:
         for limit in self.limits:
             seen = _SeenByLimit.by(limit)
             yield values_left_out(limit, next(read[seen]), received[seen.receiver].light(seen))
+        for on_receiver in received:
+            yield from colours_left_out(judged_colour(self.spec), on_receiver.pictures[1:])
 
     @cached_property
     def _readings(self) -> dict[_SeenByLimit, sparse.csr_array]:

@@ -1,7 +1,7 @@
-"""Parts of one lens, measured one by one by the same rays, from a small recipe that has everything a worker needs.
+"""Parts of one lens, measured one by one with every LED of its spec, by the same rays, from a small recipe.
 
 The metrics of a part depend on the recipe, its number and its scales alone, and so are the same bits wherever and
-whenever they are computed.
+whenever they are computed. With each LED a part is the same: its lens, and by how much the LED is off.
 
 Parts share their rays with the lens as designed, so that most of the ray noise cancels in the change from it. A metric
 of a part is that of the lens as designed, by many rays, plus this change.
@@ -19,37 +19,42 @@ from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
-from lensforge.light.metrics import Images
 from lensforge.light.receiver_light import judged_figures
 from lensforge.light.simulation import TracedLens
 from lensforge.made.board_light import (
     BoardLight,
+    LensOnBoard,
     common_to_lamps,
     designed_pictures,
     in_plate,
     periods_of,
     pictures_of,
 )
-from lensforge.made.part_light import MeasuredPart, PartLight, ReplicateRays
+from lensforge.made.part_light import Channels, MeasuredPart, PartLight, ReplicateRays, judged_colour
 from lensforge.made.tolerance_result import MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
-from lensforge.results import Metric
+from lensforge.results import Fact, Metric
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.made_part import MadePart, PartMaker
 from lensforge.scene.perturbations import Deviations, Draws
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
+from lensforge.spec import Spec
 from lensforge.spec.accuracy import preset_of
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.tolerances_section import Factor, factor_name, factors_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 Scales = Mapping[str, float]
 _SIDES = {">=": "least", "<=": "most"}
+_OF_ANY_RAYS = ("draws", "receivers", "boards", "kinds")  # of a study, however many rays it takes
+_OF_ANY_RAYS_BY_LED = ("limits", "designed_light", "designed_pictures")
 
 
 @dataclass(frozen=True)
@@ -69,10 +74,15 @@ class PartStudy:
 
     recipe: Recipe
 
+    @property
+    def spec(self) -> Spec:
+        """The spec of the lens."""
+        return self.recipe.lens.spec
+
     @cached_property
     def factors(self) -> tuple[Factor, ...]:
         """The tolerances of the spec."""
-        return factors_of(self.recipe.lens.spec.part_tolerances)
+        return factors_of(self.spec.part_tolerances)
 
     @cached_property
     def draws(self) -> Draws:
@@ -80,58 +90,127 @@ class PartStudy:
         parts, lamps, factors = self.recipe.parts, len(self.lamps), self.factors
         if parts * lamps * sum(factor.numbers for factor in factors) > _MOST_NUMBERS:
             raise InputError(f"yield: {parts} parts of {lamps} lamps are more than fit in memory; take fewer parts")
-        return Draws.of(factors, parts, self.recipe.seed, lamps, common_to_lamps(self.recipe.lens.spec))
+        return Draws.of(factors, parts, self.recipe.seed, lamps, common_to_lamps(self.spec))
+
+    @cached_property
+    def receivers(self) -> tuple[PosedReceiver, ...]:
+        """Receivers of the spec."""
+        return receivers_of(self.spec, self.spec.evaluate.pixels)
 
     @cached_property
     def boards(self) -> tuple[LampPictures, ...]:
         """Each receiver, of an infinite lattice that of a patch."""
-        spec = self.recipe.lens.spec
-        return tuple(pictures_of(each, periods_of(spec)) for each in receivers_of(spec, spec.evaluate.pixels))
+        return tuple(pictures_of(each, periods_of(self.spec)) for each in self.receivers)
 
     @cached_property
     def lamps(self) -> Lamps:
         """Lamps of each part, which are drawn apart."""
-        lamps = self.recipe.lens.spec.all_lamps
+        lamps = self.spec.all_lamps
         return lamps if lamps.period_mm is None else self.boards[0].receiver.lamps
 
     @cached_property
-    def designed_pictures(self) -> list[list[Images]]:
-        """Pictures of one lamp as designed, by many rays, where several are drawn apart; none of one alone."""
-        if self.lamps.is_single:
-            return []
-        rays, seed = self.recipe.designed_rays, self.recipe.seed
-        return designed_pictures(self._nominal, held_back(self._source), self.boards, rays, seed)
+    def kinds(self) -> tuple[LensOnBoard, ...]:
+        """The lens of each kind with its lamps, one where all lamps have the same."""
+        traced = TracedLens.of(self.recipe.lens, preset_of(self.recipe.lens.accuracy).nodes_per_sigma)
+        found, lamps = [], self.lamps
+        for kind, lens, own in zip(
+            lamps.kinds or [None], self.recipe.lens.kinds, traced.kinds or [traced], strict=True
+        ):
+            boards, numbers = self.boards, tuple(range(len(lamps)))
+            if kind is not None:
+                alone = (replace(each, lamps=lamps.of_kind(kind)) for each in self.receivers)
+                boards, numbers = tuple(map(LampPictures.of, alone)), kind.numbers
+            maker = PartMaker.of(lens.spec, lens.surfaces, own.scene.grid, self.factors)
+            found.append(LensOnBoard(lens, own, maker, numbers, boards))
+        return tuple(found)
 
     @cached_property
-    def _nominal(self) -> TracedLens:
-        """Tables of the search, not of an evaluation: their error is in the part and in the lens as designed alike."""
-        lens = self.recipe.lens
-        return TracedLens.of(lens, preset_of(lens.accuracy).nodes_per_sigma)
+    def leds(self) -> "tuple[LedStudy, ...]":
+        """The study with each LED."""
+        names = [each.name for each in self.spec.sources] if len(self.spec.sources) > 1 else [""]
+        every = zip(self.spec.each_source, names, strict=True)
+        return tuple(LedStudy(self, emitter, name) for emitter, name in every)
+
+    @cached_property
+    def of_design(self) -> dict[str, Metric]:
+        """Metrics of the lens as designed, by many rays, with one LED after the other."""
+        return {name: metric for led in self.leds for name, metric in led.of_design.items()}
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the metrics."""
+        return tuple(self.of_design)
+
+    @cached_property
+    def bounds(self) -> tuple[MetricBound, ...]:
+        """Bounds that a part must keep with every LED."""
+        return tuple(bound for led in self.leds for bound in led.bounds)
+
+    def with_rays(self, rays: int) -> "PartStudy":
+        """Study with other ``rays`` for each part; what does not depend on them is kept."""
+        other = PartStudy(replace(self.recipe, rays=rays))
+        other.__dict__.update({name: getattr(self, name) for name in _OF_ANY_RAYS})
+        for led, again in zip(self.leds, other.leds, strict=True):
+            again.__dict__.update({name: getattr(led, name) for name in _OF_ANY_RAYS_BY_LED})
+        return other
+
+    def deviations(self, number: int, scales: Scales | None = None) -> list[Deviations]:
+        """Deviations of one part, some of them scaled: of the lens of each of its lamps."""
+        return [self.draws.deviations(number, scales, lamp) for lamp in range(len(self.lamps))]
+
+    def measure(self, number: int, scales: Scales | None = None) -> Float[np.ndarray, "m 2"]:
+        """Metrics of one part, in the order of ``names``, and the standard error of each one's change by its errors."""
+        found = self.deviations(number, scales)
+        return np.concatenate([led.measure(found) for led in self.leds])
+
+    def excess(self, values: Float[np.ndarray, "*n m"]) -> Float[np.ndarray, "*n b"]:
+        """Distance of the metrics from each bound, above 0 on its wrong side."""
+        columns = [self.names.index(bound.metric) for bound in self.bounds]
+        signs = np.array([1.0 if bound.sense == "<=" else -1.0 for bound in self.bounds])
+        limits = np.array([bound.bound for bound in self.bounds])
+        return np.asarray(signs * (values[..., columns] - limits))
+
+
+@dataclass(frozen=True, eq=False)
+class LedStudy:
+    """Parts of a ``study`` with one LED, called ``led`` where there are several."""
+
+    study: PartStudy
+    emitter: EmitterSection
+    led: str = ""
+
+    @cached_property
+    def _source(self) -> Source:
+        lens = self.study.recipe.lens
+        return build_source(self.emitter, lens.dispersion, coloured=judged_colour(lens.spec) is not None)
 
     @cached_property
     def limits(self) -> tuple[LightLimit, ...]:
         """Limits of the spec on its receivers."""
-        spec, source = self.recipe.lens.spec, self._source
-        efficacy = summarise(source, spec.source).lumens_per_watt
-        return light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
+        efficacy = summarise(self._source, self.emitter).lumens_per_watt
+        return light_limits(self.study.spec, self.study.receivers, efficacy, self._source.flux_w)
 
     @cached_property
-    def _source(self) -> Source:
-        return build_source(self.recipe.lens.spec.source, self.recipe.lens.dispersion)
+    def designed_pictures(self) -> list[list[list[Channels]]]:
+        """Pictures of one lamp of each kind as designed, by many rays, where several are drawn apart; none of one."""
+        if self.study.lamps.is_single:
+            return []
+        judging, recipe, colour = held_back(self._source), self.study.recipe, judged_colour(self.study.spec)
+        return [
+            designed_pictures(kind.nominal, judging, kind.boards, recipe.designed_rays, recipe.seed, colour)
+            for kind in self.study.kinds
+        ]
 
     @cached_property
     def light(self) -> PartLight:
         """Receivers, limits and rays."""
-        recipe, spec = self.recipe, self.recipe.lens.spec
+        study, recipe = self.study, self.study.recipe
         held = ReplicateRays.of(held_back(self._source), recipe.rays, recipe.seed)
-        light = PartLight(spec, self._nominal, receivers_of(spec, spec.evaluate.pixels), self.limits, held)
-        return light if self.lamps.is_single else BoardLight.of(light, self.boards, self.designed_pictures)
-
-    @cached_property
-    def maker(self) -> PartMaker:
-        """Tables of the form errors."""
-        lens, grid = self.recipe.lens, self.light.nominal.scene.grid
-        return PartMaker.of(lens.spec, lens.surfaces, grid, self.factors)
+        light = PartLight(study.spec, study.kinds[0].nominal, study.receivers, self.limits, held)
+        if study.lamps.is_single:
+            return light
+        receivers = tuple(board.receiver for board in study.boards)
+        return BoardLight.of(light, receivers, study.kinds, self.designed_pictures)
 
     @cached_property
     def designed(self) -> MeasuredPart:
@@ -141,90 +220,89 @@ class PartStudy:
     @cached_property
     def designed_light(self) -> Light:
         """The light of the lens as designed, by many rays."""
-        lens, recipe = self.recipe.lens, self.recipe
-        traced = TracedLens.of(lens, preset_of(lens.accuracy).evaluate_nodes_per_sigma)
-        judging, rays = held_back(self._source), recipe.designed_rays
-        limits = self.limits
-        return evaluate_traced(traced, lens.spec, judging, rays, recipe.seed, limits=limits, bounds_by=self._source)
+        lens, spec, recipe = self.study.recipe.lens, self.study.spec, self.study.recipe
+        return evaluate_traced(
+            TracedLens.of(lens, preset_of(lens.accuracy).evaluate_nodes_per_sigma),
+            spec,
+            held_back(self._source),
+            recipe.designed_rays,
+            recipe.seed,
+            limits=self.limits,
+            bounds_by=self._source,
+            colour=judged_colour(spec),
+        )
 
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Names of the metrics: those of the first receiver, of the others with theirs, and of the limits."""
-        *receivers, limits = self._changes(self.designed)
-        found = []
-        for number, (each, light) in enumerate(zip(receivers, self.designed_light.receivers, strict=True)):
-            found += [f"{light.name}: {name}" if number else name for name in each]
-        judged = [self.designed_light.limits[int(key)] for key in limits]
-        plain = [f"{limit.label}: {limit.note}" for limit in judged]
-        sides = [f"{limit.label}: {limit.note} ({_SIDES[limit.sense]})" for limit in judged]
-        for number, (name, side) in enumerate(zip(plain, sides, strict=True)):
-            alike = sides[:number].count(side)  # limits may share their name
-            own = side if plain.count(name) > 1 else name
-            found.append(f"{own} {alike + 1}" if alike else own)
-        return tuple(found)
+    @property
+    def prefix(self) -> str:
+        """Beginning of the names of its metrics: the LED, where there are several."""
+        return f"{self.led}: " if self.led else ""
 
     @cached_property
     def of_design(self) -> dict[str, Metric]:
-        """Metrics of the lens as designed, by many rays."""
-        found: list[Metric] = []
+        """Metrics of the lens as designed, by many rays: of the first receiver, of others with theirs, of limits."""
         *receivers, _ = self._changes(self.designed)
-        for each, light in zip(receivers, self.designed_light.receivers, strict=True):
-            found += [getattr(light, name) or Metric(value=0.0) for name in each]
-        found += [limit.metric for limit in self.designed_light.limits]
-        return dict(zip(self.names, found, strict=True))
+        found: dict[str, Metric] = {}
+        for prefix, each, light in zip(self._prefixes, receivers, self.designed_light.receivers, strict=True):
+            found |= {f"{prefix}{name}": getattr(light, name) or Metric(value=0.0) for name in each}
+        return found | dict(zip(self._limit_names, (each.metric for each in self.designed_light.limits), strict=True))
+
+    @property
+    def _prefixes(self) -> list[str]:
+        """Beginnings of the names of metrics on each receiver."""
+        _, *others = self.designed_light.receivers
+        return [self.prefix, *(f"{self.prefix}{light.name}: " for light in others)]
+
+    @property
+    def _limit_names(self) -> list[str]:
+        judged, found = self.designed_light.limits, list[str]()
+        plain = [self._plain(number, limit) for number, limit in enumerate(judged)]
+        sides = [f"{name} ({_SIDES[limit.sense]})" for name, limit in zip(plain, judged, strict=True)]
+        for number, (name, side) in enumerate(zip(plain, sides, strict=True)):
+            alike = sides[:number].count(side)  # limits may share their name
+            own = side if plain.count(name) > 1 else name
+            found.append(f"{self.prefix}{own} {alike + 1}" if alike else f"{self.prefix}{own}")
+        return found
+
+    def _plain(self, number: int, limit: Fact) -> str:
+        """Name and quantity of a limit; those of the colour are the same on each of several receivers."""
+        several = number >= len(self.limits) and len(self.study.receivers) > 1
+        return f"{limit.place}: {limit.label}: {limit.note}" if several else f"{limit.label}: {limit.note}"
 
     @cached_property
     def bounds(self) -> tuple[MetricBound, ...]:
         """Bounds that a part must keep: the limits of the spec or, without any, what the verdict on the light asks."""
-        lens, light = self.recipe.lens, self.designed_light
-        if light.limits:
-            names = self.names[-len(light.limits) :]
-            return tuple(
-                MetricBound(metric=name, sense=limit.sense, bound=limit.bound, unit=limit.unit)
-                for name, limit in zip(names, light.limits, strict=True)
-            )
-        found = []
-        for number, each in enumerate(light.receivers):
-            prefix = f"{each.name}: " if number else ""
-            for name, figure in judged_figures(each, transmittance_of(lens.media)).items():
-                found.append(MetricBound(metric=f"{prefix}{name}", sense=figure.sense, bound=figure.bound, unit=""))
-        return tuple(found)
-
-    def with_rays(self, rays: int) -> "PartStudy":
-        """Study with other ``rays`` for each part; what does not depend on them is kept."""
-        other = PartStudy(replace(self.recipe, rays=rays))
-        for name in ("draws", "maker", "designed_light", "boards", "designed_pictures"):
-            other.__dict__[name] = getattr(self, name)
-        return other
-
-    def part(self, number: int, scales: Scales | None = None) -> tuple[MadePart, ...]:
-        """One part, some of its deviations scaled: the lens of each of its lamps."""
-        return self.made([self.draws.deviations(number, scales, lamp) for lamp in range(len(self.lamps))])
+        light = self.designed_light
+        asked = list(zip(self._limit_names, light.limits, strict=True))
+        if not asked:
+            for prefix, each in zip(self._prefixes, light.receivers, strict=True):
+                judged = judged_figures(each, transmittance_of(self.study.recipe.lens.media))
+                asked += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
+        return tuple(
+            MetricBound(metric=name, sense=figure.sense, bound=figure.bound, unit=figure.unit) for name, figure in asked
+        )
 
     def made(self, found: Sequence[Deviations]) -> tuple[MadePart, ...]:
-        """The lenses of a part with these deviations, one after the other."""
-        if self.recipe.lens.spec.plate is not None:
-            found = [in_plate(each, lamp) for each, lamp in zip(found, self.lamps.lamps, strict=True)]
-        return tuple(map(self.maker.part, found))
+        """The lenses of a part with these deviations, one for each lamp; the LED turns about its own place.
 
-    def measure(self, number: int, scales: Scales | None = None) -> Float[np.ndarray, "m 2"]:
-        """Metrics of one part, in the order of ``names``, and the standard error of each one's change by its errors."""
-        found = self.light.measured(self.light.received(self.part(number, scales)))
-        changes = [each for group in self._changes(found) for each in group.values()]
+        Those of a plate are about its middle.
+        """
+        if self.study.spec.plate is not None:
+            found = [in_plate(each, lamp) for each, lamp in zip(found, self.study.lamps.lamps, strict=True)]
+        every, place = self.study.kinds, self.emitter.position_mm
+        makers = {number: replace(kind.maker, source_mm=place) for kind in every for number in kind.numbers}
+        return tuple(makers[number].part(each) for number, each in enumerate(found))
+
+    def measure(self, found: Sequence[Deviations]) -> Float[np.ndarray, "m 2"]:
+        """Metrics of a part, in the order of ``of_design``, and the standard error of the change of each."""
+        part = self.light.measured(self.light.received(self.made(found)))
+        changes = [each for group in self._changes(part) for each in group.values()]
         designed = [metric.value for metric in self.of_design.values()]
         errors = [change.standard_error or 0.0 for change in changes]
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
 
     def _changes(self, part: MeasuredPart) -> list[dict[str, Metric]]:
         """Metrics of ``part`` against those of the lens as designed."""
-        return part.change_from(self.designed, self.recipe.rays, self.designed_light.receivers)
-
-    def excess(self, values: Float[np.ndarray, "*n m"]) -> Float[np.ndarray, "*n b"]:
-        """Distance of the metrics from each bound, above 0 on its wrong side."""
-        columns = [self.names.index(bound.metric) for bound in self.bounds]
-        signs = np.array([1.0 if bound.sense == "<=" else -1.0 for bound in self.bounds])
-        limits = np.array([bound.bound for bound in self.bounds])
-        return np.asarray(signs * (values[..., columns] - limits))
+        return part.change_from(self.designed, self.study.recipe.rays, self.designed_light.receivers)
 
 
 _MOST_NUMBERS = 2**27  # 1 GiB
@@ -242,27 +320,30 @@ def require_feasible_tolerances(lens: Lens, factors: Sequence[Factor]) -> None:
 
     Raises :class:`InputError`, which names the tolerance and what is left for it.
     """
+    for kind in lens.kinds:
+        _require_feasible(kind, factors)
+
+
+def _require_feasible(lens: Lens, factors: Sequence[Factor]) -> None:
     cavity, envelope = lens_boundaries(lens)
     wall = thinnest_of(lens).thickness_mm
     reach = float(envelope.radius(fibonacci_hemisphere(_DIRECTIONS)).max())
-    points = build_source(lens.spec.source, lens.dispersion).outline()
-    distance = np.linalg.norm(points, axis=1)
-    along = points / np.where(distance > 0.0, distance, 1.0)[:, None]
-    along[distance == 0.0] = (0.0, 0.0, 1.0)
-    along[:, 2] = np.maximum(along[:, 2], 0.0)  # light from below z = 0 enters through the opening: judged in it
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    room = float((cavity.radius(along) - distance).min())
-    size = float(distance.max())
     roles, nearest = lens.spec.lens.roles, " or ".join(face.name for face in lens.body.cavity)
     of_faces = [factor_name(roles, role.name, each) for role in roles for each in _OF_FACE]
-    from_source = f"the source is {room:.3g} mm from the {nearest} face at its closest"
-    bounds = [
-        (of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest"),
-        ((*_OF_SOURCE, *_OF_LENS), room, size, from_source),
-    ]
-    if lens.spec.plate is not None:  # its lenses move as far as they stand from its middle
-        middle = lens.spec.plate.lenses(lens.spec.lamps).reach_mm
-        bounds.append((["shrinkage", "lens_tilt_deg"], room, middle, from_source))
+    bounds = [(of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest")]
+    for emitter in lens.spec.each_source:
+        points = build_source(emitter, lens.dispersion).outline()
+        distance = np.linalg.norm(points, axis=1)
+        along = points / np.where(distance > 0.0, distance, 1.0)[:, None]
+        along[distance == 0.0] = (0.0, 0.0, 1.0)
+        along[:, 2] = np.maximum(along[:, 2], 0.0)  # light from below z = 0 enters through the opening: judged in it
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        room = float((cavity.radius(along) - distance).min())
+        from_source = f"the source is {room:.3g} mm from the {nearest} face at its closest"
+        bounds.append(([*_OF_SOURCE, *_OF_LENS], room, float(distance.max()), from_source))
+        if lens.spec.plate is not None:  # its lenses move as far as they stand from its middle
+            middle = lens.spec.plate.lenses(lens.spec.lamps).reach_mm
+            bounds.append((["shrinkage", "lens_tilt_deg"], room, middle, from_source))
     for factor in factors:
         for names, left, arm, words in bounds:
             moved = displacement(factor, arm)

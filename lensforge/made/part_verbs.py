@@ -200,7 +200,6 @@ def sensitivity(
     from lensforge.made.sensitivity import measure_sensitivity
 
     require(lens, Lens, "sensitivity")
-    require_one_kind(lens, "sensitivity")
     usual = preset_of(lens.accuracy).studies.sensitivity_rays
     count, conditions = rays_of(count_of("rays", rays), usual, judging_source(lens.spec))
     with threads_of_torch(threads):
@@ -235,7 +234,6 @@ def tolerance(
     from lensforge.made.yield_study import measure_yield
 
     require(lens, Lens, "tolerance")
-    require_one_kind(lens, "yield")
     if isinstance(tolerances, Path | str):
         tolerances = read_tolerances(str(tolerances), lens.spec.lens.roles)
     elif tolerances is not None:

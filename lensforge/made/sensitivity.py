@@ -1,15 +1,17 @@
 """The sensitivity study: metrics of the lens as designed, and with each tolerance at its end, one at a time."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.made.part_study import PartStudy, Recipe, require_feasible_tolerances
-from lensforge.made.tolerance_result import ErrorRow, Sensitivity
+from lensforge.made.board_light import LensOnBoard
+from lensforge.made.part_study import LedStudy, PartStudy, Recipe, require_feasible_tolerances
+from lensforge.made.tolerance_result import ErrorRow, LedSensitivity, Sensitivity
 from lensforge.scene.body import nearest
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Deviations
@@ -23,12 +25,12 @@ _SAMPLES = 4000
 
 @dataclass(frozen=True)
 class SingleError:
-    """One tolerance at its end: name, amount, unit, and the deviations that it makes."""
+    """One tolerance at its end: name, amount, unit, and the deviations that it makes of the lens of each lamp."""
 
     name: str
     amount: float
     unit: str
-    deviations: Deviations
+    deviations: tuple[Deviations, ...]
 
 
 def measure_sensitivity(lens: Lens, *, rays: int, progress: Callable[[int, int], object] | None = None) -> Sensitivity:
@@ -42,57 +44,63 @@ def measure_sensitivity(lens: Lens, *, rays: int, progress: Callable[[int, int],
     study = PartStudy(Recipe(lens, 1, rays, lens.seed, rays))
     require_feasible_tolerances(lens, study.factors)
     errors = [error for factor in study.factors for error in single_errors(study, factor)]
-    designed, count = study.designed.metrics[0], len(study.light.held)
-    announce(1, len(errors) + 1)
-    rows = []
-    for done, error in enumerate(errors, start=2):
-        part = study.made([error.deviations] * len(study.lamps))
-        found = study.light.measured(study.light.received(part)).metrics[0]
-        change: LightMetrics = found.change_from(designed, count)
-        rows.append(
-            ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=found.metrics(), change=change)
-        )
-        announce(done, len(errors) + 1)
+    steps, total = count(1), (len(errors) + 1) * len(study.leds)
+    found = [_with_led(led, errors, lambda: announce(next(steps), total)) for led in study.leds]
     return Sensitivity(
         inputs={"lens": lens.sha256},
-        nominal=designed.metrics(),
-        rows=tuple(rows),
+        nominal=found[0].nominal,
+        rows=found[0].rows,
+        led=found[0].name,
+        others=tuple(found[1:]),
         preset=lens.spec.tolerances.preset,
-        rays=count,
+        rays=found[0].rays,
         seconds=time.perf_counter() - started,
     )
 
 
+def _with_led(led: LedStudy, errors: Sequence[SingleError], announce: Callable[[], object]) -> LedSensitivity:
+    """The change of the light of one LED by each of ``errors``; ``announce``: called after each lens."""
+    designed, rays, rows = led.designed.metrics[0], len(led.light.held), []
+    announce()
+    for error in errors:
+        lit = led.light.measured(led.light.received(led.made(error.deviations))).metrics[0]
+        change: LightMetrics = lit.change_from(designed, rays)
+        rows.append(
+            ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=lit.metrics(), change=change)
+        )
+        announce()
+    return LedSensitivity(name=led.led, nominal=designed.metrics(), rows=tuple(rows), rays=rays)
+
+
 def single_errors(study: PartStudy, factor: Factor) -> Iterator[SingleError]:
     """A tolerance at its end: to both sides or, in two directions, along each; a form error in one random shape."""
-    amount, unit = factor.amount, factor.unit
+    amount, unit, lamps = factor.amount, factor.unit, len(study.lamps)
     if factor.kind == "field":
-        yield SingleError(factor.words, amount, unit, {factor.name: _shape(study, factor)})
-    elif factor.kind == "one-sided":
-        yield SingleError(factor.words, amount, unit, _at(factor, [1.0]))
-    elif factor.numbers == 1:
-        for sign in (1.0, -1.0):
-            yield SingleError(factor.words, sign * amount, unit, _at(factor, [sign]))
-    else:
+        shapes = {number: {factor.name: _shape(kind, factor)} for kind in study.kinds for number in kind.numbers}
+        yield SingleError(factor.words, amount, unit, tuple(shapes[number] for number in range(lamps)))
+        return
+    ends = [(factor.words, amount, [1.0])]
+    if factor.kind != "one-sided" and factor.numbers == 1:
+        ends.append((factor.words, -amount, [-1.0]))
+    elif factor.numbers > 1:
         preposition = "about" if factor.name.endswith("_deg") else "in"
-        for axis, numbers in (("x", [1.0, 0.0]), ("y", [0.0, 1.0])):
-            yield SingleError(f"{factor.words} {preposition} {axis}", amount, unit, _at(factor, numbers))
+        axes = {"x": [1.0, 0.0], "y": [0.0, 1.0]}
+        ends = [(f"{factor.words} {preposition} {axis}", amount, numbers) for axis, numbers in axes.items()]
+    for name, value, numbers in ends:
+        end = {factor.name: amount * factor.to_internal * np.array(numbers)}
+        yield SingleError(name, value, unit, (end,) * lamps)
 
 
-def _at(factor: Factor, numbers: list[float]) -> Deviations:
-    return {factor.name: factor.amount * factor.to_internal * np.array(numbers)}
-
-
-def _shape(study: PartStudy, factor: Factor) -> Float[np.ndarray, " k"]:
+def _shape(kind: LensOnBoard, factor: Factor) -> Float[np.ndarray, " k"]:
     """Numbers (mm) of a random shape of which the rms along the normal, over the face, is the amount."""
     numbers = np.random.default_rng([_SHAPE_SEED, *factor.name.encode()]).standard_normal(factor.numbers)
-    amount, tables = factor.amount * factor.to_internal, study.maker.errors[factor.name].tables
+    amount, tables = factor.amount * factor.to_internal, kind.maker.errors[factor.name].tables
     if not len(tables):  # too fine for the tables: its slope counts, by the rms of its numbers
         return amount * numbers / float(np.sqrt(np.mean(numbers**2)))
-    body, u = study.recipe.lens.body, fibonacci_hemisphere(_SAMPLES)
+    body, u = kind.lens.body, fibonacci_hemisphere(_SAMPLES)
     face = next(face for face in body.faces if factor.name.startswith(f"{face.name}_"))
     beside = body.bounding(face.before)
     u = u[nearest(beside, u) == beside.index(face)]
     cosine = np.sum(face.surface.normal(u) * u, axis=1)
-    error = evaluate_table(study.light.nominal.scene.grid, np.tensordot(numbers, tables, axes=1), u) * cosine
+    error = evaluate_table(kind.nominal.scene.grid, np.tensordot(numbers, tables, axes=1), u) * cosine
     return amount * numbers / float(np.sqrt(np.mean(error**2)))

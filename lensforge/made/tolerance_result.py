@@ -56,19 +56,37 @@ class ErrorRow(Record):
     change: LightMetrics
 
 
+class LedSensitivity(Record):
+    """The light with one of the LEDs that a lens is for, as designed and with each error: the errors are the same."""
+
+    name: Text
+    nominal: LightMetrics
+    rows: Annotated[tuple[ErrorRow, ...], Field(max_length=_MOST_ROWS)]
+    rays: Count
+
+
 class Sensitivity(SimulatedResult):
     """Tolerances of the spec, one at a time at its end, and the change of the light by each.
 
-    ``preset``: gives the tolerances that the spec leaves out.
+    ``preset``: gives the tolerances that the spec leaves out. Of a lens for several LEDs ``nominal``, ``rows`` and
+    ``rays`` are of the first, called ``led``; ``others``: of the rest.
     """
 
     stage: ClassVar[str] = "sensitivity"
+    told_if_any: ClassVar[tuple[str, ...]] = ("led", "others")
 
     nominal: LightMetrics
     rows: Annotated[tuple[ErrorRow, ...], Field(max_length=_MOST_ROWS)]
+    led: Text = ""
+    others: tuple[LedSensitivity, ...] = ()
     preset: Text
     rays: Count
     seconds: NotNegative
+
+    @property
+    def by_led(self) -> tuple[LedSensitivity, ...]:
+        """The study with each LED, the first one's first; its name is empty for the only one."""
+        return LedSensitivity(name=self.led, nominal=self.nominal, rows=self.rows, rays=self.rays), *self.others
 
     def plot(self, axes: "Axes | None" = None, *, metric: MetricName = "nmse") -> "Axes":
         """Plot the change of ``metric`` by each error, with its standard error.
@@ -80,7 +98,11 @@ class Sensitivity(SimulatedResult):
         require_choice("metric", metric, get_args(MetricName))
         if getattr(self.nominal, metric) is None:
             raise InputError(f"metric = {metric!r}: the spec names no region of uniform light; plot nmse or efficiency")
-        changes = {f"{row.name} {row.amount:g} {row.unit}": getattr(row.change, metric) for row in self.rows}
+        changes = {
+            f"{row.name} {row.amount:g} {row.unit}{f', {led.name}' if led.name else ''}": getattr(row.change, metric)
+            for led in self.by_led
+            for row in led.rows
+        }
         values = {name: 0.0 if change is None else change.value for name, change in changes.items()}
         errors = [0.0 if change is None else change.standard_error or 0.0 for change in changes.values()]
         return plot_bars(values, f"change of {metric}", axes, errors)
@@ -262,15 +284,19 @@ class ToleranceAmount(Record):
 class Yield(SimulatedResult):
     """``parts`` drawn from the tolerances of the spec, each with so many ``lamps``, and their light.
 
-    ``columns``: names of the numbers drawn and of the metrics, in the order of ``table``, which has a row for each
-    part; numbers in the unit of the spec, those of each of several lamps left out. ``roads``: those of the spec.
-    ``worst_maps``: light of the worst parts on the first receiver.
+    ``leds``: names of several LEDs, with each of which every part is measured; their metrics begin with them.
+    ``rays``: of a part, with all LEDs. ``columns``: names of the numbers drawn and of the metrics, in the order of
+    ``table``, which has a row for each part; numbers in the unit of the spec, those of each of several lamps left out.
+    ``roads``: those of the spec. ``worst_maps``: light of the worst parts on the first receiver, of several LEDs by
+    that of ``worst_leds``, with which the part is worst.
     """
 
     stage: ClassVar[str] = "yield"
+    told_if_any: ClassVar[tuple[str, ...]] = ("leds", "worst_leds")
 
     parts: Annotated[Count, Field(ge=2, le=MOST_PARTS)]
     lamps: Count = 1
+    leds: tuple[Text, ...] = ()
     rays: Count
     seed: Count
     preset: Text
@@ -282,6 +308,7 @@ class Yield(SimulatedResult):
     roads: tuple[RoadYield, ...] = ()
     budget: Budget | None
     worst: tuple[WorstPart, ...]
+    worst_leds: tuple[Text, ...] = ()
     notes: tuple[Text, ...]
     seconds: NotNegative
     columns: tuple[Text, ...]
@@ -295,9 +322,14 @@ class Yield(SimulatedResult):
     @property
     def passing(self) -> Bool[np.ndarray, " parts"]:
         """Parts that keep every bound."""
+        return self.passing_with("")
+
+    def passing_with(self, led: str) -> Bool[np.ndarray, " parts"]:
+        """Parts that keep every bound with one of several LEDs."""
         passes = np.ones(len(self.table), dtype=bool)
         for bound in self.bounds:
-            passes &= bound.kept_by(self.column(bound.metric))
+            if bound.metric.startswith(f"{led}: " if led else ""):
+                passes &= bound.kept_by(self.column(bound.metric))
         return passes
 
     def without_noise(self, name: str) -> Float[np.ndarray, " parts"]:
@@ -313,14 +345,15 @@ class Yield(SimulatedResult):
         writer.writerows((number, *(f"{value:.9g}" for value in row)) for number, row in enumerate(self.table))
         return {".csv": buffer.getvalue().encode()}
 
-    def plot(self, axes: "Axes | None" = None, *, metric: str = "nmse") -> "Axes":
-        """Share of the parts whose ``metric`` is at most the value, with the bound that they must keep.
+    def plot(self, axes: "Axes | None" = None, *, metric: str | None = None) -> "Axes":
+        """Share of the parts whose ``metric``, by default the first, is at most the value, with their bound.
 
         Raises :class:`InputError` for an unknown one.
         """
         from lensforge.results.plots import plot_distribution
 
-        require_choice("metric", metric, tuple(self.metrics))
+        first = next(iter(self.metrics))
+        metric = require_choice("metric", first if metric is None else metric, self.metrics)
         bound = next((each.bound for each in self.bounds if each.metric == metric), None)
         designed = self.metrics[metric].designed.value
         return plot_distribution(self.column(metric), metric, axes, designed=designed, bound=bound)

@@ -47,10 +47,19 @@ def yield_facts(study: Yield) -> list[Group]:
 
 
 def sensitivity_facts(study: Sensitivity) -> list[Group]:
-    """The lens as designed, then a row for each tolerance at its end, that with the largest effect first."""
-    designed = (*metric_facts(study.nominal), Fact("rays", "Rays", study.rays))
-    rows = sorted(study.rows, key=lambda row: abs(row.change.nmse.value), reverse=True)
-    return [Group("nominal", "As designed", designed), *(_change(row) for row in rows)]
+    """The lens as designed, then a row for each tolerance at its end, that with the largest effect first.
+
+    Of a lens for several LEDs the light as designed with each of them, then the rows of each, which its name tells
+    apart.
+    """
+    designed, changes = [], []
+    for led in study.by_led:
+        end = f", {led.name}" if led.name else ""
+        facts = (*metric_facts(led.nominal), Fact("rays", "Rays", led.rays))
+        designed.append(Group("nominal", f"As designed{end}", facts))
+        rows = sorted(led.rows, key=lambda row: abs(row.change.nmse.value), reverse=True)
+        changes += [_change(row, end) for row in rows]
+    return [*designed, *changes]
 
 
 def road_rows(study: Yield) -> list[Group]:
@@ -169,7 +178,8 @@ def pass_sentence(study: Yield) -> str:
     between = f"{percent(rate.low)} to {percent(rate.high)}"
     share = f"{percent(rate.value)} (95\u2009% confidence: {between})"
     parts = f"{quantity(study.parts)} parts" + (f" of {quantity(study.lamps)} lamps each" if study.lamps > 1 else "")
-    return f"Of {parts} drawn from the tolerances {passed} keep every bound: {share}."
+    every = f" with each of {quantity(len(study.leds))} LEDs" if study.leds else ""
+    return f"Of {parts} drawn from the tolerances {passed} keep every bound{every}: {share}."
 
 
 def budget_sentence(study: Yield) -> str:
@@ -237,6 +247,8 @@ def _passing(study: Yield) -> Iterator[Fact]:
     """Main numbers: the parts that pass, what decides, and by how much all tolerances may be scaled."""
     low, high = percent(study.pass_rate.low), percent(study.pass_rate.high)
     yield Fact.share("pass_rate", "Parts that pass", study.pass_rate.value, f"95\u2009% confidence: {low} to {high}")
+    for led in study.leds:
+        yield Fact.share("passes_with", f"Parts that pass with {led}", float(study.passing_with(led).mean()))
     yield Fact("parts", "Parts", study.parts)
     if study.lamps > 1:
         yield Fact("lamps", "Lamps of each part", study.lamps, note="drawn apart")
@@ -270,7 +282,7 @@ def _causes(study: Yield, name: str) -> Iterator[Fact]:
         yield Fact("together", "Causes", UNCERTAIN)
 
 
-def _change(row: ErrorRow) -> Group:
-    """The change of every metric by one tolerance at its end."""
+def _change(row: ErrorRow, end: str) -> Group:
+    """The change of every metric by one tolerance at its end; ``end``: of its title."""
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
-    return Group("error", row.name, (size, *metric_facts(row.change)))
+    return Group("error", f"{row.name}{end}", (size, *metric_facts(row.change)))

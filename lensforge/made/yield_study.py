@@ -9,8 +9,7 @@ of merit is quadratic in them.
 """
 
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from lensforge.light.metrics import jackknife_error
 from lensforge.light.simulation import REPLICATES
 from lensforge.made.board_light import periods_of
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress
-from lensforge.made.part_light import ReplicateRays
 from lensforge.made.part_study import PartStudy, Recipe, require_feasible_tolerances
 from lensforge.made.tolerance_budget import budget
 from lensforge.made.tolerance_result import (
@@ -38,8 +36,6 @@ from lensforge.results import Metric
 from lensforge.results.cluster import WorkerPool
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws, orthonormal
-from lensforge.sources.build_source import build_source
-from lensforge.sources.measured_rays import held_back
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.road_section import names_of
 from lensforge.spec.tolerances_section import Factor
@@ -162,14 +158,15 @@ def measure_yield(
         if metrics[name].spread > 0.0
     }
     limits = budget(_for_budget(found, measured), passes[: effort.budget_parts], announce) if with_budget else None
-    worst = _worst(study, measured)
+    worst, worst_leds = _worst(study, measured)
     columns, table = _table(study, measured)
     announce("worst parts")
     return Yield(
         inputs={"lens": lens.sha256},
         parts=parts,
         lamps=len(study.lamps),
-        rays=len(study.light.held),
+        leds=tuple(led.led for led in study.leds if led.led),
+        rays=sum(len(led.light.held) for led in study.leds),
         seed=seed,
         preset=lens.spec.tolerances.preset,
         tolerances=tuple(map(ToleranceAmount.of, study.factors)),
@@ -180,11 +177,12 @@ def measure_yield(
         roads=tuple(_roads(study, measured)),
         budget=limits,
         worst=worst,
+        worst_leds=tuple(filter(None, worst_leds)),
         notes=_notes(study, metrics),
         seconds=time.perf_counter() - started,
         columns=columns,
         table=table,
-        worst_maps=_worst_maps(study, worst),
+        worst_maps=_worst_maps(study, worst, worst_leds),
     )
 
 
@@ -211,7 +209,7 @@ def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> M
 
 def _is_certain(study: PartStudy, values: Float[np.ndarray, "n m 2"]) -> bool:
     """True where a part's standard error is small against the spread over the parts, in all that is judged."""
-    judged = {"nmse", *(bound.metric for bound in study.bounds)}
+    judged = {*(f"{led.prefix}nmse" for led in study.leds), *(bound.metric for bound in study.bounds)}
     numbers = [number for number, name in enumerate(study.names) if name in judged]
     for number in numbers:
         least = _LEAST_SPREAD * abs(float(values[:, number, 0].mean()))
@@ -246,33 +244,36 @@ def _spread(designed: Metric, values: Float[np.ndarray, "n 2"]) -> MetricSpread:
 
 def _roads(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> Iterator[RoadYield]:
     """The share of parts that hold the class of each road, and the causes of the least distance to its bounds."""
-    spec, every = study.recipe.lens.spec, study.excess(measured[..., 0])
-    for number, (road, name) in enumerate(zip(spec.roads, names_of(spec.roads), strict=True)):
-        asked = [row for row, limit in enumerate(study.light.limits) if limit.road == number]
-        bounds = [study.bounds[row] for row in asked]
-        scale = np.array([bound.bound for bound in bounds])
-        beyond = every[:, asked] / scale
-        nearest, parts = beyond.argmax(axis=1), np.arange(len(beyond))
-        columns = np.array([study.names.index(bound.metric) for bound in bounds])
-        margin = np.stack([-beyond.max(axis=1), measured[parts, columns[nearest], 1] / scale[nearest]], axis=1)
-        counts = np.bincount(nearest, minlength=len(bounds))
-        decided = _true_spread(margin) > float(np.median(margin[:, 1]))
-        yield RoadYield(
-            name=name,
-            lighting_class=road.lighting_class,
-            pass_rate=PassRate.of(int((beyond <= 0.0).all(axis=1).sum()), len(beyond)),
-            nearest=bounds[int(counts.argmax())].metric,
-            nearest_share=float(counts.max() / len(beyond)),
-            variance=contributions(study.draws, margin[:, 0], float(np.mean(margin[:, 1] ** 2))) if decided else None,
-        )
+    roads, every, first = study.recipe.lens.spec.roads, study.excess(measured[..., 0]), 0
+    for led in study.leds:
+        for number, (road, name) in enumerate(zip(roads, names_of(roads), strict=True)):
+            asked = [first + row for row, limit in enumerate(led.limits) if limit.road == number]
+            bounds = [study.bounds[row] for row in asked]
+            scale = np.array([bound.bound for bound in bounds])
+            beyond = every[:, asked] / scale
+            nearest, parts = beyond.argmax(axis=1), np.arange(len(beyond))
+            columns = np.array([study.names.index(bound.metric) for bound in bounds])
+            margin = np.stack([-beyond.max(axis=1), measured[parts, columns[nearest], 1] / scale[nearest]], axis=1)
+            noise, counts = float(np.mean(margin[:, 1] ** 2)), np.bincount(nearest, minlength=len(bounds))
+            decided = _true_spread(margin) > float(np.median(margin[:, 1]))
+            yield RoadYield(
+                name=f"{led.prefix}{name}",
+                lighting_class=road.lighting_class,
+                pass_rate=PassRate.of(int((beyond <= 0.0).all(axis=1).sum()), len(beyond)),
+                nearest=bounds[int(counts.argmax())].metric,
+                nearest_share=float(counts.max() / len(beyond)),
+                variance=contributions(study.draws, margin[:, 0], noise) if decided else None,
+            )
+        first += len(led.bounds)
 
 
-def _worst(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[WorstPart, ...]:
-    """The parts that miss their bounds by most, in units of the spread over the parts."""
-    excess = study.excess(measured[..., 0])
+def _worst(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[WorstPart, ...], tuple[str, ...]]:
+    """The parts that miss their bounds by most, in units of the spread over the parts, and the LED of that bound."""
+    excess, of_bound = study.excess(measured[..., 0]), [led.led for led in study.leds for _ in led.bounds]
     width = excess.std(axis=0)
-    order = np.argsort(-(excess / np.where(width > 0.0, width, 1.0)).max(axis=1), kind="stable")[:_WORST]
-    return tuple(
+    relative = excess / np.where(width > 0.0, width, 1.0)
+    order = np.argsort(-relative.max(axis=1), kind="stable")[:_WORST]
+    parts = tuple(
         WorstPart(
             part=int(number),
             metrics=dict(zip(study.names, measured[number, :, 0].tolist(), strict=True)),
@@ -280,17 +281,17 @@ def _worst(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[Wors
         )
         for number in order
     )
+    return parts, tuple(of_bound[int(bound)] for bound in relative[order].argmax(axis=1))
 
 
-def _worst_maps(study: PartStudy, worst: tuple[WorstPart, ...]) -> Float[np.ndarray, "k h w"]:
-    """Light of the worst parts on the first receiver, per measure of its pixels, by more rays."""
-    lens, light = study.recipe.lens, study.light
-    source = held_back(build_source(lens.spec.source, lens.dispersion))
-    rays = max(preset_of(lens.accuracy).studies.worst_rays, study.recipe.rays)
-    held = ReplicateRays.of(source, rays, study.recipe.seed)
-    finer = replace(light, held=held)  # of lamps, their share of the rays is new as well
-    images = [finer.received(study.part(each.part))[0].images.mean(axis=0) for each in worst]
-    return np.stack(images) / light.receivers[0].pixel_measure
+def _worst_maps(study: PartStudy, worst: Sequence[WorstPart], names: Sequence[str]) -> Float[np.ndarray, "k h w"]:
+    """Light of the worst parts on the first receiver, per measure of its pixels, each by its LED and by more rays."""
+    rays = max(preset_of(study.recipe.lens.accuracy).studies.worst_rays, study.recipe.rays)
+    finer = {led.led: led for led in study.with_rays(rays).leds}  # of lamps, their share of the rays is new as well
+    leds = [finer[name] for name in names]
+    parts = [led.made(study.deviations(each.part)) for each, led in zip(worst, leds, strict=True)]
+    images = [led.light.received(part)[0].images.mean(axis=0) for part, led in zip(parts, leds, strict=True)]
+    return np.stack(images) / leds[0].light.receivers[0].pixel_measure
 
 
 def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[str, ...], Float[np.ndarray, "n c"]]:
@@ -318,7 +319,10 @@ def _of_lamps(study: PartStudy) -> str:
 def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:
     """Remarks on how the study was made."""
     found = [] if study.lamps.is_single else [_of_lamps(study)]
-    for name, error in study.maker.errors.items():
+    if len(study.leds) > 1:
+        names = ", ".join(led.led for led in study.leds)
+        found.append(f"each part is measured with every LED ({names}), whose place, size and flux are off alike")
+    for name, error in study.kinds[0].maker.errors.items():
         if error.slope > 0.0:
             words = next(factor.words for factor in study.factors if factor.name == name)
             found.append(f"{words}: what is too fine for the tables of the faces counts as roughness")

@@ -25,7 +25,7 @@ from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results, stem_of
 from lensforge.report.study_figures import beyond, cause_bars, distribution
 from lensforge.results import Group
-from lensforge.results.chart import Chart
+from lensforge.results.chart import Chart, light_unit
 from lensforge.results.numerals import with_unit
 
 _MOST_PLOTS = 9  # of distributions: a spec may have hundreds of limits, all of which are in the tables
@@ -86,21 +86,31 @@ def _distribution(found: Yield, name: str, on_page: str) -> PagePicture:
 
 
 def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePicture]:
-    """Light of the lens as designed, where it was evaluated, and of the worst parts, with the same colours."""
-    section, unit, (columns, rows) = results.spec.all_receivers[0], unit_of_light(results), periods_of(results.spec)
+    """Light of the lens as designed, where it was evaluated, and of the worst parts, with the same colours.
+
+    Of a lens for several LEDs that of each with which a part is worst.
+    """
+    section, (columns, rows), light = results.spec.all_receivers[0], periods_of(results.spec), results.find(Light)
     width, height = section.size
     chart = Chart(columns * width, rows * height, section.is_far_field)
-    light = results.find(Light)
-    maps = list(_worst_maps(found))
-    designed = [] if light is None else [("As designed", "", np.tile(light.receivers[0].map, (rows, columns)))]
-    top = top_of(each for _, _, each in (designed or maps))
+    lights, maps = {} if light is None else light.by_led, list(_worst_maps(found))
+    designed = [
+        (led, f"As designed{f', {led}' if led else ''}", "", np.tile(lights[led].first.map, (rows, columns)))
+        for led in dict.fromkeys(found.worst_leds or ("",))
+        if led in lights
+    ]
+    top = top_of(image for *_, image in (designed or maps))
+    units = {led: light_unit(own.lumens_per_watt, far_field=section.is_far_field) for led, own in lights.items()}
+    found_units = [units.get(led, unit_of_light(results)) for led, *_ in (*designed, *maps)]
     return [
         picture(f"{stem}-worst{index}", irradiance_map(image, chart, top, unit=unit), title, caption)
-        for index, (title, caption, image) in enumerate((*designed, *maps))
+        for index, (unit, (_, title, caption, image)) in enumerate(zip(found_units, (*designed, *maps), strict=True))
     ]
 
 
-def _worst_maps(found: Yield) -> Iterator[tuple[str, str, np.ndarray]]:
-    for worst, image in zip(found.worst, found.worst_maps, strict=True):
-        state = "passes" if worst.passes else "fails"
-        yield f"Part {worst.part}: {state}", f"{worst_words(found, worst)}.", image
+def _worst_maps(found: Yield) -> Iterator[tuple[str, str, str, np.ndarray]]:
+    """LED, title, caption and map of each of the worst parts."""
+    leds = found.worst_leds or ("",) * len(found.worst)
+    for worst, led, image in zip(found.worst, leds, found.worst_maps, strict=True):
+        state = f"{f', {led}' if led else ''}: {'passes' if worst.passes else 'fails'}"
+        yield led, f"Part {worst.part}{state}", f"{worst_words(found, worst)}.", image

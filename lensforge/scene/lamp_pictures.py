@@ -111,7 +111,7 @@ class LampPictures:
         ``fluxes``: of the lamps, relative to that of the pictures; all are 1 where it is None.
         """
         if self.is_single:
-            return pictures[0]
+            return pictures[0] if fluxes is None else float(fluxes[0]) * pictures[0]
         shape, weights = self.receiver.grid.shape, np.ones(len(self.receiver.lamps)) if fluxes is None else fluxes
         total = np.zeros((*pictures[0].shape[:-2], *shape))
         for raster, picture in zip(self.rasters, pictures, strict=True):

@@ -250,9 +250,15 @@ class ColourSection(Section):
         return 0.5 if self.within == "fwhm" else 0.1
 
     @property
+    def bounds(self) -> dict[str, float]:
+        """Largest distances from the mean colour that are allowed, by the figure of the beam that each bounds."""
+        bounds = {"rms": self.max_rms_delta_uv, "worst": self.max_delta_uv}
+        return {name: bound for name, bound in bounds.items() if bound is not None}
+
+    @property
     def has_limits(self) -> bool:
         """True where it bounds the colour."""
-        return self.max_rms_delta_uv is not None or self.max_delta_uv is not None
+        return bool(self.bounds)
 
 
 def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, float], receiver: str) -> None:

@@ -5,6 +5,7 @@ from scenes import NO_TOLERANCES, random_surface, small_spec, tolerance_changes
 
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.scene.lens import Lens
+from lensforge.scene.made_part import MadePart
 from lensforge.spec.accuracy import Preset
 
 STUDY = FEW.replace("few_of_a_study", studies={"budget_parts": 128})
@@ -22,6 +23,11 @@ def lens_with(
     own = {} if tolerances is None else tolerance_changes({**NO_TOLERANCES, **tolerances})
     own |= {} if target is None else {"target": target}
     return Lens.double(inner, outer, small_spec(**own).replace(**sections), 0, accuracy)
+
+
+def part_of(study: PartStudy, number: int) -> tuple[MadePart, ...]:
+    """The lenses of a part, with the first LED."""
+    return study.leds[0].made(study.deviations(number))
 
 
 def study_of(tolerances: dict | None = None, parts: int = 64, rays: int = 4096, seed: int = 0) -> PartStudy:

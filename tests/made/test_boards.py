@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from parts import lens_with
+from parts import lens_with, part_of
 from presets import FEW
 from scenes import NO_TOLERANCES, small_spec, sphere, tolerance_changes
 
@@ -45,25 +45,25 @@ def study_of(
 def test_lamps_of_other_flux_make_the_sum_of_lamps_that_are_lit_one_by_one(lamps: dict[str, Any]) -> None:
     """By as many rays of each lamp as of the lens as designed: the pictures are the same, without noise."""
     study = study_of({"source_flux": 0.3}, lamps)
-    fluxes = np.array([part.flux for part in study.part(3)])
+    fluxes = np.array([part.flux for part in part_of(study, 3)])
     assert len(fluxes) == len(study.lamps) and np.ptp(fluxes) > 0.1
     total = np.zeros((16, 16))
     for place, turn, flux in zip(study.lamps.places_mm, study.lamps.turns_deg, fluxes, strict=True):
         one = {"kind": "table", "places_mm": [list(place)], "turns_deg": [turn]}
         lens = study_of({"source_flux": 0.3}, one).recipe.lens
         lit = evaluate(replace(lens, seed=0), rays=N, pixels=16).receivers[0]
-        total += flux * lit.map * study.light.one.receivers[0].pixel_measure
-    found = study.light.received(study.part(3))[0]
+        total += flux * lit.map * study.leds[0].light.one.receivers[0].pixel_measure
+    found = study.leds[0].light.received(part_of(study, 3))[0]
     np.testing.assert_allclose(found.images.mean(axis=0), total, rtol=1e-3, atol=2e-3 * total.max())
-    assert found.emitted_w == pytest.approx(fluxes.mean() * study.light.held.emitted_w, rel=1e-12)
+    assert found.emitted_w == pytest.approx(fluxes.mean() * study.leds[0].light.held.emitted_w, rel=1e-12)
 
 
 def test_light_of_parts_is_in_proportion_to_the_flux_of_their_leds() -> None:
     """Of lenses that are off, too: what each part changes has the flux of its LED."""
     study = study_of({"outer_shift_mm": 0.2, "source_flux": 0.05}, GRID, rays=2**10)
-    parts = study.part(2)
+    parts = part_of(study, 2)
     bright = tuple(replace(part, flux=1.3 * part.flux) for part in parts)
-    images, brighter, designed = (study.light.received(each)[0].images for each in (parts, bright, None))
+    images, brighter, designed = (study.leds[0].light.received(each)[0].images for each in (parts, bright, None))
     np.testing.assert_allclose(brighter, 1.3 * images, rtol=1e-9, atol=1e-12 * images.max())
     assert np.abs(images - designed).max() > 0.05 * designed.max()
 
@@ -81,8 +81,8 @@ def test_a_patch_of_equal_lamps_is_the_lattice_again_and_again(lattice: str) -> 
     receiver |= {"targets": [{"kind": "disc", "diameter_mm": 10.0, "uniform_mm": 8.0}]}
     study = study_of({"index": 1e-3}, {**ENDLESS, "lattice": lattice}, target=None, receivers=[receiver], limits=limits)
     lit = evaluate(study.recipe.lens, rays=N, pixels=16, seed=0)
-    found = study.light.measured(study.light.received(None))
-    image = study.light.received(None)[0].images.mean(axis=0) / study.light.receivers[0].pixel_measure
+    found = study.leds[0].light.measured(study.leds[0].light.received(None))
+    image = study.leds[0].light.received(None)[0].images.mean(axis=0) / study.leds[0].light.receivers[0].pixel_measure
     np.testing.assert_allclose(image, np.tile(lit.receivers[0].map, (3, 3)), rtol=2e-3, atol=1e-3 * image.max())
     metrics = found.metrics[0].metrics()
     for name in ("nmse", "efficiency", "rsd"):
@@ -97,16 +97,16 @@ def test_a_lamp_that_is_moved_as_a_whole_moves_its_own_picture(lamps: dict[str, 
     """Whole pixels: the change is that of the picture as designed, within the noise of the lamp's share of the rays."""
     amounts = {"source_shift_mm": 1.0, "lens_shift_mm": 1.0}
     study = study_of(amounts, lamps, target=PERIOD, evaluate__pixels=10, rays=2**17)
-    light, step = study.light, study.light.one.receivers[0].grid.pixel[0]
+    light, step = study.leds[0].light, study.leds[0].light.one.receivers[0].grid.pixel[0]
     assert isinstance(light, BoardLight)
     still = {name: np.zeros(2) for name in ("source_shift_mm", "lens_shift_mm")}
     moved = {name: np.array([2.0 * step, -2.0 * step]) for name in still}
     deviations = [still] * len(study.lamps)
     deviations[number] = moved
-    found = light.received(study.made(deviations))[0].images
+    found = light.received(study.leds[0].made(deviations))[0].images
     one = np.zeros(len(study.lamps))
     one[number] = 1.0
-    picture = light.boards[0].added(light.designed[0], one)
+    (picture,) = light.kinds[0].boards[0].added(light.designed[0][0], one)
     change = (found - light.received(None)[0].images)[:, 2:-2, 2:-2]
 
     def off(rows: int, columns: int) -> float:
@@ -124,16 +124,16 @@ def test_lamps_are_drawn_apart_and_their_mean_scatters_as_that_of_independent_on
     fluxes = np.array([study.draws.of_lamp("source_flux", k)[:, 0] for k in range(6)])
     assert np.abs(np.corrcoef(fluxes) - np.eye(6)).max() < 0.06
     assert fluxes.mean(axis=0).std() == pytest.approx(fluxes.std() / np.sqrt(6.0), rel=0.04)
-    sums = [np.bincount(own.replicate, own.rays.flux) for own in study.light.held.shared_out(6)]
-    np.testing.assert_allclose(sums, study.light.held.emitted_w / 6.0, rtol=1e-12)
-    parts = study.part(5)
+    sums = [np.bincount(own.replicate, own.rays.flux) for own in study.leds[0].light.held.shared_out(6)]
+    np.testing.assert_allclose(sums, study.leds[0].light.held.emitted_w / 6.0, rtol=1e-12)
+    parts = part_of(study, 5)
     assert len({part.index for part in parts}) == 1 and len({part.made.lens.origin_mm for part in parts}) == 6
     again = study_of({"source_flux": 0.1, "index": 1e-3, "lens_shift_mm": 0.1}, GRID, parts=64)
-    assert [part.flux for part in again.part(5)] == [part.flux for part in parts]  # more parts change none
-    whole = study_of({"lens_shift_mm": 0.1, "source_shift_mm": 0.1}, GRID, plate=PLATE).part(5)
+    assert [part.flux for part in part_of(again, 5)] == [part.flux for part in parts]  # more parts change none
+    whole = part_of(study_of({"lens_shift_mm": 0.1, "source_shift_mm": 0.1}, GRID, plate=PLATE), 5)
     assert len({part.made.lens for part in whole}) == 1 and len({part.made.source for part in whole}) == 6
     tilted = study_of({"lens_tilt_deg": 0.1}, GRID, plate=PLATE)
-    for part, (x, y) in zip(tilted.part(5), tilted.lamps.places_mm, strict=True):
+    for part, (x, y) in zip(part_of(tilted, 5), tilted.lamps.places_mm, strict=True):
         about_x, about_y = part.made.lens.axes[1][2], -part.made.lens.axes[0][2]
         assert part.made.lens.origin_mm[2] == pytest.approx(about_x * y - about_y * x, rel=1e-5) != 0.0
 

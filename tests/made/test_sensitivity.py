@@ -31,9 +31,9 @@ def changes():
         study = PartStudy(Recipe(replace(lens, seed=seed), 1, RAYS, seed, RAYS))
         errors = {factor.name: list(single_errors(study, factor)) for factor in study.factors}
         for name, (factor, number) in wanted.items():
-            part = study.maker.part(errors[factor][number].deviations)
-            lit = study.light.measured(study.light.received((part,))).metrics[0]
-            for metric, change in lit.change_from(study.designed.metrics[0], RAYS):
+            led = study.leds[0]
+            lit = led.light.measured(led.light.received(led.made(errors[factor][number].deviations))).metrics[0]
+            for metric, change in lit.change_from(led.designed.metrics[0], RAYS):
                 found.setdefault((name, metric), []).append((change.value, change.standard_error))
     return {key: np.array(values) for key, values in found.items()}
 

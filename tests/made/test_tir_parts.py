@@ -94,11 +94,11 @@ def test_a_form_error_has_its_rms_over_the_part_of_the_face_that_light_meets() -
     factors = {factor.name: factor for factor in study.factors}
     for number, name in enumerate(TIR):
         (error,) = single_errors(study, factors[f"{name}_form_um"])
-        table = study.maker.part(error.deviations).errors[name]
+        table = study.leds[0].made(error.deviations)[0].errors[name]
         beside = lens.body.cavity if number < 2 else lens.body.envelope
         own = u[nearest(beside, u) == number % 2]
         normal = lens.surfaces[name].normal(own)
-        along = evaluate_table(study.light.nominal.scene.grid, table, own) * np.sum(normal * own, axis=1)
+        along = evaluate_table(study.leds[0].light.nominal.scene.grid, table, own) * np.sum(normal * own, axis=1)
         assert np.sqrt(np.mean(along**2)) == pytest.approx(1e-3, rel=0.03), name
 
 

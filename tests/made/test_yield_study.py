@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from nightly import NIGHTLY, scaled
-from parts import lens_with, study_of
+from parts import lens_with, part_of, study_of
 
 from lensforge.errors import InputError
 from lensforge.light.judged_limits import limit_value
@@ -27,7 +27,7 @@ SMALL = {
 
 
 def _landed(study: PartStudy, part) -> tuple[np.ndarray, np.ndarray]:
-    landings = study.light.receivers[0].land(study.light.exit_rays(part))
+    landings = study.leds[0].light.receivers[0].land(study.leds[0].light.exit_rays(part))
     kept = landings.landed
     return landings.hits[kept], landings.flux[kept]
 
@@ -46,16 +46,14 @@ def small_errors():
     """Smooth light of many parts with small errors, and its derivative by every number that is drawn."""
     study = study_of(SMALL, parts=scaled(2048, by_day=512), rays=2048 if NIGHTLY else 512)
     designed = _smooth_light(study, None)
-    parts = np.array([_smooth_light(study, study.part(k)[0]) for k in range(study.recipe.parts)]) - designed
-    slopes, variances = [], []
+    parts = np.array([_smooth_light(study, part_of(study, k)[0]) for k in range(study.recipe.parts)]) - designed
+    (led,), slopes, variances = study.leds, [], []
     for factor in study.factors:
         numbers = study.draws.numbers[factor.name]
         for axis in range(factor.numbers):
             unit = np.eye(factor.numbers)[axis]
-            ends = [
-                _smooth_light(study, study.maker.part({factor.name: sign * factor.amount * factor.to_internal * unit}))
-                for sign in (1.0, -1.0)
-            ]
+            step = factor.amount * factor.to_internal * unit
+            ends = [_smooth_light(study, led.made([{factor.name: sign * step}])[0]) for sign in (1.0, -1.0)]
             slopes.append(0.5 * (ends[0] - ends[1]))
             variances.append(1.0 if factor.kind == "field" else float(np.mean(numbers[:, axis] ** 2)))
     return parts, np.array(slopes), np.array(variances), designed
@@ -99,12 +97,12 @@ def test_every_tolerance_moves_the_light_of_every_kind_of_ray(source: str) -> No
     amounts |= {"inner_roughness_mrad": 1.0, "outer_roughness_mrad": 1.0}
     glass = {"material": "PMMA"} if source == "of a spectrum" else {}
     study = PartStudy(Recipe(lens_with(amounts, source=_SOURCES[source], lens=glass), 2, 512, 0, 512))
-    assert (study.light.held.rays.wavelengths_nm is None) == (source == "of one index")
+    assert (study.leds[0].light.held.rays.wavelengths_nm is None) == (source == "of one index")
     hits, _ = _landed(study, None)
     assert {factor.name for factor in study.factors} == set(amounts)
     for factor in study.factors:
         deviation = {factor.name: factor.amount * factor.to_internal * np.ones(factor.numbers)}
-        part = study.maker.part(deviation)
+        part = study.leds[0].made([deviation])[0]
         moved, _ = _landed(study, part)
         if factor.name == "source_flux":
             assert (moved == hits).all() and part.flux == pytest.approx(1.1)
@@ -118,10 +116,10 @@ def test_flux_of_the_source_scales_light_and_no_share() -> None:
     study = PartStudy(Recipe(lens_with({"source_flux": 0.5}, limits=[limit]), 8, 2048, 0, 2048))
     before = {name: metric.value for name, metric in study.of_design.items()}
     for number in range(4):
-        flux = study.part(number)[0].flux
+        flux = part_of(study, number)[0].flux
         found = dict(zip(study.names, study.measure(number)[:, 0], strict=True))
         (light,) = (name for name in study.names if name.startswith("axis"))
-        designed = study.designed.limits[0][0]
+        designed = study.leds[0].designed.limits[0][0]
         assert found[light] - before[light] == pytest.approx(designed * (flux - 1.0), rel=1e-6)
         for name in ("nmse", "efficiency", "share_in_target"):
             assert found[name] == pytest.approx(before[name], rel=1e-9)
@@ -309,7 +307,7 @@ def test_a_part_that_misses_one_bound_of_several_does_not_pass_and_is_among_the_
     measured = measured_inside(study)
     for part, bound in ((7, study.bounds[0]), (11, study.bounds[-1])):
         measured[part, study.names.index(bound.metric), 0] = bound.bound * (0.9 if bound.sense == ">=" else 1.1)
-    first, second, third, *_ = yield_study._worst(study, measured)
+    (first, second, third), _ = yield_study._worst(study, measured)
     assert {first.part, second.part} == {7, 11} and [each.passes for each in (first, second, third)] == [
         False,
         False,
@@ -322,10 +320,12 @@ def test_a_part_that_misses_one_bound_of_several_does_not_pass_and_is_among_the_
 
 
 def test_the_worst_part_is_the_farthest_beyond_its_bound_in_units_of_the_spread() -> None:
-    """Part 1 by 40 lx of a spread of 125, part 2 by 3 lm of a spread of 1.4."""
+    """Part 1 by 40 lx of a spread of 125, part 2 by 3 lm of a spread of 1.4; each bound is that of another LED."""
     excess = np.array([[-300.0, -0.1], [40.0, -0.3], [-100.0, 3.0], [-200.0, -0.2]])
-    study = SimpleNamespace(excess=lambda values: values, names=("lux", "lumen"))
-    found = yield_study._worst(study, np.stack([excess, excess], axis=-1))
+    leds = tuple(SimpleNamespace(led=name, bounds=("of one",)) for name in ("near", "far"))
+    study = SimpleNamespace(excess=lambda values: values, names=("lux", "lumen"), leds=leds)
+    found, of_parts = yield_study._worst(study, np.stack([excess, excess], axis=-1))
+    assert of_parts[:2] == ("far", "near")
     assert [each.part for each in found[:2]] == [2, 1]
     assert [each.passes for each in found] == [False, False, True, True][: len(found)]
     assert found[0].metrics == {"lux": -100.0, "lumen": 3.0}
@@ -350,7 +350,7 @@ def test_limits_read_at_once_are_those_read_one_by_one() -> None:
     """Of all replicates, and with each left out; a figure over the maximum of the picture needs the whole picture."""
     glare = {"kind": "glare", "from_deg": 60.0, "unit": "relative", "at_most": 0.3}
     wanted = {"target": FAR, "roads": [ROAD], "limits": [glare]}
-    light = PartStudy(Recipe(lens_with({"source_flux": 0.05}, **wanted), 2, 4096, 0, 4096)).light
+    light = PartStudy(Recipe(lens_with({"source_flux": 0.05}, **wanted), 2, 4096, 0, 4096)).leds[0].light
     received = light.received(None)
     images = received[0].images
     assert {limit.quantity for limit in light.limits} >= {"relative", "ratio", "threshold_increment", "min_over_max"}
@@ -362,7 +362,7 @@ def test_limits_read_at_once_are_those_read_one_by_one() -> None:
 def test_a_part_has_the_roughness_that_was_drawn_for_each_face() -> None:
     study = study_of({"inner_roughness_mrad": 0.2, "outer_roughness_mrad": 0.5}, parts=3, rays=256)
     for number in range(3):
-        (part,) = study.part(number)
+        (part,) = part_of(study, number)
         for face, amount in (("inner", 0.2e-3), ("outer", 0.5e-3)):
             drawn = study.draws.numbers[f"{face}_roughness_mrad"][number].ravel()[0]
             assert part.made.slopes[face] == pytest.approx(amount * abs(drawn), rel=1e-12)

@@ -132,10 +132,10 @@ def fine_slope(spec, name, amount):
     return amount * np.sqrt((1 / widths**2).mean())
 
 
-def light_with(case, name="", value=None):
-    """Pictures (W) of each replicate on the first receiver, and shares in its window, with one error."""
+def light_with(case, led, name="", value=None):
+    """Pictures (W) of each replicate on the first receiver, and shares in its window, with one error and one LED."""
     spec, faces = case.lens["spec"], list(faces_of(case.lens, case.lens["faces"]))
-    source, receiver = spec["source"], receivers_of(spec)[0]
+    source, receiver = spec["sources"][led]["source"], receivers_of(spec)[0]
     lens_at, source_at, scale, size, section = STILL, STILL, 1.0, 1.0, spec["lens"]
     if name.endswith("form_um"):
         k = int(name.startswith("outer"))
@@ -153,7 +153,7 @@ def light_with(case, name="", value=None):
     elif name.startswith("lens_"):
         lens_at = motion(name, value)
     (turn, shift), up = lens_at, np.array([0, 0, spec["base"]["height_mm"] * (scale - 1)])
-    number, p, d, flux, nm = rays_of(case)
+    number, p, d, flux, nm = rays_of(case, led)
     p, d = (
         source["position_mm"] + size * (p - source["position_mm"]) @ source_at[0].T + source_at[1],
         d @ source_at[0].T,
@@ -177,9 +177,9 @@ def light_with(case, name="", value=None):
     return np.array(images), np.array(window)
 
 
-def rays_of(case):
-    """Number of the replicate, position, direction, flux (W) and wavelength of every ray."""
-    calls = case.rays["sensitivity"][0]
+def rays_of(case, led):
+    """Number of the replicate, position, direction, flux (W) and wavelength of every ray of an LED."""
+    calls = case.rays["sensitivity"][led]
     parts = [(np.full(len(p), k), p, d, factor * flux) for k, factor, p, d, flux, _ in calls]
     return *(np.concatenate([part[k] for part in parts]) for k in range(4)), None
 
@@ -245,17 +245,22 @@ def change_of(found, before, rays):
     return changes
 
 
-def study(case):
-    """Figures as designed, and those and their changes of every row."""
-    before, rows = figures(case, *light_with(case)), []
+def study(case, led):
+    """Figures as designed with one LED, and those and their changes of every row."""
+    before, rows = figures(case, *light_with(case, led)), []
     for *words, name, value in rows_of(case):
-        found = figures(case, *light_with(case, name, value))
-        rows.append((words, metrics_of(found), change_of(found, before, len(rays_of(case)[0]))))
+        found = figures(case, *light_with(case, led, name, value))
+        rows.append((words, metrics_of(found), change_of(found, before, len(rays_of(case, led)[0]))))
     return metrics_of(before), rows
 
 
 def of_case(case):
-    return kept_of(case, "sensitivity", lambda: study(case))
+    """Of each LED."""
+    return kept_of(case, "sensitivity", lambda: [study(case, led) for led in range(len(names_of(case)))])
+
+
+def names_of(case):
+    return [each["name"] for each in case.lens["spec"]["sources"]]
 
 
 def within(pair):
@@ -269,22 +274,27 @@ def metrics_record(found):
 
 
 def sensitivity_record(case):
-    before, rows = of_case(case)
+    first, *others = [led_record(case, led) for led in range(len(names_of(case)))]
+    name, preset = first.pop("name"), case.lens["spec"]["tolerances"]["preset"]
+    return first | {"conditions": None, "preset": preset, "led": name, "others": others}
+
+
+def led_record(case, led):
+    before, rows = of_case(case)[led]
     return {
-        "conditions": None, "nominal": metrics_record(before), "rays": len(rays_of(case)[0]),
-        "preset": case.lens["spec"]["tolerances"]["preset"],
+        "name": names_of(case)[led], "nominal": metrics_record(before), "rays": len(rays_of(case, led)[0]),
         "rows": [{"name": name, "amount": amount, "unit": unit, "metrics": metrics_record(found),
                   "change": metrics_record(change)} for (name, amount, unit), found, change in rows],
     }  # fmt: skip
 
 
 def fact(key):
-    """As designed, and of the rows in the order of what they do to the NMSE."""
+    """As designed with each LED, and of its rows in the order of what they do to the NMSE."""
     factor, unit = (100.0, "%") if key == "efficiency" else (1.0, "")
 
     def oracle(case, place):
-        before, rows = of_case(case)
-        found = before if place.title == "As designed" else ordered(rows)[place.group][2]
+        as_designed = place.title.startswith("As designed, ")
+        found = of_case(case)[place.group][0] if as_designed else row_of(case, place)[2]
         (value, near), (error, near_error) = within(found[key])
         return Expected(factor * value, factor * near, unit, factor * error, factor * near_error)
 
@@ -295,15 +305,25 @@ def ordered(rows):
     return sorted(rows, key=lambda row: -abs(row[2]["nmse"][0]))
 
 
+def row_of(case, place):
+    """The row of a group: those of one LED come after those of another."""
+    every = of_case(case)
+    led, number = divmod(place.group, len(every[0][1]))
+    (name, *words), *found = ordered(every[led][1])[number]
+    return (f"{name}, {names_of(case)[led]}", *words), *found
+
+
 def amount(case, place):
     """The flux changes no figure: which of its ends comes first is a matter of rounding."""
-    name, value, unit = ordered(of_case(case)[1])[place.group][0]
+    name, value, unit = row_of(case, place)[0]
     if place.title != name:
         return Expected(f"that of {name}")
-    return Expected(value, 2 * abs(value) if name == "source, flux" else 1e-9, {"deg": "°", "um": "µm"}.get(unit, unit))
+    return Expected(
+        value, 2 * abs(value) if name.startswith("source, flux, ") else 1e-9, {"deg": "°", "um": "µm"}.get(unit, unit)
+    )
 
 
 ORACLES = {f"sensitivity.{key}": fact(key) for key in ("nmse", "uniformity", "rsd", "efficiency")} | {
-    "sensitivity.amount": amount, "sensitivity.rays": lambda case, place: Expected(len(rays_of(case)[0])),
+    "sensitivity.amount": amount, "sensitivity.rays": lambda case, place: Expected(len(rays_of(case, place.group)[0])),
 }  # fmt: skip
 RECORDS = {"sensitivity": sensitivity_record}
