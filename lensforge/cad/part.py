@@ -89,7 +89,7 @@ class Part(StageResult):
     ``nodes``: of the spline of each optical face, by its name. ``volume_mm3``, ``area_mm2``: of the solid,
     ``volume_mesh_mm3``, ``area_mesh_mm2`` of the mesh. ``bounds_mm``: least and largest corner of the box around the
     mesh. The vertices of the mesh lie on the solid, so the box of the solid is larger by the chord error at most.
-    ``mass_g`` where the spec states a density.
+    ``mass_g`` where the density is known.
     ``keep_out``: None where the spec has none, or the mesh is not closed.
     ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: in its header.
     ``plate``: the plate of all lenses, where the spec has one.
@@ -210,7 +210,9 @@ class Part(StageResult):
 
 def part_facts(part: Part) -> list[Group]:
     """One group on solid and files, and one on the plate."""
-    groups = [Group("files", "Files as read back", (*facts_of(part, _FILES, judged=part.criteria), *_mould(part)))]
+    density = part.lens.spec.lens.density
+    table = facts_of(part, _FILES, judged=part.criteria, source="" if density is None else density.source)
+    groups = [Group("files", "Files as read back", (*table, *_mould(part)))]
     if part.plate is not None:
         sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}
         groups.append(plate_facts(part.plate, part.criteria, sizes))
@@ -242,7 +244,8 @@ _FILES = (
         like="keep_out_distance",
     ),
     Row("volume", "Volume", "volume_mm3", "of the solid, base included", digits=5),
-    Row("mass", "Mass", "mass_g", "by the density of the spec", "g"),
+    Row("density", "Density", "lens.spec.lens.density.g_per_cm3", "by {source}", "g/cm³"),
+    Row("mass", "Mass", "mass_g", "volume times density", "g"),
     Row("mesh", "Mesh", "closed_or_not", "{triangulation.triangles} facets, genus {genus}"),
     Row("schema", "STEP schema", "step_schema"),
 )

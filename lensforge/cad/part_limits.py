@@ -95,9 +95,9 @@ def untrimmed_criteria(untrimmed: UntrimmedSurfaces | None) -> Criteria:
 
 
 def mass_g(spec: Spec, volume_mm3: float) -> float | None:
-    """Mass (g) of a part of ``volume_mm3`` (mm^3); None where the spec states no density."""
-    density = spec.lens.density_g_per_cm3
-    return None if density is None else 1e-3 * density * volume_mm3
+    """Mass (g) of a part of ``volume_mm3`` (mm^3); None where the density is not known."""
+    density = spec.lens.density
+    return None if density is None else 1e-3 * density.g_per_cm3 * volume_mm3
 
 
 def mesh_volume_limit(area_mm2: float, chord_error_mm: float, volume_mm3: float) -> float:
@@ -116,7 +116,7 @@ class Signature(Record):
 class FormTolerance(Record):
     """The surface profile on ``face`` in the STEP file: ``width_um`` of its zone, half of it on each side of the face.
 
-    ``datum_faces``: the faces in z = 0 that are datum A; empty where the body has none there.
+    ``datum_faces``: the faces that are datum A, in z = 0 or of a flange; empty where the body has none.
     """
 
     face: Text

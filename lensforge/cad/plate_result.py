@@ -60,7 +60,7 @@ _TABLE = (
         like="plate_form_error",
     ),
     Row("plate_volume", "Volume of the plate", "volume_mm3", "lenses and pins included", digits=5),
-    Row("plate_mass", "Mass of the plate", "mass_g", "by the density of the spec", "g"),
+    Row("plate_mass", "Mass of the plate", "mass_g", "volume times density", "g"),
     Row(
         "plate_mesh",
         "Mesh of the plate",

@@ -3,7 +3,7 @@
 A file holds one part with named faces, or loose, named surfaces. The same shapes, tolerances and header give the same
 bytes, so that a hash identifies them: the date is given, never the clock's.
 
-AP242 carries tolerances on its faces (PMI): a surface profile on the optical faces, datum A in z = 0. Measured with the
+AP242 carries tolerances on its faces (PMI): a surface profile on the optical faces, and datum A. Measured with the
 kernel of cadquery 2.8 (OCCT 7.9): type, value, face and datum come back from the file as written, but the kernel writes
 the number that it is given with the unit metre, whatever the unit of the part is. It is therefore given metres, and
 every file is read back before it is handed out.
@@ -15,6 +15,7 @@ from typing import Any
 
 from lensforge.cad.boundary import optical_name
 from lensforge.cad.part_limits import FormTolerance, Signature
+from lensforge.cad.plan import RIM_FLANGE_BOTTOM
 from lensforge.cad.solid import Shapes, Solid
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import made_here, remembered
@@ -70,8 +71,12 @@ _REMEDY = "export with AP214, which carries no tolerance, or install cadquery 2.
 
 
 def form_tolerances(faces: Shapes, width_um: float) -> tuple[FormTolerance, ...]:
-    """Surface profiles of the optical faces among ``faces``, each against datum A where a face lies in z = 0."""
-    datum = tuple(name for name, face in faces.items() if _lies_in_datum(face))
+    """Surface profiles of the optical faces among ``faces``, each against datum A, where the body has one.
+
+    It is the underside of a flange at the rim, or else what lies in z = 0.
+    """
+    seat = tuple(name for name in faces if name == RIM_FLANGE_BOTTOM)
+    datum = seat or tuple(name for name, face in faces.items() if _lies_in_datum(face))
     optical = [name for name in reversed(faces) if name.startswith(optical_name(""))]  # from the source on
     return tuple(FormTolerance(face=name, width_um=width_um, datum_faces=datum) for name in optical)
 

@@ -1,15 +1,11 @@
-"""Dimensions and datums of the lens and its base: one list for the drawing, its DXF and the table.
+"""Dimensions of the lens and its base: one list for the drawing, its DXF and the table, none of them twice.
 
 All are of the exact surfaces, and a dimension that is drawn has its two ends on the part. The base of a STEP file is
 measured in the section; its own file defines it.
-
-Datums are features that the part has. A is a plane that can be touched: the base's top or the rim where it lies in
-z = 0, else the bottom; or the plane in z = 0 that a STEP with tolerances names. B is the axis of a round base, or the
-middle plane of two sides of a square one; C stops the part from turning.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -21,27 +17,30 @@ from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
 from lensforge.cad.outline import FULL_TURN
-from lensforge.cad.part import Part
-from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, Plan, rim_radius
+from lensforge.cad.plan import Plan, rim_radius
 from lensforge.cad.section import body_outlines, other_section_deg
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
+from lensforge.shop.profile_table import is_round
 from lensforge.spec import BaseSection
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
+FLANGE_WIDTH, RIM_WIDTH = "diameter of the rim's flange", "outer rim in z = 0, along x"
+_SAME_MM = 1e-3  # the last digit of a drawing
 _SAMPLES, _REACH = 5_000, 0.02  # samples 1.8 degrees apart, in the chart as here
 _ALONG_CREASE = 3601  # azimuths: 0.1 degrees apart
 _AXIS = np.array([[0.0, 0.0, 1.0]])
 
 Measured = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
-Scope = Literal["axis", "section", "second", "largest", "part", "base"]
+Scope = Literal["axis", "section", "second", "largest", "part", "flange", "base"]
 SCOPES: dict[Scope, str] = {
     "axis": "on the axis",
     "section": "in the section S–S",
     "second": "in the section T–T",
     "largest": "largest about the axis",
     "part": "of the whole part",
+    "flange": "of the flange, all around",
     "base": "of the base, all around",
 }
 ViewName = Literal["S", "T", "base", "dome"]
@@ -82,12 +81,36 @@ class Dimension:
     @property
     def is_auxiliary(self) -> bool:
         """True for a size that others or a freeform face give: it stands in parentheses, and the STEP defines it."""
-        return self.scope != "base" and self.tolerance_mm is None
+        return self.scope not in ("base", "flange") and self.tolerance_mm is None
+
+    def repeats(self, other: "Dimension") -> bool:
+        """True where it is the same length of the same places as ``other``: circles of one width, or planes of one z.
+
+        A circle of base or flange is one for itself, but the largest width of the part is one of the others.
+        """
+        if self.ends is None or other.ends is None or not self.is_auxiliary:
+            return False
+        if self.sign == other.sign == "⌀":
+            as_one = other.is_auxiliary or self.scope in ("largest", "part")
+            return as_one and abs(self.value_mm - other.value_mm) < _SAME_MM
+        if self.sign or other.sign or (self.view, self.upright) != (other.view, other.upright):
+            return False
+        across = int(self.upright)
+        places, others = (sorted(end[across] for end in each) for each in (self.ends, other.ends))
+        return bool(np.abs(np.subtract(places, others)).max() < _SAME_MM)
 
 
 def dimensions(lens: Lens) -> list[Dimension]:
-    """Dimensions of the lens, of its base and of the whole part."""
-    return [*_lens_dimensions(lens), *_flange_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
+    """Dimensions of the lens, of its base and of the whole part.
+
+    Of those that are the same one is drawn: the one that is toleranced, or else in a section.
+    """
+    every = [*_lens_dimensions(lens), *_flange_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
+    drawn: list[Dimension] = []
+    for each in sorted(every, key=lambda each: (each.is_auxiliary, each.scope in ("largest", "part"))):
+        if not any(each.repeats(other) for other in drawn):
+            drawn.append(each)
+    return [each if each in drawn else replace(each, ends=None) for each in every]
 
 
 def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
@@ -97,15 +120,17 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     yield Dimension("highest point above z = 0", float(highest_point_mm(envelope)[2]), "largest")
     yield from on_axis[1:]
     yield _circle("width of the dome", widest_mm(envelope), "largest")
+    sign = "⌀" if is_round(lens) else ""
     second_deg, sections = other_section_deg(lens), list[tuple[float, ViewName]]([(0.0, "S")])
     if second_deg is not None:
         sections.append((second_deg, "T"))
     for name, boundary in (("outer rim", envelope), ("opening of the cavity", cavity)):
-        yield from (_rim_in_section(name, boundary, *section) for section in sections)
+        yield from (replace(_rim_in_section(name, boundary, *section), sign=sign) for section in sections)
     for boundary in (envelope, cavity):
         for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
             for section in sections:
-                yield from _crease_in_section(f"crease of {one.name} and {other.name}", crease, *section)
+                width, height = _crease_in_section(f"crease of {one.name} and {other.name}", crease, *section)
+                yield from (replace(width, sign=sign), height)
 
 
 def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface]) -> Iterator[Dimension]:
@@ -123,11 +148,15 @@ def _flange_dimensions(lens: Lens) -> Iterator[Dimension]:
     """Sizes of the flange at the exit's rim, and its height over z = 0."""
     if (ring := ring_of(lens)) is None:
         return
-    side = -ring.outer_mm
-    ends = (ring.low_mm, side), (ring.high_mm, side)
-    yield Dimension("thickness of the rim's flange", ring.high_mm - ring.low_mm, "part", ends)
-    yield Dimension("underside of the rim's flange above z = 0", ring.low_mm, "part", ((0.0, side), ends[0]))
-    yield _circle("diameter of the rim's flange", 2.0 * ring.outer_mm, "part")
+    side, low, high = ring.outer_mm, ring.low_mm, ring.high_mm
+    stated = lens.spec.lens.rim_flange and lens.spec.lens.rim_flange.tolerance_mm
+    for name, length_mm, ends in (
+        ("thickness of the rim's flange", high - low, ((low, -side), (high, -side))),
+        ("underside of the rim's flange above z = 0", low, ((0.0, -side), (low, -side))),
+    ):
+        yield Dimension(name, length_mm, "flange", ends, tolerance_mm=stated)
+    ends = (high, -side), (high, side)
+    yield Dimension(FLANGE_WIDTH, 2.0 * side, "flange", ends, upright=True, sign="⌀", tolerance_mm=stated)
 
 
 def widest_mm(surface: StarShaped, domain: Domain = WHOLE) -> float:
@@ -287,83 +316,3 @@ def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:
     yield Dimension("base below z = 0, in the section", -ends[0][0], "section", ends)
     across = (float(left[1]), float(left[0])), (float(right[1]), float(right[0]))
     yield Dimension("base along x, in the section", across[1][1] - across[0][1], "section", across, upright=True)
-
-
-Letter = Literal["A", "B", "C"]
-
-
-@dataclass(frozen=True)
-class Datum:
-    """A datum: its letter, its feature in words, and where the drawing has its symbol.
-
-    ``dimension``: the name of the dimension at whose line the symbol is, for an axis or a middle plane; "" for a plane,
-    at ``z_mm`` in the section, or where that is None at the flat in the view of the end.
-    """
-
-    letter: Letter
-    words: str
-    dimension: str = ""
-    z_mm: float | None = None
-
-
-@dataclass(frozen=True)
-class DatumScheme:
-    """The datums that the part has, and a line on each, or on why there is none."""
-
-    datums: tuple[Datum, ...]
-    lines: tuple[str, ...]
-
-    def find(self, letter: Letter) -> Datum | None:
-        """The datum of that letter; None where the part has none."""
-        return next((datum for datum in self.datums if datum.letter == letter), None)
-
-
-def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
-    """The datums of a lens with its base."""
-    plan = lens_plan(lens)
-    base = plan.base
-    datums = [datum for datum in (_plane(plan, part), _centre(base), _turn(base)) if datum is not None]
-    missing = []
-    if base.kind in ("none", "step"):
-        missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
-    if len(datums) < 3:
-        marked = base.kind == "cylinder" and other_section_deg(lens) is not None
-        would = "; base.flat_mm would" if marked else ""
-        missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{would}")
-    if base.kind == "step":
-        missing[-1] = "The azimuth is the base's, as in its own file"
-    lines = *(f"Datum {datum.letter}: {datum.words}" for datum in datums), *missing
-    return DatumScheme(tuple(datums), lines)
-
-
-def _plane(plan: Plan[Surface], part: Part) -> Datum:
-    carried = [name for tolerance in part.form_tolerances for name in tolerance.datum_faces]
-    if carried:
-        faces = " and ".join(dict.fromkeys(carried))
-        return Datum("A", f"plane z = 0, {faces}, as lens.step carries it", z_mm=0.0)
-    base = plan.base
-    if base.kind == "none":
-        return Datum("A", f"plane z = 0, the ring {RIM} between the rims of the optical faces", z_mm=0.0)
-    if base.kind == "step":
-        return Datum("A", "plane z = 0, the top of the base", z_mm=0.0)
-    if plan.relief_mm == 0.0 and all(arc.relation == "ledge" for arc in plan.arcs):
-        return Datum("A", f"plane z = 0, the top of the base, {TOP}", z_mm=0.0)
-    words = f"bottom of the base, {BOTTOM}, at z = {-base.height_mm:g}; no face to be touched lies in z = 0"
-    return Datum("A", words, z_mm=-base.height_mm)
-
-
-def _centre(base: BaseSection) -> Datum | None:
-    if base.kind == "cylinder":
-        return Datum("B", f"axis of the base's cylinder, {SIDE}; the optical axis z", "diameter of the base")
-    if base.kind == "square":
-        return Datum("B", "middle plane of the base's sides across x", "side of the base across x")
-    return None
-
-
-def _turn(base: BaseSection) -> Datum | None:
-    if base.kind == "square":
-        words = "middle plane of the base's sides across y; B and C meet in the optical axis z; +x is not marked"
-        return Datum("C", words, "side of the base across y")
-    if base.kind == "cylinder" and base.flat_mm is not None:
-        return Datum("C", "clocking flat of the base, across +x")
-    return None

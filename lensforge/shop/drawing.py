@@ -3,20 +3,22 @@
 It has the largest of the scales of ISO 5455 at which the views fit.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
-from lensforge.cad.boundary import optical_name
 from lensforge.cad.part import STEP_FILE, Part
 from lensforge.cad.plate_result import PLATE_STEP_FILE, Plate
 from lensforge.cad.section import other_section_deg
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_result import Check, FaceResult
-from lensforge.shop.dimensions import DatumScheme, Dimension, datum_scheme
-from lensforge.shop.sheet import Box, Marks, Sheet, box_of
-from lensforge.shop.sheet_marks import cell, frame_of, paragraphs_in
+from lensforge.shop.check_result import BODY, Check
+from lensforge.shop.datums import DatumScheme, datum_scheme
+from lensforge.shop.dimensions import Dimension
+from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
+from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
+from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
 from lensforge.shop.sheet_tables import OpticalTable, ToleranceTable, optical_table
 from lensforge.shop.view_drawing import ViewContent, draw_views, fitted
 from lensforge.shop.view_lines import dome_lines, end_lines, section_view
@@ -27,46 +29,35 @@ def drawing_notes(
     lens: Lens, check: Check, datums: DatumScheme, tolerances: ToleranceTable, words: DrawingSection
 ) -> list[str]:
     """The notes, a paragraph each; ``words``: what the shop is told beside the design."""
+    base = "; that of the base is its own file" if lens.spec.base.kind == "step" else ""
     return [
-        "Sizes in parentheses are auxiliary: of the whole part, and of the freeform faces "
-        f"{' and '.join(optical_name(name) for name in reversed(check.faces))}"
-        f"{', or of the base in its own file' if lens.spec.base.kind == 'step' else ''}. lens.step alone defines them. "
-        "z = 0 is the plane in which the optical faces end.",
+        f"{STEP_FILE} alone defines the part{base}; sizes in parentheses are auxiliary. z = 0: the optical faces end.",
         *(f"{line}." for line in datums.lines),
+        *([PROFILE_NOTE] if profile_rows(lens, tuple(check.faces)) else []),
+        *([ASPHERE_NOTE] if any("asphere" in str(equation(face)) for face in lens.surfaces.values()) else []),
         _sources(lens, tolerances),
         general_words(words),
-        _edges(words),
-        "Optical faces polished, free of marks; all other faces as machined, no roughness stated.",
+        *surface_words(words),
         *mould_words(lens),
-        *tool_notes(check),
+        *_open_findings(lens, check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
     ]
 
 
-def tool_notes(check: Check) -> list[str]:
-    """Tools that the faces take, by the check, and how many of its findings do not hold."""
-    faces = ", ".join(f"{_ball(face)} for the {name} face" for name, face in check.faces.items()) + _base(check)
-    steepest = max(face.largest_tilt_deg for face in check.faces.values())
-    found = [
-        f"Largest ball that reaches all of a face: {faces}. Tool normal to the faces: tilted up to {steepest:.1f}°."
+def _is_cut(lens: Lens) -> bool:
+    return lens.spec.manufacture.cuts == "lens"
+
+
+def _open_findings(lens: Lens, check: Check) -> list[str]:
+    """The findings that do not hold; those on tools only of a part that is cut."""
+    missed = [each for each in check.verdicts if not each.holds and (_is_cut(lens) or each.key not in _ON_TOOLS)]
+    named = [
+        f"{'' if each.place == BODY else f'{each.place} face, '}{each.label.lower()}: no, {each.text} (required "
+        f"{each.required})"
+        for each in missed[:_MOST_FINDINGS]
     ]
-    missed = [finding for finding in check.verdicts if not finding.holds]
-    if missed:
-        found.append(
-            f"Check: {len(missed)} of {len(check.verdicts)} findings on tools, base and wall do not hold; "
-            "manufacturing.html says which, and what to change."
-        )
-    return found
-
-
-def _ball(face: FaceResult) -> str:
-    largest = face.cutter.largest_radius_mm
-    return "any" if largest is None else f"R {int(1e3 * largest) / 1e3:.3f}"  # rounded down: it still fits
-
-
-def _base(check: Check) -> str:
-    balls = [(face.cutter.largest_radius_mm, face.cutter.radius_mm) for face in check.faces.values()]
-    return max(check.relief.beyond_shop(*ball) for ball in balls)  # once, where one of them is larger
+    more = f"; {len(missed) - len(named)} more" if len(missed) > len(named) else ""
+    return [f"Open, see manufacturing.html: {'; '.join(named)}{more}."] if missed else []
 
 
 def _sources(lens: Lens, tolerances: ToleranceTable) -> str:
@@ -93,26 +84,37 @@ def general_words(words: DrawingSection) -> str:
     )
 
 
-def _edges(words: DrawingSection) -> str:
-    largest = words.edge_break_mm
-    rims = "rims of the optical faces: sharp, without burr or chamfer"
-    if largest is None:
-        return f"Edges as in lens.step, no break stated; {rims}."
-    return f"Edges outside the optical faces: broken, {largest:g} mm at most; {rims}."
+def surface_words(words: DrawingSection) -> list[str]:
+    """Notes on edges, and on the finish of optical and other faces."""
+    optical, other = words.optical_edge_mm, words.edge_break_mm
+    rims = "largest radius not stated" if optical is None else f"R {optical:g} at most"
+    others = "largest break not stated" if other is None else f"radius or chamfer {other:g} at most"
+    return [
+        f"Rims and creases of the optical faces: {rims}. All other edges: {others}; no burr or flash.",
+        f"Optical faces: polished, without marks of gate, ejector or parting line. All other faces: "
+        f"{words.finish or f'finish {_NONE}'}.",
+    ]
 
 
 def mould_words(lens: Lens) -> list[str]:
-    """A note on the faces of the mould, by how much they are larger; none for parts that are cut."""
-    shop = lens.spec.manufacture
-    if shop.cuts != "inserts":
+    """A note on the sizes of a moulded part and on its shrinkage; none for parts that are cut."""
+    scale = lens.spec.manufacture.scale
+    if lens.spec.manufacture.cuts != "inserts":
         return []
-    return [f"The moulded lens; faces of the mould inserts are these times {shop.scale:.12g} about the origin."]
+    if scale == 1.0:
+        return ["Sizes are those of the moulded part; its shrinkage is not stated, and no file has it."]
+    return [
+        "Sizes are those of the moulded part; the faces of the mould inserts are these times "
+        f"{scale:.12g} about the origin."
+    ]
 
 
 TitleBlock = dict[str, tuple[str, ...]]  # cells of each row, by its key
 WIDTH, ROW = 180.0, 5.6  # mm on A3
 HEIGHT = 8.0 * ROW
 _NONE = "not stated"
+_ON_TOOLS = ("cutter", "relief", "tilt", "tool", "gap")  # findings that ask for a cutter
+_MOST_FINDINGS = 3
 
 
 def title_of(lens: Lens, words: DrawingSection) -> str:
@@ -128,13 +130,24 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
     file, name = STEP_FILE, words.part_name or spec.name
     if of_plate and part.plate is not None:
         body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
-    mass = f"Volume: {body.volume_mm3:.1f} mm³" if body.mass_g is None else f"Mass: {body.mass_g:.3f} g"
+    density, volume = spec.lens.density, f"olume: {body.volume_mm3:.1f} mm³"
     return {
         "name": (name,),
-        "number": (f"Number: {words.part_number or _NONE}", f"Revision: {words.revision or _NONE}"),
-        "material": (f"Material: {spec.lens.material or _NONE}", mass),
-        "drawn": (f"Drawn: {signature.author or _NONE}", f"Date: {signature.date or _NONE}"),
-        "checked": (f"Checked: {words.checked_by or _NONE}", f"Organisation: {signature.organisation or _NONE}"),
+        "number": (
+            f"Number: {words.part_number or _NONE}",
+            f"Revision: {words.revision or _NONE}",
+            f"Date: {signature.date or _NONE}",
+        ),
+        "material": (f"Material: {spec.lens.material or _NONE}", f"Grade: {words.material_grade or _NONE}"),
+        "mass": (
+            f"Density: {_NONE if density is None else f'{density.g_per_cm3:g} g/cm³'}",
+            f"V{volume}" if body.mass_g is None else f"Mass: {body.mass_g:.3f} g, v{volume}",
+        ),
+        "drawn": (
+            f"Drawn: {signature.author or _NONE}",
+            f"Checked: {words.checked_by or _NONE}",
+            f"Organisation: {signature.organisation or _NONE}",
+        ),
         "general": (f"Sizes “general”: {general}", "Units: mm, degrees"),
         "scale": (),  # of the sheet on which it stands
         "defined": (f"Defined by: {file}, SHA-256 {part.files[file].sha256[:16]}…",),
@@ -164,6 +177,7 @@ def draw_title_block(block: TitleBlock, corner: tuple[float, float], unit: float
 SheetName = Literal["A3", "A4"]
 SIZES: dict[SheetName, tuple[float, float]] = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
 _UNITS: dict[SheetName, float] = {"A4": 0.5**0.5, "A3": 1.0}
+_PROFILE = 18.0  # width of a column of the profiles beside the views, mm on A3
 _NARROW = 3  # columns of a table that is as wide as the title block
 _BINDING, _BORDER, _GAP = 20.0, 10.0, 4.0  # ISO 5457: borders of every sheet (mm); between blocks, mm on A3
 
@@ -174,6 +188,7 @@ class DrawingContent:
 
     views: ViewContent
     notes: list[str]
+    profiles: list[list[str]]
     table: OpticalTable
     block: TitleBlock
     title: str
@@ -190,6 +205,7 @@ def drawing_content(
     return DrawingContent(
         views=ViewContent(sections, end_lines(lens), dome_lines(lens), dimensions, datums),
         notes=drawing_notes(lens, check, datums, tolerances, words),
+        profiles=profile_rows(lens, tuple(reversed(check.faces))),
         table=optical_table(lens, part, check, words),
         block=title_block(lens, part, words),
         title=title_of(lens, words),
@@ -199,13 +215,16 @@ def drawing_content(
 def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
     """Draw the sheet. Raises :class:`InputError` for a part that does not fit at any scale."""
     unit, inside = unit_of(name), inside_of(name)
-    view = fitted(partial(draw_views, content.views), content.views.width, _views_box(content, name), unit)
+    fit = partial(fitted, partial(draw_views, content.views), content.views.width, unit=unit)
+    tried = [(fit(room=place.room), place) for place in _profile_places(content, name)]
+    view, profiles = max(tried, key=lambda each: each[0].scale)
     right, bottom = inside[2], inside[1]
     marks = Marks([frame_of(inside, "outline")])
     marks.add(draw_views(content.views, view))
     marks.add(draw_title_block(content.block, (right, bottom), unit, view.scale, name))
-    top, width = bottom + _band(content, name), _table_width(content, name)
+    top, width = bottom + _table_top(content, name), _table_width(content, name)
     marks.add(content.table.drawn(right, top, width, unit))
+    marks.add(draw_rows(profiles.rows, *profiles.corner, profiles.widths, unit))
     marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
     return Sheet(name, SIZES[name], unit, view.scale, content.title, view.origin, marks)
 
@@ -227,7 +246,7 @@ def _is_wide(content: DrawingContent) -> bool:
 
 
 def _table_width(content: DrawingContent, name: SheetName) -> float:
-    """Width of the table, mm on A3."""
+    """Width of the table of the optical faces, mm on A3."""
     left, _, right, _ = inside_of(name)
     return (right - left) / unit_of(name) if _is_wide(content) else WIDTH
 
@@ -241,21 +260,41 @@ def _block_height(content: DrawingContent, name: SheetName) -> float:
     return max(HEIGHT * unit, _GAP * unit - lowest)
 
 
-def _band(content: DrawingContent, name: SheetName) -> float:
-    """Height of notes, table and title block."""
+def _table_top(content: DrawingContent, name: SheetName) -> float:
+    """Height of the title block and of the table of the optical faces over it."""
     unit = unit_of(name)
     table = content.table.height(_table_width(content, name), unit)
     return _block_height(content, name) + _GAP * unit + table if _is_wide(content) else (HEIGHT + _GAP) * unit + table
 
 
-def _views_box(content: DrawingContent, name: SheetName) -> Box:
-    left, bottom, right, top = inside_of(name)
-    gap = _GAP * unit_of(name)
-    return left + gap, bottom + _band(content, name) + gap, right - gap, top - gap
+@dataclass(frozen=True)
+class ProfilePlace:
+    """The table of profiles at one place: its upper left ``corner``, and the ``room`` that it leaves to the views."""
+
+    rows: Sequence[Sequence[str]]
+    widths: Sequence[float]
+    corner: Place
+    room: Box
+
+
+def _profile_places(content: DrawingContent, name: SheetName) -> list[ProfilePlace]:
+    """The table of profiles below the views, over all the width, and where there is room for it to their right."""
+    (left, bottom, right, top), unit = inside_of(name), unit_of(name)
+    gap, below, rows = _GAP * unit, bottom + _table_top(content, name), content.profiles
+    widths, narrow = profile_widths(right - left), [_PROFILE * unit] * len(rows)
+    over = below + (gap + _height(rows, widths, unit) if rows else 0.0)
+    under = ProfilePlace(rows, widths, (left, over), (left + gap, over + gap, right - gap, top - gap))
+    columns, start = list(zip(*rows, strict=True)), right - sum(narrow)
+    beside = ProfilePlace(columns, narrow, (start, top), (left + gap, below + gap, start - gap, top - gap))
+    return [under, beside] if rows and _height(columns, narrow, unit) < top - below - gap else [under]
+
+
+def _height(rows: Sequence[Sequence[str]], widths: Sequence[float], unit: float) -> float:
+    return sum(row_height(texts, widths, unit) for texts in rows)
 
 
 def _notes_box(content: DrawingContent, name: SheetName) -> Box:
     left, bottom, right, _ = inside_of(name)
     unit = unit_of(name)
-    top = _block_height(content, name) + 0.5 * _GAP * unit if _is_wide(content) else _band(content, name)
+    top = _block_height(content, name) + 0.5 * _GAP * unit if _is_wide(content) else _table_top(content, name)
     return left + _GAP * unit, bottom + 0.5 * _GAP * unit, right - (WIDTH + _GAP) * unit, bottom + top

@@ -20,6 +20,7 @@ from lensforge.cad.plate_result import PLATE_STEP_FILE
 from lensforge.cad.section import profile
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
+from lensforge.shop.datums import PLATE_SIZES, ROUND_PLATE, DatumScheme, labelled, plate_datums
 from lensforge.shop.dimensions import highest_point_mm
 from lensforge.shop.drawing import (
     HEIGHT,
@@ -31,6 +32,7 @@ from lensforge.shop.drawing import (
     inside_of,
     mould_words,
     scale_words,
+    surface_words,
     title_block,
     title_of,
     unit_of,
@@ -48,12 +50,21 @@ from lensforge.shop.sheet import (
     box_of,
     shown,
 )
-from lensforge.shop.sheet_marks import arrow_head, axes_mark, draw_rows, frame_of, hatch, paragraphs_in, row_height
-from lensforge.shop.view_drawing import FIRST, HATCH, ROW, PaperView, fitted, placed
+from lensforge.shop.sheet_marks import (
+    arrow_head,
+    axes_mark,
+    datum_symbol,
+    draw_rows,
+    frame_of,
+    hatch,
+    paragraphs_in,
+    row_height,
+)
+from lensforge.shop.view_drawing import FIRST, HATCH, ROW, PaperView, add_centres, fitted, placed
 from lensforge.shop.view_lines import dome_radius, front_line
 from lensforge.spec import DrawingSection
 from lensforge.spec.lamps_section import Lamps
-from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateHole, PlateMark, PlatePin
+from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateMark, PlatePin
 from lensforge.surfaces.plane_loop import circle_at, points_on
 
 _GAP = 28.0  # mm on A3, between views
@@ -180,8 +191,10 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
         f"{equal}: their faces, with tolerances, tools and points, are those of drawing.dxf and manufacturing.html. "
         f"{PLATE_STEP_FILE} alone defines them; sizes in parentheses are auxiliary.",
         f"x and y count from the {origin}, z from the top of the plate, in which the lenses end.",
+        *(f"{line}." for line in plate_datums(layout).lines),
         f"All other sizes of the plate are “general”. {general_words(words)}",
         "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft.",
+        *surface_words(words),
         *mould_words(lens),
     ]
 
@@ -207,7 +220,11 @@ def place_rows(layout: PlateLayout) -> list[PlaceRow]:
     if _listed(layout):
         for number, (place, turn) in enumerate(zip(lenses.places_mm, lenses.turns_deg, strict=True), 1):
             rows.append(PlaceRow.at(f"L{number}", place, f"lens, turned by {turn:.3f}°" if turn else "lens"))
-    rows += [PlaceRow.at(label, mark.place_mm, _words(mark)) for label, mark in labelled(layout)]
+    datums = plate_datums(layout)
+    rows += [
+        PlaceRow.at(label, mark.place_mm, f"{_words(mark)}{_place_words(label, mark, datums)}")
+        for label, mark in labelled(layout)
+    ]
     gate = layout.plate.gate
     return rows if gate is None else [*rows, PlaceRow.at("G", gate.place_mm, f"gate, {shown(gate.width_mm)} wide")]
 
@@ -217,23 +234,25 @@ def _listed(layout: PlateLayout) -> bool:
     return pattern_of(layout.lenses) is None or any(layout.lenses.turns_deg)
 
 
-def labelled(layout: PlateLayout) -> Iterator[tuple[str, PlateMark]]:
-    """Holes, pins and the like with their labels on the drawing: a letter of each kind, and numbers."""
-    counts: dict[str, int] = {}
-    for _, mark in layout.plate.marks:
-        letter = {PlateHole: "H", PlatePin: "P", PlateBoss: "B"}[type(mark)]
-        counts[letter] = counts.get(letter, 0) + 1
-        yield f"{letter}{counts[letter]}", mark
-
-
 def _words(mark: PlateMark) -> str:
     """A phrase on what it is, with its sizes."""
+    width = f"⌀{shown(mark.diameter_mm)}{'' if mark.tolerance_mm is None else f' ±{shown(mark.tolerance_mm)}'}"
     if not isinstance(mark, PlatePin):
-        return f"hole ⌀{shown(mark.diameter_mm)}, through"
-    size = f"⌀{shown(mark.diameter_mm)}, {shown(mark.height_mm)} below"
+        return f"hole {width}, through"
+    size = f"{width}, {shown(mark.height_mm)} below"
     if not isinstance(mark, PlateBoss):
         return f"pin {size}"
     return f"boss {size}; bore ⌀{shown(mark.bore_diameter_mm)}, {shown(mark.bore_depth_mm)} deep"
+
+
+def _place_words(label: str, mark: PlateMark, datums: DatumScheme) -> str:
+    """The tolerance of its place by ISO 1101, against the datums before it, and the datum that it is itself."""
+    letters = [datum.letter for datum in datums.datums]
+    own = [datum.letter for datum in datums.datums if datum.dimension == label]
+    before = letters[: letters.index(own[0])] if own else letters
+    zone = mark.place_tolerance_mm
+    position = "" if zone is None else f"; position ⌀{zone:g} | {' | '.join(before)}"
+    return f"{position}{f'; datum {own[0]}' if own else ''}"
 
 
 def _whole(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
@@ -250,12 +269,16 @@ def _whole(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
         ]
         if _listed(layout):
             marks.words.append(_label(view, f"L{number + 1}", place, 0.75 * lens_mm))
+    datums = plate_datums(layout)
     for label, mark in labelled(layout):
         circle = points_on(circle_at(mark.place_mm, mark.radius_mm), _CHORD_MM)
         pen: PenName = "hidden" if isinstance(mark, PlatePin) else "outline"
         marks.strokes += [view.line(circle, pen, closed=True), *_cross(view, mark.place_mm, mark.radius_mm)]
         inside = view.scale * mark.radius_mm > _INSIDE * unit
         marks.words.append(_label(view, label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
+        for datum in (each for each in datums.datums if each.dimension == label):
+            (foot,) = view.at([(mark.place_mm[0], mark.place_mm[1] - mark.radius_mm)]).tolist()
+            marks.add(datum_symbol((foot[0], foot[1]), (0.0, -1.0), datum.letter, unit))
     if layout.plate.gate is not None:
         (tip,), place = view.at([layout.plate.gate.place_mm]), layout.plate.gate.place_mm
         inwards = -np.array(min(layout.outline, key=lambda edge: edge.away_mm(place)).right)
@@ -265,7 +288,9 @@ def _whole(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     for axis in (0, 1):
         edge = float(view.at(low)[1 - axis])
         sizes = list(_sizes_along(axis, layout, pattern, view))
-        marks.dimensions += placed(sizes, edge - FIRST * unit, -ROW * unit)
+        lines_beside = placed(sizes, edge - FIRST * unit, -ROW * unit)
+        marks.dimensions += lines_beside
+        add_centres(marks, datums, lines_beside, unit)
     if pattern is not None and pattern.ring_mm is not None:
         circle = points_on(circle_at((0.0, 0.0), pattern.ring_mm / 2.0), _CHORD_MM)
         marks.strokes.append(view.line(circle, "axis", closed=True))
@@ -291,9 +316,9 @@ def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: 
         return view.dimension(name, start, end, turned, before)
 
     if not is_round:
-        yield size(f"{('width', 'height')[axis]} of the plate", low, high, layout.box_mm[0][1 - axis])
+        yield size(PLATE_SIZES[axis], low, high, layout.box_mm[0][1 - axis])
     elif axis == 0:
-        yield size("diameter of the plate", low, high, 0.0, "⌀")
+        yield size(ROUND_PLATE, low, high, 0.0, "⌀")
     if pattern is not None and pattern.ring_mm is not None:
         if axis == 0:
             ring, count = pattern.ring_mm / 2.0, len(layout.lenses)
@@ -317,6 +342,9 @@ def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     """The plate seen along +y, its top at the view's origin: thickness, heights of pins, and height over all."""
     (start, _), (end, _), low, lenses = *layout.box_mm, -layout.plate.thickness_mm, layout.lenses
     marks = Marks([view.line([(start, 0.0), (end, 0.0), (end, low), (start, low)], closed=True)])
+    (corner,) = view.at([(start, 0.0)])
+    marks.strokes.append(Stroke(np.array([corner, corner - (8.0 * view.unit, 0.0)])))
+    marks.add(datum_symbol((float(corner[0]) - 5.0 * view.unit, float(corner[1])), (0.0, 1.0), "A", view.unit))
     seen = {(round(x, 6), turn) for (x, _), turn in zip(lenses.places_mm, lenses.turns_deg, strict=True)}
     marks.strokes += [view.line(lines.fronts[turn] + np.array([x, 0.0])) for x, turn in sorted(seen)]
     columns, heights = [view.dimension("thickness of the plate", (end, low), (end, 0.0), 90)], dict[float, float]()

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lensforge.errors import InputError
-from lensforge.shop.dimensions import DatumScheme, Dimension, ViewName
+from lensforge.shop.datums import DatumScheme
+from lensforge.shop.dimensions import FLANGE_WIDTH, Dimension, ViewName
 from lensforge.shop.sheet import (
     LETTERS,
     Box,
@@ -194,7 +195,7 @@ def _section_marks(content: ViewContent, section: SectionView, view: PaperView, 
     if name == "S":
         lowest = min([each.line_mm for each in rows], default=y + bottom)
         _add_plane(marks, content.datums, view, y + bottom, lowest)
-        _add_centre(marks, content.datums, columns, unit)
+        add_centres(marks, content.datums, columns, unit)
     label = 0.5 * (low + high) + x, above + 14.0 * unit
     marks.words.append(Words(label, f"{section.letter}–{section.letter}", LETTERS * unit, "center"))
     across = {0.0: "x", 90.0: "y"}.get(section.azimuth_deg, f"{section.azimuth_deg:g}°")
@@ -203,7 +204,9 @@ def _section_marks(content: ViewContent, section: SectionView, view: PaperView, 
 
 
 def _rim_is_beside(dimension: Dimension, section: SectionView) -> bool:
-    """True for the outer rim where the base is wider: its lines then run to the right, not through the base."""
+    """True for the flange at the rim, and for the outer rim where the base is wider: it would lie in its lines' way."""
+    if dimension.name == FLANGE_WIDTH:
+        return True
     points = np.concatenate(section.outlines)
     below = np.abs(points[points[:, 0] < -1e-9, 1])
     return dimension.name.startswith("outer rim") and below.size > 0 and float(below.max()) > 0.5 * dimension.value_mm
@@ -218,7 +221,7 @@ def _base_marks(content: ViewContent, view: PaperView, above: float, lowest: flo
     below = min(y - max(-bottom, top) - 8.0 * unit, lowest + FIRST * unit) - FIRST * unit
     rows = placed(_on_paper(content.drawn("base"), view), below, -ROW * unit)
     marks.dimensions += rows
-    _add_centre(marks, content.datums, rows, unit)
+    add_centres(marks, content.datums, rows, unit)
     flat = content.datums.find("C")
     if flat is not None and not flat.dimension:
         flat_mm = next(each.value_mm for each in content.dimensions if each.name.startswith("clocking flat"))
@@ -273,7 +276,7 @@ def _add_plane(marks: Marks, datums: DatumScheme, view: PaperView, foot: float, 
     marks.add(datum_symbol((x, end + 3.0 * unit), (-1.0, 0.0), "A", unit))
 
 
-def _add_centre(marks: Marks, datums: DatumScheme, lines: list[LinearDimension], unit: float) -> None:
+def add_centres(marks: Marks, datums: DatumScheme, lines: list[LinearDimension], unit: float) -> None:
     """The symbols of axes and middle planes, in line with the dimensions of their features, beyond all others."""
     far = max((occupied(line)[1] for line in lines), default=0.0)
     for datum in datums.datums:

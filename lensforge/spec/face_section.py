@@ -66,6 +66,10 @@ class FlangeSection(Section):
     """Thickness along the axis."""
     setback_mm: Millimetres = 0.1
     """Height of the exit's rim over the flange's top, and the least height of its underside over the wall."""
+    tolerance_mm: Millimetres | None = None
+    """Tolerance of its diameter and thickness and of the height of its underside, either way; left out, the general
+    one.
+    """
 
     @property
     def room_mm(self) -> float:

@@ -5,7 +5,7 @@ read.
 """
 
 from functools import lru_cache
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -22,7 +22,6 @@ from lensforge.surfaces.surface import Surface, SurfaceRecord, surface_record
 class FixedFace(OfSeveralKinds, Section):
     """A surface that the search does not change. A kind of it is a class that extends this one: it registers itself."""
 
-    form: ClassVar[str] = "freeform"  # in a drawing
     is_round: ClassVar[bool] = False  # of revolution about the axis
 
     @property
@@ -78,7 +77,6 @@ class _ByFormula(FixedFace):
 class FixedSphere(_ByFormula):
     """Sphere with its centre on the axis; the origin, where the source is, must lie inside."""
 
-    form: ClassVar[str] = "sphere"
     is_round: ClassVar[bool] = True
 
     kind: Literal["sphere"] = "sphere"
@@ -96,7 +94,6 @@ class FixedSphere(_ByFormula):
 class FixedAsphere(_ByFormula):
     """Even asphere by the sag of ISO 10110-12."""
 
-    form: ClassVar[str] = "asphere"
     is_round: ClassVar[bool] = True
 
     kind: Literal["asphere"] = "asphere"
@@ -117,8 +114,6 @@ class FixedAsphere(_ByFormula):
 
 class FixedBiconic(_ByFormula):
     """Biconic (ISO 10110-12): radii and conic constants in the x-z and in the y-z plane; below 0 for a dome."""
-
-    form: ClassVar[str] = "biconic"
 
     kind: Literal["biconic"] = "biconic"
     vertex_z_mm: Millimetres
@@ -148,7 +143,6 @@ class FixedFocalConic(_ByFormula):
     A paraboloid sends the light of its focus along the axis, an ellipsoid to its other focus.
     """
 
-    form: ClassVar[str] = "conic"
     is_round: ClassVar[bool] = True
 
     kind: Literal["focal_conic"] = "focal_conic"

@@ -3,7 +3,7 @@
 The ``[lens.optical_data]`` are index and absorption of a material of one's own, by formula or by table.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -176,6 +176,22 @@ def _fields(material: Material) -> dict[str, Any]:
     return fields
 
 
+@dataclass(frozen=True)
+class Density:
+    """A density (g/cm^3), and where it is from."""
+
+    g_per_cm3: float
+    source: str
+
+
+_PUBLISHED = {  # densities by source: grades of one plastic differ by 2 %, of silicone by more, so that it has none
+    "Osaka Gas Chemicals, OKP4 data sheet": {"PMMA": 1.19, "PC": 1.2, "COP": 1.01, "polyester": 1.22},
+    "Apollo Optical Systems, optical polymers": {"PS": 1.05, "COC": 1.02},
+    "SCHOTT data sheet": {"N-BK7": 2.51, "B270": 2.56, "borosilicate 3.3": 2.23},
+    "Corning HPFS 7980 data sheet": {"fused silica": 2.2},
+}
+DENSITIES = {name: Density(each, source) for source, table in _PUBLISHED.items() for name, each in table.items()}
+
 _SHORTEST_NM, _LONGEST_NM = 1.0, 1e7  # of any light
 _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
 
@@ -214,7 +230,9 @@ class LensMaterial(FacesSection):
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     """Absorption of the body (Beer and Lambert), if the material itself states none."""
     density_g_per_cm3: Annotated[float, Field(ge=0.1, le=30.0)] | None = None
-    """Density of the grade that is ordered; gives the part its mass."""
+    """Density of the grade that is ordered, which gives the part its mass; left out, that of the plastic or glass that
+    ``material`` names, if it is known.
+    """
     index_per_k: Annotated[float, Field(ge=-1e-3, le=1e-3)] | None = None
     """Change of the index relative to air with temperature, for a material that does not state its own."""
     expansion_per_k: Expansion | None = None
@@ -291,6 +309,14 @@ class LensMaterial(FacesSection):
                 f"cover_glass.refractive_index = {glass.refractive_index:g}: must be outside_index = "
                 f"{self.outside_index:g} at least, or it would reflect oblique light totally"
             )
+
+    @property
+    def density(self) -> Density | None:
+        """Density of the body: that of the spec, or of the material that its label begins with; None if unknown."""
+        if self.density_g_per_cm3 is not None:
+            return Density(self.density_g_per_cm3, "the spec")
+        first_word, _, _ = self.material.partition(" ")
+        return DENSITIES.get(self.material) or DENSITIES.get(first_word)
 
     @property
     def media(self) -> Media:

@@ -252,8 +252,14 @@ class DrawingSection(Section):
     """Size of the sheet; left out, A3."""
     general_tolerances: Label = ""
     """Tolerances of dimensions without one of their own, such as "ISO 2768-m"."""
+    material_grade: Label = ""
+    """Grade of the material that is ordered, such as "PMMA, moulding compound 8N"."""
     edge_break_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = None
-    """Largest break of the edges outside the optical faces."""
+    """Largest break of the edges outside the optical faces, a radius or a chamfer."""
+    optical_edge_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = None
+    """Largest radius of the rims and creases of the optical faces."""
+    finish: Label = ""
+    """Surface class of all other faces, such as "VDI 3400, class 18"."""
     roughness_nm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = None
     """Largest roughness of the optical faces, rms of height (Rq)."""
     imperfections: Label = ""

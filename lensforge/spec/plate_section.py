@@ -119,6 +119,10 @@ class PlateMark(Section):
     """Place (x, y) of its axis."""
     diameter_mm: Millimetres
     """Diameter."""
+    tolerance_mm: Millimetres | None = None
+    """Tolerance of the diameter, either way; left out, the general one."""
+    place_tolerance_mm: Millimetres | None = None
+    """Diameter of the zone in which its axis must lie; left out, the general tolerances hold."""
 
     @property
     def radius_mm(self) -> float:

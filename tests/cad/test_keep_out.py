@@ -16,8 +16,9 @@ from lensforge.cad.form_error import fit_lens
 from lensforge.cad.keep_out import FACET_MM, keep_out_distance, mesh_error_mm, read_keep_out
 from lensforge.cad.keep_out_distance import KeepOutDistance, keep_out_criteria
 from lensforge.cad.mesh import build_mesh
-from lensforge.cad.part import Part
+from lensforge.cad.part import Part, part_facts
 from lensforge.cad.part_export import build_part
+from lensforge.cad.part_limits import mass_g
 from lensforge.cad.plan import make_plan
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
@@ -153,12 +154,17 @@ def test_the_remedy_names_the_field_of_the_place(
 
 def test_the_mass_is_that_of_the_volume(tmp_path: Path) -> None:
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
-    spec = plain.spec.replace({"lens.density_g_per_cm3": 1.19})
+    spec = plain.spec.replace({"lens.density_g_per_cm3": 1.25})
     part, light = built(Lens.double(plain.inner, plain.outer, spec, 0, COARSE_SPLINES)), built(plain)
-    assert light.mass_g is None and light.keep_out is None
+    assert light.keep_out is None and mass_g(spec.replace({"lens.density_g_per_cm3": None}), 2e3) == 2.38  # of PMMA
+    assert mass_g(plain.spec.replace({"lens.material": "PMMA/PC", "lens.refractive_index": 1.5}), 2e3) is None, (
+        "a material without a name here"
+    )
     assert "keep_out_distance" not in {criterion.key for criterion in light.criteria}
     shell = 2.0 / 3.0 * np.pi * (OUTER_MM**3 - INNER_MM**3)
-    assert part.mass_g == pytest.approx(1.19e-3 * shell, rel=1e-8)
+    assert (part.mass_g, light.mass_g) == pytest.approx((1.25e-3 * shell, 1.19e-3 * shell), rel=1e-8)
+    stated = {fact.key: (fact.value, fact.note) for fact in part_facts(light)[0].facts}
+    assert stated["density"][0] == 1.19 and "data sheet" in stated["density"][1]
 
 
 @HERE

@@ -15,6 +15,7 @@ from lensforge.cad.part_export import build_part
 from lensforge.cad.plate_layout import layout_of
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_part
+from lensforge.shop.datums import labelled, plate_datums
 from lensforge.shop.plate_drawing import _below_mm, pattern_of, place_rows, plate_sheet
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.sheet import Sheet, box_of
@@ -213,3 +214,61 @@ def test_the_height_over_all_begins_at_the_longest_pin() -> None:
     plate = {"thickness_mm": 1.5, "width_mm": 30.0, "height_mm": 30.0, "pins": pins}
     lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(base={"kind": "none"}, plate=plate), 0, "draft")
     assert _below_mm(layout_of(lens)) == 3.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("grid", ["axis of P1, pin", "axis of H1, hole"]),
+        ("one", ["middle plane of the width of the plate", "middle plane of the height of the plate"]),
+        ("hexagon", ["axis of the outline"]),
+        ("drawn", ["axis of H1, hole"]),
+    ],
+)
+def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(part: Part, kind: str, words: list[str]) -> None:
+    layout, sheet = layout_of(lens_on(kind)), sheet_of(part, kind)
+    scheme = plate_datums(layout)  # type: ignore[arg-type]
+    assert scheme.lines == (
+        "Datum A: plane z = 0, the top of the plate",
+        *(f"Datum {letter}: {each}" for letter, each in zip("BC", words, strict=False)),
+    )
+    triangles = [each.points for each in sheet.marks.strokes if each.filled and len(each.points) == 3]
+    feet = np.array([0.5 * (p + q) for p, q, _ in triangles if abs(np.linalg.norm(p - q) - 2.6) < 0.01])  # no arrows
+    letters = {each.text: np.array(each.at) for each in sheet.marks.words if each.text in ("A", "B", "C")}
+    assert len(feet) == len(letters) == 1 + len(words)
+    at = {letter: feet[np.argmin(np.linalg.norm(feet - place, axis=1))] for letter, place in letters.items()}
+    marks = dict(labelled(layout))  # type: ignore[arg-type]
+    lines = {each.name: each for each in sheet.marks.dimensions}
+    for datum in scheme.datums[1:]:
+        if datum.dimension in marks:  # at the lowest place of its circle
+            mark = marks[datum.dimension]
+            below = np.array(mark.place_mm) - (0.0, mark.diameter_mm / 2.0)
+            assert at[datum.letter] == pytest.approx(below * sheet.scale + sheet.origin)
+        else:  # at the upper end of the dimension line
+            line = lines[datum.dimension]
+            assert at[datum.letter] == pytest.approx(line.at(line.ends_mm[1], line.line_mm))
+    thickness = lines["thickness of the plate"]
+    assert at["A"][1] == pytest.approx(max(thickness.start[1], thickness.end[1])), "level with the top"
+
+
+def test_a_slotted_outline_without_axes_has_no_datums_across() -> None:
+    lens = small_lens({"kind": "none"}, lamps=KINDS["drawn"][0], plate={**DRAWN, "outline": {"loops_mm": [L_LOOP]}})
+    assert plate_datums(layout_of(lens)).lines[1].startswith("No datum feature for x and y")  # type: ignore[arg-type]
+
+
+def test_tolerances_of_holes_and_pins_stand_in_the_table_against_the_datums_before_them() -> None:
+    marks = {
+        "holes": [
+            {"place_mm": [10.0, 0.0], "diameter_mm": 3.0, "tolerance_mm": 0.05, "place_tolerance_mm": 0.08},
+            {"place_mm": [10.0, 9.0], "diameter_mm": 2.0, "place_tolerance_mm": 0.2},
+        ],
+        "pins": [{"place_mm": [-10.0, 8.0], "diameter_mm": 2.0, "height_mm": 1.25, "tolerance_mm": 0.02,
+                  "place_tolerance_mm": 0.1}],
+    }  # fmt: skip
+    lens = small_lens({"kind": "none"}, lamps=GRID, plate={**PLATE, **marks})
+    rows = {row.label: row.what for row in place_rows(layout_of(lens))}  # type: ignore[arg-type]
+    assert rows == {
+        "H1": "hole ⌀3.000 ±0.050, through; position ⌀0.08 | A | B; datum C",
+        "H2": "hole ⌀2.000, through; position ⌀0.2 | A | B | C",
+        "P1": "pin ⌀2.000 ±0.020, 1.250 below; position ⌀0.1 | A; datum B",
+    }

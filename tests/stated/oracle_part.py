@@ -174,8 +174,18 @@ def volume(case, place):
     return Expected(value, 3e-6 * value, "mm³")
 
 
+def density_of(case):
+    """Density of the spec, or published of the one plastic that a design here names without it; None of others."""
+    lens = case.lens["spec"]["lens"]
+    return lens["density_g_per_cm3"] or {"PC": 1.2}.get(lens["material"])
+
+
+def density(case, place):
+    return Expected(density_of(case), 0.0, "g/cm³")
+
+
 def mass(case, place):
-    value = volume(case, place).value * case.lens["spec"]["lens"]["density_g_per_cm3"] / 1000
+    value = volume(case, place).value * density_of(case) / 1000
     return Expected(value, 3e-6 * value, "g")
 
 
@@ -319,6 +329,6 @@ def plate_files(case, place):
 
 ORACLES = {
     f"export.{each.__name__}": each
-    for each in (form_error, normal_error, volume, mass, mesh, schema, scale, plate_lenses, plate_gap,
+    for each in (form_error, normal_error, volume, density, mass, mesh, schema, scale, plate_lenses, plate_gap,
                  plate_size, plate_form_error, plate_volume, plate_mesh, plate_files)
 }  # fmt: skip

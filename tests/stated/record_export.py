@@ -11,6 +11,7 @@ from oracle_part import (
     base_of,
     body_of,
     bore_mm2,
+    density_of,
     gap_mm,
     lamps_of,
     mesh_of,
@@ -126,7 +127,7 @@ def criteria_of(start, form, more, mesh_mm3, solid_mm3):
 
 def export_record(case):
     spec, found, stl = case.lens["spec"], case.json("export"), case.folder / "lens.stl"
-    (form, normal), density = worst_errors(case), spec["lens"]["density_g_per_cm3"]
+    (form, normal), density = worst_errors(case), density_of(case)
     solid, (volume_mm3, area, closed_, genus, facets, corners) = volume(case, None).value, mesh_figures(stl)
     names = sorted(re.findall(r"ADVANCED_FACE\s*\(\s*'([^']*)'", (case.folder / "lens.step").read_text()))
     chord, angle = chord_um(case, stl), judged("normal_error", near(normal, 0.1), "<=", NORMAL_MRAD, "mrad")
@@ -155,7 +156,7 @@ def export_record(case):
 def plate_record(case):
     volume_mm3, _, closed_, genus, facets, _ = mesh_figures(case.folder / "plate.stl")
     solid, form, box = plate_mm3(case), plate_form_error(case, None), mesh_of(case.folder / "plate.stl").bounds
-    density = case.lens["spec"]["lens"]["density_g_per_cm3"]
+    density = density_of(case)
     criteria = criteria_of("plate_", (form.value, form.within), [], volume_mm3, solid)
     criteria.insert(3, judged("plate_volume_error", (0.0, 1e-6), "<=", 1e-6))
     chord = chord_um(case, case.folder / "plate.stl", lambda p: own_places(case, p))

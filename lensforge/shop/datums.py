@@ -1,0 +1,144 @@
+"""Datums of the lens and of the plate: features that the part has, and a line on each, or on why there is none.
+
+Of a lens with a flange, by which a holder takes it, A is the flange's underside and B its axis. Else A is a plane that
+can be touched: the base's top or the rim where it lies in z = 0, else the bottom. B is the axis of a round base or of a
+body of revolution, or the middle plane of two sides of a square base; C stops the part from turning. A of a plate is
+its top, B and C are the axes of the pins and holes by which it is placed, or of its outline.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from lensforge.cad.boundary import lens_boundaries
+from lensforge.cad.cutter_room import lens_plan
+from lensforge.cad.flange import ring_of
+from lensforge.cad.part import Part
+from lensforge.cad.plan import BOTTOM, RIM, RIM_FLANGE_BOTTOM, RIM_FLANGE_SIDE, SIDE, TOP, Plan
+from lensforge.cad.plate_layout import PlateLayout
+from lensforge.cad.section import other_section_deg
+from lensforge.scene.lens import Lens
+from lensforge.shop.dimensions import FLANGE_WIDTH, RIM_WIDTH
+from lensforge.shop.profile_table import is_round
+from lensforge.shop.sheet import shown
+from lensforge.spec import BaseSection
+from lensforge.spec.plate_section import PlateBoss, PlateHole, PlateMark, PlatePin
+from lensforge.surfaces.surface import Surface
+
+Letter = Literal["A", "B", "C"]
+PLATE_SIZES, ROUND_PLATE = ("width of the plate", "height of the plate"), "diameter of the plate"
+
+
+@dataclass(frozen=True)
+class Datum:
+    """A datum: its letter, its feature in words, and where the drawing has its symbol.
+
+    ``dimension``: the name of the dimension at whose line the symbol is, for an axis or a middle plane, or the label of
+    a pin or hole; "" for a plane, at ``z_mm`` in the section, or where that is None at the flat in the view of the end.
+    """
+
+    letter: Letter
+    words: str
+    dimension: str = ""
+    z_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class DatumScheme:
+    """The datums that the part has, and a line on each, or on why there is none."""
+
+    datums: tuple[Datum, ...]
+    lines: tuple[str, ...]
+
+    def find(self, letter: Letter) -> Datum | None:
+        """The datum of that letter; None where the part has none."""
+        return next((datum for datum in self.datums if datum.letter == letter), None)
+
+    @staticmethod
+    def of(datums: list[Datum], missing: list[str]) -> "DatumScheme":
+        """The scheme of these datums, and of lines on those that are ``missing``."""
+        return DatumScheme(tuple(datums), (*(f"Datum {datum.letter}: {datum.words}" for datum in datums), *missing))
+
+
+def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
+    """The datums of a lens with its base or its flange."""
+    plan = lens_plan(lens)
+    base = plan.base
+    found = _plane(lens, plan, part), _centre(lens, base), _turn(base)
+    datums, missing = [datum for datum in found if datum is not None], list[str]()
+    if found[1] is None:
+        missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
+    if found[2] is None and base.kind == "step":
+        missing.append("The azimuth is the base's, as in its own file")
+    elif found[2] is None and not (is_round(lens) and base.feet is None):
+        marked = base.kind == "cylinder" and other_section_deg(lens) is not None
+        would = "; base.flat_mm would" if marked else ""
+        missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{would}")
+    return DatumScheme.of(datums, missing)
+
+
+def _plane(lens: Lens, plan: Plan[Surface], part: Part) -> Datum:
+    ring = ring_of(lens)
+    if ring is not None:
+        words = f"underside of the rim's flange, {RIM_FLANGE_BOTTOM}, at z = {shown(ring.low_mm)}"
+        return Datum("A", words, z_mm=ring.low_mm)
+    carried = [name for tolerance in part.form_tolerances for name in tolerance.datum_faces]
+    if carried:
+        faces = " and ".join(dict.fromkeys(carried))
+        return Datum("A", f"plane z = 0, {faces}, as lens.step carries it", z_mm=0.0)
+    base = plan.base
+    if base.kind == "none":
+        return Datum("A", f"plane z = 0, the ring {RIM} between the rims of the optical faces", z_mm=0.0)
+    if base.kind == "step":
+        return Datum("A", "plane z = 0, the top of the base", z_mm=0.0)
+    if plan.relief_mm == 0.0 and all(arc.relation == "ledge" for arc in plan.arcs):
+        return Datum("A", f"plane z = 0, the top of the base, {TOP}", z_mm=0.0)
+    words = f"bottom of the base, {BOTTOM}, at z = {-base.height_mm:g}; no face to be touched lies in z = 0"
+    return Datum("A", words, z_mm=-base.height_mm)
+
+
+def _centre(lens: Lens, base: BaseSection) -> Datum | None:
+    if lens.spec.lens.rim_flange is not None:
+        return Datum("B", f"axis of the rim's flange, {RIM_FLANGE_SIDE}; the optical axis z", FLANGE_WIDTH)
+    if base.kind == "cylinder":
+        return Datum("B", f"axis of the base's cylinder, {SIDE}; the optical axis z", "diameter of the base")
+    if base.kind == "square":
+        return Datum("B", "middle plane of the base's sides across x", "side of the base across x")
+    if base.kind == "none" and is_round(lens):
+        outermost = lens_boundaries(lens)[1].faces[-1].label
+        return Datum("B", f"axis of revolution of {outermost}; the optical axis z", RIM_WIDTH)
+    return None
+
+
+def _turn(base: BaseSection) -> Datum | None:
+    if base.kind == "square":
+        words = "middle plane of the base's sides across y; B and C meet in the optical axis z; +x is not marked"
+        return Datum("C", words, "side of the base across y")
+    if base.kind == "cylinder" and base.flat_mm is not None:
+        return Datum("C", "clocking flat of the base, across +x")
+    return None
+
+
+def labelled(layout: PlateLayout) -> Iterator[tuple[str, PlateMark]]:
+    """Holes, pins and the like with their labels on the drawing: a letter of each kind, and numbers."""
+    counts: dict[str, int] = {}
+    for _, mark in layout.plate.marks:
+        letter = {PlateHole: "H", PlatePin: "P", PlateBoss: "B"}[type(mark)]
+        counts[letter] = counts.get(letter, 0) + 1
+        yield f"{letter}{counts[letter]}", mark
+
+
+def plate_datums(layout: PlateLayout) -> DatumScheme:
+    """The datums of a plate: its top, and two axes of pins, then of holes; what these lack, its outline gives."""
+    placing = [(label, mark) for label, mark in labelled(layout) if not isinstance(mark, PlateBoss)]
+    placing.sort(key=lambda each: not isinstance(each[1], PlatePin))
+    axes = [(f"axis of {label}, {'pin' if isinstance(mark, PlatePin) else 'hole'}", label) for label, mark in placing]
+    if layout.plate.kind == "rectangle":
+        axes += [(f"middle plane of the {name}", name) for name in PLATE_SIZES[min(len(axes), 1) :]]
+    elif layout.plate.kind == "round" and not axes:
+        axes = [("axis of the outline", ROUND_PLATE)]
+    letters: tuple[Letter, Letter] = ("B", "C")
+    datums = [Datum("A", "plane z = 0, the top of the plate", z_mm=0.0)]
+    datums += [Datum(letter, words, name) for letter, (words, name) in zip(letters, axes, strict=False)]
+    missing = [] if axes else ["No datum feature for x and y: they count from the origin of the outline's file"]
+    return DatumScheme.of(datums, missing)

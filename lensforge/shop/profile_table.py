@@ -1,0 +1,132 @@
+"""Faces of revolution on the drawing: the equation of a known form, or else a table of places along the meridian."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.boundary import domain_of
+from lensforge.scene.lens import Lens
+from lensforge.shop.check_facts import face_title
+from lensforge.spec.spec_section import rounded_up
+from lensforge.surfaces.asphere import Asphere, Biconic
+from lensforge.surfaces.profile import FormedFace, ProfileFace
+from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
+from lensforge.surfaces.surface import Surface, to_sphere
+
+PLACES, DIGITS = 17, 4  # columns of the table, and its digits: 0.1 um
+_DENSE = 2001  # places of a meridian along which lengths and errors are measured
+_UM_PER_MM = 1e3
+PROFILE_NOTE = "Profiles: distance r from the axis and height z, mm; the spline is cubic over the chords."
+ASPHERE_NOTE = "Asphere: z = z_v + (r^2/R) / (1 + √(1 − (1 + k) r^2/R^2)) + A4 r^4 + A6 r^6 + …, mm."
+
+Meridian = Float[np.ndarray, "n 2"]  # distance from the axis, and height (mm)
+
+
+def is_of_revolution(surface: Surface) -> bool:
+    """True for a surface of revolution about the axis by its kind; a freeform surface is none, whatever its weights."""
+    match surface:
+        case FormedFace():
+            return False
+        case PlaneFace() | ConicFace():
+            return surface.axis[:2] == (0.0, 0.0)
+        case _:
+            return isinstance(surface, Asphere | ConeFace | ProfileFace)
+
+
+def is_round(lens: Lens) -> bool:
+    """True where all faces of ``lens`` are of revolution."""
+    return all(map(is_of_revolution, lens.surfaces.values()))
+
+
+def equation(surface: Surface) -> str | None:
+    """The form with its numbers (mm), to a nanometre; None of a form without a name. rho, theta: from the origin."""
+    match surface:
+        case PlaneFace() if is_of_revolution(surface):
+            return _stated("plane", z=surface.height_mm)
+        case ConeFace():
+            steep, sign = abs(surface.slope), "−" if surface.slope < 0.0 else "+"
+            angle = f"{np.degrees(np.arctan(steep)):.3f}° to the axis"
+            return f"{_stated('cone', r=surface.radius_mm)} {sign} {steep:.8g} z, {angle}"
+        case ConicFace() if is_of_revolution(surface):
+            return _stated("conic ρ = p / (1 − e cos θ),", p=surface.parameter_mm, e=surface.eccentricity)
+        case Asphere(vertex_mm=vertex, radius_mm=radius, conic=conic, coefficients=series):
+            if not (conic or series):
+                return f"{_stated('sphere', R=abs(radius))}, {_stated('centre', z=vertex + radius)}"
+            powers = {f"A{2 * k + 4}": each for k, each in enumerate(series)}
+            return _stated("asphere", z_v=vertex, R=radius, k=conic, **powers)
+        case Biconic(vertex, radius_x, radius_y, conic_x, conic_y):
+            return _stated("biconic", z_v=vertex, Rx=radius_x, Ry=radius_y, kx=conic_x, ky=conic_y)
+    return None
+
+
+def _stated(form: str, **sizes: float) -> str:
+    return f"{form} {', '.join(f'{name} = {size:.8g}' for name, size in sizes.items())}"
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """The meridian of a face: ``places_mm`` in the digits of the sheet, evenly along it, from the axis or a crease on.
+
+    ``error_um``: the largest distance from the face of a cubic spline through them over the length of their chords.
+    """
+
+    face: str
+    places_mm: Meridian
+    error_um: float
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """Rows of r and of z, each with its label."""
+        labels = f"{face_title(self.face)}: r", f"z; spline within {rounded_up(self.error_um, 2)} µm"
+        columns = zip(labels, self.places_mm.T, strict=True)
+        return [[label, *(f"{value:.{DIGITS}f}" for value in values + 0.0)] for label, values in columns]
+
+
+def profile_of(lens: Lens, face: str) -> Profile:
+    """The meridian of a face of revolution over its part of the body."""
+    surface, turn = lens.surfaces[face], np.zeros(1)
+    (low,), (high,) = domain_of(lens, face).radii(turn)
+    chart = np.linspace(low, high, _DENSE)
+    directions = to_sphere(np.column_stack([chart, np.zeros(_DENSE)]))
+    meridian = surface.radius(directions)[:, None] * directions[:, ::2]
+    length = _along(meridian)
+    even = np.linspace(0.0, length[-1], PLACES)
+    directions = to_sphere(np.column_stack([np.interp(even, length, chart), np.zeros(PLACES)]))
+    places = np.round(surface.radius(directions)[:, None] * directions[:, ::2], DIGITS)
+    return Profile(face, places, _UM_PER_MM * float(np.abs(distance_mm(surface, spline_through(places))).max()))
+
+
+def spline_through(places: Meridian) -> Float[np.ndarray, "d 2"]:
+    """Dense points of the cubic spline through ``places`` over the length of their chords."""
+    from scipy.interpolate import CubicSpline
+
+    length = _along(places)
+    return np.asarray(CubicSpline(length, places)(np.linspace(0.0, length[-1], _DENSE)))
+
+
+def distance_mm(surface: Surface, meridian: Meridian) -> Float[np.ndarray, " n"]:
+    """Distances (mm) along the normal of points of a meridian from a surface of revolution."""
+    points = np.column_stack([meridian[:, 0], np.zeros(len(meridian)), meridian[:, 1]])
+    away = np.linalg.norm(points, axis=1)
+    directions = points / away[:, None]
+    slant = np.sum(surface.normal(directions) * directions, axis=1)
+    return np.asarray((away - surface.radius(directions)) * slant)
+
+
+def _along(meridian: Meridian) -> Float[np.ndarray, " n"]:
+    steps = np.linalg.norm(np.diff(meridian, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def profile_rows(lens: Lens, faces: Sequence[str]) -> list[list[str]]:
+    """Rows of those of the ``faces`` that are of revolution and that no equation gives."""
+    named = [(name, lens.surfaces[name]) for name in faces]
+    listed = [name for name, face in named if is_of_revolution(face) and equation(face) is None]
+    return [row for name in listed for row in profile_of(lens, name).rows]
+
+
+def profile_widths(width_mm: float) -> list[float]:
+    """Widths of the columns of a table that is ``width_mm`` wide, where its first one is a sixth."""
+    return [width_mm / 6.0, *[width_mm * 5.0 / 6.0 / PLACES] * PLACES]

@@ -1,0 +1,284 @@
+"""What a moulder takes from the drawing: sizes as in the STEP and once, datums, profiles, material, edges and notes."""
+
+import io
+import re
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from shop_lenses import bare_part, small_lens
+from tir_lenses import TIR, spot, spot_lens
+
+from lensforge.cad.body_export import on_base
+from lensforge.cad.flange import ring_of
+from lensforge.cad.form_error import fit_lens
+from lensforge.cad.step import parse_step, signed_step
+from lensforge.results import Fact
+from lensforge.scene.lens import Lens
+from lensforge.shop.check_result import Check, as_finding
+from lensforge.shop.datums import datum_scheme
+from lensforge.shop.dimensions import Dimension, dimensions
+from lensforge.shop.drawing import DrawingContent, SheetName, drawing_content, make_sheet
+from lensforge.shop.profile_table import equation
+from lensforge.shop.sheet import Sheet
+from lensforge.shop.sheet_tables import tolerance_table
+from lensforge.shop.sheet_writers import sheet_dxf
+from lensforge.surfaces.asphere import Asphere, Biconic
+from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
+from lensforge.surfaces.surface import to_sphere
+
+FLANGE = {"diameter_mm": 20.0, "thickness_mm": 1.0, "setback_mm": 0.15, "tolerance_mm": 0.04}
+WORDS = {
+    "material_grade": "PMMA 8N", "finish": "VDI 3400, class 18", "optical_edge_mm": 0.06, "edge_break_mm": 0.3,
+    "general_tolerances": "ISO 20457 TG6",
+}  # fmt: skip
+HEIGHT = ("height", 2.0, "axis", ((0.0, -1.0), (2.0, 0.0)))
+MOULDED = {"make": "insert", "shrinkage": 0.006}
+
+
+def flanged(**changes: Any) -> Lens:
+    sections = {"base": {"kind": "none"}, "manufacture": MOULDED, "drawing": WORDS, **changes}
+    return spot_lens(spot(flange=FLANGE).replace(**sections))
+
+
+def check_of(lens: Lens, verdicts: tuple[Fact, ...] = ()) -> Check:
+    """A check of the faces of ``lens``, which are those of another under their names."""
+    check = bare_part()[1]
+    faces = {name: check.faces["inner" if name in ("cap", "side") else "outer"] for name in lens.spec.lens.names}
+    fields = {name: getattr(check, name) for name in type(check).model_fields}
+    return Check.model_construct(**{**fields, "verdicts": verdicts, **faces})
+
+
+@cache
+def drawn(name: SheetName = "A3") -> tuple[Lens, DrawingContent, Sheet]:
+    lens = flanged()
+    part = bare_part()[0].model_copy(update={"lens": lens, "volume_mm3": 1234.5, "mass_g": 1.469055})
+    content = drawing_content(lens, part, check_of(lens), dimensions(lens), tolerance_table(lens), lens.spec.drawing)
+    return lens, content, make_sheet(content, name)
+
+
+def step_of(lens: Lens, schema: str = "AP214") -> Any:
+    pair = fit_lens(lens)
+    solid = on_base(lens.surfaces, pair, lens.spec.base, 24, 0.0, None, ring_of(lens, pair[1])).solid
+    return signed_step(solid, lens.spec, "flanged", schema)
+
+
+def measured_flange(lens: Lens) -> tuple[float, float, float]:
+    """Radius, and heights of underside and top of the flange in the STEP."""
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+
+    faces = {name: BRepAdaptor_Surface(face) for name, face in parse_step(step_of(lens).content).faces.items()}
+    cylinder = faces["RIM_FLANGE_SIDE"].Cylinder()
+    assert np.hypot(cylinder.Axis().Location().X(), cylinder.Axis().Location().Y()) < 1e-12
+    heights = (faces[f"RIM_FLANGE_{side}"].Plane().Location().Z() for side in ("BOTTOM", "TOP"))
+    return cylinder.Radius(), *heights
+
+
+def test_the_flange_in_the_dxf_is_that_of_the_step_toleranced_where_it_stands() -> None:
+    lens, _, sheet = drawn()
+    radius, low, high = measured_flange(lens)
+    document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
+    found = dict(zip((each.name for each in sheet.marks.dimensions), document.query("DIMENSION"), strict=True))
+    for name, ends, turned in (
+        ("thickness of the rim's flange", ((low, -radius), (high, -radius)), 0),
+        ("underside of the rim's flange above z = 0", ((0.0, -radius), (low, -radius)), 0),
+        ("diameter of the rim's flange", ((high, -radius), (high, radius)), 1),
+    ):
+        length, dxf = abs(ends[1][turned] - ends[0][turned]), found[name].dxf
+        assert found[name].get_measurement() == pytest.approx(length, abs=2e-5)
+        places = [tuple(point)[:2] for point in (dxf.defpoint2, dxf.defpoint3)]
+        assert places == [pytest.approx(end, abs=2e-5) for end in ends], name
+        assert dxf.text == f"{'%%c' if turned else ''}<> %%p0.040"
+
+
+def test_each_size_is_drawn_once_and_none_is_missing() -> None:
+    lens, _, sheet = drawn()
+    found = {each.name: each.text for each in sheet.marks.dimensions}
+    heights, widths = ("apex of the cavity", "outer apex"), ("outer rim in", "opening of the cavity in")
+    assert set(found) == {
+        "thickness on the axis", *(f"{name} above z = 0" for name in heights),
+        *(f"{name} z = 0, along x" for name in widths),
+        "crease of cap and side, along x", "crease of cap and side, along x, above z = 0",
+        "crease of flange and wall, along x, above z = 0", "crease of exit and flange, along x",
+        "thickness of the rim's flange", "underside of the rim's flange above z = 0", "diameter of the rim's flange",
+    }  # fmt: skip
+    assert len(found) == len(sheet.marks.dimensions) == len(set(found.values()))
+    assert found["outer rim in z = 0, along x"].startswith("(⌀"), "a circle"
+    every = dimensions(lens)
+    assert {each.name for each in every} > set(found), "the others are told in the list"
+    plain = small_lens({"diameter_mm": 12.5})
+    names = {each.name: each for each in dimensions(plain)}
+    assert names["largest width"].ends is None and names["diameter of the base"].ends, "the base is the widest"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        (HEIGHT, ("length", 2.0, "part", ((0.0, 3.0), (2.0009, 1.0))), True),
+        (HEIGHT, ("length", 2.0, "part", ((0.5, 3.0), (2.5, 1.0))), False),
+        (HEIGHT, ("length", 2.0, "part", ((0.0, 3.0), (2.0011, 1.0))), False),
+        (("base", 5.0, "base", ((0.0, -1.0), (5.0, 0.0))), ("again", 5.0, "base", ((0.0, -1.0), (5.0, 0.0))), False),
+    ],
+)  # fmt: skip
+def test_a_size_repeats_another_where_both_ends_are_in_the_same_planes(one: Any, other: Any, same: bool) -> None:
+    assert Dimension(*other).repeats(Dimension(*one)) is same
+    upright = [replace(Dimension(*each), upright=True) for each in (one, other)]
+    assert not upright[1].repeats(upright[0]), "across they end elsewhere"
+    assert not upright[1].repeats(Dimension(*one)) and not replace(Dimension(*other), view="T").repeats(Dimension(*one))
+
+
+def test_a_circle_of_the_base_is_its_own_but_the_largest_width_is_one_of_the_others() -> None:
+    base, rim, wide = (
+        Dimension(scope, 7.0, scope, ((0.0, -3.5), (0.0, 3.5)), view, upright=upright, sign="⌀")
+        for scope, view, upright in (("base", "S", True), ("section", "S", True), ("part", "dome", False))
+    )
+    assert wide.repeats(base) and wide.repeats(rim) and not rim.repeats(base) and not base.repeats(rim)
+    assert not wide.repeats(replace(rim, value_mm=7.0011)) and wide.repeats(replace(rim, value_mm=7.0009))
+
+
+def test_the_datums_of_a_flange_are_on_it_and_those_of_a_body_of_revolution_its_axis() -> None:
+    lens, content, sheet = drawn()
+    _, low, _ = measured_flange(lens)
+    assert [datum.letter for datum in content.views.datums.datums] == ["A", "B"]
+    assert f"Datum A: underside of the rim's flange, RIM_FLANGE_BOTTOM, at z = {low:.3f}." in content.notes
+    assert "Datum B: axis of the rim's flange, RIM_FLANGE_SIDE; the optical axis z." in content.notes
+    triangles = [each.points for each in sheet.marks.strokes if each.filled and len(each.points) == 3]
+    feet = [0.5 * (p + q) for p, q, _ in triangles if abs(np.linalg.norm(p - q) - 2.6) < 0.01]  # no arrows
+    letters = {words.text: np.array(words.at) for words in sheet.marks.words if words.text in ("A", "B", "C")}
+    near = {name: min(feet, key=lambda foot: np.linalg.norm(foot - at)) for name, at in letters.items()}
+    assert set(near) == {"A", "B"}
+    assert near["A"][0] == pytest.approx(sheet.origin[0] + sheet.scale * low, abs=1e-3)
+    (width,) = (each for each in sheet.marks.dimensions if each.name == "diameter of the rim's flange")
+    assert near["B"] == pytest.approx((width.line_mm, sheet.origin[1] + 10.0 * sheet.scale)), "in line with the size"
+    bare = spot_lens(spot().replace(base={"kind": "none"}))
+    lines = datum_scheme(bare, bare_part()[0].model_copy(update={"lens": bare})).lines
+    assert lines == (
+        "Datum A: plane z = 0, the ring RIM between the rims of the optical faces",
+        "Datum B: axis of revolution of OPTICAL_WALL; the optical axis z",
+    )
+    carried = flanged(manufacture={**MOULDED, "form_tolerance_um": 5.0})
+    assert {each.datum_faces for each in step_of(carried, "AP242").tolerances} == {("RIM_FLANGE_BOTTOM",)}
+
+
+def rows_on(sheet: Sheet, face: str) -> list[np.ndarray]:
+    """Numbers of the two rows, or columns, of a face, read from the sheet."""
+    numbers = [each for each in sheet.marks.words if re.fullmatch(r"-?\d+\.\d{4}", each.text)]
+    begins = (f"{face.capitalize()} face: r", face.capitalize())  # of a row, and of a column, in which it is folded
+    (head,) = (np.array(each.at) for each in sheet.marks.words if each.text in begins)
+    axis = int(min(abs(head[1] - each.at[1]) for each in numbers) < 0.01)  # in a row, or below each other
+    lines = sorted({round(each.at[axis], 3) for each in numbers}, reverse=axis == 1)
+    (start,) = (k for k, line in enumerate(lines) if abs(line - head[axis]) < 0.01)
+    ordered = sorted(numbers, key=lambda each: each.at[0] - each.at[1])
+    return [
+        np.array([float(each.text) for each in ordered if abs(each.at[axis] - line) < 0.01])
+        for line in lines[start : start + 2]
+    ]
+
+
+@pytest.mark.parametrize("size", ["A3", "A4"])
+def test_the_profiles_on_the_sheet_give_the_exported_faces_within_what_they_state(size: SheetName) -> None:
+    lens, content, sheet = drawn(size)
+    cavity, envelope = fit_lens(lens)
+    patches = {face.name: face.shape for pair in (cavity, envelope) for face in pair.faces}
+    stated = [float(re.search(r"within ([\d.]+) µm", row[0])[1]) for row in content.profiles[1::2]]
+    listed = [name for name in reversed(TIR) if equation(lens.surfaces[name]) is None]
+    assert listed == ["exit", "wall", "cap"] and len(stated) == 3
+    for name, most_um in zip(listed, stated, strict=True):
+        r, z = rows_on(sheet, name)
+        assert len(r) == len(z) == 17
+        chords = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(r), np.diff(z)))])
+        x, height = CubicSpline(chords, np.column_stack([r, z]))(np.linspace(0.0, chords[-1], 4001)).T
+        away = np.hypot(x, height)
+        u = np.column_stack([x / away, 0.0 * x, height / away])
+        normal = lens.surfaces[name].normal(u)
+        off_um = 1e3 * np.abs((away - patches[name].radius(u)) * np.sum(normal * u, axis=1)).max()
+        assert 0.8 * most_um < off_um < most_um + 0.005, name
+        ends = {"cap": (0.0, None), "exit": (0.0, None), "wall": (None, 0.0)}[name]
+        assert ends[0] in (None, r[0]) and ends[1] in (None, z[-1]), "from the axis, or to the rim"
+    sizes = {each.name: each.value_mm for each in dimensions(lens)}
+    assert 2.0 * rows_on(sheet, "cap")[0][-1] == pytest.approx(sizes["crease of cap and side, along x"], abs=2e-4)
+    assert 2.0 * rows_on(sheet, "wall")[0][-1] == pytest.approx(sizes["outer rim in z = 0, along x"], abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("surface", "form", "zero"),
+    [
+        (Asphere(6.1, -5.3), "sphere", lambda r, z, s: np.hypot(r, z - s["z"]) - s["R"]),
+        (
+            Asphere(6.1, -5.3, -0.4, (1.3e-4, -2e-6)),
+            "asphere",
+            lambda r, z, s: s["z_v"] + (r**2 / s["R"]) / (1 + np.sqrt(1 - (1 + s["k"]) * r**2 / s["R"] ** 2))
+            + s["A4"] * r**4 + s["A6"] * r**6 - z,
+        ),
+        (PlaneFace(60.0, 7.4), "plane", lambda r, z, s: z - s["z"]),
+        (ConeFace(20.0, 3.3, -0.0349), "cone", lambda r, z, s: s["r"] - 0.0349 * z - r),
+        (ConicFace(60.0, 3.1, 0.7), "conic", lambda r, z, s: np.hypot(r, z) - s["e"] * z - s["p"]),
+        (
+            Biconic(6.1, -5.3, -4.4, 0.1, 0.2),
+            "biconic",
+            lambda r, z, s: s["z_v"] + (r**2 / s["Rx"]) / (1 + np.sqrt(1 - (1 + s["kx"]) * r**2 / s["Rx"] ** 2)) - z,
+        ),
+    ],
+)  # fmt: skip
+def test_an_equation_holds_on_its_face_to_a_nanometre(surface: Any, form: str, zero: Any) -> None:
+    words = equation(surface)
+    sizes = {name: float(value) for name, value in re.findall(r"(\w+) = ([-\d.e]+)", words)}
+    chart = np.column_stack([np.linspace(0.3, 0.6, 40), np.zeros(40)])
+    points = surface.radius(to_sphere(chart))[:, None] * to_sphere(chart)
+    assert words.startswith(form) and np.abs(zero(points[:, 0], points[:, 2], sizes)).max() < 2e-7
+    if form == "cone":
+        assert "3.3 − 0.0349 z, 1.999° to the axis" in words
+    if form == "plane":
+        assert equation(PlaneFace(60.0, 7.4, (0.1, 0.0, 1.0))) is None, "tilted"
+
+
+def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
+    lens, content, sheet = drawn()
+    assert content.block["material"] == ("Material: PMMA at 564 nm", "Grade: PMMA 8N")
+    assert content.block["mass"] == ("Density: 1.19 g/cm³", "Mass: 1.469 g, volume: 1234.5 mm³")
+    assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.words}
+    assert content.notes[-4:-1] == [
+        "Rims and creases of the optical faces: R 0.06 at most. "
+        "All other edges: radius or chamfer 0.3 at most; no burr or flash.",
+        "Optical faces: polished, without marks of gate, ejector or parting line. All other faces: VDI 3400, class 18.",
+        "Sizes are those of the moulded part; the faces of the mould inserts are these times 1.006 about the origin.",
+    ]
+    own = flanged(drawing={}, manufacture={"make": "insert"}).spec.replace(
+        {"lens.material": "own", "lens.refractive_index": 1.5}
+    )
+    part = bare_part()[0].model_copy(update={"lens": replace(lens, spec=own), "mass_g": None})
+    bare = drawing_content(part.lens, part, check_of(lens), [], tolerance_table(lens), own.drawing)
+    assert bare.block["mass"] == ("Density: not stated", f"Volume: {part.volume_mm3:.1f} mm³")
+    for words in ("faces: largest radius not", "edges: largest break not", "faces: finish not", "shrinkage is not"):
+        assert sum(f"{words} stated" in note for note in bare.notes) == 1, words
+    assert not any("spline" in note or "Asphere" in note for note in drawing_content_of_spheres().notes[:3])
+
+
+def drawing_content_of_spheres() -> DrawingContent:
+    part, check = bare_part()
+    return drawing_content(part.lens, part, check, [], tolerance_table(part.lens), part.lens.spec.drawing)
+
+
+def test_findings_are_on_the_drawing_where_they_do_not_hold_and_matter() -> None:
+    lens = flanged()
+    draft = as_finding(Fact("draft", "", 1.25, "deg", sense=">=", limit=2.0, note="", place="wall"))
+    ball, held = (
+        replace(as_finding(replace(draft, key="cutter", sense="<=", limit=1.0)), place="cap"),
+        replace(draft, value=3.0),
+    )
+    part = bare_part()[0].model_copy(update={"lens": lens})
+
+    def open_findings(of: Lens, *verdicts: Fact) -> list[str]:
+        content = drawing_content(of, part, check_of(of, verdicts), [], tolerance_table(of), of.spec.drawing)
+        return [note for note in content.notes if note.startswith("Open")]
+
+    told = "Open, see manufacturing.html: wall face, draft suffices: no, 1.25 deg (required ≥ 2 deg)"
+    assert open_findings(lens, as_finding(held)) == []
+    assert open_findings(lens, draft, ball) == [f"{told}."], "no tool of a moulded part"
+    (cut,) = open_findings(flanged(manufacture={}), draft, ball)
+    assert cut == f"{told}; cap face, ball reaches it: no, 1.25 deg (required ≤ 1 deg)."
+    assert open_findings(lens, *[draft] * 5)[0].endswith("; 2 more.")
