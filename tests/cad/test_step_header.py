@@ -149,8 +149,8 @@ def test_a_doubled_or_additional_tolerance_is_refused(monkeypatch, faces):
     "shrinkage", first_by_day(0, [0.005, 0.1], "two parts; by day the table of the shop is scaled")
 )
 def test_the_untrimmed_faces_of_an_insert_are_the_lens_s_times_one_plus_shrinkage(shrinkage):
-    plain = lens_for(make="insert")
-    shrunk = lens_for(make="insert", shrinkage=shrinkage)
+    plain = lens_for(process="moulded")
+    shrunk = lens_for(process="moulded", shrinkage=shrinkage)
     part, moulded = (build_part(lens, rings=16, extension_deg=5.0) for lens in (shrunk, plain))
     assert part.step == moulded.step, "the part is the lens, whose light is verified"
     assert (part.stl, part.volume_mm3) == (moulded.stl, moulded.volume_mm3)

@@ -199,7 +199,7 @@ def test_the_headline_is_red_where_what_is_required_fails() -> None:
 
 
 def test_draft_counts_where_a_mould_is_asked_for_and_the_wall_where_a_part_is_cut() -> None:
-    part, mould = with_manufacture(), with_manufacture(make="insert")
+    part, mould = with_manufacture(), with_manufacture(process="moulded")
     assert cut(mould, finding("draft")).verdict.cutting == "fail"
     assert cut(part, finding("wall", "body")).verdict.cutting == "fail"
     assert cut(mould, finding("wall", "body")).verdict.cutting == "pass"
