@@ -110,7 +110,7 @@ class ReceivedImages:
     window: Float[np.ndarray, " r"]
     in_target: Float[np.ndarray, " r"]
     emitted_w: float
-    losses: Float[np.ndarray, "r c"] | None = None
+    losses: Float[np.ndarray, "r k"] | None = None
 
     def light(self, seen: _SeenByLimit) -> Float[np.ndarray, "r *_"]:
         """The images, or the losses, which a limit has asked for."""

@@ -185,9 +185,9 @@ def test_parts_lose_what_the_lens_loses_that_they_are_made_as() -> None:
     """With no deviation the study's figures are those of the evaluation by the same rays; a part that is not, leaks."""
     spec = crooked("beside", "wall").replace(tolerances={"source_shift_mm": 0.3})
     study = PartStudy(Recipe(made(spec), 4, 2**10, 0, 2**10))
-    light = study.light
+    light = study.leds[0].light
     values = [limit[0] for limit in light.measured(light.received(None)).limits]
     designed = lf.evaluate(made(spec), rays=2**10).limits
     assert values == [pytest.approx(limit.value, rel=0.05) for limit in designed]
-    moved = light.measured(light.received([study.maker.part(study.draws.deviations(1))])).limits
+    moved = light.measured(light.received(study.leds[0].made(study.deviations(1)))).limits
     assert all(limit[0] != value for limit, value in zip(moved, values, strict=True))

@@ -37,7 +37,7 @@ WORDS = {
     "general_tolerances": "ISO 20457 TG6",
 }  # fmt: skip
 HEIGHT = ("height", 2.0, "axis", ((0.0, -1.0), (2.0, 0.0)))
-MOULDED = {"make": "insert", "shrinkage": 0.006}
+MOULDED = {"process": "moulded", "shrinkage": 0.006}
 
 
 def flanged(**changes: Any) -> Lens:
@@ -247,7 +247,7 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
         "Optical faces: polished, without marks of gate, ejector or parting line. All other faces: VDI 3400, class 18.",
         "Sizes are those of the moulded part; the faces of the mould inserts are these times 1.006 about the origin.",
     ]
-    own = flanged(drawing={}, manufacture={"make": "insert"}).spec.replace(
+    own = flanged(drawing={}, manufacture={"process": "moulded"}).spec.replace(
         {"lens.material": "own", "lens.refractive_index": 1.5}
     )
     part = bare_part()[0].model_copy(update={"lens": replace(lens, spec=own), "mass_g": None})
