@@ -88,7 +88,7 @@ def lens_plan(lens: Lens) -> Plan[Surface]:
 
 
 def _bore_setback(cavity: Boundary[Patch], spec: Spec) -> float:
-    base, cutter_mm = spec.base, spec.manufacture.cutter_radius_mm
+    base, cutter_mm = spec.base, spec.manufacture.tool_radius_mm
     distance, height = _centres(cavity, spec, -cutter_mm)
     pocket = base.pocket_diameter_mm
     depth = base.height_mm - (0.0 if pocket is None else base.pocket_depth_mm)
@@ -100,7 +100,7 @@ def _bore_setback(cavity: Boundary[Patch], spec: Spec) -> float:
 
 def _relief(envelope: Boundary[Patch], spec: Spec, opening_mm: float) -> dict[str, float]:
     """Step and setback of its wall; ``opening_mm``: radius of the cavity or its bore."""
-    base, cutter_mm, wall = spec.base, spec.manufacture.cutter_radius_mm, _wall_mm(spec)
+    base, cutter_mm, wall = spec.base, spec.manufacture.tool_radius_mm, _wall_mm(spec)
     distance, height = _centres(envelope, spec, cutter_mm)
     flange = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
     step = float(needed_step_mm(distance, height, cutter_mm, base.widest_mm / 2.0).max())

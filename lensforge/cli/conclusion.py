@@ -24,6 +24,7 @@ from lensforge.results.criteria import criteria_of, require
 from lensforge.results.record import State
 from lensforge.results.verdict import Verdict
 from lensforge.search.design_result import Design
+from lensforge.shop.check_facts import tip_keys
 from lensforge.shop.check_result import Check
 from lensforge.verbs import Decides
 
@@ -265,13 +266,13 @@ def _cutting(run: Run) -> Iterator[Row]:
     check = run.find(Check)
     if check is None:
         return
-    yield from rows_of(_selected(run, (*(f"{name}_ball" for name in check.faces), "thinnest"), Check))
+    yield from rows_of(_selected(run, (*tip_keys(check.faces), "thinnest"), Check))
     groups = [group for group in run.facts(check) if group.key.startswith("findings")]
     missed = [
         f"{fact.label.lower()}: no ({group.title.partition(', ')[2]})"
         for group in groups
         for fact in group.facts
-        if fact.state == "fail" and fact.key != "cutter"
+        if fact.state == "fail" and fact.key not in ("cutter", "nose")
     ]
     if missed:
         yield "Also", "; ".join(missed)

@@ -20,6 +20,7 @@ from lensforge.spec import Spec, parse_spec
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.lens_section import LensShape, LightShape
 from lensforge.spec.new_spec import new_text
+from lensforge.spec.part_section import Process
 from lensforge.spec.source_sections import RayfileSource
 from lensforge.spec.tolerances_section import lets_light_in
 
@@ -29,7 +30,7 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
 Tables = dict[str, Any]  # of a spec, by their names
 
 _OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
-CUTTERS = "radius of the shop's ball cutter in mm, mould, or none"
+CUTTERS = "radius of the shop's ball cutter in mm, which a lens that is turned takes none of, mould, or none"
 
 
 def millimetres(given: str, answer: str, allowed: str) -> float:
@@ -92,7 +93,7 @@ class NewScene:
                 yield kind, made
 
     def content(self, kind: str, shop: Tables | None = None, shape: LightShape = "picture") -> Tables:
-        """Tables of a spec with this ``kind`` of lens for light of a ``shape``; ``shop``: as of :func:`limits_of`."""
+        """Tables of a spec with this ``kind`` of lens for light of a ``shape``; ``shop``: a ``face``, and tables."""
         section, made_by = LensShape.kinds[kind], shop or {}
         first = section.first_tables(shape)
         shaped = [role.name for role in section.roles if role.follows is None and not role.is_open]
@@ -112,15 +113,18 @@ class NewScene:
         }
         return {"name": self.name, **{name: deepcopy(table) for name, table in tables.items() if table is not None}}
 
-    def text(self, kind: str, shop: Tables, folder: Path, examples: str, force: bool) -> str:
+    def text(self, kind: str, cutter: str, folder: Path, examples: str, force: bool) -> str:
         """TOML of the spec with derived values, after the check of what is possible. Raises :class:`InputError`.
 
-        Files are named as from ``folder``; ``examples``: names of shipped specs that are alike.
+        ``cutter``: one of the :data:`CUTTERS`. ``examples``: names of shipped specs that are alike. Files are named as
+        from ``folder``.
         """
         from lensforge.search.lens_advice import light_shape
         from lensforge.search.scene_check import SceneCheck
 
-        content = self.content(kind, shop, light_shape(self._spec(self.content(kind))))
+        shape = light_shape(self._spec(self.content(kind)))
+        process = self._spec(self.content(kind, shape=shape)).manufacture.process
+        content = self.content(kind, _limits_of(cutter, process), shape)
         made = self._spec(content)
         scene = SceneCheck.of(made, source_of(made))
         scene.require_light(force=force)
@@ -138,13 +142,18 @@ class NewScene:
         return parse_spec(deepcopy(content), "new")
 
 
-def limits_of(cutter: str) -> Tables:
-    """Fields that let ``cutter`` make a lens, as the check would advise: a ``face`` of it, and tables of its spec."""
+def _limits_of(cutter: str, process: Process | None) -> Tables:
+    """Fields that let ``cutter`` make a lens, as the check would advise: a ``face`` of it, and tables of its spec.
+
+    ``process``: by which the lens is made where the cutter says nothing else.
+    """
     if cutter == "none":
         return {}
     if cutter == "mould":
         return {"face": {"draft_deg": GOOD_DRAFT_DEG}, "manufacture": {"process": "moulded"}}
     radius = millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")
+    if process == "turned":
+        return {}
     return {"face": {"concave_radius_mm": radius, "draft_deg": 0.0}, "manufacture": {"cutter_radius_mm": radius}}
 
 

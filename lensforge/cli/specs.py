@@ -13,7 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 import lensforge
-from lensforge.cli.new_scene import CUTTERS, NewScene, limits_of, millimetres
+from lensforge.cli.new_scene import CUTTERS, NewScene, millimetres
 from lensforge.cli.options import with_force
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
@@ -76,7 +76,7 @@ def new(
         material = _asked("--material", "material", str, _MATERIAL) if _at_terminal() else _MATERIAL
     shop = cutter or (_asked("--cutter", CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
     folder = Path() if spec is None else spec.parent
-    text = scene.of_material(material).text(kind, limits_of(shop), folder, _alike(kind, scene.target["kind"]), force)
+    text = scene.of_material(material).text(kind, shop, folder, _alike(kind, scene.target["kind"]), force)
     if spec is None:
         click.echo(text, nl=False)
     else:

@@ -112,12 +112,15 @@ def _face_pictures(name: str, face: FaceResult) -> list[PagePicture]:
         title = f"{face_name}: departure from a sphere"
         pictures.append(picture(f"sag-{name}", surface_figures.sag_map(sag), title, "From the best-fit sphere."))
     if np.isfinite(kappa).any():
-        drawn = surface_figures.curvature_map(kappa, face.cutter.radius_mm)
-        caption = "Concave is negative. Line: −1/R of the mill."
+        drawn = surface_figures.curvature_map(kappa, None if face.cutter is None else face.cutter.radius_mm)
+        caption = "Concave is negative." + ("" if face.cutter is None else f" Line: −1/R of the {face.cutter.tool}.")
         pictures.append(picture(f"curvature-{name}", drawn, f"{face_name}: curvature", caption))
-    if (left > 0.0).any():
-        title = f"{face_name}: left uncut by the mill"
-        pictures.append(picture(f"uncut-{name}", surface_figures.uncut_map(left), title, "Grey: reached by the mill."))
+    if (left > 0.0).any() and face.cutter is not None:
+        tool = face.cutter.tool
+        title = f"{face_name}: left uncut by the {tool}"
+        pictures.append(
+            picture(f"uncut-{name}", surface_figures.uncut_map(left), title, f"Grey: reached by the {tool}.")
+        )
     return pictures
 
 

@@ -15,6 +15,7 @@ from lensforge.results import Fact, Group, State
 from lensforge.results.criteria import shown
 from lensforge.results.numerals import quantity
 from lensforge.search.design_result import Design
+from lensforge.shop.check_facts import tip_keys
 from lensforge.shop.check_result import Check
 from lensforge.spec import ReceiverSection, Spec, TargetSection
 from lensforge.spec.lens_section import LensShape
@@ -196,7 +197,7 @@ def asked_facts(results: Results, possible: LimitBounds | None = None) -> list[F
         for fact in group.select(*_LIGHT).facts
     ]
     faces = results.lens.surfaces
-    shape = _selected(groups, (*_SHAPE, *(f"{name}_ball" for name in faces)))
+    shape = _selected(groups, (*_SHAPE, *tip_keys(faces)))
     if_asked = _selected(groups, ("thickest", *(f"{name}_draft" for name in faces)))
     return [*limits, *light, *shape, *(fact for fact in if_asked if fact.limit is not None)]
 

@@ -1,10 +1,10 @@
 """Constraints on a lens: the paper's three, Eqs. (10) to (14), and optional ones; their augmented Lagrangian.
 
 The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small; the wall is the distance between the faces,
-not along a ray, which a steep face makes longer. Optionally no concave region is tighter than the ball that mills it
-(curvature alone: the gouge test of ``check`` is global), and each face has a draft, so that a mould opens along the
-axis; no edge is sharper than asked; the wall is nowhere too thick, the lens not too high, and the cavity clear of a
-keep-out.
+not along a ray, which a steep face makes longer. Optionally no concave region is tighter than the ball that mills it,
+and no meridian than the nose that turns it (curvature alone: the gouge test of ``check`` is global), and each face has
+a draft, so that a mould opens along the axis; no edge is sharper than asked; the wall is nowhere too thick, the lens
+not too high, and the cavity clear of a keep-out.
 
 The search is a sequential unconstrained minimisation with multipliers. The paper takes the minimum over the hemisphere,
 whose gradient sees one point. Here every point carries its own multiplier and Eq. (15) is averaged over the
@@ -34,7 +34,7 @@ from lensforge.search.constraint_points import (
     nearest_of,
 )
 from lensforge.search.design_result import CURVATURE, DRAFT, EDGE, FLANGE_ROOM, Limit, limits_of
-from lensforge.search.face_fields import draft_sine, least_curvature, wall_mm
+from lensforge.search.face_fields import draft_sine, least_curvature, meridian_curvature, wall_mm
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -110,7 +110,9 @@ def _constraint(spec: Spec, limit: Limit) -> Constraint:
     if limit.kind == CURVATURE:
         # the cutter touches a lens from the air side, a mould insert from the side of the lens body
         air = (-1 if limit.faces[0].before == CAVITY else 1) * (1 if spec.manufacture.cuts != "inserts" else -1)
-        field = partial(_curvature_left, air, 1.0 / limit.given)
+        turned = spec.cutting(limit.faces[0].name) == "turned"
+        curvature = meridian_curvature if turned else least_curvature
+        field = partial(_curvature_left, curvature, air, 1.0 / limit.given)
         factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
     elif limit.kind == DRAFT:
         field = partial(_draft_left, limit.given, -1 if limit.faces[0].widens else 1)
@@ -151,9 +153,11 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
     return fields[limit.kind]
 
 
-def _curvature_left(air: int, curvature: float, face: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
-    """Curvature (1/mm) left before a concave region is as tight as the ball."""
-    return curvature + least_curvature(face, points, air)
+def _curvature_left(
+    of_face: Field, air: int, curvature: float, face: RadiusJet, points: ChartPoints
+) -> Float[Tensor, " k"]:
+    """Curvature (1/mm) left before a concave region is as tight as the ball, or a meridian as the nose."""
+    return curvature + of_face(face, points, air)
 
 
 def _draft_left(limit_deg: float, sense: int, face: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:

@@ -36,6 +36,22 @@ def least_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[Tens
     return _of_jet(_CURVATURE, jet, points, air)
 
 
+def meridian_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[Tensor, " k"]:
+    """The curvature (1/mm) of the meridian seen from the air, negative where concave; ``air`` as for the smaller one.
+
+    Of a line at the distance rho from the origin by its polar angle: (rho^2 + 2 rho'^2 - rho rho'') / (...)^(3/2).
+    """
+    by_x, by_y, xx, xy, yy = jet.derivatives
+    radius = torch.sqrt(points.x**2 + points.y**2)
+    known, far = radius > 0.0, torch.clamp(radius, min=torch.finfo(radius.dtype).tiny)
+    x, y = torch.where(known, points.x / far, 1.0), torch.where(known, points.y / far, 0.0)
+    first = (x * by_x + y * by_y) / points.scale
+    second = (x * x * xx + 2.0 * x * y * xy + y * y * yy) / points.scale**2 + radius * first
+    speed = jet.rho**2 + first**2
+    curvature: Tensor = air * (speed + first**2 - jet.rho * second) * speed ** (-1.5)
+    return curvature
+
+
 def draft_sine(jet: RadiusJet, points: ChartPoints, sense: int = 1) -> Float[Tensor, " k"]:
     """Sine of the draft angle, ``n . z`` of the outward normal, times ``sense``; negative in an undercut.
 

@@ -20,7 +20,7 @@ from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
 from lensforge.shop.ball_cutter import LEAF
 from lensforge.shop.check_result import BallClearance, BoreClearance, CustomBaseClearance, StepClearance
-from lensforge.shop.face_check import FaceCheck
+from lensforge.shop.face_check import MilledFace
 from lensforge.shop.face_samples import AirSide, FaceSamples, OpticalFace
 
 # At the rim of a hemisphere the ball touches the bore's wall exactly, up to the form error.
@@ -90,12 +90,14 @@ def _turn() -> Float[np.ndarray, "n 2"]:
 
 
 def check_ball_clearance(
-    plan: Plan[Patch] | None, custom: CustomBaseMesh | None, faces: Mapping[str, FaceCheck]
+    plan: Plan[Patch] | None, custom: CustomBaseMesh | None, faces: Mapping[str, MilledFace]
 ) -> BallClearance:
     """Clearance that the cutter lacks at the base, over the samples that it could reach without the base.
 
     ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, if there is one.
     """
+    if not faces:
+        return BallClearance(faces={}, note="no face is milled")
     if custom is not None:
         return BallClearance(faces={name: _at_custom(custom, face) for name, face in faces.items()})
     if plan is None or not plan.has_base:
@@ -103,7 +105,7 @@ def check_ball_clearance(
     return BallClearance(faces={name: _BY_SIDE[face.samples.face.air](plan, face) for name, face in faces.items()})
 
 
-def _at_step(plan: Plan[Patch], face: FaceCheck) -> StepClearance:
+def _at_step(plan: Plan[Patch], face: MilledFace) -> StepClearance:
     cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
@@ -133,7 +135,7 @@ def _at_step(plan: Plan[Patch], face: FaceCheck) -> StepClearance:
     )
 
 
-def _at_bore(plan: Plan[Patch], face: FaceCheck) -> BoreClearance:
+def _at_bore(plan: Plan[Patch], face: MilledFace) -> BoreClearance:
     cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
@@ -156,21 +158,21 @@ def _at_bore(plan: Plan[Patch], face: FaceCheck) -> BoreClearance:
     )
 
 
-_BY_SIDE: dict[AirSide, Callable[[Plan[Patch], FaceCheck], StepClearance | BoreClearance]] = {
+_BY_SIDE: dict[AirSide, Callable[[Plan[Patch], MilledFace], StepClearance | BoreClearance]] = {
     AirSide.OUTSIDE: _at_step,
     AirSide.INSIDE: _at_bore,
 }
 
 
-def _at_custom(custom: CustomBaseMesh, face: FaceCheck) -> CustomBaseClearance:
+def _at_custom(custom: CustomBaseMesh, face: MilledFace) -> CustomBaseClearance:
     retreat = custom.retreat_mm(face.samples, face.cutter_radius_mm)
     return CustomBaseClearance(retreat_mm=_largest_reached(face, retreat), flush_fraction=_clear(face, retreat))
 
 
-def _largest_reached(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float | None:
+def _largest_reached(face: MilledFace, retreat: Float[np.ndarray, " k"]) -> float | None:
     return float(retreat[face.reached].max()) if face.reached.any() else None
 
 
-def _clear(face: FaceCheck, *retreats: Float[np.ndarray, " k"]) -> float:
+def _clear(face: MilledFace, *retreats: Float[np.ndarray, " k"]) -> float:
     """Share of the face that the ball reaches, and over which nothing of the base must give way."""
     return face.samples.fraction(face.reached & np.all([retreat == 0.0 for retreat in retreats], axis=0))

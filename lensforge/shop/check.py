@@ -2,26 +2,32 @@
 
 import time
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from lensforge.cad.boundary import Pair, sharpest_edges
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.part import Part, SplineNodes
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import lay_out
+from lensforge.cad.plan import Plan, lay_out
 from lensforge.cad.plate_export import room_on_plate
 from lensforge.cad.wall import Span, thickest, thinnest
 from lensforge.scene.lens import Lens
-from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh
+from lensforge.shop.ball_clearance import CustomBaseMesh, check_ball_clearance, read_base_mesh
 from lensforge.shop.check_result import Check, Edge, Wall, Walls
-from lensforge.shop.face_check import FaceCheck, check_face, face_result
+from lensforge.shop.face_check import FaceCheck, MilledFace, face_result, measured_face, milled_face
 from lensforge.shop.face_samples import OpticalFace, air_side
 from lensforge.shop.findings import check_findings, edge_criteria, plate_findings, wall_criteria
 from lensforge.shop.mould_halves import mould_of
-from lensforge.shop.tool_reach import check_tools
+from lensforge.shop.tool_reach import check_tools, points_on_base
+from lensforge.shop.turning import LatheTool, Points, turned_face
+from lensforge.shop.turning_findings import layer_findings, turning_findings
 from lensforge.spec.accuracy import preset_of
+
+_RINGS, _DECIMALS = 401, 2  # points of base and flange for a turning tool; of as many as are alike to 0.01 mm, one
 
 
 def check_part(part: Part) -> Check:
@@ -38,12 +44,14 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     started = time.perf_counter()
     manufacture = lens.spec.manufacture
     pair = fit_lens(lens, *([] if nodes is None else [nodes[name] for name in lens.surfaces]))
-    faces, walls = _faces(lens, pair), _walls(pair)
+    walls = _walls(pair)
     plan = lay_out(*pair, base_with_room(lens)) if manufacture.cuts == "lens" else None  # an insert has no base
     custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
-    relief = check_ball_clearance(plan, custom, faces)
-    tools = check_tools(manufacture.tools, faces, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
-    results = {name: face_result(face) for name, face in faces.items()}
+    faces = _faces(lens, pair, None if plan is None else _fixture(lens, plan, custom))
+    milled = {name: face for name, face in faces.items() if isinstance(face, MilledFace)}
+    relief = check_ball_clearance(plan, custom, milled)
+    tools = check_tools(manufacture.tools, milled, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
+    results = {name: face_result(face, manufacture.layer_um) for name, face in faces.items()}
     mould = mould_of(lens, pair) if manufacture.process == "moulded" else None
     sharpest = (edge for side in pair for edge in sharpest_edges(side))
     edges = tuple(Edge(**{**vars(edge), "point_mm": tuple(edge.point_mm.tolist())}) for edge in sharpest)
@@ -60,6 +68,8 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         criteria=(*wall_criteria(lens.spec, walls), *edge_criteria(lens.spec, edges)),
         verdicts=(
             *check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools, mould),
+            *turning_findings(lens.spec, results),
+            *layer_findings(lens.spec, results),
             *plate_findings(lens.spec, *room_on_plate(lens, pair)),
         ),
         seconds=time.perf_counter() - started,
@@ -68,9 +78,26 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     )
 
 
-def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
-    """The faces, measured from their air side; a mould insert has air where the lens has material, and is scaled."""
-    manufacture, nodes, found = lens.spec.manufacture, preset_of(lens.accuracy).part.check_nodes, {}
+def _fixture(lens: Lens, plan: Plan[Patch], custom: CustomBaseMesh | None) -> Points:
+    """Distances from the axis and heights (mm) of what a lens that is turned has beside its faces: base and flange."""
+    parts, ring = [np.empty((0, 2))], ring_of(lens, plan.envelope)
+    if custom is not None or plan.has_base:
+        points = points_on_base(plan, _RINGS) if custom is None else custom.points()
+        swept = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]])
+        parts.append(swept[np.unique(np.round(swept, _DECIMALS), axis=0, return_index=True)[1]])
+    if ring is not None:
+        share = np.linspace(0.0, 1.0, _RINGS)[:, None]
+        parts += [(1.0 - share) * start + share * end for start, end in pairwise(ring.corners)]
+    return np.concatenate(parts)
+
+
+def _faces(lens: Lens, pair: Pair[Patch], fixture: Points | None) -> dict[str, FaceCheck]:
+    """The faces, measured from their air side; a mould insert has air where the lens has material, and is scaled.
+
+    ``fixture``: what a lens has beside its faces, None of what is no lens.
+    """
+    manufacture, nodes = lens.spec.manufacture, preset_of(lens.accuracy).part.check_nodes
+    found, at_lathe = dict[str, FaceCheck](), np.empty((0, 2)) if fixture is None else fixture
     for boundary in pair:
         faces = {}
         for face in (each for each in boundary.faces if lens.body.face(each.name).is_optical):
@@ -79,8 +106,16 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
             air = air_side(lens.body.face(face.name), manufacture)
             faces[face.name] = OpticalFace(cut, air, face.domain, sense=sense)
         for name, own in faces.items():
-            beside = tuple(other for each, other in faces.items() if each != name)
-            found[name] = check_face(replace(own, beside=beside), manufacture.cutter_radius_mm, nodes)
+            whole = manufacture.cuts == "lens"  # each half of a mould has faces of its own
+            others = (other for each, other in faces.items() if each != name and (whole or other.sense == own.sense))
+            cut_face = replace(own, beside=tuple(others))
+            match lens.spec.cutting(name):
+                case "milled":
+                    found[name] = milled_face(cut_face, manufacture.cutter_radius_mm, nodes)
+                case "turned" if lens.spec.lens.is_revolved(name):
+                    found[name] = turned_face(measured_face(cut_face, nodes), LatheTool.of(manufacture), at_lathe)
+                case _:
+                    found[name] = measured_face(cut_face, nodes)
     return {name: found[name] for name in lens.surfaces if name in found}
 
 

@@ -1,13 +1,13 @@
 """Facts of the manufacturing check: each face, the wall, and what the shop can do with them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from lensforge.optics.face_roles import CAVITY
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.criteria import named, state_of
 from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.verdict import Reason
-from lensforge.shop.check_result import BODY, Check, Edge, FaceResult
+from lensforge.shop.check_result import BODY, Check, Cutter, Edge, FaceResult, TurningTool
 from lensforge.shop.mould_facts import mould_facts
 from lensforge.spec import Spec
 
@@ -53,12 +53,15 @@ def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
 _FACE = (
     Row(
         "{name}_reached",
-        "Ball reaches",
+        "{Tip} reaches",
         "cutter.reachable_fraction",
-        "of the face, by a ball of {cutter.radius_mm} radius",
+        "of the face, by a {tip} of {cutter.radius_mm} radius",
         "%",
     ),
     Row("{name}_concave", "Smallest hollow", "curvature.smallest_concave_radius_mm", "radius", none="none"),
+    Row("{name}_layers", "Layer steps", "layer_step_um", "between the layers of the print"),
+)
+_MILLED = (
     Row(
         "{name}_tilt",
         "Largest tilt",
@@ -67,6 +70,20 @@ _FACE = (
         limit="manufacture.max_tilt_deg",
         by="tilt",
     ),
+)
+_TURNED = (
+    Row(
+        "{name}_slope",
+        "Steepest slope",
+        "cutter.slope_deg",
+        "to the axis of a turning tool at its best tilt",
+        limit="manufacture.steepest_deg",
+        by="slope",
+    ),
+    Row("{name}_lathe_tilt", "Tilt of the tool", "cutter.tilt_deg", "of the turning tool, below 0 towards the axis"),
+    Row("{name}_corner", "Fillets", "cutter.corner_fraction", "of the face, left by the nose in corners", "%"),
+)
+_SHAPE = (
     Row(
         "{name}_draft",
         "Draft, {name} face",
@@ -84,23 +101,35 @@ _FACE = (
 
 def _face(name: str, face: FaceResult, check: Check, spec: Spec) -> Iterator[Fact]:
     findings = [finding for finding in check.verdicts if finding.place == name]
-    yield _ball(name, face, check, state_of(findings, "cutter"))
-    yield from facts_of(face, _FACE, spec=spec, judged=findings, name=name)
+    cutter, by_tool = face.cutter, tuple[Row, ...]()
+    tip = "" if cutter is None else cutter.tip
+    if cutter is not None:
+        turned = isinstance(cutter, TurningTool)
+        by_tool = _TURNED if turned else _MILLED
+        yield _largest(name, cutter, check, state_of(findings, "nose" if turned else "cutter"))
+    rows = (*_FACE, *by_tool, *_SHAPE)
+    yield from facts_of(face, rows, spec=spec, judged=findings, name=name, tip=tip, Tip=tip.capitalize())
 
 
-def _ball(name: str, face: FaceResult, check: Check, state: FactState) -> Fact:
-    """The largest ball that reaches the whole face, against the shop's ball."""
-    largest, shop_mm = face.cutter.largest_radius_mm, face.cutter.radius_mm
+def tip_keys(names: Iterable[str]) -> tuple[str, ...]:
+    """Keys of the facts on the largest ball, or nose, of each face."""
+    return tuple(f"{name}_{kind.tip}" for name in names for kind in (Cutter, TurningTool))
+
+
+def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:
+    """The largest ball that reaches the whole face, or nose that fits its hollows, against the shop's."""
+    largest, shop_mm = cutter.largest_radius_mm, cutter.radius_mm
+    does = "fits the hollows of" if isinstance(cutter, TurningTool) else "reaches all of"
     return Fact(
-        f"{name}_ball",
-        f"Largest ball, {name} face",
+        f"{name}_{cutter.tip}",
+        f"Largest {cutter.tip}, {name} face",
         "any" if largest is None else largest,
         "mm",
         sense=">=",
         limit=shop_mm,
         limit_note="the shop's",
         state=state,
-        note=f"radius that still reaches all of the face{check.relief.beyond_shop(largest, shop_mm, name)}",
+        note=f"radius that still {does} the face{check.relief.beyond_shop(largest, shop_mm, name)}",
         digits=3,
     )
 

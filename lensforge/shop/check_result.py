@@ -84,13 +84,21 @@ class BallClearance(Record):
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
-FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "undercut", "tool", "gap", "plate"]
+FindingName = Literal[
+    *("cutter", "relief", "tilt", "wall", "draft", "undercut", "tool", "gap", "plate"),
+    *("nose", "slope", "turning", "corner", "layer"),
+]
 BODY = "body"  # the place of a finding on none of the faces
 BASE, FLANGE, PLATE = "base", "flange", "plate"  # what stands around the optical faces of a moulded part
 FLAT_MM = 1e6  # a radius beyond it is that of a plane
 # Question, sense and unit of each finding.
 FINDINGS: dict[str, tuple[str, Sense, str]] = {
     "cutter": ("Ball reaches it", "<=", "mm"),
+    "nose": ("Nose fits its hollows", "<=", "mm"),
+    "slope": ("Flanks clear it", "<=", "deg"),
+    "turning": ("Turning tool reaches it", ">=", "of the face"),
+    "corner": ("Fillets are small", "<=", "of the face"),
+    "layer": ("Layers are fine enough", "<=", "µm"),
     "relief": ("Base is clear", "<=", "mm"),
     "tilt": ("Tilt is allowed", "<=", "deg"),
     "wall": ("Wall suffices", ">=", "mm"),
@@ -144,16 +152,37 @@ class Curvature(Record):
 
 
 class Cutter(Record):
-    """The ball of ``radius_mm`` on a face.
+    """The ball of ``radius_mm`` on a face, or the nose of a turning tool.
 
-    ``largest_radius_mm``: None where a ball of any radius reaches the whole face. ``residual_mm``: material left
-    uncut; None where the cutter reaches nothing.
+    ``largest_radius_mm``: None where one of any radius reaches the whole face. ``residual_mm``: material left
+    uncut; None where the cutter reaches nothing. ``tip``, ``tool``: words for it.
     """
+
+    tip: ClassVar[str] = "ball"
+    tool: ClassVar[str] = "mill"
 
     radius_mm: Positive
     reachable_fraction: Share
     largest_radius_mm: Positive | None
     residual_mm: NotNegative | None
+
+
+class TurningTool(Cutter):
+    """A turning tool on a face of revolution, its axis at ``tilt_deg`` to the lens's, where it reaches most.
+
+    ``tilt_deg``: below 0 where the shank leans towards the axis. ``largest_radius_mm``: of a nose in the hollows of the
+    meridian. ``slope_deg``: the least that can be of the largest angle between the tool's axis and a normal of the
+    face. ``corner_fraction``: the share that the nose misses where the face meets another in a hollow corner.
+    ``bare_fraction``: the share that it reaches where neither base nor flange is in its way.
+    """
+
+    tip = "nose"
+    tool = "turning tool"
+
+    slope_deg: NotNegative
+    tilt_deg: Number
+    corner_fraction: Share
+    bare_fraction: Share
 
 
 class Draft(Record):
@@ -166,12 +195,14 @@ class FaceResult(Record):
     """One optical face as it is cut.
 
     Maps over its chart, [X, Y], NaN outside: points (mm), departure from the best-fit sphere (mm), principal curvatures
-    (1/mm), and uncut height (mm), 0 where the cutter reaches.
+    (1/mm), and uncut height (mm), 0 where the cutter reaches. ``cutter``: None of a face that is not cut, or cannot be
+    turned. ``layer_step_um``: the largest height of a step between the layers of a print, where these are known.
     """
 
     best_fit_sphere: Sphere
     curvature: Curvature
-    cutter: Cutter
+    cutter: Cutter | TurningTool | None
+    layer_step_um: NotNegative | None
     draft_deg: Draft
     undercut_fraction: Share
     largest_tilt_deg: NotNegative

@@ -113,7 +113,17 @@ TitleBlock = dict[str, tuple[str, ...]]  # cells of each row, by its key
 WIDTH, ROW = 180.0, 5.6  # mm on A3
 HEIGHT = 8.0 * ROW
 _NONE = "not stated"
-_ON_TOOLS = ("cutter", "relief", "tilt", "tool", "gap")  # findings that ask for a cutter
+_ON_TOOLS = (
+    "cutter",
+    "relief",
+    "tilt",
+    "tool",
+    "gap",
+    "nose",
+    "slope",
+    "turning",
+    "corner",
+)  # findings that ask for a cutter
 _MOST_FINDINGS = 3
 
 

@@ -1,4 +1,4 @@
-"""Measurements of one face: best-fit sphere, curvature, draft, and the reach of the ball cutter.
+"""Measurements of one face: best-fit sphere, curvature, draft, and of one that is milled the reach of the ball cutter.
 
 The best-fit sphere is that of least squares over the area, its centre on the axis. A deviation is measured along the
 sphere's normal, ``|P - c| - R``: positive where the face is farther from the centre than the sphere. Along z it would
@@ -23,30 +23,23 @@ SAMPLE_NODES = PartEffort().check_nodes
 
 @dataclass(frozen=True)
 class FaceCheck:
-    """One face, and the reach of a ball cutter of ``cutter_radius_mm``."""
+    """One face, whether it is cut or not; ``residual_mm``: height left uncut at each sample."""
 
     samples: FaceSamples
     sphere: Sphere
     lowest_curvature: float  # 1/mm, searched between the samples too, as the next
     highest_curvature: float
-    cutter_radius_mm: float
-    ball_mm: Float[np.ndarray, " k"]
     residual_mm: Float[np.ndarray, " k"]
 
     @property
-    def reached(self) -> Bool[np.ndarray, " k"]:
-        """True where the cutter touches the face without gouging it elsewhere."""
-        return reachable(self.ball_mm, self.cutter_radius_mm)
+    def cutter(self) -> Cutter | None:
+        """The record of what cuts it; None where nothing does."""
+        return None
 
     @property
     def smallest_concave_radius_mm(self) -> float:
         """Smallest concave radius (mm); infinite for a face that is convex or flat everywhere."""
         return -1.0 / self.lowest_curvature if self.lowest_curvature < -1.0 / FLAT_MM else np.inf
-
-    @property
-    def largest_cutter_mm(self) -> float:
-        """Radius (mm) of the largest ball that reaches the whole face; infinite where any ball does."""
-        return min(self.smallest_concave_radius_mm, float(self.ball_mm.min()))
 
     @property
     def sag_mm(self) -> Float[np.ndarray, " k"]:
@@ -55,23 +48,54 @@ class FaceCheck:
         return np.asarray(np.linalg.norm(away, axis=1) - self.sphere.radius_mm)
 
 
-def check_face(face: OpticalFace, cutter_radius_mm: float, nodes: int = SAMPLE_NODES) -> FaceCheck:
+@dataclass(frozen=True)
+class MilledFace(FaceCheck):
+    """One face, and the reach of a ball cutter of ``cutter_radius_mm``."""
+
+    cutter_radius_mm: float
+    ball_mm: Float[np.ndarray, " k"]
+
+    @property
+    def cutter(self) -> Cutter:
+        """The record of the ball on it."""
+        return Cutter(
+            radius_mm=self.cutter_radius_mm,
+            reachable_fraction=self.samples.fraction(self.reached),
+            largest_radius_mm=bounded(self.largest_cutter_mm),
+            residual_mm=bounded(float(self.residual_mm.max())),
+        )
+
+    @property
+    def reached(self) -> Bool[np.ndarray, " k"]:
+        """True where the cutter touches the face without gouging it elsewhere."""
+        return reachable(self.ball_mm, self.cutter_radius_mm)
+
+    @property
+    def largest_cutter_mm(self) -> float:
+        """Radius (mm) of the largest ball that reaches the whole face; infinite where any ball does."""
+        return min(self.smallest_concave_radius_mm, float(self.ball_mm.min()))
+
+
+def measured_face(face: OpticalFace, nodes: int = SAMPLE_NODES) -> FaceCheck:
     """Measure ``face`` on a chart grid of ``nodes`` x ``nodes``."""
     samples = sample_face(face, nodes)
+    lowest, highest = samples.lowest_curvature(), samples.highest_curvature()
+    return FaceCheck(samples, best_fit_sphere(samples), lowest, highest, np.zeros(len(samples.points)))
+
+
+def milled_face(face: OpticalFace, cutter_radius_mm: float, nodes: int = SAMPLE_NODES) -> MilledFace:
+    """Measure ``face`` on a chart grid of ``nodes`` x ``nodes``, and what the ball reaches of it."""
+    measured = measured_face(face, nodes)
+    samples = measured.samples
     ball = largest_ball_mm(samples, all_points(face, nodes) if face.beside else None)
-    return FaceCheck(
-        samples=samples,
-        sphere=best_fit_sphere(samples),
-        lowest_curvature=samples.lowest_curvature(),
-        highest_curvature=samples.highest_curvature(),
-        cutter_radius_mm=cutter_radius_mm,
-        ball_mm=ball,
-        residual_mm=residual_height_mm(samples, ball, cutter_radius_mm),
-    )
+    left_mm = residual_height_mm(samples, ball, cutter_radius_mm)
+    return MilledFace(**{**vars(measured), "residual_mm": left_mm}, cutter_radius_mm=cutter_radius_mm, ball_mm=ball)
 
 
-def face_result(check: FaceCheck) -> FaceResult:
-    """The record of a measured face; an infinite number is None."""
+def face_result(check: FaceCheck, layer_um: float | None = None) -> FaceResult:
+    """The record of a measured face; an infinite number is None. ``layer_um``: of a print, whose steps are the highest
+    where the face is the most level.
+    """
     samples, draft_deg = check.samples, float(np.degrees(least_draft_rad(check.samples)))
     curvatures, to_map = samples.curvatures, samples.grid.to_map
     return FaceResult(
@@ -81,12 +105,8 @@ def face_result(check: FaceCheck) -> FaceResult:
             kappa_max_per_mm=check.highest_curvature,
             smallest_concave_radius_mm=bounded(check.smallest_concave_radius_mm),
         ),
-        cutter=Cutter(
-            radius_mm=check.cutter_radius_mm,
-            reachable_fraction=samples.fraction(check.reached),
-            largest_radius_mm=bounded(check.largest_cutter_mm),
-            residual_mm=bounded(float(check.residual_mm.max())),
-        ),
+        cutter=check.cutter,
+        layer_step_um=None if layer_um is None else layer_um * _most_level(samples),
         draft_deg=Draft(min=draft_deg),
         undercut_fraction=0.0 if within(draft_deg, ">=", 0.0, ANGLE_TOLERANCE_DEG) else samples.area.undercut_fraction,
         largest_tilt_deg=90.0 - draft_deg,
@@ -97,6 +117,12 @@ def face_result(check: FaceCheck) -> FaceResult:
         kappa_max=to_map(curvatures.maximum),
         residual_mm=to_map(check.residual_mm),
     )
+
+
+def _most_level(samples: FaceSamples) -> float:
+    """The largest cosine between the face's normal and the axis."""
+    patch = samples.face.patch
+    return samples.largest(lambda points: np.abs(patch.normals(points)[:, 2]), np.abs(samples.normals[:, 2]))
 
 
 def bounded(value: float) -> float | None:

@@ -112,6 +112,11 @@ class OpticalFace:
     beside: "tuple[OpticalFace, ...]" = ()
     sense: int = 1
 
+    @property
+    def away(self) -> Float[np.ndarray, "3"]:
+        """Unit vector from the face to the holder of a tool along the axis."""
+        return np.array([0.0, 0.0, float(self.sense * self.air)])
+
     def radius(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin at chart ``points``; beyond the patch's square, the value at its edge."""
         return np.asarray(np.linalg.norm(self.patch.points(np.clip(points, -HALF_WIDTH, HALF_WIDTH)), axis=1))

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from lensforge.cad.plate_layout import PlateWall
 
 GOOD_DRAFT_DEG = 2.0
-_SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
+SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
 _MOST_TILT_DEG, _MOST_DRAFT_DEG = 120.0, 25.0  # of manufacture.max_tilt_deg and of the draft_deg of a face
 
@@ -52,15 +52,21 @@ def check_findings(
     tools: tuple[ToolResult, ...],
     mould: Mould | None = None,
 ) -> tuple[Fact, ...]:
-    """All findings on a lens of ``spec`` from the measurements of its check; ``wall_mm``: the thinnest wall.
+    """Findings on a lens of ``spec`` from the measurements of its check, but for what is turned or printed.
 
-    ``mould``: of a part that is moulded: its faces are judged from both halves, and by no tilt of a tool.
+    ``wall_mm``: the thinnest wall. ``mould``: of a part that is moulded: its faces are judged from both halves, and by
+    no tilt of a tool.
     """
     moulded = {} if mould is None else mould.faces
+    milled = {name: face for name, face in faces.items() if spec.cutting(name) == "milled"}
     return (
-        *(cutter_finding(name, face.cutter, relief, spec) for name, face in faces.items()),
+        *(
+            cutter_finding(name, face.cutter, relief, spec)
+            for name, face in milled.items()
+            if face.cutter is not None  # else of a record that is not of this spec
+        ),
         *clearance_findings(relief, spec.base),
-        *(tilt_finding(name, face.largest_tilt_deg, spec) for name, face in faces.items() if name not in moulded),
+        *(tilt_finding(name, face.largest_tilt_deg, spec) for name, face in milled.items() if name not in moulded),
         wall_finding(wall_mm, spec),
         *(undercut_finding(name, face, spec) for name, face in moulded.items()),
         *(
@@ -69,14 +75,14 @@ def check_findings(
             if name in moulded or spec.lens.faces[name].draft_deg is not None
         ),
         *(
-            tool_finding(tool, name, tool.faces[name], face.cutter.largest_radius_mm)
+            tool_finding(tool, name, tool.faces[name], None if face.cutter is None else face.cutter.largest_radius_mm)
             for tool in tools
-            for name, face in faces.items()
+            for name, face in milled.items()
         ),
     )
 
 
-def _finding(
+def finding_on(
     name: FindingName,
     surface: str,
     value: float | None,
@@ -124,10 +130,10 @@ def _place(wall: Wall) -> str:
 def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Spec) -> Fact:
     """Reach of the spec's ball cutter on a face."""
     largest = cutter.largest_radius_mm
-    again = _design_again("concave_radius_mm", cutter.radius_mm, spec, surface)
+    again = design_again("concave_radius_mm", cutter.radius_mm, spec, surface)
     changes = [again if spec.manufacture.cuts == "lens" else ""]
     if largest is not None:
-        changes.append(f"manufacture.cutter_radius_mm = {_down(largest)}")
+        changes.append(f"manufacture.cutter_radius_mm = {rounded_down_mm(largest)}")
     ball = f"a ball of {quantity(cutter.radius_mm, 'mm')} radius"
     tolerance = 0.0 if largest is None else FIT_TOLERANCE * largest
     if within(cutter.radius_mm, "<=", largest, tolerance):
@@ -139,7 +145,7 @@ def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Sp
             f"{ball} reaches {percent(cutter.reachable_fraction)} of the {surface} face; "
             f"the largest that reaches all of it has {quantity(largest, 'mm', digits=4)} radius"
         )
-    return _finding("cutter", surface, cutter.radius_mm, largest, reason, changes, tolerance)
+    return finding_on("cutter", surface, cutter.radius_mm, largest, reason, changes, tolerance)
 
 
 def clearance_findings(relief: BallClearance, base: BaseSection) -> list[Fact]:
@@ -157,7 +163,7 @@ def _clearance_finding(surface: str, relief: AnyClearance, base: BaseSection) ->
     else:
         reached = f"with this base the ball reaches {percent(relief.flush_fraction)} of the {surface} face"
         reason = f"{reached}; {_remedy(relief, base)}"
-    return _finding("relief", surface, needed, 0.0, reason)
+    return finding_on("relief", surface, needed, 0.0, reason)
 
 
 def _remedy(relief: AnyClearance, base: BaseSection) -> str:
@@ -195,14 +201,14 @@ def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
     allowed_deg, changes = spec.manufacture.max_tilt_deg, []
     draft_deg, holds = 90.0 - allowed_deg, within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
     if 0.0 <= draft_deg <= _MOST_DRAFT_DEG:
-        changes.append(_design_again("draft_deg", draft_deg, spec, surface))
+        changes.append(design_again("draft_deg", draft_deg, spec, surface))
     if slope_deg < _MOST_TILT_DEG:
         changes.append(f"manufacture.max_tilt_deg = {_up(slope_deg, 1)}")
     reason = (
         f"the {surface} face is up to {quantity(slope_deg, 'deg', digits=4)} steep; a tool held normal to it "
         f"{'stays within' if holds else 'would exceed'} manufacture.max_tilt_deg = {allowed_deg:g}"
     )
-    return _finding("tilt", surface, slope_deg, allowed_deg, reason, changes, ANGLE_TOLERANCE_DEG)
+    return finding_on("tilt", surface, slope_deg, allowed_deg, reason, changes, ANGLE_TOLERANCE_DEG)
 
 
 def wall_finding(wall_mm: float, spec: Spec) -> Fact:
@@ -215,10 +221,10 @@ def wall_finding(wall_mm: float, spec: Spec) -> Fact:
     elif fixed[inwards] is None:
         changes.append(f"a smaller lens.{inwards}.offset_mm and design again")
     if wall_mm >= _LEAST_WALL_MM:
-        changes.append(f"constraints.min_thickness_mm = {_down(wall_mm)} where that is enough")
+        changes.append(f"constraints.min_thickness_mm = {rounded_down_mm(wall_mm)} where that is enough")
     word, thinnest = "at least" if holds else "less than", quantity(wall_mm, "mm", digits=4)
     reason = f"the thinnest wall is {thinnest}, {word} constraints.min_thickness_mm = {required_mm:g}"
-    return _finding("wall", BODY, wall_mm, required_mm, reason, changes, tolerance)
+    return finding_on("wall", BODY, wall_mm, required_mm, reason, changes, tolerance)
 
 
 def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -> Iterator[Fact]:
@@ -228,13 +234,13 @@ def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -
         wide = 2.0 * shop.cutter_radius_mm
         fits = "fits" if within(wide, "<=", gap_mm, tolerance) else "does not fit"
         reason = f"a ball of {quantity(wide, 'mm')} diameter {fits} between two lenses, {quantity(gap_mm, 'mm')} apart"
-        changes = [f"manufacture.cutter_radius_mm = {_down(gap_mm / 2.0)}", "a wider pitch of lamps"]
-        yield _finding("gap", BODY, wide, gap_mm, reason, changes, tolerance)
+        changes = [f"manufacture.cutter_radius_mm = {rounded_down_mm(gap_mm / 2.0)}", "a wider pitch of lamps"]
+        yield finding_on("gap", BODY, wide, gap_mm, reason, changes, tolerance)
     if wall is not None:
         thinnest = f"{quantity(wall.thickness_mm, 'mm', digits=4)} thick between {wall.between}"
         reason = f"the plate is {thinnest}; constraints.min_thickness_mm = {required_mm:g}"
         changes = ["another place for one of the two"]
-        yield _finding("plate", BODY, wall.thickness_mm, required_mm, reason, changes, tolerance)
+        yield finding_on("plate", BODY, wall.thickness_mm, required_mm, reason, changes, tolerance)
 
 
 def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
@@ -242,7 +248,7 @@ def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
     share, heights = face.undercut_fraction, face.undercut_heights_mm
     if heights is None:
         reason = f"{drawn_by(face)} of the mould {'draw' if 'both' in drawn_by(face) else 'draws'} the {surface} face"
-        return _finding("undercut", surface, share, 0.0, reason)
+        return finding_on("undercut", surface, share, 0.0, reason)
     low, high = (quantity(round(height, 2) + 0.0, digits=4) for height in heights)
     reason = (
         f"{percent(share)} of the {surface} face is undercut, from z = {low} to {high} mm: neither half of the mould "
@@ -250,15 +256,15 @@ def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
     )
     wanted_deg = spec.lens.faces[surface].draft_deg or GOOD_DRAFT_DEG
     slanted = within(face.draft_deg, ">=", wanted_deg)  # and hidden all the same
-    changes = [] if slanted else [_design_again("draft_deg", wanted_deg, spec, surface)]
+    changes = [] if slanted else [design_again("draft_deg", wanted_deg, spec, surface)]
     if spec.base.kind != "none" and spec.plate is None:
         changes += ['base.kind = "none"', "a narrower base"]
-    return _finding("undercut", surface, share, 0.0, reason, changes)
+    return finding_on("undercut", surface, share, 0.0, reason, changes)
 
 
 def drawn_by(face: MouldedFace) -> str:
     """The half of the mould that draws a face, in words."""
-    if min(face.upper_fraction, face.lower_fraction) > _SHARE_TOLERANCE:
+    if min(face.upper_fraction, face.lower_fraction) > SHARE_TOLERANCE:
         return "both halves"
     return "the upper half" if face.upper_fraction > face.lower_fraction else "the lower half"
 
@@ -268,11 +274,11 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFa
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
     asked_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg
-    again = _design_again("draft_deg", wanted_deg, spec, surface)
+    again = design_again("draft_deg", wanted_deg, spec, surface)
     if moulded is not None:
         if moulded.draft_deg is None:
             reason = f"neither half of the mould draws any of the {surface} face"
-            return _finding("draft", surface, None, wanted_deg, reason, [again])
+            return finding_on("draft", surface, None, wanted_deg, reason, [again])
         least_deg, undercut = moulded.draft_deg, 0.0
     if undercut > 0.0:
         down = quantity(least_deg, "deg", digits=3)
@@ -281,25 +287,25 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFa
         least_deg = max(least_deg, 0.0)  # form error of a vertical rim
         needed = f"{'a mould needs' if asked_deg is None else 'the spec asks for'} {quantity(wanted_deg, 'deg')}"
         reason = f"the least draft of the {surface} face is {quantity(least_deg, 'deg', digits=3)}; {needed}"
-    return _finding("draft", surface, least_deg, wanted_deg, reason, [again], ANGLE_TOLERANCE_DEG)
+    return finding_on("draft", surface, least_deg, wanted_deg, reason, [again], ANGLE_TOLERANCE_DEG)
 
 
 def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: float | None) -> Fact:
     """Reach of a tool on a face, and what limits it; ``largest_mm``: the largest ball that reaches the whole face."""
     ball, whole, changes = reach.ball_reachable_fraction, reach.reachable_fraction, []
     reason = f"{tool.name} reaches {percent(whole)} of the {surface} face"
-    if not within(whole, ">=", ball, _SHARE_TOLERANCE):
+    if not within(whole, ">=", ball, SHARE_TOLERANCE):
         reason += f"; its ball alone reaches {percent(ball)}: shank or holder collides, a longer tool may help"
-    if not within(ball, ">=", 1.0, _SHARE_TOLERANCE) and largest_mm is not None:
+    if not within(ball, ">=", 1.0, SHARE_TOLERANCE) and largest_mm is not None:
         reason += f"; the largest ball that reaches all of it has {quantity(largest_mm, 'mm', digits=4)} radius"
     if largest_mm is not None and largest_mm < tool.radius_mm:
-        changes.append(f"a tool in manufacture.tools with radius_mm = {_down(largest_mm)} or less")
+        changes.append(f"a tool in manufacture.tools with radius_mm = {rounded_down_mm(largest_mm)} or less")
     if whole < ball:
         changes.append(f"a tool with length_mm above {tool.length_mm:g}")
-    return _finding("tool", surface, whole, 1.0, reason, changes, _SHARE_TOLERANCE)
+    return finding_on("tool", surface, whole, 1.0, reason, changes, SHARE_TOLERANCE)
 
 
-def _design_again(field: str, value: float, spec: Spec, surface: str) -> str:
+def design_again(field: str, value: float, spec: Spec, surface: str) -> str:
     """The limit of the search; empty for a face that the spec gives, or where the search has kept that limit."""
     face = spec.lens.faces[surface]
     stated: float | None = getattr(face, field)
@@ -313,6 +319,6 @@ def _up(value: float, decimals: int) -> str:
     return f"{ceil(round(value * 10**decimals, 6)) / 10**decimals:g}"
 
 
-def _down(length_mm: float) -> str:
+def rounded_down_mm(length_mm: float) -> str:
     """A length that is rounded down to 1 um, so that the ball still fits."""
     return f"{floor(1e3 * length_mm) / 1e3:g}"

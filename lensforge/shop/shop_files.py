@@ -160,10 +160,11 @@ def _rows(group: Group) -> list[tuple[str, str]]:
 def _pictures(check: Check) -> Pictures:
     figures: Pictures = []
     for name, face in reversed(check.faces.items()):
-        radius = face.cutter.radius_mm
+        cutter = face.cutter
         figures.append((f"{name}: departure from the best-fit sphere", sag_map(face.sag_mm)))
-        caption = f"{name}: smaller principal curvature; line: where a ball of {radius:g} mm just fits"
-        figures.append((caption, curvature_map(face.kappa_min, radius)))
+        line = "" if cutter is None else f"; line: where a {cutter.tip} of {cutter.radius_mm:g} mm just fits"
+        drawn = curvature_map(face.kappa_min, None if cutter is None else cutter.radius_mm)
+        figures.append((f"{name}: smaller principal curvature{line}", drawn))
     return figures
 
 

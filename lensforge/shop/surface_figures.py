@@ -47,13 +47,13 @@ def _deviation_map(deviation: ChartMap, label: str) -> Figure:
 
 
 @in_report_style
-def curvature_map(kappa_min: ChartMap, mill_radius_mm: float) -> Figure:
-    """Smaller principal curvature (1/mm, concave is negative), with the line where the ball of the mill just fits."""
+def curvature_map(kappa_min: ChartMap, tip_radius_mm: float | None) -> Figure:
+    """Smaller principal curvature (1/mm, concave is negative), with the line where the tip of the tool just fits."""
     figure, axes, bar = new_map(**_PLACE)
-    limit = -1.0 / mill_radius_mm
+    limit = -np.inf if tip_radius_mm is None else -1.0 / tip_radius_mm
     inside = kappa_min[np.isfinite(kappa_min)]
     reach = max(float(np.quantile(np.abs(inside), _SHOWN_QUANTILE)), 1e-9)
-    exceeded = not within(float(inside.min()), ">=", limit, -FIT_TOLERANCE * limit)
+    exceeded = tip_radius_mm is not None and not within(float(inside.min()), ">=", limit, -FIT_TOLERANCE * limit)
     if exceeded:
         reach = max(reach, -1.05 * limit)  # where the limit is exceeded, the scale includes it
     shown = _show(axes, kappa_min, "PuOr_r", -reach, reach)

@@ -19,8 +19,8 @@ from lensforge.cad.plan import Plan, base_corners
 from lensforge.shop.ball_clearance import CustomBaseMesh
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable
 from lensforge.shop.check_result import ToolReach, ToolResult
-from lensforge.shop.face_check import FaceCheck
-from lensforge.shop.face_samples import AirSide, FaceSamples, all_points, sample_face
+from lensforge.shop.face_check import MilledFace
+from lensforge.shop.face_samples import FaceSamples, all_points, sample_face
 from lensforge.spec import Tool
 
 _CLEARANCE = 1e-9  # mm: a shank that touches is clear
@@ -29,7 +29,6 @@ _AZIMUTHS = 12
 _CHUNK = 256
 _CONTACT_NODES, _OBSTACLE_NODES = 41, 61
 _AROUND, _RINGS = 96, 9  # points around the base, and rings between two of its corners
-_AWAY = {AirSide.OUTSIDE: np.array([0.0, 0.0, 1.0]), AirSide.INSIDE: np.array([0.0, 0.0, -1.0])}
 
 
 def tool_reach(
@@ -101,7 +100,7 @@ def _across(axis: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3"], Float
 
 def check_tools(
     tools: tuple[Tool, ...],
-    faces: Mapping[str, FaceCheck],
+    faces: Mapping[str, MilledFace],
     plan: Plan[Patch] | None,
     custom: CustomBaseMesh | None,
     max_tilt_rad: float,
@@ -122,35 +121,35 @@ def check_tools(
 
 
 def _reaches(
-    tools: tuple[Tool, ...], face: FaceCheck, obstacles: Float[np.ndarray, "m 3"], max_tilt_rad: float
+    tools: tuple[Tool, ...], face: MilledFace, obstacles: Float[np.ndarray, "m 3"], max_tilt_rad: float
 ) -> list[ToolReach]:
     """The shares of one face that each tool reaches."""
     contacts = sample_face(face.samples.face, _CONTACT_NODES)
     ball = largest_ball_mm(contacts, face.samples.points)
-    away = face.samples.face.sense * _AWAY[face.samples.face.air]
+    away = face.samples.face.away
     return [
         tool_reach(contacts, reachable(ball, tool.radius_mm), tool, away, max_tilt_rad, obstacles) for tool in tools
     ]
 
 
-def _obstacles(face: FaceCheck, plan: Plan[Patch] | None, custom: CustomBaseMesh | None) -> Float[np.ndarray, "m 3"]:
+def _obstacles(face: MilledFace, plan: Plan[Patch] | None, custom: CustomBaseMesh | None) -> Float[np.ndarray, "m 3"]:
     """Points of the face itself and of those beside it, and all over the base."""
     on_face = all_points(face.samples.face, _OBSTACLE_NODES)
     if custom is not None:
         return np.concatenate([on_face, custom.points()])
     if plan is None or not plan.has_base:
         return on_face
-    return np.concatenate([on_face, _on_base(plan)])
+    return np.concatenate([on_face, points_on_base(plan)])
 
 
-def _on_base(plan: Plan[Patch]) -> Float[np.ndarray, "m 3"]:
-    """Points on rings around the base, from the outer rim to the bore."""
+def points_on_base(plan: Plan[Patch], count: int = _RINGS) -> Float[np.ndarray, "m 3"]:
+    """Points on ``count`` rings around each part of the base, from the outer rim to the bore."""
     turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
     across = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     rings = []
     for corner, following in pairwise(base_corners(plan)):
         start, end = corner.radius(turn), following.radius(turn)
-        for share in np.linspace(0.0, 1.0, _RINGS):
+        for share in np.linspace(0.0, 1.0, count):
             radius = (1.0 - share) * start + share * end
             depth = (1.0 - share) * corner.depth_mm + share * following.depth_mm
             rings.append(np.column_stack([radius[:, None] * across, np.full(_AROUND, -depth)]))

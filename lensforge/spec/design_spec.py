@@ -300,20 +300,12 @@ class Spec(Section):
         Its concave radius is bounded by the cutter's or more, or the whole part is required to be cut.
         """
         radius_mm = self.lens.faces[face].concave_radius_mm
-        designed = radius_mm is not None and radius_mm >= self.manufacture.cutter_radius_mm
+        designed = radius_mm is not None and radius_mm >= self.manufacture.tool_radius_mm
         return self.manufacture.cuts == "lens" and (designed or self.manufacture.required)
 
     def cutting(self, face: str) -> Cutting | None:
-        """Process by which a face is cut, of the lens or of an insert; None where it is printed.
-
-        An insert is turned where its face is of revolution, else milled.
-        """
-        match self.manufacture.process:
-            case "milled" | "turned" as process:
-                return process
-            case "moulded":
-                return "turned" if self.lens.is_revolved(face) else "milled"
-        return None
+        """Process by which a face is cut, of the lens or of an insert; None where it is printed."""
+        return self.lens.cutting(face, self.manufacture.process)
 
     @property
     def has_limits(self) -> bool:

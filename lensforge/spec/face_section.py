@@ -25,7 +25,7 @@ class _DesignedFace(Section):
     absorbed. Of a face of a lens for total internal reflection.
     """
     concave_radius_mm: Millimetres | None = None
-    """Least concave radius: of the ball that mills the face."""
+    """Least concave radius: of the ball that mills the face, or of the meridian, for the nose that turns it."""
     draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = None
     """Least draft along the axis, the direction in which the mould of the face opens."""
 

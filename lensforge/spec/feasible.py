@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.face_roles import BODY, CAVITY, FaceRole
-from lensforge.spec.face_section import FaceSection, FlangeSection
+from lensforge.optics.face_roles import BODY, CAVITY
+from lensforge.spec.face_section import FlangeSection
 from lensforge.spec.fixed_surface import FixedFace
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.part_section import BaseSection, ManufactureSection
@@ -40,7 +40,7 @@ def require_feasible(lens: LensShape, limits: ConstraintsSection, manufacture: M
     if lens.has_creases:
         return  # its start, and its faces together, are checked where they are made
     for name, face in lens.faces.items():
-        for fault in () if face.fixed is None else _faults(lens.role(name), face, face.fixed, limits, manufacture):
+        for fault in () if face.fixed is None else _faults(lens, name, face.fixed, limits, manufacture):
             raise ValueError(f"lens.{name}.fixed {fault}; change the limit, or choose another surface")
     outer = lens.names[-1]
     if (fixed := lens.faces[outer].fixed) is not None:
@@ -94,10 +94,10 @@ def smallest_cavity_mm(lens: LensShape, limits: ConstraintsSection) -> _Meridian
 
 
 def _faults(
-    role: FaceRole, face: FaceSection, fixed: FixedFace, limits: ConstraintsSection, manufacture: ManufactureSection
+    lens: LensShape, name: str, fixed: FixedFace, limits: ConstraintsSection, manufacture: ManufactureSection
 ) -> Iterator[str]:
     """Limits that a surface breaks which the search does not change, in words."""
-    of_cavity = role.before == CAVITY
+    of_cavity, face = lens.role(name).before == CAVITY, lens.faces[name]
     shape, wall = fixed.shape, limits.min_thickness_mm if of_cavity else 0.0
     under = f" under a wall of constraints.min_thickness_mm = {wall:g}" if wall else ""
     reached = float(shape.radii_mm.max()) + wall
@@ -120,11 +120,12 @@ def _faults(
         )
     draft, ball = face.draft_deg, face.concave_radius_mm
     if draft is not None and sin(radians(shape.least_draft_deg)) < sin(radians(draft)) - _SHAPE_TOLERANCE:
-        yield f"has a draft of {shape.least_draft_deg:.3g} deg at least, lens.{role.name}.draft_deg = {draft:g}"
-    least, most = shape.curvatures_per_mm
+        yield f"has a draft of {shape.least_draft_deg:.3g} deg at least, lens.{name}.draft_deg = {draft:g}"
+    turned = lens.cutting(name, manufacture.process) == "turned"
+    least, most = shape.meridian_curvatures_per_mm if turned else shape.curvatures_per_mm
     concave = most if of_cavity == (manufacture.cuts != "inserts") else -least  # of a convex body: where the air is
     if ball is not None and concave * ball > 1.0 + _SHAPE_TOLERANCE:
-        yield f"has a concave radius of {1.0 / concave:.4g} mm, lens.{role.name}.concave_radius_mm = {ball:g}"
+        yield f"has a concave radius of {1.0 / concave:.4g} mm, lens.{name}.concave_radius_mm = {ball:g}"
 
 
 def _require_room_for_wall(name: str, outer: FixedFace, limits: ConstraintsSection, inner: _Meridian) -> None:

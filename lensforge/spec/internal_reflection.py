@@ -67,6 +67,11 @@ class TirSection(ProfiledShape):
         """Fields for its light; without a base, over which its wall could not be drawn from a mould."""
         return {**super().first_tables(shape), "base": {"kind": "none"}}
 
+    def is_revolved(self, face: str) -> bool:
+        """True for a side and a flat exit whatever the levels: they stay a cone and a plane."""
+        stays = face == "side" or (face == "exit" and self.exit.flat)
+        return (stays and self.faces[face].fixed is None) or super().is_revolved(face)
+
     @property
     def rim_flange(self) -> FlangeSection | None:
         """The flange at the exit's rim."""

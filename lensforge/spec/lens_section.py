@@ -13,7 +13,7 @@ from lensforge.optics.face_roles import MOST_EVENTS
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_material import LensMaterial
-from lensforge.spec.part_section import Cutting
+from lensforge.spec.part_section import Cutting, Process
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import FilePath, check
 from lensforge.surfaces.imported_face import lens_file
@@ -143,6 +143,18 @@ class LensShape(LensMaterial, OfSeveralKinds):
         """True for a face of revolution about the axis."""
         fixed = self.faces[face].fixed
         return self.is_round if fixed is None else fixed.is_round
+
+    def cutting(self, face: str, process: Process | None) -> Cutting | None:
+        """Process by which a face of a lens that is made by ``process`` is cut; None where it is printed.
+
+        An insert of its mould is turned where the face is of revolution, else milled.
+        """
+        match process:
+            case "milled" | "turned":
+                return process
+            case "moulded":
+                return "turned" if self.is_revolved(face) else "milled"
+        return None
 
     @property
     def made_alone(self) -> Cutting:

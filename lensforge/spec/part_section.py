@@ -188,7 +188,9 @@ class Tool(Section):
 
 
 class ManufactureSection(Section):
-    """Equipment of the shop: the paper's ball cutter by default, and any further tools with shank and holder."""
+    """How the lens is made, and the equipment of the shop: a ball cutter, further mills with shank and holder, and a
+    turning tool.
+    """
 
     cutter_radius_mm: Millimetres = 1.0
     """Radius of the ball cutter."""
@@ -200,6 +202,16 @@ class ManufactureSection(Section):
     """
     shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = 0.0
     """Shrinkage of the moulded lens, as a share; the insert's faces are the lens's times 1 + shrinkage."""
+    nose_radius_mm: Millimetres = 0.02
+    """Radius of the nose of the turning tool, the smallest that there is."""
+    included_angle_deg: Annotated[float, Field(ge=0.0, le=150.0)] = 35.0
+    """Angle between the two flanks of the turning tool."""
+    clearance_deg: Annotated[float, Field(ge=0.0, le=60.0)] = 2.0
+    """Least angle between a flank of the turning tool and the face that it cuts."""
+    shank_width_mm: Millimetres = 1.5
+    """Width of the turning tool in a bore, from its nose across: there its shank runs along the axis."""
+    layer_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
+    """Height of the layers of a print, along the axis."""
     form_tolerance_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
     """Full width of the zone, half of it on each side of the face along its normal, in which every point of an optical
     face must lie.
@@ -220,6 +232,35 @@ class ManufactureSection(Section):
         if self.shrinkage > 0.0 and self.process not in (None, "moulded"):  # None: before it is derived
             stated = f"shrinkage = {self.shrinkage:g}"
             raise ValueError(f'{stated} goes with process = "moulded", not "{self.process}"; leave it out')
+
+    @check
+    def _only_layers_are_printed(self) -> None:
+        if self.layer_um is not None and self.process not in (None, "printed"):
+            stated = f"layer_um = {self.layer_um:g}"
+            raise ValueError(f'{stated} goes with process = "printed", not "{self.process}"; leave it out')
+
+    @check
+    def _flanks_leave_a_nose(self) -> None:
+        if self.shank_width_mm < 2.0 * self.nose_radius_mm:
+            raise ValueError(
+                f"shank_width_mm = {self.shank_width_mm:g}: must be at least twice nose_radius_mm, "
+                f"{2.0 * self.nose_radius_mm:g}"
+            )
+        if self.steepest_deg <= 0.0:
+            raise ValueError(
+                f"included_angle_deg = {self.included_angle_deg:g} and clearance_deg = {self.clearance_deg:g}: the "
+                "clearance and half the angle must together be below 90"
+            )
+
+    @property
+    def steepest_deg(self) -> float:
+        """Largest angle between the axis of the turning tool and the normal of a face that its flanks clear."""
+        return 90.0 - self.included_angle_deg / 2.0 - self.clearance_deg
+
+    @property
+    def tool_radius_mm(self) -> float:
+        """Radius of the tool that cuts the lens itself: of the ball, or of the nose where the lens is turned."""
+        return self.nose_radius_mm if self.process == "turned" else self.cutter_radius_mm
 
     @property
     def cuts(self) -> Literal["lens", "inserts"] | None:

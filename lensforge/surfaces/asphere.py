@@ -342,6 +342,17 @@ class SurfaceShape:
         apart = np.sqrt(np.maximum(mean**2 - gauss, 0.0))
         return float((mean - apart).min()), float((mean + apart).max())
 
+    @cached_property
+    def meridian_curvatures_per_mm(self) -> tuple[float, float]:
+        """Least and largest curvature (1/mm) along the meridians alone; positive where they bulge."""
+        x, y, z = self._directions.T
+        across = np.hypot(x, y)
+        known, far = across > 0.0, np.maximum(across, np.finfo(float).tiny)
+        down = np.stack([np.where(known, z * x / far, 1.0), np.where(known, z * y / far, 0.0), -across], axis=1)
+        points, normals = self._moved(down)
+        bent = np.sum(points * normals, axis=1) / np.sum(points**2, axis=1)
+        return float(bent.min()), float(bent.max())
+
     def _moved(self, along: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Derivatives (per rad) of the points and of the normals."""
         ends = [np.cos(_STEP) * self._directions + sign * np.sin(_STEP) * along for sign in (1.0, -1.0)]

@@ -19,7 +19,7 @@ from lensforge.search.constraint_points import (
 )
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
 from lensforge.search.design_result import Margins, constraint_criteria, limits_of
-from lensforge.search.face_fields import draft_sine, least_curvature
+from lensforge.search.face_fields import draft_sine, least_curvature, meridian_curvature
 from lensforge.search.feasibility import measure_constraints
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -64,6 +64,30 @@ def test_fields_of_all_constraints_are_their_definitions(process: str) -> None:
     assert list(found) == list(wanted)
     for key, values in wanted.items():
         np.testing.assert_allclose(found[key], values, atol=1e-9, err_msg=key)
+
+
+def test_a_face_that_is_turned_has_the_curvature_of_its_meridian() -> None:
+    """By differences along the meridians of crooked faces, on the axis too, and with derivatives."""
+    grid, surface = TableGrid(129), random_surface(3, 4.0, 0.05, (9, 25))
+    polar, turn = np.array([0.0, 0.3, 0.8, 1.2]), np.array([0.0, 0.4, 2.0, 5.0])
+    places = np.tan(0.5 * polar)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    operator = ChartOperator.of(grid, places, derivatives=True)
+    (jet,) = operator.jets(table_of(surface, grid)[None])
+    step = 1e-3
+    at = polar[:, None] + step * np.array([-1.0, 0.0, 1.0])
+    u = np.stack([np.sin(at) * np.cos(turn)[:, None], np.sin(at) * np.sin(turn)[:, None], np.cos(at)], axis=-1)
+    below, rho, above = surface.radius(u.reshape(-1, 3)).reshape(at.shape).T
+    first, second = (above - below) / (2.0 * step), (above - 2.0 * rho + below) / step**2
+    wanted = (rho**2 + 2.0 * first**2 - rho * second) / (rho**2 + first**2) ** 1.5
+    for air in (1, -1):
+        np.testing.assert_allclose(meridian_curvature(jet, operator.points, air), air * wanted, atol=2e-4)
+    moved = [each.clone().requires_grad_() for each in (jet.rho, jet.derivatives)]
+    assert torch.autograd.gradcheck(lambda *jet: meridian_curvature(RadiusJet(*jet), operator.points, 1), moved)
+    for process, of_face in (("turned", meridian_curvature), ("milled", least_curvature)):
+        spec = shop_spec(manufacture={"process": process})
+        limit = next(each for each in constraints_of(spec) if each.key == "outer_curvature_margin_per_mm")
+        jets = {"inner": RadiusJet(jet.rho - 1.0, jet.derivatives), "outer": jet}
+        np.testing.assert_allclose(limit.of(jets, operator.points), 0.25 + of_face(jet, operator.points, 1), rtol=1e-12)
 
 
 def decentred(radius: float, centre: tuple[float, float, float], grid: TableGrid) -> torch.Tensor:

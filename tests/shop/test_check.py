@@ -14,7 +14,7 @@ from lensforge.cad.step import parse_step
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance
 from lensforge.shop.check import check_lens, check_part
-from lensforge.shop.face_check import check_face
+from lensforge.shop.face_check import milled_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.shop.findings import clearance_findings
 from lensforge.spec import BaseSection
@@ -136,8 +136,8 @@ def test_the_maps_belong_to_the_exact_surfaces(rough):
 def test_what_the_verdict_asks_for_is_enough(rough):
     # An undercut dome on a flush base wants a step and a set-back wall; with both, the verdict holds.
     part, _ = rough
-    inner = check_face(exported(part.inner, AirSide.INSIDE), 0.6, 61)
-    outer = check_face(exported(part.outer, AirSide.OUTSIDE), 0.6, 61)
+    inner = milled_face(exported(part.inner, AirSide.INSIDE), 0.6, 61)
+    outer = milled_face(exported(part.outer, AirSide.OUTSIDE), 0.6, 61)
     base = {"height_mm": 6.0}
     for _ in range(3):
         plan = lay_out(inner.samples.face.patch, outer.samples.face.patch, BaseSection(**base))

@@ -6,7 +6,7 @@ from known_shapes import Ellipsoid, order, sampled, sphere
 
 from lensforge.cad.patch import PrincipalCurvatures
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable, residual_height_mm
-from lensforge.shop.face_check import check_face
+from lensforge.shop.face_check import milled_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.surfaces import surface as chart
 
@@ -33,7 +33,7 @@ def test_every_largest_ball_in_a_prolate_cavity():
 def test_reach_and_largest_cutter_of_a_prolate_cavity():
     radius = THICK
     face = sampled(Ellipsoid((A, A, C)), AirSide.INSIDE).face
-    check = check_face(face, radius)
+    check = milled_face(face, radius)
     edge = C * np.sqrt((1.0 - (radius / A) ** 2) / (1.0 - (A / C) ** 2))  # height up to which the ball reaches
 
     def area_below(z):

@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 from scipy.special import ellipeinc, ellipkinc
 
 from lensforge.cad.patch import default_nodes, principal_curvatures
-from lensforge.shop.face_check import best_fit_sphere, check_face
+from lensforge.shop.face_check import best_fit_sphere, milled_face
 from lensforge.shop.face_samples import AirSide, least_draft_rad
 from lensforge.surfaces import surface as chart
 
@@ -144,7 +144,7 @@ def test_least_squares_is_weighted_by_area():
 
 def test_the_sphere_does_not_depend_on_the_number_of_samples():
     face = exported(random_surface(2.45, 0.08, 2), AirSide.OUTSIDE)
-    coarse, fine = (check_face(face, 1.0, nodes) for nodes in (41, 161))
+    coarse, fine = (milled_face(face, 1.0, nodes) for nodes in (41, 161))
     assert abs(coarse.sphere.radius_mm - fine.sphere.radius_mm) < 1e-12
     assert abs(coarse.sphere.pv_mm - fine.sphere.pv_mm) < 1e-6
     assert np.ptp(coarse.sag_mm) < fine.sphere.pv_mm - 1e-5, "the best samples alone are not the extremes"

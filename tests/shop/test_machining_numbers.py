@@ -13,7 +13,7 @@ from lensforge.cad.boundary import as_pair
 from lensforge.cad.plan import base_corners, lay_out
 from lensforge.shop.check import _walls, check_lens
 from lensforge.shop.face_samples import AirSide, area_rule
-from lensforge.shop.tool_reach import _across, _is_clear, _on_base, tool_axes, tool_reach
+from lensforge.shop.tool_reach import _across, _is_clear, points_on_base, tool_axes, tool_reach
 from lensforge.spec import BaseSection, ManufactureSection, Tool
 
 
@@ -113,9 +113,9 @@ def test_the_base_is_an_obstacle_by_rings_between_its_corners(make: dict) -> Non
                 radius = start + (end - start) * ring / 8.0
                 depth = corner.depth_mm + (following.depth_mm - corner.depth_mm) * ring / 8.0
                 expected.append([radius * np.cos(angle), radius * np.sin(angle), -depth])
-    np.testing.assert_allclose(_on_base(plan), expected, atol=1e-9)
-    assert len(_on_base(plan)) == 9 * 96 * (len(corners) - 1)
-    assert _on_base(plan)[:, 2].min() == pytest.approx(-make["height_mm"])
+    np.testing.assert_allclose(points_on_base(plan), expected, atol=1e-9)
+    assert len(points_on_base(plan)) == 9 * 96 * (len(corners) - 1)
+    assert points_on_base(plan)[:, 2].min() == pytest.approx(-make["height_mm"])
 
 
 def test_the_wall_of_a_lens_is_its_own_whatever_is_cut() -> None:

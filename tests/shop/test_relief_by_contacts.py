@@ -15,7 +15,7 @@ from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.plan import lay_out
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh, wall_retreat_mm
-from lensforge.shop.face_check import FaceCheck, check_face
+from lensforge.shop.face_check import MilledFace, milled_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.shop.tool_reach import _obstacles
 from lensforge.spec import BaseSection
@@ -30,11 +30,11 @@ RIM_IN, RIM_OUT = sqrt(1.2**2 - 0.3**2), sqrt(2.7**2 - 0.4**2)
 
 
 @pytest.fixture(scope="module")
-def faces() -> tuple[FaceCheck, FaceCheck]:
-    return check_face(INNER, BALL, 25), check_face(OUTER, BALL, 25)
+def faces() -> tuple[MilledFace, MilledFace]:
+    return milled_face(INNER, BALL, 25), milled_face(OUTER, BALL, 25)
 
 
-def centres(face: FaceCheck) -> list[tuple[float, float]]:
+def centres(face: MilledFace) -> list[tuple[float, float]]:
     """Distance from the axis and height of the ball that touches each sample."""
     found = face.samples.points + BALL * face.samples.normals
     return [(hypot(x, y), z) for x, y, z in found.tolist()]
@@ -61,7 +61,7 @@ def beyond(value: float) -> float:
     return value if value > CLEAR_MM else 0.0
 
 
-def judged(face: FaceCheck, *needs: list[float]) -> tuple[list[float], float]:
+def judged(face: MilledFace, *needs: list[float]) -> tuple[list[float], float]:
     """The largest of each need over what the ball reaches, and the share of the area that needs nothing."""
     reached, areas = face.reached, face.samples.areas
     clear = reached & (np.max(needs, axis=0) == 0.0)
@@ -123,7 +123,7 @@ def test_the_cavity_needs_a_bore_and_a_pocket(sizes: dict[str, float], aside: tu
     """A bore goes round the place of the rim that is farthest from the axis: of a cavity aside 0.2 mm farther."""
     if aside != (0.0, 0.0):
         inner = exported(sphere(1.2, (*aside, -0.3)), AirSide.INSIDE)
-        faces = check_face(inner, BALL, 25), faces[1]
+        faces = milled_face(inner, BALL, 25), faces[1]
     RIM_IN = sqrt(1.2**2 - 0.3**2) + hypot(*aside)
     plan = lay_out(faces[0].samples.face.patch, OUTER.patch, BaseSection(height_mm=3.0, **sizes))
     found = check_ball_clearance(plan, None, by_name(faces)).faces["inner"]
@@ -204,7 +204,7 @@ def test_obstacles_lie_on_the_base(tmp_path):
 @pytest.mark.usefixtures("cad_read_here")
 def test_shank_and_holder_are_kept_off_the_face_itself_and_off_a_base_from_a_file(tmp_path):
     base = plate(tmp_path, 2.0, step=1.0)
-    found = _obstacles(check_face(INNER, BALL, 25), None, base)
+    found = _obstacles(milled_face(INNER, BALL, 25), None, base)
     on_base = found[len(found) - len(base.points()) :]
     assert np.array_equal(on_base, base.points())
     away = np.linalg.norm(found[: -len(on_base)] - [0.0, 0.0, -0.3], axis=1)
@@ -225,7 +225,7 @@ def test_derived_room_clears_the_ball_and_2_hundredths_less_do_not(pocket, monke
                       base={"diameter_mm": 12.0, "height_mm": 3.0, **pocket})  # fmt: skip
     spec = spec.replace({"manufacture.cutter_radius_mm": 0.7})
     base = base_with_room(Lens.double(any_sphere(1.0), any_sphere(2.5), spec, 0, "draft"))
-    faces = by_name((check_face(inner, BALL, 25), check_face(outer, BALL, 25)))
+    faces = by_name((milled_face(inner, BALL, 25), milled_face(outer, BALL, 25)))
     if pocket:
         half = 0.5 * pocket["pocket_diameter_mm"]
         assert base.bore_setback_mm == pytest.approx(half - 0.015 - (sqrt(1.2**2 - 0.3**2) + 0.2), abs=1e-4)

@@ -10,7 +10,7 @@ from lensforge.cad.boundary import boundaries
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.scene.body import Body, Face
 from lensforge.shop.ball_clearance import wall_retreat_mm
-from lensforge.shop.face_check import check_face, face_result
+from lensforge.shop.face_check import face_result, milled_face
 from lensforge.shop.face_samples import AirSide, OpticalFace, all_points, sample_face
 
 # The cap and the side of a cavity, two spheres that meet in a circle at z = 0.51: 4 - (z + 0.5)^2 = 1.8^2 - z^2.
@@ -31,7 +31,7 @@ def cavity() -> dict[str, OpticalFace]:
 
 def test_each_face_is_measured_up_to_the_crease(cavity) -> None:
     for name, radius, height, steepest in (("cap", 2.0, 1.5 - MET_MM, MET_MM + 0.5), ("side", 1.8, MET_MM, 0.0)):
-        found = face_result(check_face(cavity[name], 1.0, 81))
+        found = face_result(milled_face(cavity[name], 1.0, 81))
         assert found.area_mm2 == pytest.approx(2.0 * np.pi * radius * height, rel=1e-8), "a zone of a sphere"
         assert found.best_fit_sphere.radius_mm == pytest.approx(radius, abs=1e-6) and found.best_fit_sphere.pv_mm < 1e-6
         assert found.curvature.smallest_concave_radius_mm == pytest.approx(radius, abs=1e-4)
@@ -45,7 +45,7 @@ def test_no_ball_reaches_the_crease_of_a_cavity_and_no_other_place_is_beyond_it(
     """A ball that rests on both spheres touches each where their centres are its radius nearer: on the axis side."""
     ball = 0.5
     for name, radius, centre in (("cap", 2.0, -0.5), ("side", 1.8, 0.0)):
-        found = check_face(cavity[name], ball, 101)
+        found = milled_face(cavity[name], ball, 101)
         assert 0.0 < found.samples.fraction(found.reached) < 1.0
         # Its centre lies on a sphere of 1.5 mm about (0, -0.5) and one of 1.3 mm about the origin.
         up = (1.5**2 - 1.3**2 - 0.25) / 1.0

@@ -123,4 +123,4 @@ def test_a_flat_face_has_no_radius() -> None:
     assert found.faces["exit"].curvature.smallest_concave_radius_mm is None
     assert found.faces["exit"].cutter.largest_radius_mm is None and found.faces["exit"].best_fit_sphere.pv_mm < 1e-6
     facts = {fact.key: fact.value for group in check_facts(found, lens.spec) for fact in group.facts}
-    assert (facts["exit_sphere"], facts["exit_ball"]) == ("plane", "any")
+    assert (facts["exit_sphere"], facts["exit_nose"]) == ("plane", "any")

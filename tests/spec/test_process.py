@@ -24,6 +24,11 @@ FREE = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -3.0, "radius_y_mm
         (spot(levels=[25]), "milled", ["milled"] * 4),
         (spot().replace({"manufacture.process": "moulded"}), "moulded", ["turned"] * 4),
         (spot().replace({"manufacture.process": "milled"}), "milled", ["milled"] * 4),
+        (
+            spot(levels=[25], exit={"flat": True}).replace({"manufacture.process": "moulded"}),
+            "moulded",
+            ["milled", "turned", "milled", "turned"],
+        ),
     ],
 )
 def test_faces_of_revolution_are_turned_unless_the_spec_says_otherwise(
@@ -41,6 +46,22 @@ def test_a_plate_is_moulded_and_a_derived_process_follows_the_spec() -> None:
     stated = plate.replace({"manufacture.process": "milled"})
     assert stated.replace(lamps=None, plate=None).manufacture.process == "milled"
     assert 'process = "milled"' in stated.to_toml()
+
+
+@pytest.mark.parametrize(
+    ("fields", "line"),
+    [
+        ({"layer_um": 5.0}, r'layer_um = 5 goes with process = "printed", not "turned"'),
+        ({"shank_width_mm": 0.03}, r"shank_width_mm = 0\.03: must be at least twice nose_radius_mm, 0\.04"),
+        (
+            {"included_angle_deg": 150.0, "clearance_deg": 15.0},
+            r"clearance and half the angle must together be below 90",
+        ),
+    ],
+)
+def test_a_tool_that_cannot_be_is_refused(fields: dict[str, float], line: str) -> None:
+    with pytest.raises(lf.InputError, match=line):
+        spot().replace({"manufacture": fields})
 
 
 def test_what_is_not_moulded_does_not_shrink() -> None:

@@ -83,7 +83,10 @@ def is_cut(case, name):
     """True of a face that is designed for the ball: of a part, not of a mould."""
     spec = case.lens["spec"]
     shop, hollow = spec["manufacture"], spec["lens"][name].get("concave_radius_mm")
-    return shop["process"] in ("milled", "turned") and (shop["required"] or (hollow or 0.0) >= shop["cutter_radius_mm"])
+    return shop["process"] in ("milled", "turned") and (
+        shop["required"]
+        or (hollow or 0.0) >= shop["nose_radius_mm" if shop["process"] == "turned" else "cutter_radius_mm"]
+    )
 
 
 def rounded_mm(needed):

@@ -28,7 +28,9 @@ class CutFace:
         self.air = (-1 if self.part.before == "cavity" else 1) * (-1 if shop["process"] == "moulded" else 1)
         self.sense = -1 if name in FROM_BELOW else 1
         own = body.cavity if self.part.before == "cavity" else body.envelope
-        self.beside = [part for part in own if part.name not in (name, "mouth", "flange")]
+        others = [part for part in own if part.name not in (name, "mouth", "flange")]
+        halves = shop["process"] == "moulded"  # each half has an insert of its own
+        self.beside = [part for part in others if not halves or (part.name in FROM_BELOW) == (name in FROM_BELOW)]
 
     def least_curvature(self, share, phi):
         low, high = self.part.curvatures(share, phi)
@@ -372,6 +374,7 @@ ORACLES = {
     f"check.{name}_{figure.__name__}": of_face(figure, name)
     for name in FACES
     for figure in (ball, reached, concave, tilt, draft, sphere, departure, departure_rms, area)
+    if name != "side" or figure not in (ball, reached, tilt)  # which is turned
 } | {
     "check.thinnest": thinnest,
     "check.thickest": thickest,

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+import oracle_turning as turning
 from oracle_mould import ball, cooling_s, half, is_moulded, parting
 from oracle_part import body_of, gap_mm
 from oracle_shop import (
@@ -41,8 +42,8 @@ def face_record(case, name):
     face = face_of(case, name)
     radius, pv, rms, centre = face.sphere
     least, most = face.kappa, face.highest
-    (reached, within), ball, hollow = reached_share(case, name), ball_mm(case, name), hollow_mm(case, name)
-    ball, hollow = (None if each[0] is None else each for each in (ball, hollow))
+    hollow = hollow_mm(case, name)
+    hollow = None if hollow[0] is None else hollow
     return {
         "best_fit_sphere": {
             "radius_mm": (radius, 1e-6 * radius), "centre_mm": [0.0, 0.0, (centre, 2e-6 * radius)],
@@ -50,13 +51,20 @@ def face_record(case, name):
         },
         "curvature": {"kappa_min_per_mm": (least, 1e-4), "kappa_max_per_mm": (most, 1e-4),
                       "smallest_concave_radius_mm": hollow},
-        "cutter": {"radius_mm": face.cutter, "reachable_fraction": (reached, within), "largest_radius_mm": ball,
-                   "residual_mm": 0.0 if reached == 1 else ...},
+        "cutter": turning.cutter_record(case, name) if turning.is_turned(case, name) else mill_record(case, name),
+        "layer_step_um": None,
         "draft_deg": {"min": (face.draft_deg, 0.003)},
         "undercut_fraction": (facing_wrong(case, name), 5e-3),
         "largest_tilt_deg": (90 - face.draft_deg, 0.003),
         "area_mm2": (face.scale**2 * face.part.area[2].sum(), 2e-6 * face.scale**2 * face.part.area[2].sum()),
     }  # fmt: skip
+
+
+def mill_record(case, name):
+    (reached, within), ball = reached_share(case, name), ball_mm(case, name)
+    largest, left = None if ball[0] is None else ball, 0.0 if reached == 1 else ...
+    return {"radius_mm": face_of(case, name).cutter, "reachable_fraction": (reached, within),
+            "largest_radius_mm": largest, "residual_mm": left}  # fmt: skip
 
 
 def facing_wrong(case, name):
@@ -140,14 +148,16 @@ def verdicts(case, names, each, thin):
     def said(name, surface, value, sense, limit, unit, tolerance, state):
         return judged(name, value, sense, limit, unit, tolerance, surface=surface, reason=..., holds=state == "pass")
 
-    for name in names:
+    lathe = [name for name in names if turning.is_turned(case, name)]
+    milled = [name for name in names if name not in lathe]
+    for name in milled:
         ball, within = ball_mm(case, name)
         largest, fit = (None, 0.0) if ball is None else ((ball, within), (FIT * ball, FIT * within + 1e-9))
         yield said("cutter", name, shop["cutter_radius_mm"], "<=", largest, "mm", fit, cutter_state(case, name))
     for name, found in each.items():
         most = max((value for key, value in found.items() if key.endswith("mm")), key=lambda pair: pair[0])
         yield said("relief", name, most, "<=", 0.0, "mm", 0.0, relief_state(case, name))
-    for name in names if cut else ():
+    for name in milled if cut else ():
         tilted = (90 - face_of(case, name).draft_deg, 0.003)
         yield said("tilt", name, tilted, "<=", shop["max_tilt_deg"], "deg", ANGLE_DEG, tilt_state(case, name))
     yield said("wall", "body", thin, ">=", limits["min_thickness_mm"], "mm", slack, wall_state(case))
@@ -162,6 +172,7 @@ def verdicts(case, names, each, thin):
         least = (half(case, name)[3], 0.02) if is_moulded(case) else (face_of(case, name).draft_deg, 0.003)
         wanted = GOOD_DRAFT_DEG if wanted is None else wanted
         yield said("draft", name, least, ">=", wanted, "deg", ANGLE_DEG, draft_state(case, name))
+    yield from turning.findings(case, lathe, said)
     if spec["plate"] is not None:
         if cut:
             wide, gap = 2 * shop["cutter_radius_mm"], (gap_mm(case), 0.004)

@@ -23,6 +23,7 @@ import oracle_search
 import oracle_shop
 import oracle_stray
 import oracle_study
+import oracle_turning
 import pytest
 import record_check
 import record_export
@@ -39,6 +40,7 @@ MODULES = (
     oracle_part,
     oracle_mould,
     oracle_shop,
+    oracle_turning,
     oracle_proof,
     oracle_stray,
     oracle_study,
