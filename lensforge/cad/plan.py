@@ -148,6 +148,13 @@ def rim_radius(face: StarShaped) -> Radius:
     return lambda azimuths: face.radius(rim_directions(azimuths))
 
 
+def rim_points(face: StarShaped) -> Float[np.ndarray, "n 2"]:
+    """Points (mm) of a face's rim at equal azimuths."""
+    azimuths = sampled_azimuths()
+    points: Float[np.ndarray, "n 2"] = rim_radius(face)(azimuths)[:, None] * rim_directions(azimuths)[:, :2]
+    return points
+
+
 def _bore(cavity: StarShaped, base: BaseSection, outline: Outline) -> Outline | None:
     """The bore's circle; None where it is extruded from the cavity's rim."""
     if not base.bore_setback_mm:

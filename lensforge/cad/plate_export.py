@@ -13,21 +13,30 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.body_export import figures_as_read
-from lensforge.cad.boundary import Boundary, Pair
+from lensforge.cad.boundary import Pair
 from lensforge.cad.mesh import BodyMesh, check_closed, manifold_of, mesh_error
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
-from lensforge.cad.outline import sampled_azimuths
 from lensforge.cad.part_limits import mass_g, mesh_volume_limit, plate_criteria
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_directions, rim_radius
+from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_points
 from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
 from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate
-from lensforge.cad.plate_solid import BOSS_ROOF, PIN_END, PLATE_BOTTOM, build_plate_solid
+from lensforge.cad.plate_solid import (
+    BOSS_BORE,
+    BOSS_ROOF,
+    PIN_END,
+    PIN_SIDE,
+    PLATE_BORE,
+    PLATE_BOTTOM,
+    PLATE_HOLE,
+    PLATE_SIDE,
+    build_plate_solid,
+)
 from lensforge.cad.solid import Shapes, Solid, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
-from lensforge.results.brep_size import spline_poles
+from lensforge.results.brep_size import spline_poles, volume_and_area
 from lensforge.results.criteria import Criteria
 from lensforge.results.files import MIB
 from lensforge.results.record import MOST_FILE_BYTES
@@ -63,7 +72,7 @@ def build_plate(
     if layout is None:
         return None
     bare, product = lay_out(plan.cavity, plan.envelope, _BARE), f"{lens.spec.name} plate"
-    opening = opening_of(bare.cavity)
+    opening = rim_points(bare.cavity)
     _require_walls(layout, opening)
     facets, chord_mm = lens_mesh(bare, len(layout.lenses))
     gap_mm = least_gap_mm(facets, layout)
@@ -74,7 +83,7 @@ def build_plate(
     stl, threemf = stl_bytes(mesh), threemf_bytes(mesh, product)
     files = dict(zip(PLATE_FILES, (step, stl, threemf), strict=True))
     lens_mm3 = (one if plan.base.kind == "none" else build_solid(bare)).volume_mm3
-    volume = layout.volume_mm3(lens_mm3, float(np.pi * np.mean(np.sum(opening**2, axis=1))))
+    volume = layout.volume_mm3(lens_mm3, opening)
     read, closed = parse_step(step), check_closed(*parse_stl(stl, PLATE_FILES[1]))
     in_3mf = check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
     form_nm = form_error_nm + copies_off_mm(read.faces, bare, layout) * _NM_PER_MM
@@ -103,13 +112,6 @@ def build_plate(
     return BuiltPlate(figures, criteria, files)
 
 
-def opening_of(cavity: Boundary[Patch]) -> Float[np.ndarray, "n 2"]:
-    """Points (mm) at equal azimuths around the rim of ``cavity``."""
-    azimuths = sampled_azimuths()
-    points: Float[np.ndarray, "n 2"] = rim_radius(cavity)(azimuths)[:, None] * rim_directions(azimuths)[:, :2]
-    return points
-
-
 def _require_walls(layout: PlateLayout, opening: Float[np.ndarray, "n 2"]) -> None:
     wall = layout.thinnest_wall(opening)
     if wall is not None and wall.thickness_mm < MIN_BASE_WALL_MM:
@@ -133,16 +135,22 @@ def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWal
     if layout is None:
         return None, None
     one, _ = lens_mesh(lay_out(*pair, _BARE), len(layout.lenses))
-    return least_gap_mm(one, layout), layout.thinnest_wall(opening_of(pair[0]))
+    return least_gap_mm(one, layout), layout.thinnest_wall(rim_points(pair[0]))
 
 
 def volume_of_mm3(faces: Shapes, layout: PlateLayout, lens_mm3: float) -> float:
-    """Volume (mm^3) within ``faces``, by the flux of z through them: their levels times areas, and that of the lenses.
+    """Volume (mm^3) within ``faces``, by a third of the flux of the place through them.
 
-    ``lens_mm3``: through the faces of one lens, the same at each place. All other faces stand upright or lie in z = 0.
+    ``lens_mm3``: through the faces of one lens, the same at each place, since they close a body with a level. A level
+    is taken by its area. There is no flux through z = 0.
     """
-    levels = [face for name, face in faces.items() if name.startswith((PLATE_BOTTOM, PIN_END, BOSS_ROOF))]
-    return len(layout.lenses) * lens_mm3 - sum(map(_down_to_zero_mm3, levels))
+    found = len(layout.lenses) * lens_mm3
+    for name, face in faces.items():
+        if name.startswith((PLATE_BOTTOM, PIN_END, BOSS_ROOF)):
+            found -= _down_to_zero_mm3(face) / 3.0
+        elif name.startswith((PLATE_SIDE, PLATE_BORE, PLATE_HOLE, PIN_SIDE, BOSS_BORE)):
+            found += volume_and_area(face)[0]
+    return found
 
 
 def _down_to_zero_mm3(level: Any) -> float:

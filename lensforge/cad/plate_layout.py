@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from lensforge.scene.lens import Lens
 from lensforge.spec.lamps_section import Lamps, Place
-from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateSection
+from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateHole, PlateMark, PlatePin, PlateSection
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, area_mm2, box_of_loop, circle_at
 
 
@@ -22,6 +22,27 @@ class PlateWall:
 
     thickness_mm: float
     between: str
+
+
+@dataclass(frozen=True)
+class RoundWall:
+    """A cone about the axis at ``place``, or a cylinder: its radii where it begins, below z = 0, and at its foot."""
+
+    place: Place
+    radius_mm: float
+    foot_mm: float
+    depth_mm: float
+    length_mm: float
+
+    @property
+    def volume_mm3(self) -> float:
+        """Volume within."""
+        return pi * self.length_mm * (self.radius_mm**2 + self.radius_mm * self.foot_mm + self.foot_mm**2) / 3.0
+
+    @property
+    def growth_per_mm(self) -> float:
+        """Growth of its radius over that where it begins, for each mm downwards."""
+        return (self.foot_mm / self.radius_mm - 1.0) / self.length_mm
 
 
 @dataclass(frozen=True)
@@ -50,26 +71,59 @@ class PlateLayout:
         return tuple(edge for edge in chain if edge.end != edge.start)
 
     @property
-    def openings(self) -> tuple[Loop, ...]:
-        """Its holes and other openings, each counter-clockwise, without those of the lenses."""
-        drawn = self.plate.outline.slots if isinstance(self.plate.outline, DrawnOutline) else ()
-        return *(circle_at(hole.place_mm, hole.radius_mm) for hole in self.plate.all_holes), *drawn
+    def slots(self) -> tuple[Loop, ...]:
+        """Its openings that are not round, each counter-clockwise."""
+        return self.plate.outline.slots if isinstance(self.plate.outline, DrawnOutline) else ()
+
+    @property
+    def holes(self) -> tuple[RoundWall, ...]:
+        """Its round holes."""
+        length = self.plate.thickness_mm
+        return tuple(self._drafted(hole.place_mm, hole.radius_mm, 0.0, length, 1.0) for hole in self.plate.all_holes)
+
+    @property
+    def standing(self) -> tuple[tuple[RoundWall, RoundWall | None], ...]:
+        """Its pins and bosses, each with the bore that a boss has."""
+        return tuple((self._pin(pin), self._bore(pin)) for pin in self.plate.standing)
+
+    def _pin(self, pin: PlatePin) -> RoundWall:
+        return self._drafted(pin.place_mm, pin.radius_mm, self.plate.thickness_mm, pin.height_mm, -1.0)
+
+    def _bore(self, pin: PlatePin) -> RoundWall | None:
+        if not isinstance(pin, PlateBoss):
+            return None
+        depth = self.plate.thickness_mm + pin.height_mm - pin.bore_depth_mm
+        return self._drafted(pin.place_mm, pin.bore_diameter_mm / 2.0, depth, pin.bore_depth_mm, 1.0)
+
+    def _drafted(self, place: Place, radius_mm: float, depth_mm: float, length_mm: float, way: float) -> RoundWall:
+        foot_mm = radius_mm + way * self.plate.slope * length_mm
+        return RoundWall(place, radius_mm, foot_mm, depth_mm, length_mm)
+
+    def bore_scale(self, opening: Float[np.ndarray, "n 2"]) -> float:
+        """Factor from a cavity's rim, points (mm) around it in z = 0, to the foot of its bore: a cone about the axis.
+
+        The least of its drafts is that of the plate, where a tangent of the rim is nearest to the axis.
+        """
+        along = np.roll(opening, -1, axis=0) - np.roll(opening, 1, axis=0)
+        nearest = np.abs(opening[:, 0] * along[:, 1] - opening[:, 1] * along[:, 0]) / np.hypot(*along.T)
+        return 1.0 + self.plate.slope * self.plate.thickness_mm / float(nearest.min())
 
     @property
     def box_mm(self) -> tuple[Place, Place]:
         """Least and largest x and y of its outline."""
         return box_of_loop(self.outline)
 
-    def volume_mm3(self, lens_mm3: float, opening_mm2: float) -> float:
+    def volume_mm3(self, lens_mm3: float, opening: Float[np.ndarray, "n 2"]) -> float:
         """Volume of the plate in closed form.
 
-        ``lens_mm3``: of one lens above z = 0 without a base. ``opening_mm2``: area of its cavity's rim.
+        ``lens_mm3``: of one lens above z = 0 without a base. ``opening``: points (mm) at equal azimuths around its rim.
         """
-        count, plate = len(self.lenses), self.plate
-        open_mm2 = count * opening_mm2 + sum(area_mm2(opening) for opening in self.openings)
-        pins_mm3 = sum(pi * pin.radius_mm**2 * pin.height_mm for pin in plate.standing)
-        pins_mm3 -= sum(pi * boss.bore_diameter_mm**2 / 4.0 * boss.bore_depth_mm for boss in plate.bosses)
-        return count * lens_mm3 + plate.thickness_mm * (area_mm2(self.outline) - open_mm2) + pins_mm3
+        scale, opening_mm2 = self.bore_scale(opening), float(pi * np.mean(np.sum(opening**2, axis=1)))
+        of_one_mm3 = lens_mm3 - self.plate.thickness_mm * opening_mm2 * (1.0 + scale + scale**2) / 3.0
+        upright_mm2 = area_mm2(self.outline) - sum(map(area_mm2, self.slots))
+        pins_mm3 = sum(pin.volume_mm3 - (0.0 if bore is None else bore.volume_mm3) for pin, bore in self.standing)
+        holes_mm3 = sum(hole.volume_mm3 for hole in self.holes)
+        return len(self.lenses) * of_one_mm3 + self.plate.thickness_mm * upright_mm2 + pins_mm3 - holes_mm3
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
         """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
@@ -81,7 +135,9 @@ class PlateLayout:
 
         None where it has none of them.
         """
+        opening = self.bore_scale(opening) * opening  # at the bottom, where bores and holes are widest
         plate, axes, largest = self.plate, np.array(self.lenses.places_mm), float(np.hypot(*opening.T).max())
+        widened = {name: self._at_bottom_mm(mark) for name, mark in plate.marks}
         found = list[PlateWall]()
         for number, (name, mark) in enumerate(plate.marks):
             away = np.hypot(*(axes - mark.place_mm).T)
@@ -89,13 +145,19 @@ class PlateLayout:
             gaps = {"the cavity of a lens": min(self._gap_mm(opening, int(k), mark.place_mm) for k in near)}
             gaps["the edge"] = plate.to_edge_mm(mark.place_mm, self.size_mm)
             for other, one in plate.marks[:number]:
-                gaps[other] = mark.away_mm(one.place_mm) - one.radius_mm
-            found += [PlateWall(gap - mark.radius_mm, f"{name} and {other}") for other, gap in gaps.items()]
+                gaps[other] = mark.away_mm(one.place_mm) - widened[other]
+            found += [PlateWall(gap - widened[name], f"{name} and {other}") for other, gap in gaps.items()]
             if isinstance(mark, PlateBoss):
-                found.append(PlateWall(mark.radius_mm - mark.bore_diameter_mm / 2.0, f"{name} and its bore"))
+                bore = self._bore(mark)
+                assert bore is not None
+                found.append(PlateWall(self._pin(mark).foot_mm - bore.foot_mm, f"{name} and its bore"))
                 roof_mm = plate.thickness_mm + mark.height_mm - mark.bore_depth_mm
                 found.append(PlateWall(roof_mm, f"the bore of {name} and the top of the plate"))
         return min(found, key=lambda wall: wall.thickness_mm, default=None)
+
+    def _at_bottom_mm(self, mark: PlateMark) -> float:
+        """Radius of a mark at the bottom of the plate."""
+        return mark.radius_mm + (self.plate.slope * self.plate.thickness_mm if isinstance(mark, PlateHole) else 0.0)
 
     def _gap_mm(self, opening: Float[np.ndarray, "n 2"], number: int, place: Place) -> float:
         """Distance (mm) of a place from the opening of a lens, below 0 within its smallest radius."""

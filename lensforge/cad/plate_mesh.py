@@ -15,8 +15,8 @@ from lensforge.cad.boundary import Boundary
 from lensforge.cad.facets import MOST_TRIANGLES
 from lensforge.cad.mesh import BodyMesh, build_mesh
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import RIM, Plan
-from lensforge.cad.plate_layout import PlateLayout
+from lensforge.cad.plan import RIM, Plan, rim_points
+from lensforge.cad.plate_layout import PlateLayout, RoundWall
 from lensforge.cad.plate_solid import (
     BOSS_BORE,
     BOSS_ROOF,
@@ -28,7 +28,6 @@ from lensforge.cad.plate_solid import (
     PLATE_SIDE,
     PLATE_TOP,
 )
-from lensforge.spec.plate_section import PlateBoss
 from lensforge.surfaces.plane_loop import Loop, circle_at, points_on
 
 _RINGS = 24  # of a lens to begin with: its facets are split where they are too far from their faces
@@ -96,6 +95,7 @@ def lens_mesh(plan: Plan[Patch], count: int) -> tuple[BodyMesh, float]:
 def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, chord_mm: float) -> BodyMesh:
     """Mesh the plate; ``lens``: one lens without a base, ``chord_mm``: of the round edges of the plate."""
     parts, thickness = MeshParts(), layout.plate.thickness_mm
+    bore_scale = layout.bore_scale(rim_points(plan.cavity))
     optical = [name for name in lens.names if name != RIM]
     rim, mouth = (_rim_of(lens, boundary) for boundary in (plan.envelope, plan.cavity))
     outline, foot = prism(parts, PLATE_SIDE, layout.outline, chord_mm, 0.0, thickness, outwards=True)
@@ -104,24 +104,20 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
         ids = parts.add_points(layout.placed(lens.vertices, number))
         for name in optical:
             parts.add_facets(name, ids[lens.part(name)])
-        below = parts.add_points(layout.placed(lens.vertices[mouth, :2], number), -thickness)
+        below = parts.add_points(layout.placed(bore_scale * lens.vertices[mouth, :2], number), -thickness)
         parts.add_wall(PLATE_BORE, ids[mouth][::-1], below[::-1])
         tops.append(ids[rim])
         bottoms.append(below)
-    for opening in layout.openings:
-        edge, below = prism(parts, PLATE_HOLE, opening, chord_mm, 0.0, thickness, outwards=False)
+    holes = [_round(parts, PLATE_HOLE, hole, chord_mm, outwards=False) for hole in layout.holes]
+    slots = [prism(parts, PLATE_HOLE, slot, chord_mm, 0.0, thickness, outwards=False) for slot in layout.slots]
+    for edge, below in (*holes, *slots):
         tops.append(edge)
         bottoms.append(below)
-    for pin in layout.plate.standing:
-        circle = circle_at(pin.place_mm, pin.radius_mm)
-        edge, end = prism(parts, PIN_SIDE, circle, chord_mm, thickness, pin.height_mm, outwards=True)
+    for pin, bore in layout.standing:
+        edge, end = _round(parts, PIN_SIDE, pin, chord_mm, outwards=True)
         mouths = []
-        if isinstance(pin, PlateBoss):
-            bore, depth = (
-                circle_at(pin.place_mm, pin.bore_diameter_mm / 2.0),
-                thickness + pin.height_mm - pin.bore_depth_mm,
-            )
-            roof, mouth = prism(parts, BOSS_BORE, bore, chord_mm, depth, pin.bore_depth_mm, outwards=False)
+        if bore is not None:
+            roof, mouth = _round(parts, BOSS_BORE, bore, chord_mm, outwards=False)
             parts.add_plane(BOSS_ROOF, roof, [], up=False)
             mouths.append(mouth)
         parts.add_plane(PIN_END, end, mouths, up=False)
@@ -129,6 +125,16 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
     parts.add_plane(PLATE_TOP, outline, tops, up=True)
     parts.add_plane(PLATE_BOTTOM, foot, bottoms, up=False)
     return parts.mesh(lens.rings)
+
+
+def _round(parts: MeshParts, name: str, wall: RoundWall, chord_mm: float, *, outwards: bool) -> tuple[_Ids, _Ids]:
+    """Add a round wall; return the numbers of its vertices at its top and at its foot."""
+    widest = max(wall.radius_mm, wall.foot_mm)
+    around = (points_on(circle_at(wall.place, widest), chord_mm) - wall.place) / widest
+    ends = (wall.radius_mm, wall.depth_mm), (wall.foot_mm, wall.depth_mm + wall.length_mm)
+    top, foot = (parts.add_points(wall.place + radius * around, -depth) for radius, depth in ends)
+    parts.add_wall(name, *((top, foot) if outwards else (top[::-1], foot[::-1])))
+    return top, foot
 
 
 def prism(

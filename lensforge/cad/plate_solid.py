@@ -9,14 +9,15 @@ from typing import Any
 from lensforge.cad.edges import face_at, moved, normal_at, wire, wire_at
 from lensforge.cad.outline import FULL_TURN, Arc
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import Plan
-from lensforge.cad.plate_layout import PlateLayout
+from lensforge.cad.plan import Plan, rim_points
+from lensforge.cad.plate_layout import PlateLayout, RoundWall
 from lensforge.cad.solid import (
     DOWN,
     FROM_ORIGIN,
     TO_ORIGIN,
     TOWARDS,
     UP,
+    Chain,
     Named,
     Solid,
     assembled,
@@ -25,8 +26,8 @@ from lensforge.cad.solid import (
     planar_face,
     walls_below,
 )
-from lensforge.spec.plate_section import PlateBoss
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, circle_at
+from lensforge.surfaces.step_file import parts_of
 
 PLATE_TOP, PLATE_BOTTOM, PLATE_SIDE, PLATE_BORE = "PLATE_TOP", "PLATE_BOTTOM", "PLATE_SIDE", "PLATE_BORE"
 PLATE_HOLE, PIN_SIDE, PIN_END, BOSS_BORE, BOSS_ROOF = "PLATE_HOLE", "PIN_SIDE", "PIN_END", "BOSS_BORE", "BOSS_ROOF"
@@ -37,7 +38,7 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
     whole = (Arc(0.0, FULL_TURN, "bare"),)
     envelope, rims = optical_faces(plan.envelope, whole, True, FROM_ORIGIN)
     cavity, (mouth,) = optical_faces(plan.cavity, whole, True, TO_ORIGIN)
-    bore, foot = walls_below(PLATE_BORE, mouth, layout.plate.thickness_mm)
+    bore, foot = _bore_below(mouth, layout.plate.thickness_mm, layout.bore_scale(rim_points(plan.cavity)))
     lens = [*envelope, *cavity, *((name, facing(face, TOWARDS)) for name, face in bore)]
     rim = wire([edge for chain in rims for edge in chain])
     faces, openings, feet = Named(), list[Any](), list[Any]()
@@ -46,19 +47,17 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
         faces += [(name, face_at(face, there)) for name, face in lens]
         openings.append(wire_at(rim, there))
         feet.append(wire_at(foot, there))
-    for opening in layout.openings:
-        sides, below, edge = _walls(PLATE_HOLE, opening, 0.0, layout.plate.thickness_mm, outwards=False)
+    holes = [_round(PLATE_HOLE, hole, outwards=False) for hole in layout.holes]
+    slots = [_walls(PLATE_HOLE, slot, 0.0, layout.plate.thickness_mm, outwards=False) for slot in layout.slots]
+    for sides, below, edge in (*holes, *slots):
         faces += sides
         openings.append(edge)
         feet.append(below)
-    for pin in layout.plate.standing:
-        circle = circle_at(pin.place_mm, pin.radius_mm)
-        sides, below, edge = _walls(PIN_SIDE, circle, layout.plate.thickness_mm, pin.height_mm, outwards=True)
+    for pin, drilled in layout.standing:
+        sides, below, edge = _round(PIN_SIDE, pin, outwards=True)
         ends = [below]
-        if isinstance(pin, PlateBoss):
-            depth = layout.plate.thickness_mm + pin.height_mm - pin.bore_depth_mm
-            drilled = circle_at(pin.place_mm, pin.bore_diameter_mm / 2.0)
-            bored, end, roof = _walls(BOSS_BORE, drilled, depth, pin.bore_depth_mm, outwards=False)
+        if drilled is not None:
+            bored, end, roof = _round(BOSS_BORE, drilled, outwards=False)
             sides += [*bored, (BOSS_ROOF, facing(planar_face(roof), DOWN))]
             ends.append(end)
         faces += [*sides, (PIN_END, facing(planar_face(*ends), DOWN))]
@@ -68,6 +67,52 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
     faces.append((PLATE_TOP, facing(planar_face(outline, *openings), UP)))
     faces.append((PLATE_BOTTOM, facing(planar_face(bottom, *feet), DOWN)))
     return assembled(faces)
+
+
+def _bore_below(mouth: Chain, length_mm: float, scale: float) -> tuple[Named, Any]:
+    """The walls of a bore from the rim of a cavity down, and the wire at their foot, ``scale`` times as wide."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.BRepFill import BRepFill
+    from OCP.gp import gp_Pnt, gp_Trsf
+    from OCP.TopoDS import TopoDS
+
+    if scale == 1.0:
+        return walls_below(PLATE_BORE, mouth, length_mm)
+    about_apex, rim = gp_Trsf(), wire(mouth)
+    about_apex.SetScale(gp_Pnt(0.0, 0.0, length_mm / (scale - 1.0)), scale)
+    foot = TopoDS.Wire_s(BRepBuilderAPI_Transform(rim, about_apex, True).Shape())
+    return [(PLATE_BORE, face) for face in parts_of(BRepFill.Shell_s(rim, foot), "FACE")], foot
+
+
+def _round(name: str, wall: RoundWall, *, outwards: bool) -> tuple[Named, Any, Any]:
+    """The face of a round wall, and the wires at its foot and top."""
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeCone
+    from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+
+    circle = circle_at(wall.place, wall.radius_mm)
+    if wall.foot_mm == wall.radius_mm:
+        return _walls(name, circle, wall.depth_mm, wall.length_mm, outwards=outwards)
+    axes = gp_Ax2(gp_Pnt(*wall.place, -wall.depth_mm - wall.length_mm), gp_Dir(0.0, 0.0, 1.0))
+    side = BRepPrimAPI_MakeCone(axes, wall.foot_mm, wall.radius_mm, wall.length_mm).Face()
+    foot, top = sorted(_circles_of(side), key=_height_mm)
+    return [(name, _wall_facing(side, circle[0], outwards))], wire([foot]), wire([top])
+
+
+def _circles_of(side: Any) -> Chain:
+    """The two closed edges of a face of revolution, without its seam, both counter-clockwise."""
+    from OCP.TopAbs import TopAbs_Orientation
+    from OCP.TopExp import TopExp
+    from OCP.TopoDS import TopoDS
+
+    edges = [TopoDS.Edge_s(edge.Oriented(TopAbs_Orientation.TopAbs_FORWARD)) for edge in parts_of(side, "EDGE")]
+    return [edge for edge in edges if TopExp.FirstVertex_s(edge).IsSame(TopExp.LastVertex_s(edge))]
+
+
+def _height_mm(edge: Any) -> float:
+    from OCP.BRep import BRep_Tool
+    from OCP.TopExp import TopExp
+
+    return float(BRep_Tool.Pnt_s(TopExp.FirstVertex_s(edge)).Z())
 
 
 def _walls(name: str, loop: Loop, depth_mm: float, length_mm: float, *, outwards: bool) -> tuple[Named, Any, Any]:

@@ -90,15 +90,18 @@ class Levels:
 
 
 @dataclass(frozen=True, eq=False)
-class UprightWalls:
-    """Upright walls over closed curves in the plane, given in short pieces by start, middle and end (mm).
+class Walls:
+    """Walls over closed curves in the plane, given in short pieces by start, middle and end (mm), upright or drafted.
 
     A piece is the parabola through these, which is a line where they lie on one. ``owners``: number of each one's wall.
+    ``drafts``: of each wall the place (mm) of its axis, the height (mm) of its curve, and the growth of that downwards
+    (1/mm); left out, all are upright.
     """
 
     names: tuple[str, ...]
     pieces: Float[np.ndarray, "s 3 2"]
     owners: Int[np.ndarray, " s"]
+    drafts: Float[np.ndarray, "w 4"] | None = None
 
     @cached_property
     def _tree(self) -> "cKDTree":
@@ -108,13 +111,14 @@ class UprightWalls:
 
     def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
         """Distance (mm) from the nearest wall, and its number."""
-        near = self._tree.query(points[:, :2], k=min(_NEAREST, len(self.pieces)))[1].reshape(len(points), -1)
+        flat = self._at_curve(points)
+        near = self._tree.query(flat, k=min(_NEAREST, len(self.pieces)))[1].reshape(len(points), -1)
         start, middle, end = np.moveaxis(self.pieces[near], 2, 0)
         chord = end - start
         length = np.linalg.norm(chord, axis=-1)
         along = chord / length[..., None]
         across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
-        way = points[:, None, :2] - start
+        way = flat[:, None] - start
         share = np.clip(np.sum(way * along, axis=-1) / length, 0.0, 1.0)
         sag = np.sum((middle - start) * across, axis=-1)
         beside = np.sum(way * across, axis=-1) - 4.0 * sag * share * (1.0 - share)
@@ -123,6 +127,15 @@ class UprightWalls:
         chosen = away.argmin(axis=1)[:, None]
         nearest = np.take_along_axis(near, chosen, axis=1)[:, 0]
         return np.take_along_axis(away, chosen, axis=1)[:, 0], self.owners[nearest]
+
+    def _at_curve(self, points: _Points) -> Float[np.ndarray, "n 2"]:
+        """The points in the plane, those of a drafted wall along it to the height of its curve."""
+        flat: Float[np.ndarray, "n 2"] = points[:, :2]
+        if self.drafts is None or not self.drafts[:, 3].any():
+            return flat
+        x, y, height, growth = self.drafts[self.owners[self._tree.query(flat)[1]]].T
+        axis = np.column_stack([x, y])
+        return axis + (flat - axis) / (1.0 + growth * (height - points[:, 2]))[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +162,7 @@ class PlacedFace:
 
 
 # One face, or several of a kind that do not meet: their ``names``, and how far off the nearest of them points are.
-Designed = DesignedFace | PlacedFace | Levels | UprightWalls
+Designed = DesignedFace | PlacedFace | Levels | Walls
 
 
 @dataclass(frozen=True, eq=False)

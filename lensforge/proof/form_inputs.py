@@ -28,9 +28,10 @@ from lensforge.cad.plan import (
     base_corners,
     lay_out,
     rim_directions,
+    rim_points,
     rim_radius,
 )
-from lensforge.cad.plate_layout import PlateLayout, layout_of
+from lensforge.cad.plate_layout import PlateLayout, RoundWall, layout_of
 from lensforge.cad.plate_mesh import CHORD_MM as PLATE_CHORD_MM
 from lensforge.cad.plate_result import PLATE_FILES
 from lensforge.cad.plate_solid import (
@@ -44,11 +45,10 @@ from lensforge.cad.plate_solid import (
     PLATE_SIDE,
     PLATE_TOP,
 )
-from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, UprightWalls
+from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, Walls
 from lensforge.proof.file_form import Chords, DesignedFile
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.scene.lens import Lens
-from lensforge.spec.plate_section import PlateBoss
 from lensforge.surfaces.plane_loop import Loop, circle_at
 from lensforge.surfaces.surface import Surface, scaled, to_sphere
 
@@ -57,6 +57,7 @@ _ORDER = 6  # an error of the table falls with this power of its nodes
 _BEYOND = 1.03  # of the extent of a face: a table is worst at its ends
 _PIECES = 1536  # of a closed curve, and of an edge of a plate's outline: a quarter of a circle bends by 1e-12 in one
 _EDGE_PIECES = 384
+_UPRIGHT = 0.0, 0.0, 0.0, 0.0
 _NO_AREA_MM = 1e-4  # a ring this narrow is none: a base flush with the rim
 
 
@@ -128,15 +129,20 @@ class _Made:
     """Levels and walls as they are collected."""
 
     levels: dict[float, str] = field(default_factory=dict)
-    walls: list[tuple[str, Float[np.ndarray, "_ 3 2"]]] = field(default_factory=list)
+    walls: list[tuple[str, Float[np.ndarray, "_ 3 2"], tuple[float, ...]]] = field(default_factory=list)
 
     def add_level(self, name: str, height_mm: float) -> None:
         """Add a plane; two in one height are one."""
         self.levels.setdefault(round(height_mm, 9), name)
 
-    def add_wall(self, name: str, pieces: Float[np.ndarray, "s 3 2"]) -> None:
-        """Add a wall over a closed curve in pieces."""
-        self.walls.append((name, pieces))
+    def add_wall(self, name: str, pieces: Float[np.ndarray, "s 3 2"], draft: tuple[float, ...] = _UPRIGHT) -> None:
+        """Add a wall over a closed curve in pieces; ``draft``: as of :class:`Walls`."""
+        self.walls.append((name, pieces, draft))
+
+    def add_round(self, name: str, wall: RoundWall) -> None:
+        """Add a round wall of a plate."""
+        draft = (*wall.place, -wall.depth_mm, wall.growth_per_mm)
+        self.add_wall(name, _along(circle_at(wall.place, wall.radius_mm)), draft)
 
     @property
     def faces(self) -> list[Designed]:
@@ -145,9 +151,9 @@ class _Made:
         if self.levels:
             found.append(Levels(_numbered(list(self.levels.values())), np.array(list(self.levels))))
         if self.walls:
-            names, pieces = zip(*self.walls, strict=True)
+            names, pieces, drafts = zip(*self.walls, strict=True)
             owners = np.repeat(np.arange(len(names)), [len(each) for each in pieces])
-            found.append(UprightWalls(_numbered(list(names)), np.concatenate(pieces), owners))
+            found.append(Walls(_numbered(list(names)), np.concatenate(pieces), owners, np.array(drafts)))
         return found
 
 
@@ -177,22 +183,26 @@ def _of_base(plan: Plan[Surface]) -> _Made:
 def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
     """The plate with all its lenses."""
     cavity, _ = lens_boundaries(lens)
-    plate, thick = layout.plate, layout.plate.thickness_mm
+    thick = layout.plate.thickness_mm
     lenses = PlateOfLenses(np.array(layout.lenses.places_mm), np.radians(layout.lenses.turns_deg), None)
     made, mouth = _Made(), _around(rim_radius(cavity), ())
+    growth = (layout.bore_scale(rim_points(cavity)) - 1.0) / thick
     made.add_level(PLATE_TOP, 0.0)
     made.add_level(PLATE_BOTTOM, -thick)
     made.add_wall(PLATE_SIDE, _along(layout.outline))
     for number in range(len(layout.lenses)):
-        made.add_wall(PLATE_BORE, layout.placed(mouth.reshape(-1, 2), number).reshape(mouth.shape))
-    for opening in layout.openings:
-        made.add_wall(PLATE_HOLE, _along(opening))
-    for pin in plate.standing:
-        made.add_wall(PIN_SIDE, _along(circle_at(pin.place_mm, pin.radius_mm)))
-        made.add_level(PIN_END, -thick - pin.height_mm)
-        if isinstance(pin, PlateBoss):
-            made.add_wall(BOSS_BORE, _along(circle_at(pin.place_mm, pin.bore_diameter_mm / 2.0)))
-            made.add_level(BOSS_ROOF, pin.bore_depth_mm - thick - pin.height_mm)
+        around = layout.placed(mouth.reshape(-1, 2), number).reshape(mouth.shape)
+        made.add_wall(PLATE_BORE, around, (*layout.lenses.places_mm[number], 0.0, growth))
+    for hole in layout.holes:
+        made.add_round(PLATE_HOLE, hole)
+    for slot in layout.slots:
+        made.add_wall(PLATE_HOLE, _along(slot))
+    for pin, bore in layout.standing:
+        made.add_round(PIN_SIDE, pin)
+        made.add_level(PIN_END, -pin.depth_mm - pin.length_mm)
+        if bore is not None:
+            made.add_round(BOSS_BORE, bore)
+            made.add_level(BOSS_ROOF, -bore.depth_mm)
     return DesignedBody([PlacedFace(face, lenses) for face in designed_faces(lens)], made.faces)
 
 

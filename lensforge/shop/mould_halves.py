@@ -19,7 +19,8 @@ from lensforge.cad.flange import ring_of
 from lensforge.cad.outline import FULL_TURN, circle
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import Corner, Plan, base_corners, lay_out, rim_directions, rim_radius
+from lensforge.cad.plan import Corner, Plan, base_corners, lay_out, rim_directions, rim_points, rim_radius
+from lensforge.cad.plate_layout import PlateLayout, layout_of
 from lensforge.cad.wall import largest_ball
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import BASE, FLANGE, PLATE, InscribedBall, Mould, MouldedFace, PartingLine
@@ -42,7 +43,8 @@ def mould_of(lens: Lens, pair: Pair[Patch]) -> Mould:
     spec, plate = lens.spec, lens.spec.plate
     base = base_with_room(lens) if plate is None else BaseSection(kind="none")
     plan = replace(lay_out(*pair, base), rim_flange=ring_of(lens, pair[1]))
-    around = [] if plate is None else _around(plan, plate.thickness_mm, spec.constraints.max_radius_mm)
+    layout = layout_of(lens)
+    around = [] if layout is None else _around(plan, layout, spec.constraints.max_radius_mm)
     halves = TwoHalves.of(pieces_of(plan, around))
     every = [piece.points for piece in pieces_of(plan, around, *_BALL)]
     diameter_mm, centre = largest_ball(np.concatenate(every, axis=1))
@@ -57,10 +59,13 @@ def mould_of(lens: Lens, pair: Pair[Patch]) -> Mould:
     )
 
 
-def _around(plan: Plan[Patch], thickness_mm: float, lens_mm: float) -> list[Corner]:
+def _around(plan: Plan[Patch], layout: PlateLayout, lens_mm: float) -> list[Corner]:
     """Corners of the plate around a lens of at most ``lens_mm`` radius, as far as it matters to that."""
+    rim, scale = rim_radius(plan.cavity), layout.bore_scale(rim_points(plan.cavity))
+    thickness_mm = layout.plate.thickness_mm
     wide = circle(lens_mm + thickness_mm).radius
-    return [Corner(wide, 0.0, ""), Corner(wide, thickness_mm, ""), Corner(rim_radius(plan.cavity), thickness_mm, "")]
+    foot = Corner(lambda azimuths: scale * rim(azimuths), thickness_mm, "")
+    return [Corner(wide, 0.0, ""), Corner(wide, thickness_mm, ""), foot]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.part import Part
 from lensforge.cad.plan import rim_directions, rim_radius
-from lensforge.cad.plate_layout import PlateLayout
+from lensforge.cad.plate_layout import PlateLayout, RoundWall
 from lensforge.cad.plate_result import PLATE_STEP_FILE
 from lensforge.cad.section import profile
 from lensforge.results.numerals import quantity
@@ -193,10 +193,22 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
         f"x and y count from the {origin}, z from the top of the plate, in which the lenses end.",
         *(f"{line}." for line in plate_datums(layout).lines),
         f"All other sizes of the plate are “general”. {general_words(words)}",
-        "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft.",
+        _draft_words(layout),
         *surface_words(words),
         *mould_words(lens),
     ]
+
+
+def _draft_words(layout: PlateLayout) -> str:
+    """The note on what has draft and what has none."""
+    draft_deg = layout.plate.draft_deg
+    if draft_deg == 0.0:
+        return "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft."
+    return (
+        f"Draft {draft_deg:g}° of the bores of the lenses, of holes, pins and bosses, drawn downwards: a hole is as "
+        "wide as stated at the top of the plate, a pin at its root, the bore of a boss at its closed end. The sides "
+        "have none."
+    )
 
 
 class PlaceRow(NamedTuple):
@@ -258,7 +270,7 @@ def _place_words(label: str, mark: PlateMark, datums: DatumScheme) -> str:
 def _whole(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     """The plate from the front, and below it, in first angle, from above; the view's origin: of the latter."""
     marks, (low, high), unit = Marks(), layout.box_mm, view.unit
-    loops = layout.outline, *layout.openings[len(layout.plate.all_holes) :]
+    loops = layout.outline, *layout.slots
     marks.strokes += [view.line(points_on(loop, _CHORD_MM), closed=True) for loop in loops]
     lens_mm = float(np.hypot(*lines.dome.T).max())
     for number, place in enumerate(layout.lenses.places_mm):
@@ -348,18 +360,14 @@ def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     seen = {(round(x, 6), turn) for (x, _), turn in zip(lenses.places_mm, lenses.turns_deg, strict=True)}
     marks.strokes += [view.line(lines.fronts[turn] + np.array([x, 0.0])) for x, turn in sorted(seen)]
     columns, heights = [view.dimension("thickness of the plate", (end, low), (end, 0.0), 90)], dict[float, float]()
-    for _, mark in layout.plate.marks:
-        left, right = mark.place_mm[0] - mark.radius_mm, mark.place_mm[0] + mark.radius_mm
-        if isinstance(mark, PlatePin):
-            foot = low - mark.height_mm
-            marks.strokes.append(view.line([(left, low), (left, foot), (right, foot), (right, low)]))
-            heights[foot] = max(right, heights.get(foot, right))
-            if isinstance(mark, PlateBoss):
-                x, bore, roof = mark.place_mm[0], mark.bore_diameter_mm / 2.0, foot + mark.bore_depth_mm
-                bored = [(x - bore, foot), (x - bore, roof), (x + bore, roof), (x + bore, foot)]
-                marks.strokes.append(view.line(bored, "hidden"))
-        else:
-            marks.strokes += [view.line([(x, 0.0), (x, low)], "hidden") for x in (left, right)]
+    for pin, bore in layout.standing:
+        marks.strokes.append(view.line(_seen_along_y(pin)))
+        foot, right = low - pin.length_mm, pin.place[0] + pin.foot_mm
+        heights[foot] = max(right, heights.get(foot, right))
+        if bore is not None:
+            marks.strokes.append(view.line(_seen_along_y(bore)[[1, 0, 3, 2]], "hidden"))
+    for hole in layout.holes:
+        marks.strokes += [view.line(side, "hidden") for side in np.split(_seen_along_y(hole), 2)]
     columns += [
         view.dimension("height below the plate", (x, foot), (x, low), 90) for foot, x in sorted(heights.items())
     ]
@@ -369,11 +377,19 @@ def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     return marks
 
 
+def _seen_along_y(wall: RoundWall) -> Points:
+    """Corners of a round wall seen along +y: top and foot on the left, foot and top on the right."""
+    x, top, foot = wall.place[0], -wall.depth_mm, -wall.depth_mm - wall.length_mm
+    left = [(x - wall.radius_mm, top), (x - wall.foot_mm, foot)]
+    return np.array([*left, (x + wall.foot_mm, foot), (x + wall.radius_mm, top)])
+
+
 def _one_lens(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     """A lens with the plate around it, cut along its x: heights, and its widths in z = 0 and at its widest."""
     inner, outer, low = lines.inner, lines.outer, -layout.plate.thickness_mm
     wide, top = lines.reach_mm, float(outer[:, 1].max())
-    hollow = np.array([(inner[-1, 0], low), *inner[::-1], (inner[0, 0], low)])
+    foot = layout.bore_scale(lines.opening[:-1]) * inner[[0, -1], 0]
+    hollow = np.array([(foot[1], low), *inner[::-1], (foot[0], low)])
     cut = view.at(np.concatenate([[(-wide, low), (-wide, 0.0)], outer, [(wide, 0.0), (wide, low)], hollow]))
     marks = Marks([*hatch([cut], HATCH * view.unit), Stroke(cut, "outline", closed=True)])
     marks.strokes.append(view.line([(0.0, 1.3 * low), (0.0, 1.1 * top)], "axis"))

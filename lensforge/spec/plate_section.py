@@ -8,7 +8,7 @@ child process, as loops of lines and arcs.
 import hashlib
 import json
 from functools import lru_cache
-from math import hypot
+from math import hypot, radians, tan
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -191,6 +191,10 @@ class PlateSection(Section):
     """
     thickness_mm: Millimetres
     """Thickness, from z = 0 downwards."""
+    draft_deg: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    """Draft of the lenses' bores, of holes, pins and bosses, which the lower half of a mould makes: a hole is as wide
+    as stated in z = 0, a pin at its root, the bore of a boss at its closed end. Outline and slots stand upright.
+    """
     margin_mm: MillimetresOrZero | None = None
     """Distance of the edge from lenses as wide as ``constraints.max_radius_mm``; 2 where neither it nor a size is
     given.
@@ -233,6 +237,23 @@ class PlateSection(Section):
             )
         if (self.columns is None) != (self.rows is None):
             raise ValueError("columns and rows go together: give both, or neither")
+
+    @check
+    def _pins_do_not_end_in_a_point(self) -> None:
+        for name, pin in (each for each in self.marks if isinstance(each[1], PlatePin)):
+            bore_mm = 0.0
+            if isinstance(pin, PlateBoss):
+                bore_mm = pin.bore_diameter_mm / 2.0 + self.slope * pin.bore_depth_mm
+            if pin.radius_mm - self.slope * pin.height_mm <= bore_mm:
+                raise ValueError(
+                    f"draft_deg = {self.draft_deg:g}: {name} has no wall at its end; lower it, or make that thicker or "
+                    "shorter"
+                )
+
+    @property
+    def slope(self) -> float:
+        """Tangent of the draft."""
+        return tan(radians(self.draft_deg))
 
     @property
     def marks(self) -> tuple[tuple[str, PlateMark], ...]:

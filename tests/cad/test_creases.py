@@ -14,7 +14,8 @@ from lensforge.cad.body_export import BodyProof, BuiltBody, build_body, prove
 from lensforge.cad.boundary import Boundary, Crease, boundaries, of_shapes
 from lensforge.cad.form_error import chart_samples, fit_to_form
 from lensforge.cad.mesh import build_mesh, check_closed, mesh_error
-from lensforge.cad.plate_export import copies_off_mm, opening_of, volume_of_mm3
+from lensforge.cad.plan import rim_points
+from lensforge.cad.plate_export import copies_off_mm, volume_of_mm3
 from lensforge.cad.plate_layout import PlateLayout
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
 from lensforge.cad.plate_solid import build_plate_solid
@@ -116,9 +117,10 @@ def test_bodies_of_four_faces_are_joined_by_a_plate(free_body: BuiltBody) -> Non
     layout = PlateLayout(plate, (30.0, 30.0), Lamps.level(((-7.0, 0.0), (7.0, 1.0)), (20.0, 250.0)))
     read = parse_step(step_bytes(build_plate_solid(free_body.plan, layout), "two bodies"))
     assert read.valid and copies_off_mm(read.faces, free_body.plan, layout) < 1e-9
-    opening = opening_of(free_body.plan.cavity)
-    around = float(np.pi * np.mean(np.sum(opening**2, axis=1)))
-    expected = 2.0 * free_body.solid.volume_mm3 + 1.5 * (np.pi * 15.0**2 - 2.0 * around)
+    opening = rim_points(free_body.plan.cavity)
+    around, scale = float(np.pi * np.mean(np.sum(opening**2, axis=1))), layout.bore_scale(opening)
+    bore = 1.5 * around * (1.0 + scale + scale**2) / 3.0
+    expected = 2.0 * (free_body.solid.volume_mm3 - bore) + 1.5 * np.pi * 15.0**2
     assert read.volume_mm3 == pytest.approx(expected, rel=1e-8)
     assert volume_of_mm3(read.faces, layout, free_body.solid.volume_mm3) == pytest.approx(expected, rel=1e-8)
     mesh = build_plate_mesh(free_body.plan, layout, *lens_mesh(free_body.plan, 2))

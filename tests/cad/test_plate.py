@@ -28,9 +28,12 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.findings import plate_findings
 from lensforge.spec import BaseSection
 from lensforge.spec.lamps_section import Lamps
+from lensforge.spec.plate_section import PlateSection
 from lensforge.surfaces.plane_loop import area_mm2
 from lensforge.surfaces.step_file import parts_of
 
+DRAFT_DEG = 1.7
+SLOPE = np.tan(np.radians(DRAFT_DEG))
 INNER, OUTER = 0.8, 2.45  # mm; constraints.max_radius_mm is twice the outer
 RING = {"kind": "ring", "count": 3, "diameter_mm": 14.0}
 SCREW = {"place_mm": [0.0, 0.0], "diameter_mm": 1.0}
@@ -40,7 +43,11 @@ BOSS = {"place_mm": [-9.5, 0.0], "diameter_mm": 2.4, "height_mm": 1.0, "bore_dia
 
 def on_plate(plate: dict[str, Any], lamps: dict[str, Any] | None = None, relative: float = 0.0) -> Lens:
     lens = make_lens(INNER, OUTER, relative, base={"kind": "none"})
-    changes = {"plate": plate, "constraints.max_radius_mm": 4.0, **({} if lamps is None else {"lamps": lamps})}
+    changes = {
+        "plate": {"draft_deg": 0.0, **plate},
+        "constraints.max_radius_mm": 4.0,
+        **({} if lamps is None else {"lamps": lamps}),
+    }
     return replace(lens, spec=lens.spec.replace(changes))
 
 
@@ -69,7 +76,8 @@ def findings(lens: Lens) -> Any:
 @pytest.fixture(scope="module")
 def ring() -> Part:
     """Three turned freeform lenses around a screw, with a pin and a boss bored into the plate: nothing is symmetric."""
-    plate = {"thickness_mm": 2.0, "corner_radius_mm": 1.5, "holes": [SCREW], "pins": [PIN], "bosses": [BOSS]}
+    marks = {"holes": [SCREW], "pins": [PIN], "bosses": [BOSS]}
+    plate = {"thickness_mm": 2.0, "corner_radius_mm": 1.5, "draft_deg": DRAFT_DEG, **marks}
     return build_part(on_plate(plate, RING, 0.02), rings=16)
 
 
@@ -93,19 +101,39 @@ def test_a_plate_of_one_is_the_lens_and_the_plate(outline: dict[str, Any], area:
     assert {"OPTICAL_INNER", "OPTICAL_OUTER", "PLATE_TOP", "PLATE_BOTTOM"} < set(solid.faces)
 
 
+def frustum(radius: float, length: float, way: float = 1.0) -> float:
+    """Volume of a wall that widens downwards by the draft, or narrows."""
+    foot = radius + way * SLOPE * length
+    return np.pi * length * (radius**2 + radius * foot + foot**2) / 3.0
+
+
 def test_turned_lenses_of_a_plate_are_those_of_the_part(ring: Part) -> None:
     assert failed(ring) == [] and ring.plate is not None
     solid, layout = parse_step(ring.plate_step or b""), layout_of(ring.lens)
     assert layout is not None
     assert len(parts_of(solid.shape, "FACE")) == ring.plate.faces == len(solid.faces)
     assert (solid.valid, solid.genus, ring.plate.genus) == (True, 1, 1)
-    holes = 2.0 * np.pi * 0.5**2 - np.pi * 0.6**2 * 1.5 - np.pi * (1.2**2 * 1.0 - 0.6**2 * 2.2)
+    holes = frustum(0.5, 2.0) - frustum(0.6, 1.5, -1.0) - frustum(1.2, 1.0, -1.0) + frustum(0.6, 2.2)
     assert cq.Face(solid.faces["BOSS_ROOF"]).Center().toTuple() == pytest.approx((-9.5, 0.0, -0.8))
-    rim = np.linspace(0.0, 2.0 * np.pi, 512, endpoint=False)
+    for name, roots in {
+        "PLATE_HOLE": (0.5, 0.0, 1.0),
+        "PIN_SIDE_1": (0.6, -2.0, -1.0),
+        "BOSS_BORE": (0.6, -0.8, 1.0),
+    }.items():
+        radius, top, way = roots
+        for circle in cq.Face(solid.faces[name]).Edges():
+            if circle.geomType() == "CIRCLE":
+                low = top - circle.Center().z
+                assert circle.radius() == pytest.approx(radius + way * SLOPE * low, abs=1e-9), name
+    rim = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
     around = np.stack([np.cos(rim), np.sin(rim), 0.0 * rim], axis=1)
-    opening = np.pi * np.mean(ring.lens.inner.radius(around) ** 2)
-    expected = 3.0 * ring.volume_mm3 + 2.0 * (area_mm2(layout.outline) - 3.0 * opening) - holes
-    assert solid.volume_mm3 == pytest.approx(expected, rel=1e-8)
+    radius = ring.lens.inner.radius(around)
+    turned = np.gradient(np.unwrap(np.append(radius, radius[0])))[:-1] * 4096 / (2.0 * np.pi)
+    nearest = (radius**2 / np.hypot(radius, turned)).min()  # of a tangent of the rim to the axis
+    scale = 1.0 + 2.0 * SLOPE / nearest
+    bores = 3.0 * np.pi * np.mean(radius**2) * 2.0 * (1.0 + scale + scale**2) / 3.0
+    expected = 3.0 * ring.volume_mm3 + 2.0 * area_mm2(layout.outline) - bores - holes
+    assert solid.volume_mm3 == pytest.approx(expected, rel=1e-7)
     for number, turn in enumerate((0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)):
         apex = cq.Face(solid.faces[f"OPTICAL_OUTER_{number + 1}"])
         axis = 7.0 * np.array([np.cos(turn), np.sin(turn)])
@@ -230,7 +258,7 @@ def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, 
     """A plate of 7 x 7 mm about one lens, a hole in its corner, and a pin of 0.4 mm somewhere."""
     hole = {"place_mm": [2.8, 2.8], "diameter_mm": 0.2}
     pin = {"place_mm": place, "diameter_mm": 0.4, "height_mm": 1.0}
-    plate = {"thickness_mm": 1.0, "width_mm": 7.0, "height_mm": 7.0, "holes": [hole], "pins": [pin]}
+    plate = {"thickness_mm": 1.0, "width_mm": 7.0, "height_mm": 7.0, "holes": [hole], "pins": [pin], "draft_deg": 0.0}
     lens = make_lens(INNER, OUTER, base={"kind": "none"})
     spec = lens.spec.replace({"constraints.max_radius_mm": 2.5, "plate": plate})
     (found,) = [each for each in findings(replace(lens, spec=spec)) if each.key == "plate"]
@@ -272,3 +300,35 @@ def test_the_walls_of_a_boss_are_judged(bore: dict[str, float], wall: float, bet
     lens = on_plate({"thickness_mm": 1.0, "width_mm": 16.0, "height_mm": 16.0, "bosses": [boss]})
     (found,) = [each for each in findings(lens) if each.key == "plate"]
     assert found.value == pytest.approx(wall, abs=1e-9) and between in found.note
+    drafted = lens.spec.replace({"plate.draft_deg": DRAFT_DEG})
+    (less,) = [each for each in findings(replace(lens, spec=drafted)) if each.key == "plate"]
+    lost = SLOPE * (1.0 + bore["bore_depth_mm"]) if "its bore" in between else 0.0
+    assert less.value == pytest.approx(wall - lost, abs=1e-9)
+
+
+def test_walls_are_judged_at_the_bottom_where_drafts_have_widened_bores_and_holes() -> None:
+    """A hole of 0.2 mm radius beside a cavity of 0.8 mm, and one beside the edge, both in a plate 3 mm thick."""
+    for place, gap, widened in (([1.5, 0.0], 0.5, 2.0), ([4.5, 0.0], 0.3, 1.0)):
+        hole = {"place_mm": place, "diameter_mm": 0.4}
+        plate = {"thickness_mm": 3.0, "width_mm": 10.0, "height_mm": 10.0, "holes": [hole], "draft_deg": DRAFT_DEG}
+        layout = layout_of(on_plate({"thickness_mm": 3.0, "width_mm": 10.0, "height_mm": 10.0}))
+        assert layout is not None
+        layout = replace(layout, plate=layout.plate.model_validate(plate))
+        turn = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+        found = layout.thinnest_wall(INNER * np.column_stack([np.cos(turn), np.sin(turn)]))
+        assert found is not None
+        assert found.thickness_mm == pytest.approx(gap - 3.0 * widened * SLOPE, abs=1e-6)
+
+
+def test_a_pin_or_a_boss_that_its_draft_leaves_nothing_of_is_refused() -> None:
+    pin = {"place_mm": [-9.5, 0.0], "diameter_mm": 1.0, "height_mm": 0.5 / SLOPE}
+    for height, holds in ((0.999, True), (1.001, False)):
+        plate = {"thickness_mm": 1.0, "draft_deg": DRAFT_DEG, "pins": [{**pin, "height_mm": height * pin["height_mm"]}]}
+        if holds:
+            PlateSection(**plate)
+        else:
+            with pytest.raises(InputError, match=r"draft_deg = 1\.7: plate\.pins\.0 has no wall at its end"):
+                PlateSection(**plate)
+    deep = {"thickness_mm": 3.0, "draft_deg": 5.0, "bosses": [{**BOSS, "bore_diameter_mm": 2.0, "bore_depth_mm": 2.9}]}
+    with pytest.raises(InputError, match=r"plate\.bosses\.0 has no wall at its end"):
+        PlateSection(**deep)

@@ -20,7 +20,7 @@ from lensforge.cad.part_export import build_part
 from lensforge.cad.solid import Solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.errors import InputError
-from lensforge.proof.designed_body import DesignedFace, Levels, UprightWalls
+from lensforge.proof.designed_body import DesignedFace, Levels, Walls
 from lensforge.proof.file_form import DesignedFile, FileForm, form_criteria, open_edges
 from lensforge.proof.form_inputs import designed_files
 from lensforge.proof.mesh_form import mesh_forms
@@ -386,11 +386,16 @@ def test_distances_are_those_of_closed_forms() -> None:
     ends = np.stack([turns[:-1], 0.5 * (turns[:-1] + turns[1:]), turns[1:]], axis=1)
     circle = 3.0 * np.stack([np.cos(ends), np.sin(ends)], axis=-1)
     line = np.array([[[5.0, -1.0], [5.0, 0.0], [5.0, 1.0]]])
-    walls = UprightWalls(("ROUND", "FLAT"), np.concatenate([circle, line]), np.repeat([0, 1], [720, 1]))
+    walls = Walls(("ROUND", "FLAT"), np.concatenate([circle, line]), np.repeat([0, 1], [720, 1]))
     off, owners = walls.off_mm(
         np.array([[0.6, 0.8, 7.0], [3.03 * 0.6, 3.03 * 0.8, 0.0], [4.9, 0.3, 0.0], [5.0, 1.2, 0.0]])
     )
     assert off == pytest.approx([2.0, 0.03, 0.1, 0.2], rel=1e-5) and owners.tolist() == [0, 0, 1, 1]
+    drafts = np.array([[0.5, -0.2, -1.0, 0.05], [0.0, 0.0, 0.0, 0.0]])  # of the first one, which widens downwards
+    leaning = replace(walls, pieces=walls.pieces + drafts[0, :2], drafts=drafts)
+    radius = 3.0 * (1.0 + 0.05 * 2.0)  # 2 mm below its curve
+    points = np.array([[0.5 + 0.6 * radius, 0.8 * radius - 0.2, -3.0], [0.5 + 0.6 * 3.0, 0.8 * 3.0 - 0.2, -3.0]])
+    assert leaning.off_mm(points)[0] == pytest.approx([0.0, 3.0 - 3.0 / 1.1], abs=1e-5)
 
 
 def test_open_edges_are_those_that_do_not_join_two_facets_of_one_sense() -> None:

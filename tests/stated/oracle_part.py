@@ -307,10 +307,28 @@ def plate_mm3(case):
     area = (
         np.pi * wide**2 / 4 if plate["kind"] == "round" else wide * high - (4 - np.pi) * plate["corner_radius_mm"] ** 2
     )
-    area -= count * body_of(case).opening_mm2 + sum(np.pi * hole["diameter_mm"] ** 2 / 4 for hole in plate["holes"])
-    pins = sum(np.pi * pin["diameter_mm"] ** 2 / 4 * pin["height_mm"] for pin in (*plate["pins"], *plate["bosses"]))
-    bores = sum(np.pi * each["bore_diameter_mm"] ** 2 / 4 * each["bore_depth_mm"] for each in plate["bosses"])
-    return count * body_of(case).lens_mm3 + plate["thickness_mm"] * area + pins - bores
+    thick, scale = plate["thickness_mm"], bore_scale(case)
+    bores = count * body_of(case).opening_mm2 * thick * (1 + scale + scale**2) / 3
+    holes = sum(cone_mm3(case, hole["diameter_mm"] / 2, thick, 1) for hole in plate["holes"])
+    pins = sum(cone_mm3(case, pin["diameter_mm"] / 2, pin["height_mm"], -1) for pin in plate["pins"])
+    return count * body_of(case).lens_mm3 + thick * area - bores - holes + pins
+
+
+def slope_of(case):
+    return np.tan(np.radians(case.lens["spec"]["plate"]["draft_deg"]))
+
+
+def cone_mm3(case, radius, length, way):
+    """A wall that widens (1) or narrows (-1) downwards by the draft, by slices."""
+    z = (np.arange(4000) + 0.5) / 4000 * length
+    return np.pi * ((radius + way * slope_of(case) * z) ** 2).mean() * length
+
+
+def bore_scale(case):
+    """From a cavity's rim to its bore's foot: the tangent of the rim that is nearest to the axis has the draft."""
+    rim, turns = body_of(case).rim, 2 * np.pi / len(body_of(case).rim)
+    along = (np.roll(rim, -1) - np.roll(rim, 1)) / (2 * turns)
+    return 1 + slope_of(case) * case.lens["spec"]["plate"]["thickness_mm"] / (rim**2 / np.hypot(rim, along)).min()
 
 
 def plate_volume(case, place):

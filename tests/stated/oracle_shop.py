@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from crooked import Expected
 from oracle_mould import half, is_moulded
-from oracle_part import base_of, body_of, kept_of, lamps_of, plate_sides
+from oracle_part import base_of, body_of, bore_scale, kept_of, lamps_of, plate_sides, slope_of
 from page_body import directions
 from scipy.optimize import minimize_scalar
 
@@ -348,10 +348,11 @@ def on_face(place):
 
 
 def plate_wall_mm(case):
-    """The least distance between a hole or a pin and a cavity's rim, the edge, or another of them."""
-    plate, (places, turns), rim = case.lens["spec"]["plate"], lamps_of(case), body_of(case).rim
-    marks = [(np.array(mark["place_mm"]), mark["diameter_mm"] / 2)
-             for mark in (*plate["holes"], *plate["pins"], *plate["bosses"])]  # fmt: skip
+    """The least distance, at the bottom, between a hole or a pin and a bore, the edge, or another of them."""
+    plate, (places, turns), rim = case.lens["spec"]["plate"], lamps_of(case), body_of(case).rim * bore_scale(case)
+    wider = slope_of(case) * plate["thickness_mm"]
+    marks = [(np.array(mark["place_mm"]), mark["diameter_mm"] / 2 + (wider if kind == "holes" else 0.0))
+             for kind in ("holes", "pins", "bosses") for mark in plate[kind]]  # fmt: skip
     phi, walls = 2 * np.pi * np.arange(len(rim)) / len(rim), []
     for at, turn in zip(places, turns, strict=True):
         a = phi + np.radians(turn)

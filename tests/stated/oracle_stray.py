@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from crooked import Expected
-from oracle_part import base_of, body_of, kept_of, placed, plate_sides
+from oracle_part import base_of, body_of, bore_scale, kept_of, placed, plate_sides, slope_of
 from oracle_part import lamps_of as plate_lamps
 from oracle_proof import arrays
 from page_chain import fields_behind, room_in
@@ -69,7 +69,10 @@ class Solid:
         """Distance from the wall of the bore."""
         turn = np.arctan2(q[:, 1], q[:, 0]) % (2 * np.pi)
         at = 2 * np.pi * np.arange(721) / 720
-        return np.hypot(q[:, 0], q[:, 1]) - np.interp(turn, at, [*self.body.rim, self.body.rim[0]])
+        rim = np.interp(turn, at, [*self.body.rim, self.body.rim[0]])
+        if self.spec["plate"]:  # a cone about the axis
+            rim *= 1 - (bore_scale(self.case) - 1) * q[:, 2] / self.spec["plate"]["thickness_mm"]
+        return np.hypot(q[:, 0], q[:, 1]) - rim
 
     def below(self, p):
         bores = np.min([self.rim(self.own(p, number)) for number in range(len(self.lenses))], axis=0)
@@ -81,9 +84,12 @@ class Solid:
         q = placed(p, *self.to_plate)
         corner = plate["corner_radius_mm"]
         beyond = np.maximum(abs(q[:, :2]) - [wide / 2 - corner, high / 2 - corner], 0)
-        holes = [np.hypot(*(q[:, :2] - hole["place_mm"]).T) - hole["diameter_mm"] / 2 for hole in plate["holes"]]
+        down, root = slope_of(self.case) * p[:, 2], -slope_of(self.case) * plate["thickness_mm"]
+        holes = [np.hypot(*(q[:, :2] - hole["place_mm"]).T) - hole["diameter_mm"] / 2 + down for hole in plate["holes"]]
         slab = np.min([p[:, 2] + plate["thickness_mm"], corner - np.hypot(*beyond.T), bores, *holes], axis=0)
-        pins = [pin["diameter_mm"] / 2 - np.hypot(*(q[:, :2] - pin["place_mm"]).T) for pin in plate["pins"]]
+        pins = [
+            pin["diameter_mm"] / 2 + down - root - np.hypot(*(q[:, :2] - pin["place_mm"]).T) for pin in plate["pins"]
+        ]
         return np.where(p[:, 2] > -plate["thickness_mm"], slab, np.max(pins, axis=0))
 
     def inside(self, p):
