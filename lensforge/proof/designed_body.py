@@ -90,7 +90,7 @@ class Levels:
 
 
 @dataclass(frozen=True, eq=False)
-class Walls:
+class StandingWalls:
     """Walls over closed curves in the plane, given in short pieces by start, middle and end (mm), upright or drafted.
 
     A piece is the parabola through these, which is a line where they lie on one. ``owners``: number of each one's wall.
@@ -162,7 +162,7 @@ class PlacedFace:
 
 
 # One face, or several of a kind that do not meet: their ``names``, and how far off the nearest of them points are.
-Designed = DesignedFace | PlacedFace | Levels | Walls
+Designed = DesignedFace | PlacedFace | Levels | StandingWalls
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.proof.designed_body import Designed, DesignedBody, Walls
+from lensforge.proof.designed_body import Designed, DesignedBody, StandingWalls
 from lensforge.results import Count, Fact, NotNegative, Point, Record, Text
 from lensforge.results.criteria import at_most
 
@@ -67,7 +67,7 @@ class Farthest:
 
     def see(self, face: Designed, off_mm: _Values, points: _Points, numbers: _Numbers) -> None:
         """Take note of ``points`` that should lie on that face of the design, or on that one of several."""
-        if isinstance(face, Walls):
+        if isinstance(face, StandingWalls):
             off_mm = np.maximum(off_mm - _WALLS_MM, 0.0)
         worst = int(off_mm.argmax())
         if not self.face or off_mm[worst] > self.off_mm:
@@ -121,7 +121,7 @@ class Chords:
 
     def of(self, face: Designed) -> float:
         """Largest distance (mm) from one face."""
-        return _STATED * (self.walls_mm if isinstance(face, Walls) else self.faces_mm)
+        return _STATED * (self.walls_mm if isinstance(face, StandingWalls) else self.faces_mm)
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ from lensforge.cad.plate_solid import (
     PLATE_SIDE,
     PLATE_TOP,
 )
-from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, Walls
+from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, StandingWalls
 from lensforge.proof.file_form import Chords, DesignedFile
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.scene.lens import Lens
@@ -136,7 +136,7 @@ class _Made:
         self.levels.setdefault(round(height_mm, 9), name)
 
     def add_wall(self, name: str, pieces: Float[np.ndarray, "s 3 2"], draft: tuple[float, ...] = _UPRIGHT) -> None:
-        """Add a wall over a closed curve in pieces; ``draft``: as of :class:`Walls`."""
+        """Add a wall over a closed curve in pieces; ``draft``: as of :class:`StandingWalls`."""
         self.walls.append((name, pieces, draft))
 
     def add_round(self, name: str, wall: RoundWall) -> None:
@@ -153,7 +153,7 @@ class _Made:
         if self.walls:
             names, pieces, drafts = zip(*self.walls, strict=True)
             owners = np.repeat(np.arange(len(names)), [len(each) for each in pieces])
-            found.append(Walls(_numbered(list(names)), np.concatenate(pieces), owners, np.array(drafts)))
+            found.append(StandingWalls(_numbered(list(names)), np.concatenate(pieces), owners, np.array(drafts)))
         return found
 
 

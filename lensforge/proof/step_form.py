@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, Walls
+from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, StandingWalls
 from lensforge.proof.file_form import FORM_UM, DesignedFile, Farthest, FileForm
 from lensforge.results.brep_size import spline_poles
 
@@ -217,7 +217,7 @@ class _Seen:
     def _within(self, read: ReadFace, face: Designed) -> _Points:
         """Points between the knots, without those beyond the trim that lie off the face."""
         places, points = read.grid()
-        if not isinstance(face, Levels | Walls):
+        if not isinstance(face, Levels | StandingWalls):
             known = _known(face, points)
             places, points = places[known], points[known]
         away = np.flatnonzero(face.off_mm(points)[0] > FORM_UM * _MM_PER_UM)

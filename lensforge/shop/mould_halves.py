@@ -69,7 +69,7 @@ def _around(plan: Plan[Patch], layout: PlateLayout, lens_mm: float) -> list[Corn
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class SectionPiece:
     """A stretch of the sections at even azimuths, from the axis around the outside to the cavity.
 
     ``points`` (mm); ``facing``: z of the unit normal out of the material; ``areas``: shares of the face's own area that
@@ -94,7 +94,7 @@ class Piece:
 
 def pieces_of(
     plan: Plan[Patch], plate: Sequence[Corner] = (), azimuths: int = _AZIMUTHS, along: int = _ALONG
-) -> list[Piece]:
+) -> list[SectionPiece]:
     """The pieces of a body at so many azimuths, ``along`` points of each face.
 
     ``plate``: corners of what stands around the lens, from the outer rim to the cavity's, in place of its base.
@@ -110,22 +110,22 @@ def pieces_of(
 
 def _pieces_of_face(
     face: TrimmedFace[Patch], plan: Plan[Patch], turn: Float[np.ndarray, " a"], along: int, sense: int
-) -> Iterator[Piece]:
+) -> Iterator[SectionPiece]:
     """A face from the axis outwards; ``sense``: 1 where its outward normal leaves the material."""
     shares = np.concatenate([[0.0], (np.arange(along) + 0.5) / along, [1.0]])
     low, high = face.domain.radii(turn)
     radius = low[:, None] + (high - low)[:, None] * shares
     chart = radius[..., None] * rim_directions(turn)[:, None, :2]
-    points, *tangents = (each.reshape(*radius.shape, 3) for each in face.shape.tangents(chart.reshape(-1, 2)))
-    normal = np.cross(*tangents)
+    points, along_x, along_y = (each.reshape(*radius.shape, 3) for each in face.shape.tangents(chart.reshape(-1, 2)))
+    normal = np.cross(along_x, along_y)
     element = np.linalg.norm(normal, axis=-1)
     if face.is_flange and plan.rim_flange is not None:
-        corners = (Corner(lambda azimuths, r=r: np.full_like(azimuths, r), -z, "") for r, z in plan.rim_flange.corners)
+        corners = (Corner(circle(radius_mm).radius, -z, "") for radius_mm, z in plan.rim_flange.corners.tolist())
         yield _upright(FLANGE, _filled([points[:, :1], *(_corner(each, turn) for each in corners), points[:, -1:]]))
         return
     areas = element * radius * (high - low)[:, None]
     areas[:, [0, -1]] = 0.0  # the ends alone stand for nothing
-    yield Piece(face.name, points, sense * normal[..., 2] / element, areas / areas.sum())
+    yield SectionPiece(face.name, points, sense * normal[..., 2] / element, areas / areas.sum())
 
 
 def _corner(corner: Corner, turn: Float[np.ndarray, " a"]) -> Float[np.ndarray, "a 1 3"]:
@@ -140,25 +140,25 @@ def _filled(chain: Sequence[Float[np.ndarray, "a 1 3"]]) -> Float[np.ndarray, "a
     return np.concatenate([*(one + share * (other - one) for one, other in pairwise(chain)), chain[-1]], axis=1)
 
 
-def _upright(name: str, points: Float[np.ndarray, "a k 3"]) -> Piece:
-    return Piece(name, points, *np.zeros((2, *points.shape[:2])))
+def _upright(name: str, points: Float[np.ndarray, "a k 3"]) -> SectionPiece:
+    return SectionPiece(name, points, *np.zeros((2, *points.shape[:2])))
 
 
-def _turned_back(piece: Piece) -> Piece:
+def _turned_back(piece: SectionPiece) -> SectionPiece:
     """The piece from the rim to the axis."""
-    return Piece(piece.name, piece.points[:, ::-1], piece.facing[:, ::-1], piece.areas[:, ::-1])
+    return SectionPiece(piece.name, piece.points[:, ::-1], piece.facing[:, ::-1], piece.areas[:, ::-1])
 
 
 @dataclass(frozen=True, eq=False)
 class TwoHalves:
     """The sections of a body, and what of each point is free of the body above it and below it."""
 
-    pieces: list[Piece]
+    pieces: list[SectionPiece]
     free_above: list[_Marks]
     free_below: list[_Marks]
 
     @staticmethod
-    def of(pieces: list[Piece]) -> "TwoHalves":
+    def of(pieces: list[SectionPiece]) -> "TwoHalves":
         """What each half sees of ``pieces``."""
         across, height = (np.concatenate([getattr(each, name) for each in pieces], axis=1) for name in _OF_SECTION)
         top, bottom = (np.stack(each) for each in zip(*map(_extremes, across, height), strict=True))
@@ -206,7 +206,7 @@ def _extremes(across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"]) 
     return top, bottom
 
 
-def _moulded(piece: Piece, free_above: _Marks, free_below: _Marks) -> MouldedFace:
+def _moulded(piece: SectionPiece, free_above: _Marks, free_below: _Marks) -> MouldedFace:
     """What the halves draw of a face."""
     facing, areas = piece.facing, piece.areas
     above, below = free_above & (facing >= -_UPRIGHT), free_below & (facing <= _UPRIGHT)

@@ -20,7 +20,7 @@ from lensforge.cad.part_export import build_part
 from lensforge.cad.solid import Solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.errors import InputError
-from lensforge.proof.designed_body import DesignedFace, Levels, Walls
+from lensforge.proof.designed_body import DesignedFace, Levels, StandingWalls
 from lensforge.proof.file_form import DesignedFile, FileForm, form_criteria, open_edges
 from lensforge.proof.form_inputs import designed_files
 from lensforge.proof.mesh_form import mesh_forms
@@ -386,7 +386,7 @@ def test_distances_are_those_of_closed_forms() -> None:
     ends = np.stack([turns[:-1], 0.5 * (turns[:-1] + turns[1:]), turns[1:]], axis=1)
     circle = 3.0 * np.stack([np.cos(ends), np.sin(ends)], axis=-1)
     line = np.array([[[5.0, -1.0], [5.0, 0.0], [5.0, 1.0]]])
-    walls = Walls(("ROUND", "FLAT"), np.concatenate([circle, line]), np.repeat([0, 1], [720, 1]))
+    walls = StandingWalls(("ROUND", "FLAT"), np.concatenate([circle, line]), np.repeat([0, 1], [720, 1]))
     off, owners = walls.off_mm(
         np.array([[0.6, 0.8, 7.0], [3.03 * 0.6, 3.03 * 0.8, 0.0], [4.9, 0.3, 0.0], [5.0, 1.2, 0.0]])
     )
