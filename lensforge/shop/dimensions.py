@@ -146,10 +146,10 @@ def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface])
 
 def _flange_dimensions(lens: Lens) -> Iterator[Dimension]:
     """Sizes of the flange at the exit's rim, and its height over z = 0."""
-    if (ring := ring_of(lens)) is None:
+    ring, flange = ring_of(lens), lens.spec.lens.rim_flange
+    if ring is None or flange is None:
         return
-    side, low, high = ring.outer_mm, ring.low_mm, ring.high_mm
-    stated = lens.spec.lens.rim_flange and lens.spec.lens.rim_flange.tolerance_mm
+    side, low, high, stated = ring.outer_mm, ring.low_mm, ring.high_mm, flange.tolerance_mm
     for name, length_mm, ends in (
         ("thickness of the rim's flange", high - low, ((low, -side), (high, -side))),
         ("underside of the rim's flange above z = 0", low, ((0.0, -side), (low, -side))),

@@ -37,20 +37,20 @@ def drawing_notes(
         *([ASPHERE_NOTE] if any("asphere" in str(equation(face)) for face in lens.surfaces.values()) else []),
         _sources(lens, tolerances),
         general_words(words),
-        *surface_words(words),
+        *surface_words(lens, words),
         *mould_words(lens),
         *_open_findings(lens, check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
     ]
 
 
-def _is_cut(lens: Lens) -> bool:
-    return lens.spec.manufacture.cuts == "lens"
+def _is_moulded(lens: Lens) -> bool:
+    return lens.spec.manufacture.cuts == "inserts"
 
 
 def _open_findings(lens: Lens, check: Check) -> list[str]:
-    """The findings that do not hold; those on tools only of a part that is cut."""
-    missed = [each for each in check.verdicts if not each.holds and (_is_cut(lens) or each.key not in _ON_TOOLS)]
+    """The findings that do not hold; of a moulded part none that ask for a tool."""
+    missed = [each for each in check.verdicts if not each.holds and not (_is_moulded(lens) and each.key in _ON_TOOLS)]
     named = [
         f"{'' if each.place == BODY else f'{each.place} face, '}{each.label.lower()}: no, {each.text} (required "
         f"{each.required})"
@@ -84,22 +84,22 @@ def general_words(words: DrawingSection) -> str:
     )
 
 
-def surface_words(words: DrawingSection) -> list[str]:
+def surface_words(lens: Lens, words: DrawingSection) -> list[str]:
     """Notes on edges, and on the finish of optical and other faces."""
     optical, other = words.optical_edge_mm, words.edge_break_mm
     rims = "largest radius not stated" if optical is None else f"R {optical:g} at most"
+    burr, traces = ("flash", "marks of gate, ejector or parting line") if _is_moulded(lens) else ("burr", "marks")
     others = "largest break not stated" if other is None else f"radius or chamfer {other:g} at most"
     return [
-        f"Rims and creases of the optical faces: {rims}. All other edges: {others}; no burr or flash.",
-        f"Optical faces: polished, without marks of gate, ejector or parting line. All other faces: "
-        f"{words.finish or f'finish {_NONE}'}.",
+        f"Rims and creases of the optical faces: {rims}. All other edges: {others}; without {burr}.",
+        f"Optical faces: polished, without {traces}. All other faces: {words.finish or f'finish {_NONE}'}.",
     ]
 
 
 def mould_words(lens: Lens) -> list[str]:
     """A note on the sizes of a moulded part and on its shrinkage; none for parts that are cut."""
     scale = lens.spec.manufacture.scale
-    if lens.spec.manufacture.cuts != "inserts":
+    if not _is_moulded(lens):
         return []
     if scale == 1.0:
         return ["Sizes are those of the moulded part; its shrinkage is not stated, and no file has it."]
@@ -140,28 +140,25 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
     file, name = STEP_FILE, words.part_name or spec.name
     if of_plate and part.plate is not None:
         body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
-    density, volume = spec.lens.density, f"olume: {body.volume_mm3:.1f} mm³"
+    density, volume = spec.lens.density, f"Volume: {body.volume_mm3:.1f} mm³"
     return {
         "name": (name,),
-        "number": (
-            f"Number: {words.part_number or _NONE}",
-            f"Revision: {words.revision or _NONE}",
-            f"Date: {signature.date or _NONE}",
-        ),
-        "material": (f"Material: {spec.lens.material or _NONE}", f"Grade: {words.material_grade or _NONE}"),
+        "number": _cells(Number=words.part_number, Revision=words.revision, Date=signature.date),
+        "material": _cells(Material=spec.lens.material, Grade=words.material_grade),
         "mass": (
-            f"Density: {_NONE if density is None else f'{density.g_per_cm3:g} g/cm³'}",
-            f"V{volume}" if body.mass_g is None else f"Mass: {body.mass_g:.3f} g, v{volume}",
+            *_cells(Density=None if density is None else f"{density.g_per_cm3:g} g/cm³"),
+            volume if body.mass_g is None else f"Mass: {body.mass_g:.3f} g; {volume}",
         ),
-        "drawn": (
-            f"Drawn: {signature.author or _NONE}",
-            f"Checked: {words.checked_by or _NONE}",
-            f"Organisation: {signature.organisation or _NONE}",
-        ),
+        "drawn": _cells(Drawn=signature.author, Checked=words.checked_by, Organisation=signature.organisation),
         "general": (f"Sizes “general”: {general}", "Units: mm, degrees"),
         "scale": (),  # of the sheet on which it stands
         "defined": (f"Defined by: {file}, SHA-256 {part.files[file].sha256[:16]}…",),
     }
+
+
+def _cells(**words: str | None) -> tuple[str, ...]:
+    """Cells of what is stated, and that the others are not."""
+    return tuple(f"{name}: {stated or _NONE}" for name, stated in words.items())
 
 
 def scale_words(scale: float) -> str:

@@ -194,7 +194,7 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
         *(f"{line}." for line in plate_datums(layout).lines),
         f"All other sizes of the plate are “general”. {general_words(words)}",
         _draft_words(layout),
-        *surface_words(words),
+        *surface_words(lens, words),
         *mould_words(lens),
     ]
 

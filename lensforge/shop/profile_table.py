@@ -11,7 +11,6 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import face_title
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.asphere import Asphere, Biconic
-from lensforge.surfaces.profile import FormedFace, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.surface import Surface, to_sphere
 
@@ -24,32 +23,21 @@ ASPHERE_NOTE = "Asphere: z = z_v + (r^2/R) / (1 + √(1 − (1 + k) r^2/R^2)) + 
 Meridian = Float[np.ndarray, "n 2"]  # distance from the axis, and height (mm)
 
 
-def is_of_revolution(surface: Surface) -> bool:
-    """True for a surface of revolution about the axis by its kind; a freeform surface is none, whatever its weights."""
-    match surface:
-        case FormedFace():
-            return False
-        case PlaneFace() | ConicFace():
-            return surface.axis[:2] == (0.0, 0.0)
-        case _:
-            return isinstance(surface, Asphere | ConeFace | ProfileFace)
-
-
 def is_round(lens: Lens) -> bool:
     """True where all faces of ``lens`` are of revolution."""
-    return all(map(is_of_revolution, lens.surfaces.values()))
+    return all(map(lens.spec.lens.is_revolved, lens.spec.lens.names))
 
 
 def equation(surface: Surface) -> str | None:
     """The form with its numbers (mm), to a nanometre; None of a form without a name. rho, theta: from the origin."""
     match surface:
-        case PlaneFace() if is_of_revolution(surface):
+        case PlaneFace(axis=(0.0, 0.0, _)):
             return _stated("plane", z=surface.height_mm)
         case ConeFace():
             steep, sign = abs(surface.slope), "−" if surface.slope < 0.0 else "+"
             angle = f"{np.degrees(np.arctan(steep)):.3f}° to the axis"
             return f"{_stated('cone', r=surface.radius_mm)} {sign} {steep:.8g} z, {angle}"
-        case ConicFace() if is_of_revolution(surface):
+        case ConicFace(axis=(0.0, 0.0, _)):
             return _stated("conic ρ = p / (1 − e cos θ),", p=surface.parameter_mm, e=surface.eccentricity)
         case Asphere(vertex_mm=vertex, radius_mm=radius, conic=conic, coefficients=series):
             if not (conic or series):
@@ -122,8 +110,8 @@ def _along(meridian: Meridian) -> Float[np.ndarray, " n"]:
 
 def profile_rows(lens: Lens, faces: Sequence[str]) -> list[list[str]]:
     """Rows of those of the ``faces`` that are of revolution and that no equation gives."""
-    named = [(name, lens.surfaces[name]) for name in faces]
-    listed = [name for name, face in named if is_of_revolution(face) and equation(face) is None]
+    revolved = filter(lens.spec.lens.is_revolved, faces)
+    listed = [name for name in revolved if equation(lens.surfaces[name]) is None]
     return [row for name in listed for row in profile_of(lens, name).rows]
 
 

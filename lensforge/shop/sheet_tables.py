@@ -20,12 +20,11 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import face_title
 from lensforge.shop.check_result import FLAT_MM, Check, Sphere
 from lensforge.shop.dimensions import widest_mm
-from lensforge.shop.profile_table import equation, is_of_revolution
+from lensforge.shop.profile_table import equation
 from lensforge.shop.sheet import Marks
 from lensforge.shop.sheet_marks import draw_rows, row_height
 from lensforge.spec import DrawingSection
 from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
-from lensforge.surfaces.surface import Surface
 
 MATERIAL = "material"  # its column
 _WIDTH = 38.0  # of that, mm on A3
@@ -100,7 +99,7 @@ def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection
     across = widest_mm(lens.surfaces[name], domain_of(lens, name))
     return {
         "title": f"{face_title(name)}, {optical_name(name)}",
-        "shape": _shape(lens.surfaces[name], sphere),
+        "shape": _shape(name, lens, sphere),
         "aperture": f"Effective aperture: ⌀{across:.3f}, whole face",
         "form": _form(name, lens),
         "profile": _profile(name, lens, part),
@@ -122,10 +121,10 @@ def _coating(name: str, lens: Lens) -> str:
     return NOTHING if face.coating is None else face.coating.title
 
 
-def _shape(surface: Surface, sphere: Sphere) -> str:
+def _shape(name: str, lens: Lens, sphere: Sphere) -> str:
     """The equation of a known form; of others the best-fit sphere."""
-    form = "of revolution, profile in the table" if is_of_revolution(surface) else "freeform"
-    return equation(surface) or f"{form}; best-fit {_sphere(sphere)}, PV {sphere.pv_mm:.3f}"
+    form = "of revolution, profile in the table" if lens.spec.lens.is_revolved(name) else "freeform"
+    return equation(lens.surfaces[name]) or f"{form}; best-fit {_sphere(sphere)}, PV {sphere.pv_mm:.3f}"
 
 
 def _form(name: str, lens: Lens) -> str:

@@ -239,11 +239,11 @@ def test_an_equation_holds_on_its_face_to_a_nanometre(surface: Any, form: str, z
 def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     lens, content, sheet = drawn()
     assert content.block["material"] == ("Material: PMMA at 564 nm", "Grade: PMMA 8N")
-    assert content.block["mass"] == ("Density: 1.19 g/cm³", "Mass: 1.469 g, volume: 1234.5 mm³")
+    assert content.block["mass"] == ("Density: 1.19 g/cm³", "Mass: 1.469 g; Volume: 1234.5 mm³")
     assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.words}
     assert content.notes[-4:-1] == [
         "Rims and creases of the optical faces: R 0.06 at most. "
-        "All other edges: radius or chamfer 0.3 at most; no burr or flash.",
+        "All other edges: radius or chamfer 0.3 at most; without flash.",
         "Optical faces: polished, without marks of gate, ejector or parting line. All other faces: VDI 3400, class 18.",
         "Sizes are those of the moulded part; the faces of the mould inserts are these times 1.006 about the origin.",
     ]
