@@ -29,6 +29,7 @@ from lensforge.shop.sheet_tables import tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf
 from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
+from lensforge.surfaces.step_file import parts_of
 from lensforge.surfaces.surface import to_sphere
 
 FLANGE = {"diameter_mm": 20.0, "thickness_mm": 1.0, "setback_mm": 0.15, "tolerance_mm": 0.04}
@@ -67,52 +68,68 @@ def step_of(lens: Lens, schema: str = "AP214") -> Any:
     return signed_step(solid, lens.spec, "flanged", schema)
 
 
-def measured_flange(lens: Lens) -> tuple[float, float, float]:
-    """Radius, and heights of underside and top of the flange in the STEP."""
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
+@cache
+def measured() -> dict[str, tuple[tuple[float, float], tuple[float, float]]]:
+    """Ends (z, x) of every size, of corners of the faces in the STEP and of what meets the axis."""
+    from OCP.BRep import BRep_Tool
+    from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
+    from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 
-    faces = {name: BRepAdaptor_Surface(face) for name, face in parse_step(step_of(lens).content).faces.items()}
-    cylinder = faces["RIM_FLANGE_SIDE"].Cylinder()
-    assert np.hypot(cylinder.Axis().Location().X(), cylinder.Axis().Location().Y()) < 1e-12
-    heights = (faces[f"RIM_FLANGE_{side}"].Plane().Location().Z() for side in ("BOTTOM", "TOP"))
-    return cylinder.Radius(), *heights
+    solid = parse_step(step_of(flanged()).content)
+    corners = {
+        name: sorted((p.Z(), np.hypot(p.X(), p.Y())) for p in map(BRep_Tool.Pnt_s, parts_of(face, "VERTEX")))
+        for name, face in solid.faces.items()
+    }
+    on_axis = IntCurvesFace_ShapeIntersector()
+    on_axis.Load(solid.shape, 1e-9)
+    on_axis.Perform(gp_Lin(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(0.0, 0.0, 1.0)), 0.1, 100.0)
+    low, high = sorted(on_axis.Pnt(k + 1).Z() for k in range(on_axis.NbPnt()))
+    (opening, cap), (rim, wall) = (
+        (corners[f"OPTICAL_{name}"][0], corners[f"OPTICAL_{name}"][-1]) for name in ("SIDE", "WALL")
+    )
+    (under, radius), (top, _) = corners["RIM_FLANGE_SIDE"][0], corners["RIM_FLANGE_SIDE"][-1]
+    exit_ = corners["OPTICAL_EXIT"][0]
+
+    def across(corner: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
+        return (corner[0], -corner[1]), corner
+
+    return {
+        "outer apex above z = 0": ((0.0, -rim[1]), (high, 0.0)),
+        "apex of the cavity above z = 0": ((0.0, -rim[1]), (low, 0.0)),
+        "thickness on the axis": ((low, 0.0), (high, 0.0)),
+        "outer rim in z = 0, along x": across(rim),
+        "opening of the cavity in z = 0, along x": across(opening),
+        "crease of cap and side, along x": across(cap),
+        "crease of cap and side, along x, above z = 0": ((0.0, cap[1]), cap),
+        "crease of exit and flange, along x": across(exit_),
+        "crease of flange and wall, along x, above z = 0": ((0.0, wall[1]), wall),
+        "thickness of the rim's flange": ((under, -radius), (top, -radius)),
+        "underside of the rim's flange above z = 0": ((0.0, -radius), (under, -radius)),
+        "diameter of the rim's flange": across((top, radius)),
+    }
 
 
-def test_the_flange_in_the_dxf_is_that_of_the_step_toleranced_where_it_stands() -> None:
+def test_each_size_in_the_dxf_is_that_of_the_step_and_stands_there_once() -> None:
     lens, _, sheet = drawn()
-    radius, low, high = measured_flange(lens)
     document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
-    found = dict(zip((each.name for each in sheet.marks.dimensions), document.query("DIMENSION"), strict=True))
-    for name, ends, turned in (
-        ("thickness of the rim's flange", ((low, -radius), (high, -radius)), 0),
-        ("underside of the rim's flange above z = 0", ((0.0, -radius), (low, -radius)), 0),
-        ("diameter of the rim's flange", ((high, -radius), (high, radius)), 1),
-    ):
-        length, dxf = abs(ends[1][turned] - ends[0][turned]), found[name].dxf
-        assert found[name].get_measurement() == pytest.approx(length, abs=2e-5)
-        places = [tuple(point)[:2] for point in (dxf.defpoint2, dxf.defpoint3)]
-        assert places == [pytest.approx(end, abs=2e-5) for end in ends], name
-        assert dxf.text == f"{'%%c' if turned else ''}<> %%p0.040"
-
-
-def test_each_size_is_drawn_once_and_none_is_missing() -> None:
-    lens, _, sheet = drawn()
-    found = {each.name: each.text for each in sheet.marks.dimensions}
-    heights, widths = ("apex of the cavity", "outer apex"), ("outer rim in", "opening of the cavity in")
-    assert set(found) == {
-        "thickness on the axis", *(f"{name} above z = 0" for name in heights),
-        *(f"{name} z = 0, along x" for name in widths),
-        "crease of cap and side, along x", "crease of cap and side, along x, above z = 0",
-        "crease of flange and wall, along x, above z = 0", "crease of exit and flange, along x",
-        "thickness of the rim's flange", "underside of the rim's flange above z = 0", "diameter of the rim's flange",
-    }  # fmt: skip
-    assert len(found) == len(sheet.marks.dimensions) == len(set(found.values()))
-    assert found["outer rim in z = 0, along x"].startswith("(⌀"), "a circle"
-    every = dimensions(lens)
-    assert {each.name for each in every} > set(found), "the others are told in the list"
-    plain = small_lens({"diameter_mm": 12.5})
-    names = {each.name: each for each in dimensions(plain)}
-    assert names["largest width"].ends is None and names["diameter of the base"].ends, "the base is the widest"
+    names = [each.name for each in sheet.marks.dimensions]
+    found = dict(zip(names, document.query("DIMENSION"), strict=True))
+    assert set(found) == set(measured()) and len(names) == len(found), "none is missing, and none is drawn twice"
+    for name, ends in measured().items():
+        upright = int(ends[0][1] == -ends[1][1] != 0.0)
+        dxf, length = found[name].dxf, abs(ends[1][upright] - ends[0][upright])
+        assert [tuple(each)[:2] for each in (dxf.defpoint2, dxf.defpoint3)] == [
+            pytest.approx(end, abs=2e-5) for end in ends
+        ]
+        assert found[name].get_measurement() == pytest.approx(length, abs=4e-5)
+        before, after = ("%%c" if upright else ""), " %%p0.040" if "rim's flange" in name else " %%p0.020"
+        is_own = "rim's flange" in name or name == "thickness on the axis"
+        assert dxf.text == (f"{before}<>{after}" if is_own else f"({before}<>)"), name
+        (text,) = (each.text for each in sheet.marks.dimensions if each.name == name)
+        assert float(re.search(r"\d+\.\d{3}", text)[0]) == pytest.approx(length, abs=5.5e-4)
+    assert {each.name for each in dimensions(lens)} > set(found), "the others are told in the list"
+    names_of_base = {each.name: each for each in dimensions(small_lens({"diameter_mm": 12.5}))}
+    assert names_of_base["largest width"].ends is None and names_of_base["diameter of the base"].ends, "the widest"
 
 
 @pytest.mark.parametrize(
@@ -141,8 +158,8 @@ def test_a_circle_of_the_base_is_its_own_but_the_largest_width_is_one_of_the_oth
 
 
 def test_the_datums_of_a_flange_are_on_it_and_those_of_a_body_of_revolution_its_axis() -> None:
-    lens, content, sheet = drawn()
-    _, low, _ = measured_flange(lens)
+    _, content, sheet = drawn()
+    (_, _), (low, _) = measured()["underside of the rim's flange above z = 0"]
     assert [datum.letter for datum in content.views.datums.datums] == ["A", "B"]
     assert f"Datum A: underside of the rim's flange, RIM_FLANGE_BOTTOM, at z = {low:.3f}." in content.notes
     assert "Datum B: axis of the rim's flange, RIM_FLANGE_SIDE; the optical axis z." in content.notes
