@@ -2,6 +2,7 @@
 
 import re
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 from presets import CHECKED
@@ -11,6 +12,8 @@ from lensforge.cad.part_export import build_part
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_part
 from lensforge.shop.point_tables import COLUMNS
+from lensforge.shop.sheet import box_of
+from lensforge.shop.sheet_marks import words_of_dimension
 
 BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, "pocket_diameter_mm": 7.0}
 
@@ -75,3 +78,17 @@ def _lagrange(fraction, count):
     """Weights of the polynomial through ``count`` nodes at -1, 0, 1, 2 (or 0, 1), written out by its definition."""
     nodes = np.arange(count) - (count // 2 - 1)
     return np.stack([np.prod([(fraction - o) / (n - o) for o in nodes if o != n], axis=0) for n in nodes], axis=-1)
+
+
+def all_words(sheet):
+    return [*sheet.marks.words, *(words_of_dimension(each) for each in sheet.marks.dimensions)]
+
+
+def boxes_of(sheet):
+    """The box of each text, all of them apart and within the frame."""
+    boxes = [box_of(words) for words in all_words(sheet)]
+    for a, b in combinations(boxes, 2):
+        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
+    assert min(box[0] for box in boxes) > 20.0 and max(box[2] for box in boxes) < sheet.size_mm[0] - 10.0
+    assert min(box[1] for box in boxes) > 10.0 and max(box[3] for box in boxes) < sheet.size_mm[1] - 10.0
+    return boxes

@@ -4,14 +4,13 @@ import io
 import re
 import zlib
 from dataclasses import replace
-from itertools import combinations
 
 import ezdxf
 import numpy as np
 import pytest
 from ezdxf.entitydb import EntityDB
 from matplotlib.figure import Figure
-from shop_lenses import BASE, bare_part, small_lens
+from shop_lenses import BASE, all_words, bare_part, boxes_of, small_lens
 
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.part import Faces
@@ -83,10 +82,6 @@ def read_back(sheet):
     return ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
 
 
-def all_words(sheet):
-    return [*sheet.marks.words, *(words_of_dimension(each) for each in sheet.marks.dimensions)]
-
-
 @pytest.mark.parametrize("name", BASES)
 def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, name):
     content, sheet = drawings[name]
@@ -130,16 +125,6 @@ def test_the_section_in_the_dxf_is_the_part_at_its_size_in_its_coordinates(parts
     off = np.minimum(*(np.abs(face.radius(directions) - distance) for face in (lens.inner, lens.outer)))
     assert len(z) > 500
     assert off.max() < 1e-9
-
-
-def boxes_of(sheet):
-    """The box of each text, all of them apart and within the frame."""
-    boxes = [box_of(words) for words in all_words(sheet)]
-    for a, b in combinations(boxes, 2):
-        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
-    assert min(box[0] for box in boxes) > 20.0 and max(box[2] for box in boxes) < sheet.size_mm[0] - 10.0
-    assert min(box[1] for box in boxes) > 10.0 and max(box[3] for box in boxes) < sheet.size_mm[1] - 10.0
-    return boxes
 
 
 @pytest.mark.parametrize("name", BASES)

@@ -10,7 +10,7 @@ import ezdxf
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
-from shop_lenses import bare_part, small_lens
+from shop_lenses import bare_part, boxes_of, small_lens
 from tir_lenses import TIR, spot, spot_lens
 
 from lensforge.cad.body_export import on_base
@@ -202,11 +202,12 @@ def test_the_profiles_on_the_sheet_give_the_exported_faces_within_what_they_stat
     cavity, envelope = fit_lens(lens)
     patches = {face.name: face.shape for pair in (cavity, envelope) for face in pair.faces}
     stated = [float(re.search(r"within ([\d.]+) µm", row[0])[1]) for row in content.profiles[1::2]]
+    boxes_of(sheet)
     listed = [name for name in reversed(TIR) if equation(lens.surfaces[name]) is None]
     assert listed == ["exit", "wall", "cap"] and len(stated) == 3
     for name, most_um in zip(listed, stated, strict=True):
         r, z = rows_on(sheet, name)
-        assert len(r) == len(z) == 17
+        assert len(r) == len(z) == 17 and np.ptp(np.hypot(np.diff(r), np.diff(z))) < 0.01, "evenly"
         chords = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(r), np.diff(z)))])
         x, height = CubicSpline(chords, np.column_stack([r, z]))(np.linspace(0.0, chords[-1], 4001)).T
         away = np.hypot(x, height)

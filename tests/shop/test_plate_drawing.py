@@ -252,6 +252,11 @@ def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(part: Part,
     assert at["A"][1] == pytest.approx(max(thickness.start[1], thickness.end[1])), "level with the top"
 
 
+def test_one_hole_leaves_the_turn_to_the_outline() -> None:
+    lens = small_lens({"kind": "none"}, lamps=GRID, plate={**PLATE, "holes": MARKS["holes"]})
+    assert [each.dimension for each in plate_datums(layout_of(lens)).datums] == ["", "H1", "height of the plate"]  # type: ignore[arg-type]
+
+
 def test_a_slotted_outline_without_axes_has_no_datums_across() -> None:
     lens = small_lens({"kind": "none"}, lamps=KINDS["drawn"][0], plate={**DRAWN, "outline": {"loops_mm": [L_LOOP]}})
     assert plate_datums(layout_of(lens)).lines[1].startswith("No datum feature for x and y")  # type: ignore[arg-type]
