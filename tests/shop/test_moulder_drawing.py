@@ -171,6 +171,7 @@ def test_the_datums_of_a_flange_are_on_it_and_those_of_a_body_of_revolution_its_
     assert near["A"][0] == pytest.approx(sheet.origin[0] + sheet.scale * low, abs=1e-3)
     (width,) = (each for each in sheet.marks.dimensions if each.name == "diameter of the rim's flange")
     assert near["B"] == pytest.approx((width.line_mm, sheet.origin[1] + 10.0 * sheet.scale)), "in line with the size"
+    assert width.line_mm > sheet.origin[0] + 11.0 * sheet.scale, "beside the part, whose exit is 10.8 mm above z = 0"
     bare = spot_lens(spot().replace(base={"kind": "none"}))
     lines = datum_scheme(bare, bare_part()[0].model_copy(update={"lens": bare})).lines
     assert lines == (
@@ -273,6 +274,9 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     assert bare.block["mass"] == ("Density: not stated", f"Volume: {part.volume_mm3:.1f} mm³")
     for words in ("faces: largest radius not", "edges: largest break not", "faces: finish not", "shrinkage is not"):
         assert sum(f"{words} stated" in note for note in bare.notes) == 1, words
+    shapes = {name: column.get("shape", "") for name, column in content.table.columns.items()}
+    assert shapes["side"] == equation(lens.surfaces["side"]) and shapes["wall"].startswith("of revolution, profile in")
+    assert drawing_content_of_spheres().table.columns["outer"]["shape"].startswith("freeform; best-fit R")
     assert not any("spline" in note or "Asphere" in note for note in drawing_content_of_spheres().notes[:3])
 
 
