@@ -8,7 +8,6 @@ from pydantic import Field
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.results import (
-    Conditions,
     Count,
     Fact,
     Image,
@@ -16,7 +15,7 @@ from lensforge.results import (
     NotNegative,
     Positive,
     Record,
-    SimulatedResult,
+    ResultByLed,
     Text,
     stated,
 )
@@ -74,40 +73,20 @@ class FittedLight(Record):
     efficiency: Metric
 
 
-class LedLight(Record):
-    """The light with one more of the LEDs that a lens is for, by the same protocol; ``source``: its title."""
-
-    name: Text
-    source: Text
-    place: SourcePlace | None = None
-    receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
-    limits: JudgedLimits = ()
-    ways: tuple[LightWay, ...] = ()
-    rays: Count
-    lumens_per_watt: Positive | None
-    criteria: Criteria
-
-    @staticmethod
-    def of(name: str, source: str, light: "Light") -> "LedLight":
-        """The ``light`` of one LED by its own evaluation."""
-        kept = ("place", "receivers", "limits", "ways", "rays", "lumens_per_watt", "criteria")
-        return LedLight(name=name, source=source, **{field: getattr(light, field) for field in kept})
-
-
 def light_criteria(flux: Flux) -> Criteria:
     """The one criterion on a simulation: a search for a crossing that gives up must not lose any light."""
     remedy = "take a higher accuracy; please report the lens.json"
     return (at_most("flux not converged", flux.not_converged, 0.0, "of the source", remedy),)
 
 
-class Light(SimulatedResult):
+class Light(ResultByLed):
     """The light of a lens on its receivers, simulated with independent replicates of rays.
 
     Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
     that the search has not used; ``fitted``: by the rays that it has. ``pixels``: along the longer side of a map as
     asked, of which lamps together may need somewhat more or fewer. ``ways``: shares of the emitted flux by way, of a
     lens of more than two faces. ``place``: of the LED, where it is from a ray file or is moved. Of a lens for several
-    LEDs they are those of the first, called ``led``; ``others``: the light of each of the rest.
+    LEDs they are those of the first.
     """
 
     stage: ClassVar[str] = "evaluate"
@@ -118,8 +97,7 @@ class Light(SimulatedResult):
     limits: JudgedLimits = ()
     ways: tuple[LightWay, ...] = ()
     place: SourcePlace | None = None
-    led: str = ""
-    others: tuple[LedLight, ...] = ()
+    others: "tuple[Light, ...]" = ()
     rays: Annotated[Count, Field(ge=1)]
     replicates: Annotated[Count, Field(ge=1)]
     pixels: Annotated[Count, Field(ge=1, le=MOST_PIXELS)]
@@ -132,18 +110,6 @@ class Light(SimulatedResult):
     seed: Count
     seconds: NotNegative
     criteria: Criteria
-
-    @property
-    def by_led(self) -> "dict[str, Light]":
-        """The light of each LED alone, by its name, the first one's first; "" is the name of the only one."""
-        alone = self.changed(others=()) if self.others else self
-        lights = {self.led: alone}
-        for other in self.others:
-            fields = {name: getattr(other, name) for name in type(other).model_fields if name not in ("name", "source")}
-            conditions = Conditions.of(source_name=other.name, source=other.source)
-            own = {"led": other.name, "conditions": conditions, "fitted": None, "preset_error": None}
-            lights[other.name] = alone.changed(**fields, **own)
-        return lights
 
     @property
     def first(self) -> ReceiverLight:
@@ -218,7 +184,7 @@ class Light(SimulatedResult):
     def __str__(self) -> str:
         several = len(self.receivers) > 1
         figures = "; ".join(f"{each.name}: {_figures(each)}" if several else _figures(each) for each in self.receivers)
-        figures += "".join(f"; with {other.name}: {_figures(other.receivers[0])}" for other in self.others)
+        figures += "".join(f"; with {other.led}: {_figures(other.receivers[0])}" for other in self.others)
         where = "" if self.conditions is None else f" under other conditions ({self.conditions})"
         rows, columns = self.map.shape
         return f"light{where}: {figures} ({self.rays} rays, {columns} x {rows} pixels, {self.filter})"

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
-from lensforge.light.evaluation_result import LedLight, Light
+from lensforge.light.evaluation_result import Light
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, require
 from lensforge.results.record import MOST_PIXELS
@@ -74,7 +74,7 @@ def evaluate(
     return light.changed(**update, place=place)
 
 
-def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[LedLight]:
+def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[Light]:
     """The light of every further LED that ``lens`` is for."""
     from lensforge.light.evaluation import evaluate_lens
 
@@ -83,7 +83,8 @@ def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator
         summary = summarise(emitter, led.source)
         efficacy = summary.lumens_per_watt
         light = evaluate_lens(lens, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
-        yield LedLight.of(led.name, led.source.title, light.changed(place=SourcePlace.of(led.source, summary)))
+        told = {"led": led.name, "place": SourcePlace.of(led.source, summary), "preset_error": None, "fitted": None}
+        yield light.changed(conditions=Conditions.of(source_name=led.name, source=led.source.title), **told)
 
 
 def _conditions(

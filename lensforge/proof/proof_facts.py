@@ -1,8 +1,9 @@
 """Facts of the verification: each independent tracer of the exported part against the design, and stray light."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from lensforge.proof.file_form import FileForm
 from lensforge.proof.proof_result import (
@@ -69,7 +70,8 @@ def proof_facts(
     return [*parts, *(forms if proof.forms else []), *together]
 
 
-class LitReceiver(NamedTuple):
+@dataclass(frozen=True)
+class LitReceiver:
     """One receiver in the ``result`` with one LED: its ``index``, and the ``ending`` of titles that tell it apart."""
 
     result: Any

@@ -141,7 +141,7 @@ def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
 
 def _forged(result: StageResult, lens: Lens) -> Iterator[str]:
     """Words on each judgement that its file states otherwise; where it is told with each LED, those with all."""
-    for record in result.by_led.values() if isinstance(result, Light | ResultByLed) else (result,):
+    for record in result.by_led.values() if isinstance(result, ResultByLed) else (result,):
         for field, made in judged_again(record, lens).items():
             for stated, follows in zip_longest(getattr(record, field), made):
                 if not agree(_compared(stated), _compared(follows)):

@@ -12,7 +12,6 @@ from shown_folders import SKY, WALL, lens_of
 
 from lensforge.cli.conclusion import _limit_rows
 from lensforge.errors import CriterionMissed, InputError
-from lensforge.light.evaluation_result import LedLight
 from lensforge.light.light_facts import light_facts
 from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
@@ -107,7 +106,7 @@ def test_a_limit_that_the_spec_does_not_state_is_refused(tmp_path: Path, forged:
     assert load_results(folder).light == light and load_results(folder).verdict.light == "fail"
     others = limits[1:] if forged is None else (replace(limits[0], **forged).judged(0.1), *limits[1:])
     changed = light.model_copy(update={"limits": others})
-    with_second = light.model_copy(update={"led": "first", "others": (LedLight.of("second", "an LED", changed),)})
+    with_second = light.model_copy(update={"led": "first", "others": (changed.changed(led="second"),)})
     for written in (changed, with_second):
         written.write(folder)
         with pytest.raises(InputError, match=r"evaluate\.json: limits: \w+: not as it follows"):

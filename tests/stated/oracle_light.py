@@ -324,22 +324,17 @@ def evaluated(case, stage):
                 "rays": fitted["rays"], **{key: fitted["receivers"][0][key] for key in ("nmse", "efficiency")}
             }  # fmt: skip
         records.append((name, own))
-    (led, first), others = records[0], records[1:]
-    chart, held = first["receivers"][0], {"criteria": [...]}
-    record = first | ({"place": place} if (place := where_led_stands(leds[0][1])) else {}) | {
-        **tables_record(case, flux_and_efficacy(leds[0][1], case.files)[0], stage == "warm"),
-        "conditions": ..., "led": led if others else "",
-        "replicates": 16, "pixels": spec["evaluate"]["pixels"],
-        "filter": f"3x3 Gaussian, variance {spec['evaluate']['filter_variance']:g} pixel^2, hard bins", "seed": 3,
-        "fitted": first.get("fitted"),
-        "others": [
-            {"name": name, "source": ..., "place": where_led_stands(source), **held}
-            | {key: own[key] for key in own if key not in ("fitted", *held)}
-            for (name, own), (_, source) in zip(others, leds[1:], strict=True)
-        ],
-        **{key: chart[key] for key in OF_THE_FIRST},
-        **held,
-    }  # fmt: skip
+    tables = tables_record(case, flux_and_efficacy(leds[0][1], case.files)[0], stage == "warm")
+    told = [
+        own | ({"place": place} if (place := where_led_stands(source)) else {}) | tables | {
+            "conditions": ..., "led": name, "replicates": 16, "pixels": spec["evaluate"]["pixels"],
+            "filter": f"3x3 Gaussian, variance {spec['evaluate']['filter_variance']:g} pixel^2, hard bins", "seed": 3,
+            "fitted": None, "others": [], **{key: own["receivers"][0][key] for key in OF_THE_FIRST}, "criteria": [...],
+        }
+        for (name, own), (_, source) in zip(records, leds, strict=True)
+    ]  # fmt: skip
+    others = [each | {"preset_error": None} for each in told[1:]]
+    record = told[0] | {"fitted": records[0][1].get("fitted"), "others": others}
     return record, pictures, [own for _, own in records]
 
 
