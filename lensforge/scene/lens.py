@@ -97,10 +97,10 @@ class Lens:
     @property
     def lamp_words(self) -> str:
         """Words on the one of several lamps whose rays are followed one by one; empty where there is one alone."""
-        lamps = self.spec.all_lamps
+        lamps, kind = self.spec.all_lamps, f" with the lens {self.kind}" if self.kind else ""
         if not lamps.posed:
-            return "" if lamps.is_single else "of one lamp, at the origin"
-        return f"of lamp {self.first_lamp + 1} of {len(lamps)}, with the receivers as it sees them"
+            return "" if lamps.is_single else f"of one lamp{kind}, at the origin"
+        return f"of lamp {self.first_lamp + 1} of {len(lamps)}{kind}, with the receivers as it sees them"
 
     @property
     def of_own_lamps(self) -> "Lens":

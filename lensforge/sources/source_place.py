@@ -18,7 +18,7 @@ _FOUND: dict[Origin, str] = {
 
 
 class FileOrigin(Record):
-    """The point of a ray file (mm) that became the lens origin, and how it was ``found``.
+    """Point of a ray file (mm) that became the lens origin, and how it was ``found``.
 
     ``axis``: direction of the file that became +z; ``mirror``: axis of the file that was turned around, or "none".
     """
@@ -44,8 +44,8 @@ class SourcePlace(Record):
         file = None
         if isinstance(section, Placement) and summary.placement is not None:
             found: Origin = section.origin if isinstance(section.origin, str) else "point"
-            at_mm, axis = summary.placement.origin_mm, section.axis
-            file = FileOrigin(found=found, at_mm=at_mm, axis=axis, scale=section.scale, mirror=section.mirror)
+            stated = {name: getattr(section, name) for name in ("axis", "scale", "mirror")}
+            file = FileOrigin(found=found, at_mm=summary.placement.origin_mm, **stated)
         elif not section.pose.moves:
             return None
         pose = {name: getattr(section, name) for name in ("rotate_z_deg", "tilt_deg", "position_mm")}
