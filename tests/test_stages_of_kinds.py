@@ -14,7 +14,10 @@ from scenes import small_spec
 from undrawn import undrawn
 
 import lensforge as lf
+from lensforge.light.lens_light import searched_source
 from lensforge.report.results import Results
+from lensforge.results import ResultByLed
+from lensforge.search.parameters import settled_symmetry
 from lensforge.search.start_faces import start_faces
 from lensforge.spec import ReceiverSection
 from lensforge.spec.lamps_section import AnyLamps
@@ -94,7 +97,7 @@ VERBS: dict[str, Callable[[lf.Lens, Path], Any]] = {
     "yield": lambda lens, _: lf.tolerance(lens, parts=40, rays=256, budget=False),
     "compare": lambda lens, folder: lf.compare(lens, points=folder / POINTS, surface=face(lens)),
     "correct": lambda lens, folder: lf.correct(lens, points=folder / POINTS, surface=face(lens), registration="none"),
-    "sweep": lambda lens, _: lf.sweep(lens.spec, "evaluate.rays", [512], accuracy=FEW_STEPS),
+    "sweep": lambda lens, _: lf.sweep(lens.spec, "evaluate.rays", [512, 1024], accuracy=FEW_STEPS),
     "tradeoff": lambda lens, _: lf.tradeoff(lens.spec, lens=lens, most_rays=2**12, accuracy=FEW_STEPS),
 }
 
@@ -113,6 +116,7 @@ def lens_of(row: str) -> lf.Lens:
     spec = small_spec(**SCENES[row])
     if spec.lens.levels == "auto":
         spec = spec.replace({"lens.levels": [4]})
+    spec = settled_symmetry(spec, searched_source(spec))
     faces: dict[str, Surface] = start_faces(spec)
     others = {each.name: faces for each in spec.all_lamps.kinds[1:]}
     return lf.Lens(faces, spec, 0, FEW_STEPS, others=others)
@@ -149,6 +153,12 @@ def test_what_is_refused_is_refused_in_one_line(row: str, stage: str, tmp_path: 
     assert "\n" not in words and words.startswith(stage) and re.search("; (leave|take|design|give)", words)
 
 
+@pytest.mark.parametrize("row", ["lens tir", "lens reflector"])
+def test_a_lens_without_levels_to_choose_is_searched_as_it_is(row: str) -> None:
+    spec = small_spec(**SCENES[row])
+    assert spec.with_automatic_levels() == spec
+
+
 BY_DAY = ("evaluate",)
 OTHERS = [
     pytest.param(row, stage, cell, marks=() if stage in BY_DAY else pytest.mark.nightly("a part or a search of each"))
@@ -159,8 +169,8 @@ OTHERS = [
 
 @pytest.mark.parametrize(("row", "stage", "cell"), OTHERS)
 def test_what_is_not_refused_runs(row: str, stage: str, cell: str, tmp_path: Path) -> None:
-    """With several LEDs a result that is of all names each."""
+    """With several LEDs a light, a proof and a far field that are of all name each."""
     with undrawn():
         found = VERBS[stage](lens_of(row), tmp_path)
-    if row == "several LEDs" and hasattr(found, "by_led"):
+    if row == "several LEDs" and isinstance(found, ResultByLed):
         assert (list(found.by_led) == ["one", "two"]) == (cell == "all")

@@ -169,7 +169,12 @@ class Spec(Section):
         return self.changed(**changes)
 
     def with_automatic_levels(self) -> "Spec":
-        """The spec of a search that chooses its levels, without the settings that go with given ones."""
+        """The spec of a search that chooses its levels, without the settings that go with given ones.
+
+        A kind of lens that has no levels to choose is searched as it is.
+        """
+        if type(self.lens).model_fields["levels"].default != "auto":
+            return self
         lens = self.lens.changed(levels="auto")
         optimise = self._optimise_without({*_OF_GIVEN_LEVELS})
         return self.changed(lens=lens, optimise=optimise)
