@@ -84,7 +84,7 @@ class _SeenByLimit(NamedTuple):
         return _SeenByLimit(limit.receiver, limit.of_losses)
 
 
-Channels = Float[np.ndarray, "c r h w"]  # flux (W) on each pixel by every replicate; X, Y and Z (lm) where they count
+Channels = Float[np.ndarray, "k r h w"]  # flux (W) on each pixel by every replicate; X, Y and Z (lm) where they count
 
 
 def judged_colour(spec: Spec) -> ColourSection | None:
