@@ -12,7 +12,8 @@ from result_folders import make_results, small_lens
 from scenes import part_tolerances
 from shown_folders import _sensitivity
 
-from lensforge.made.tolerance_result import Variance
+from lensforge.light.evaluation_result import LedLight
+from lensforge.made.tolerance_result import LedSensitivity, Variance
 from lensforge.made.yield_facts import (
     budget_row,
     budget_rows,
@@ -25,6 +26,7 @@ from lensforge.made.yield_facts import (
 )
 from lensforge.report import yield_section
 from lensforge.results import Conditions, Metric
+from lensforge.results.chart import light_unit
 from lensforge.results.numerals import percent
 from lensforge.shop.sheet_tables import tolerance_table
 from lensforge.spec.tolerances_section import PartTolerances, amount_words
@@ -191,6 +193,40 @@ def test_the_worst_parts_of_a_lattice_are_drawn_over_all_its_periods(monkeypatch
     for axes in drawn:
         assert [*np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1)] == pytest.approx([180.0, 120.0])
     assert drawn
+
+
+def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(lens, monkeypatch):
+    """The second LED has half of the lumens: its light is in its own lux; rows of both stand in one table."""
+    light = make_results(("evaluate",), lens).found["evaluate"].changed(lumens_per_watt=300.0)
+    dimmer = light.changed(lumens_per_watt=150.0)
+    light = light.changed(led="near", others=(LedLight.of("far", "an LED", dimmer),))
+    found = make_yield(lens)
+    renamed = {f"far: {name}": spread for name, spread in found.metrics.items()}
+    changes = {name.removeprefix("far: "): name for name in renamed}
+    study = found.model_copy(
+        update={
+            "leds": ("near", "far"), "worst_leds": ("far",), "metrics": renamed, "variance": {},
+            "bounds": tuple(each.changed(metric=changes[each.metric]) for each in found.bounds),
+            "columns": tuple(changes.get(name, name) for name in found.columns),
+            "worst": tuple(
+                each.changed(metrics={changes[k]: v for k, v in each.metrics.items()}) for each in found.worst
+            ),
+        }
+    )  # fmt: skip
+    alone = _sensitivity()
+    other = LedSensitivity(name="far", nominal=alone.nominal, rows=alone.rows, rays=99)
+    errors = _sensitivity(led="near", others=(other,))
+    records = {"evaluate": light, "yield": study, "sensitivity": errors}
+    text = Page(undrawn_page_of(make_results((), lens, **records))).text
+    for words in ("38 keep every bound with each of 2 LEDs", "Parts that pass with far", "Changes by each of 2 errors"):
+        assert words in text, words
+    assert "As designed, far" in text and "Part 39, far: fails" in text and "As designed, near" not in text
+    assert "decentre in x, near" in text and "decentre in x, far" in text
+    tops = []
+    monkeypatch.setattr(yield_section, "irradiance_map", lambda *_, unit: tops.append(unit))
+    monkeypatch.setattr(yield_section, "picture", lambda *_: None)
+    yield_section._worst_pictures("yield", study, make_results((), lens, **records))
+    assert tops == 2 * [light_unit(150.0, far_field=False)]
 
 
 def test_the_tolerance_with_the_largest_effect_comes_first_either_way():
