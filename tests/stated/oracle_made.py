@@ -1,4 +1,4 @@
-"""Every figure of ``yield`` by docs/definitions.md, section 16, from its table of parts alone."""
+"""Every figure of ``yield`` by docs/definitions.md, section 16, from its table of parts and their errors alone."""
 
 from itertools import combinations
 
@@ -12,11 +12,15 @@ SHARES = ("efficiency", "share_in_target")
 class Parts:
     """The table of a study: numbers drawn by tolerance, metrics by name, and the bounds that a part must keep."""
 
-    def __init__(self, table, bounds, numbers, noise, designed):
-        """``numbers``: columns of each tolerance; ``noise``: standard error of a part, and ``designed``, by metric."""
-        self.table, self.bounds, self.noise, self.designed = table, bounds, noise, designed
+    def __init__(self, table, bounds, numbers, amounts, errors, designed):
+        """``errors`` of all parts, and ``designed``: by metric.
+
+        ``numbers``: columns of each tolerance, truncated at the ``amounts``.
+        """
+        self.table, self.bounds, self.errors, self.designed = table, bounds, errors, designed
         self.numbers = {
-            name: np.column_stack([table[column] for column in columns]) for name, columns in numbers.items()
+            name: np.column_stack([table[column] for column in columns]) / amounts[name]
+            for name, columns in numbers.items()
         }
         self.count = len(next(iter(table.values())))
 
@@ -34,13 +38,14 @@ class Parts:
             failing[bound["metric"]] = failing.get(bound["metric"], 0) + (~self.kept(bound)).sum()
         return sorted(failing, key=lambda name: -failing[name])
 
-    def shares(self, values, noise):
+    def shares(self, values, errors):
         """Share of the variance of ``values`` by each tolerance with its standard error, the most certain first."""
         y = values - values.mean()
         block = np.arange(self.count) % BLOCKS
         found, sums = {}, np.zeros(BLOCKS + 1)
         without = [np.ones(self.count, dtype=bool)] + [block != k for k in range(BLOCKS)]
-        total = np.array([(y[rows] ** 2).mean() * self.count / (self.count - 1) for rows in without]) - noise**2
+        total = np.array([(y[rows] ** 2).mean() * self.count / (self.count - 1) for rows in without])
+        total -= (np.array(errors) ** 2).mean()
         for name, numbers in self.numbers.items():
             f = functions(numbers) * y[:, None]
             pairs = [(f[rows].sum(axis=0) ** 2 - (f[rows] ** 2).sum(axis=0)).sum() / (rows.sum() * (rows.sum() - 1))
@@ -53,11 +58,12 @@ class Parts:
 
 
 def functions(numbers):
-    """Polynomials of degree 4 in one number, up to a total of 4 in two, orthonormal over the parts."""
-    single = []
-    for x in numbers.T:
-        powers = np.vander(x / abs(x).max(), 5, increasing=True)
-        single.append(np.linalg.qr(powers)[0][:, 1:] * np.sqrt(len(x)))
+    """Polynomials of degree 4 in one number, up to a total of 4 in two, orthonormal over those within 2 sigma."""
+    x = (np.arange(40_001) - 20_000) / 20_000
+    weights = np.exp(-2 * x**2)
+    weights[[0, -1]] /= 2
+    triangle = np.linalg.qr(np.vander(x, 5, increasing=True) * np.sqrt(weights / weights.sum())[:, None])[1]
+    single = [np.linalg.solve(triangle.T, np.vander(each, 5, increasing=True).T).T[:, 1:] for each in numbers.T]
     both = [a[:, i] * b[:, j] for a, b in combinations(single, 2) for i in range(4) for j in range(4) if i + j + 2 <= 4]
     return np.column_stack([*single, *both])
 
@@ -87,7 +93,7 @@ def spread(parts, metric):
     """Mean, 5, 50 and 95 % and standard deviation of the parts without the scatter that noise adds."""
     values = parts.table[metric]
     scatter = values.std(ddof=1)
-    own = np.sqrt(max(scatter**2 - parts.noise[metric] ** 2, 0))
+    own = np.sqrt(max(scatter**2 - (parts.errors[metric] ** 2).mean(), 0))
     drawn = values.mean() + (values - values.mean()) * own / scatter
     return {
         "p5": np.percentile(drawn, 5),

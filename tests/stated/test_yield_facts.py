@@ -1,4 +1,7 @@
-"""Every fact of a yield against sums over its own table of parts: two roads of unlike classes, and a limit."""
+"""Every fact of a yield against sums over its own table of parts: two roads of unlike classes, and a limit.
+
+Of a lens for one LED, and for two that are unlike.
+"""
 
 import json
 from collections.abc import Iterator
@@ -27,36 +30,50 @@ ROADS = [ROAD | {"mean_cd_per_m2": 0.2, "glare_percent": 1e3}]
 ROADS += [ROAD | {"pole_spacing_m": 37.0, "lighting_class": "M5", "mean_cd_per_m2": 0.165, "glare_percent": 20.0}]
 GLARE = {"kind": "glare", "from_deg": 60.0, "at_most": 0.55, "unit": "relative"}
 PARTS, RAYS = 60, 2048
+NEAR = 1e-4  # per cent, of a share of the variance
+FAR = {
+    "kind": "rectangle", "width_mm": 0.4, "height_mm": 1.1, "position_mm": [0.2, -0.1, 0.05], "tilt_deg": [14.0, -9.0]
+}  # fmt: skip
+LEDS = [{"name": "near", "source": {"kind": "square", "side_mm": 1.0}}, {"name": "far", "source": FAR}]
 
 
-@pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Any:
+@pytest.fixture(scope="module", params=[1, 2])
+def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
     spec = small_spec(**tolerance_changes({**NO_TOLERANCES, **AMOUNTS}), target={"kind": "beam", "fwhm_deg": 60.0,
                       "half_angle_deg": 90.0}).replace(roads=ROADS, limits=[GLARE])  # fmt: skip
+    several = request.param > 1
+    if several:
+        spec = spec.replace(source=None, sources=LEDS)
     few = FEW.replace("few_of_each", studies={"designed_rays": 2**12, "worst_rays": 2**11})
     lens = lf.Lens.double(*(random_surface(seed, 3.0 * seed, 0.01, (9, 25)) for seed in (1, 2)), spec, 0, few)
-    found = measure_yield(lens, parts=PARTS, rays=RAYS, with_budget=False)
     folder = tmp_path_factory.mktemp("yield")
+    found = measure_yield(lens, parts=PARTS, rays=RAYS, with_budget=False, file=folder / "kept.npz")
     found.write(folder)
     record = json.loads((folder / "yield.json").read_text(encoding="utf-8"))
-    return SimpleNamespace(facts=yield_facts(found), record=record, parts=parts_of(folder, record))
+    assert record.get("leds", []) == (["near", "far"] if several else [])
+    prefixes = ["near: ", "far: "] if several else [""]
+    return SimpleNamespace(facts=yield_facts(found), record=record, parts=parts_of(folder, record), prefixes=prefixes)
 
 
 def parts_of(folder: Path, record: dict[str, Any]) -> made.Parts:
     with np.load(folder / "yield.npz") as arrays:
         table = dict(zip(record["columns"], arrays["table"].T, strict=True))
-    noise = {name: each["standard_error"] for name, each in record["metrics"].items()}
+    with np.load(folder / "kept.npz") as kept:
+        errors = dict(zip(record["metrics"], kept["values"][np.argsort(kept["numbers"])][..., 1].T, strict=True))
     designed = {name: each["designed"]["value"] for name, each in record["metrics"].items()}
-    return made.Parts(table, record["bounds"], COLUMNS, noise, designed)
+    return made.Parts(table, record["bounds"], COLUMNS, AMOUNTS, errors, designed)
 
 
 def test_bounds_are_those_of_the_spec(study: Any) -> None:
     bounds = {each["metric"]: (each["sense"], each["bound"]) for each in study.record["bounds"]}
-    for number, road in enumerate(ROADS, 1):
-        for lane in (1, 2):
-            mean, glare = (f"road {number}: lane {lane}: {words}" for words in ("mean luminance: light", GLARE_WORDS))
-            assert (bounds[mean], bounds[glare]) == ((">=", road["mean_cd_per_m2"]), ("<=", road["glare_percent"]))
-    assert bounds["limits.0: light over its maximum"] == ("<=", 0.55) and len(bounds) == 21
+    for led in study.prefixes:
+        for number, road in enumerate(ROADS, 1):
+            for lane in (1, 2):
+                start = f"{led}road {number}: lane {lane}: "
+                mean, glare = (bounds[f"{start}{words}"] for words in ("mean luminance: light", GLARE_WORDS))
+                assert (mean, glare) == ((">=", road["mean_cd_per_m2"]), ("<=", road["glare_percent"]))
+        assert bounds[f"{led}limits.0: light over its maximum"] == ("<=", 0.55)
+    assert len(bounds) == 21 * len(study.prefixes)
 
 
 GLARE_WORDS = "glare TI: threshold increment"
@@ -79,15 +96,19 @@ def expected_of(study: Any, group: Group, number: int, fact: Fact) -> Expected:
         words = f"{sign} {bound['bound']:.4g}" + {"": "", "%": "\u2009%"}.get(bound["unit"], f" {bound['unit']}")
         return Expected(words) if fact.key == "bound" else Expected(100.0 * parts.kept(bound).mean(), 1e-9, "%")
     found = made.spread(parts, name)
-    if found["spread"] < parts.noise[name]:
+    if found["spread"] < np.median(parts.errors[name]):
         return Expected("undecided")
-    return made.value_of(name, found[fact.key], 0.15 * found["spread"], unit)  # errors of parts are not all alike
+    return made.value_of(name, found[fact.key], 1e-9 * (abs(found[fact.key]) + 1.0), unit)
 
 
 def expected_first(study: Any, fact: Fact, group: Group) -> Expected:
     if fact.key == "main_cause":
         return expected_cause(study, fact, group)
-    values = {"parts": PARTS, "rays": RAYS}
+    if fact.key == "passes_with":
+        led = f"{fact.label.removeprefix('Parts that pass with ')}: "
+        own = [bound for bound in study.parts.bounds if bound["metric"].startswith(led)]
+        return Expected(100.0 * study.parts.passing(own).mean(), 1e-9, "%")
+    values = {"parts": PARTS, "rays": RAYS * len(study.prefixes)}
     return (
         Expected(values[fact.key]) if fact.key in values else Expected(100.0 * study.parts.passing().mean(), 1e-9, "%")
     )
@@ -100,29 +121,30 @@ def expected_cause(study: Any, fact: Fact, group: Group) -> Expected:
         each for each in parts.failing_first() if made.in_words(each) == fact.label.removeprefix("Main cause, ")
     )
     assert parts.failing_first().index(name) < 4
-    found, certain, _ = parts.shares(parts.table[name], parts.noise[name])
+    found, certain, _ = parts.shares(parts.table[name], parts.errors[name])
     if not certain:
         return Expected("none stands out of so few parts")
     share, error = found[certain[0]]
-    return Expected(100.0 * share, 8.0, "%", 100.0 * error, 3.0)
+    return Expected(100.0 * share, NEAR, "%", 100.0 * error, NEAR)
 
 
 def expected_road(study: Any, number: int, fact: Fact) -> Expected:
-    road, parts = ROADS[number], study.parts
-    bounds = [bound for bound in parts.bounds if bound["metric"].startswith(f"road {number + 1}: ")]
+    led, number = divmod(number, len(ROADS))
+    road, parts, name = ROADS[number], study.parts, f"{study.prefixes[led]}road {number + 1}: "
+    bounds = [bound for bound in parts.bounds if bound["metric"].startswith(name)]
     margins = [(1.0 if bound["sense"] == ">=" else -1.0) * (parts.table[bound["metric"]] / bound["bound"] - 1.0)
                for bound in bounds]  # fmt: skip
     rate, low, high = made.wilson(parts.passing(bounds).sum(), PARTS)
     nearest = np.argmin(margins, axis=0)
     most = np.bincount(nearest).argmax()
-    words = bounds[most]["metric"].removeprefix(f"road {number + 1}: ")
+    words = bounds[most]["metric"].removeprefix(name)
     if fact.key == "main":
         margin = np.min(margins, axis=0)
-        errors = [parts.noise[bounds[k]["metric"]] / bounds[k]["bound"] for k in nearest]
-        found, certain, _ = parts.shares(margin, np.sqrt(np.mean(np.square(errors))))
+        errors = [parts.errors[bounds[k]["metric"]][part] / bounds[k]["bound"] for part, k in enumerate(nearest)]
+        found, certain, _ = parts.shares(margin, errors)
         assert fact.value.startswith(MAIN[certain[0]])
         share = float(fact.value.split(", ")[-1].split(" ")[0].rstrip("%\u2009"))
-        assert share == pytest.approx(100.0 * found[certain[0]][0], abs=8.0)
+        assert share == pytest.approx(100.0 * found[certain[0]][0], abs=0.5)
     return {
         "road_class": Expected(road["lighting_class"]),
         "holds": Expected(100.0 * rate, 1e-9, "%"),
@@ -153,16 +175,16 @@ def wrong_causes(study: Any, group: Group) -> Iterator[str]:
     """The three leading causes that are certain, and several together where they stand out."""
     parts = study.parts
     name = next(each for each in parts.table if made.in_words(each) == group.title)
-    found, certain, together = parts.shares(parts.table[name], parts.noise[name])
+    found, certain, together = parts.shares(parts.table[name], parts.errors[name])
     for fact in group.facts:
         if fact.key != "together":
             share, error = found[fact.key]
             yield from (
                 f"{group.title}: {words}"
-                for words in differences(fact, Expected(100 * share, 8.0, "%", 100 * error, 3.0))
+                for words in differences(fact, Expected(100 * share, NEAR, "%", 100 * error, NEAR))
             )
         elif isinstance(fact.value, float):
-            yield from differences(fact, Expected(100 * together[0], 8.0, "%", 100 * together[1], 3.0))
+            yield from differences(fact, Expected(100 * together[0], NEAR, "%", 100 * together[1], NEAR))
     named = [fact.key for fact in group.facts if fact.key != "together"]
-    if not set(named) <= set(certain[:4]):
+    if not set(named) <= set(certain[:3]):
         yield f"{group.title}: {named}, must be of {certain}"
