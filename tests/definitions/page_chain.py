@@ -162,6 +162,7 @@ class Light:
     clear: np.ndarray
     absorbed: np.ndarray
     fate: np.ndarray
+    turns: dict  # by the name of a rough face what its normals are turned by: (rays, events, 3)
 
     def flux(self, rows):
         return self.clear[rows] * (abs(self.fields[rows]) ** 2).sum(axis=(1, 2)) / 2
@@ -197,7 +198,7 @@ def fields_behind(fields, d, on, n, a_s, a_p, reflected):
     return found
 
 
-def meet(light, face, medium, rows, t, media, section, nm, last):
+def meet(light, face, medium, rows, t, media, section, nm, event):
     """Light at one face; returns the medium of those that go on, and their numbers."""
     back = face.before != medium
     beyond = face.before if back else face.behind
@@ -209,7 +210,10 @@ def meet(light, face, medium, rows, t, media, section, nm, last):
         left = np.exp(-section["absorption_per_mm"] * t)
         light.absorbed[rows] += light.flux(rows) * (1 - left)
         light.clear[rows] *= left
-    n = face.exact(unit(at))[1] * (-1 if back else 1)
+    n = face.exact(unit(at))[1]
+    if face.name in light.turns:
+        n = unit(n + light.turns[face.name][rows, event])
+    n = n * (-1 if back else 1)
     c = (d * n).sum(axis=1)
     mirror = section[face.name].get("mirror") if face.name in section else None
     before, behind = media[medium][rows], media[beyond][rows]
@@ -225,7 +229,7 @@ def meet(light, face, medium, rows, t, media, section, nm, last):
         amplitudes = refracting(section, face.name, medium, before, behind, c, nm[rows], reflected)
     light.fields[rows] = fields_behind(light.fields[rows], d, on, n, *amplitudes, reflected)
     light.p[rows], light.d[rows] = at, on
-    if last:
+    if event + 1 == section["events"]:
         inside = reflected if beyond == "outside" else np.full(len(rows), True)
         total = reflected & (mirror is None)
         light.fate[rows[inside]] = np.where(total, TOTAL, EVENT_LIMIT)[inside]
@@ -239,7 +243,7 @@ def trace_chain(lens, faces, p, d, nm=None):
     return fate, place, flux, absorbed, in_glass
 
 
-def leave_chain(lens, faces, p, d, nm=None):
+def leave_chain(lens, faces, p, d, nm=None, turns=None):
     """As :func:`page_tracer.leave`, of a lens of more than two faces; and the faces that each ray met, in order."""
     section, d, count = lens["spec"]["lens"], unit(d), len(p)
     media = {"body": refractive_index(lens, nm, count)}
@@ -248,7 +252,7 @@ def leave_chain(lens, faces, p, d, nm=None):
     fate, p = enter(p, d, lambda points: room_in(faces, "cavity", points) > 0)
     one = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
     fields = np.stack([one, np.cross(d, one)], axis=1).astype(complex)
-    light = Light(p, d.copy(), fields, np.ones(count), np.zeros(count), fate)
+    light = Light(p, d.copy(), fields, np.ones(count), np.zeros(count), fate, turns or {})
     ways = [()] * count
     going, out = {"cavity": np.flatnonzero(fate == LANDED)}, []
     for event in range(section["events"]):
@@ -260,10 +264,11 @@ def leave_chain(lens, faces, p, d, nm=None):
             light.fate[rows[lost]] = np.where((medium == "cavity") & falls, BACKWARD, BASE)
             for number in np.unique(met[~lost]):
                 some = np.flatnonzero(~lost & (met == number))
-                last = event + 1 == section["events"]
                 for row in rows[some]:
                     ways[row] = (*ways[row], faces[number].name)
-                for behind, others in meet(light, faces[number], medium, rows[some], t[some], media, section, nm, last):
+                for behind, others in meet(
+                    light, faces[number], medium, rows[some], t[some], media, section, nm, event
+                ):
                     onward[behind].append(others)
         going = {medium: np.concatenate([[], *onward[medium]]).astype(int) for medium in ("cavity", "body")}
     left, flux = np.concatenate([[], *out]).astype(int), light.flux(slice(None))

@@ -44,6 +44,9 @@ FEW_RAYS = WITH_TABLE_ERROR.replace(
     stray_rays=256,
     studies={"compared_rays": 1024},
 )
+# By the tables of a search one of 500 rays of these lenses lands beyond the edge of its pixel.
+FINE = FEW_RAYS.replace("crooked_fine", nodes_per_sigma=FEW_RAYS.evaluate_nodes_per_sigma)
+ACCURACY = {"tir": FINE, "cup": FINE}
 HOT_C = 95.0  # of the lens in the results "warm"
 STRAY = {"stray": lambda run: lf.stray_light(run.part)}
 STUDIES: dict[str, dict[str, Callable[[Any], Any]]] = dict.fromkeys(("tir", "plate"), STRAY)
@@ -60,7 +63,8 @@ STUDIES["chips"] = {
         run.lens, points=measured(run, "none"), surface="inner", gain=0.7, wavelength_mm=2.1, registration="none"
     ),
 }
-STUDIES["leds"] = STRAY | {"sensitivity": lambda run: lf.sensitivity(run.lens)}
+SENSITIVITY = {"sensitivity": lambda run: lf.sensitivity(run.lens)}
+STUDIES |= {"tir": STRAY | SENSITIVITY, "cup": SENSITIVITY, "leds": STRAY | SENSITIVITY}
 BY_LED = ("verify", "stray", "photometry")  # results that hold one of their own kind for each further LED
 _SEARCHED_STEPS = 12  # for each level of a stored lens
 
@@ -314,7 +318,13 @@ def made(name: str, folder: Path) -> Case:
     spec, start = spec_of(name, folder / "spec"), lf.load_lens(stored(name, folder / "spec"))
     with record.kept(), undrawn(), threads_of_torch(1):
         run = lf.run(
-            spec, folder / "run", accuracy=FEW_RAYS, seed=3, start=start, warn=lambda _: None, announce=record.begins
+            spec,
+            folder / "run",
+            accuracy=ACCURACY.get(name, FEW_RAYS),
+            seed=3,
+            start=start,
+            warn=lambda _: None,
+            announce=record.begins,
         )
         results = dict(run.found)
         if name == "leds":  # of which the second LED is hot, too

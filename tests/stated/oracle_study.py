@@ -3,24 +3,41 @@
 import numpy as np
 from crooked import Expected
 from oracle_part import kept_of
+from page_chain import leave_chain
 from page_colour import flux_and_efficacy
 from page_figures import CLOSE, apart_of, error_over_pairs, filtered, jackknife, least_parts
 from page_scene import faces_of, mask_of, receivers_of, target_light, through
 from page_tracer import BACKWARD, LANDED, OUTSIDE_CAVITY, TOTAL, Functions, leave, unit
 
 NEAR = 0.02  # of a standard error
-# Words, whether it is to both sides, along x and y, about x and y, or one shape; and its unit and mm, rad or 1 in that.
-KINDS = {
-    "source_shift_mm": ("source, decentre", "in"), "source_height_mm": ("source, height", "±"),
-    "source_tilt_deg": ("source, tilt", "about"), "source_flux": ("source, flux", "±"),
-    "source_size": ("source, size", "±"), "outer_shift_mm": ("outer face against inner, decentre", "in"),
-    "gap_mm": ("outer face against inner, gap", "±"), "outer_tilt_deg": ("outer face against inner, tilt", "about"),
-    "lens_shift_mm": ("lens against source, decentre", "in"), "lens_height_mm": ("lens against source, height", "±"),
-    "lens_tilt_deg": ("lens against source, tilt", "about"), "index": ("refractive index", "±"),
-    "shrinkage": ("shrinkage", "±"),
-    **{f"{face}_{kind}_{unit}": (f"{kind}, {face} face", "") for kind, unit in
-       (("roughness", "mrad"), ("ripple", "um"), ("form", "um"), ("waviness", "um")) for face in ("inner", "outer")},
-}  # fmt: skip
+# Faces with tolerances, that against which others are placed first, and those others.
+FACES = {"double": (("inner", "outer"), ("outer",)), "tir": (("cap", "side", "wall", "exit"), ("wall", "exit")),
+         "reflector": (("cup",), ())}  # fmt: skip
+
+
+def kinds_of(section):
+    """Words by the name of a tolerance, and whether it is to both sides, along x and y, about x and y, or one shape."""
+    (first, *_), placed = faces, _ = FACES[section["kind"]]
+    found = {
+        "source_shift_mm": ("source, decentre", "in"), "source_height_mm": ("source, height", "±"),
+        "source_tilt_deg": ("source, tilt", "about"), "source_flux": ("source, flux", "±"),
+        "source_size": ("source, size", "±"),
+    }  # fmt: skip
+    for kind, words, way in (("shift_mm", "decentre", "in"), ("gap_mm", "gap", "±"), ("tilt_deg", "tilt", "about")):
+        for face in placed:
+            name = "gap_mm" if (face, kind) == ("outer", "gap_mm") else f"{face}_{kind}"
+            found[name] = f"{face} face against {first}, {words}", way
+    found |= {
+        "lens_shift_mm": ("lens against source, decentre", "in"),
+        "lens_height_mm": ("lens against source, height", "±"),
+        "lens_tilt_deg": ("lens against source, tilt", "about"),
+    }  # fmt: skip
+    if section["kind"] != "reflector":
+        found |= {"index": ("refractive index", "±"), "shrinkage": ("shrinkage", "±")}
+    shapes = ("roughness", "mrad"), ("ripple", "um"), ("form", "um"), ("waviness", "um")
+    return found | {f"{face}_{kind}_{unit}": (f"{kind}, {face} face", "") for kind, unit in shapes for face in faces}
+
+
 STILL = np.eye(3), np.zeros(3)
 ROUGH = (
     "roughness_mrad",
@@ -32,7 +49,7 @@ UNITS = {"mm": 1.0, "deg": np.pi / 180, "um": 1e-3, "mrad": 1e-3}
 
 def rows_of(case):
     """Name, amount, unit and tolerance with its numbers (mm, rad or 1) of every row."""
-    for name, (words, way) in KINDS.items():
+    for name, (words, way) in kinds_of(case.lens["spec"]["lens"]).items():
         unit = name.rpartition("_")[2] if name.rpartition("_")[2] in UNITS else ""
         amount, factor = amount_of(case.lens["spec"], name), UNITS.get(unit, 1.0)
         if way == "±":
@@ -47,11 +64,15 @@ def rows_of(case):
 
 def amount_of(spec, name):
     """As the spec has it: of a face in its own table."""
-    for face in ("inner", "outer"):
-        field = name.removeprefix(f"{face}_")
-        if field != name or (face == "outer" and name == "gap_mm"):
-            return spec["lens"][face][field]["amount"]
-    return spec["tolerances"][name]["amount"]
+    face, field = face_of(spec["lens"], name), name
+    table = spec["tolerances"] if face is None else spec["lens"][face]
+    return table[field if face is None else field.removeprefix(f"{face}_")]["amount"]
+
+
+def face_of(section, name):
+    """The face of a tolerance; None for one of the lens or the source."""
+    own = [face for face in FACES[section["kind"]][0] if name.startswith(f"{face}_")]
+    return own[0] if own else "outer" if name == "gap_mm" else None
 
 
 def turn_by(x, y):
@@ -108,17 +129,50 @@ class Rough:
         return unit(self.face.normal(u) + self.turns)
 
 
+class BentFace:
+    """A face of a chain with an error e(u, rho, n) along its normal; it counts near the face alone."""
+
+    def __init__(self, face, error):
+        self.face, self.error, self.name, self.reach = face, error, face.name, face.reach + 1.0
+        self.before, self.behind = face.before, face.behind
+
+    def radius(self, u):
+        rho, n = self.face.exact(u)
+        return rho + self.error(u, rho, n) / (n * u).sum(axis=1)
+
+    def exact(self, u):
+        return self.radius(u), Bent.normal(self, u)
+
+    def room(self, p):
+        room = self.face.room(p)
+        near = abs(room) < 1.0
+        room[near] = self.radius(unit(p[near])) - np.linalg.norm(p[near], axis=1)
+        return room
+
+
+def displaced(name, value):
+    """Error along the normal of a face of a chain that is out of its place: (s + w x p) . n."""
+    x, y = value if np.ndim(value) else (0.0, 0.0)
+    if name.endswith("tilt_deg"):
+        return lambda u, rho, n: (np.cross([x, y, 0.0], rho[:, None] * u) * n).sum(axis=1)
+    shift = np.array([x, y, 0.0] if name.endswith("shift_mm") else [0.0, 0.0, value])
+    return lambda u, rho, n: n @ shift
+
+
 def hemisphere(count):
     j = np.arange(count)
     z, phi = 1 - (j + 0.5) / count, j * np.pi * (3 - np.sqrt(5))
     return np.column_stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z])
 
 
-def shape_of(name, amount):
-    """The one shape of a form error: nine broad functions with numbers from the name of the tolerance."""
+def shape_of(name, amount, own=lambda u: np.full(len(u), True)):
+    """The one shape of a form error: nine broad functions with numbers from the name of the tolerance.
+
+    ``own``: directions in which the face bounds its medium.
+    """
     numbers = np.random.default_rng([11, *name.encode()]).standard_normal(9)
-    functions = Functions({"levels": [9], "sigma_c": 1.75, "symmetry": "none"}, numbers)
-    rms = np.sqrt((functions.mean(hemisphere(4000))[0] ** 2).mean())
+    functions, u = Functions({"levels": [9], "sigma_c": 1.75, "symmetry": "none"}, numbers), hemisphere(4000)
+    rms = np.sqrt((functions.mean(u[own(u)])[0] ** 2).mean())
     return lambda u: amount * functions.mean(u)[0] / rms
 
 
@@ -134,38 +188,30 @@ def fine_slope(spec, name, amount):
 
 def light_with(case, led, name="", value=None):
     """Pictures (W) of each replicate on the first receiver, and shares in its window, with one error and one LED."""
-    spec, faces = case.lens["spec"], list(faces_of(case.lens, case.lens["faces"]))
-    source, receiver = spec["sources"][led]["source"], receivers_of(spec)[0]
+    spec = case.lens["spec"]
+    source, receiver = spec["sources"][led]["source"] if spec["sources"] else spec["source"], receivers_of(spec)[0]
     lens_at, source_at, scale, size, section = STILL, STILL, 1.0, 1.0, spec["lens"]
-    if name.endswith("form_um"):
-        k = int(name.startswith("outer"))
-        faces[k] = Bent(faces[k], shape_of(name, value))
-    elif name.startswith(("outer_shift", "outer_tilt", "gap_")):
-        faces[1] = Moved(faces[1], *motion(name, value))
-    elif name == "index":
+    if name == "index":
         section = section | {"refractive_index": section["refractive_index"] + value}
     elif name == "shrinkage":
-        scale = 1 + value
+        scale = 1 + value  # of the way in the body, too
+        section = section | {"absorption_per_mm": section["absorption_per_mm"] * scale}
     elif name == "source_size":
         size = 1 + value
     elif name.startswith("source_") and name != "source_flux":
         source_at = motion(name, value)
     elif name.startswith("lens_"):
         lens_at = motion(name, value)
-    (turn, shift), up = lens_at, np.array([0, 0, spec["base"]["height_mm"] * (scale - 1)])
+    (turn, shift), up = lens_at, np.array([0, 0, (spec["base"]["height_mm"] or 0.0) * (scale - 1)])
     number, p, d, flux, nm = rays_of(case, led)
+    noise = noise_of(d, 3 * len(case.lens["faces"]))
     p, d = (
         source["position_mm"] + size * (p - source["position_mm"]) @ source_at[0].T + source_at[1],
         d @ source_at[0].T,
     )
     own = ((p - shift) @ turn - up) / scale, d @ turn
-    if name.endswith(ROUGH):
-        k = int(name.startswith("outer"))
-        fate = leave({"spec": {"lens": section}}, faces, *own, nm)[3]
-        rows = (fate == LANDED) | (fate == TOTAL) if k else (fate != BACKWARD) & (fate != OUTSIDE_CAVITY)
-        slope = value if "roughness" in name else fine_slope(spec, name, value)
-        faces[k] = Rough(faces[k], slope * noise_of(d)[rows, 3 * k : 3 * k + 3])
-    left, p, d, _, share, _, nm, (q, u, s) = leave({"spec": {"lens": section}}, faces, *own, nm)
+    behind = behind_double if section["kind"] == "double" else behind_chain
+    left, p, d, share, nm, (q, u, s) = behind(case, section, own, nm, noise, name, value)
     p, d, stokes = (scale * p + up) @ turn.T + shift, d @ turn.T, (q, u, s @ turn.T)
     for body in spec["bodies"]:
         left, stokes, _ = through(body, spec["lens"], left, p, d, share, nm, stokes)
@@ -177,6 +223,46 @@ def light_with(case, led, name="", value=None):
     return np.array(images), np.array(window)
 
 
+def behind_double(case, section, own, nm, noise, name, value):
+    """Rays behind a lens of two faces with one error: numbers of those that leave it, places, directions, shares."""
+    faces = list(faces_of(case.lens, case.lens["faces"]))
+    k = int(name.startswith("outer"))
+    if name.endswith("form_um"):
+        faces[k] = Bent(faces[k], shape_of(name, value))
+    elif name.startswith(("outer_shift", "outer_tilt", "gap_")):
+        faces[1] = Moved(faces[1], *motion(name, value))
+    elif name.endswith(ROUGH):
+        fate = leave({"spec": {"lens": section}}, faces, *own, nm)[3]
+        rows = (fate == LANDED) | (fate == TOTAL) if k else (fate != BACKWARD) & (fate != OUTSIDE_CAVITY)
+        faces[k] = Rough(faces[k], slope_of(case, name, value) * noise[rows, 3 * k : 3 * k + 3])
+    left, p, d, _, share, _, nm, stokes = leave({"spec": {"lens": section}}, faces, *own, nm)
+    return left, p, d, share, nm, stokes
+
+
+def behind_chain(case, section, own, nm, noise, name, value):
+    """As :func:`behind_double`, of a lens of more faces, of which the numbers of a ray are by its events."""
+    faces, turns = list(faces_of(case.lens, case.lens["faces"])), {}
+    face = next((each for each in faces if each.name == face_of(section, name)), None)
+    if face is not None and name.endswith(ROUGH):
+        events = [noise[:, 3 * event % noise.shape[1] :][:, :3] for event in range(section["events"])]
+        turns = {face.name: slope_of(case, name, value) * np.stack(events, axis=1)}
+    elif face is not None:
+        beside = [each for each in faces if each.before == face.before]
+
+        def nearest(u):
+            return np.argmin([each.exact(u)[0] for each in beside], axis=0) == beside.index(face)
+
+        form = shape_of(name, value, nearest) if name.endswith("form_um") else None
+        error = displaced(name, value) if form is None else lambda u, rho, n: form(u)
+        faces[faces.index(face)] = BentFace(face, error)
+    left, p, d, _, share, _, nm, stokes, _ = leave_chain({"spec": {"lens": section}}, faces, *own, nm, turns)
+    return left, p, d, share, nm, stokes
+
+
+def slope_of(case, name, value):
+    return value if "roughness" in name else fine_slope(case.lens["spec"], name, value)
+
+
 def rays_of(case, led):
     """Number of the replicate, position, direction, flux (W) and wavelength of every ray of an LED."""
     calls = case.rays["sensitivity"][led]
@@ -184,10 +270,10 @@ def rays_of(case, led):
     return *(np.concatenate([part[k] for part in parts]) for k in range(4)), None
 
 
-def noise_of(d):
-    """Numbers by which normals are turned, at either face: those of lensforge, whose rays are in order of direction."""
-    order, found = np.lexsort((d[:, 1], np.floor(32 * d[:, 0]))), np.empty((len(d), 6))
-    found[order] = np.random.default_rng(2029).standard_normal((len(d), 6))
+def noise_of(d, width):
+    """Numbers by which normals are turned, at each face: those of lensforge, whose rays are in order of direction."""
+    order, found = np.lexsort((d[:, 1], np.floor(32 * d[:, 0]))), np.empty((len(d), width))
+    found[order] = np.random.default_rng(2029).standard_normal((len(d), width))
     return found
 
 
@@ -208,6 +294,8 @@ def figures(case, images, window):
     scales = images.sum(axis=(1, 2))
     errors = images - scales[:, None, None] * target / target.sum()
     nmse = apart_of(errors, scales * np.sqrt((target**2).sum()) / target.sum())
+    if mask is None:
+        return {"nmse": nmse, "efficiency": window}
     inside = images[:, mask]
     means = inside.mean(axis=1)
     square, apart = apart_of((inside - means[:, None]) / np.sqrt(inside.shape[1]), means)
@@ -219,12 +307,11 @@ def figures(case, images, window):
 
 def metrics_of(found):
     """Value and standard error of each."""
-    value, left, off = found["uniformity"]
-    pairs = {name: (found[name][0], error_over_pairs(found[name][1])) for name in ("nmse", "rsd")}
-    return pairs | {
-        "uniformity": (value, np.hypot(by_left_out(left), off)),
-        "efficiency": jackknife(found["efficiency"]),
-    }
+    pairs = {name: (found[name][0], error_over_pairs(found[name][1])) for name in ("nmse", "rsd") if name in found}
+    if "uniformity" in found:
+        value, left, off = found["uniformity"]
+        pairs["uniformity"] = value, np.hypot(by_left_out(left), off)
+    return pairs | {"efficiency": jackknife(found["efficiency"])}
 
 
 def by_left_out(left):
@@ -234,11 +321,13 @@ def by_left_out(left):
 def change_of(found, before, rays):
     """The difference of each figure, with the error of what the noise of both has not in common, and of one ray."""
     noise, changes = metrics_of(before), {}
-    for name in ("nmse", "rsd"):
+    for name in [name for name in ("nmse", "rsd") if name in found]:
         (value, apart), (other, others) = found[name], before[name]
         changes[name] = value - other, np.hypot(error_over_pairs(apart - others), noise[name][1] / np.sqrt(rays))
     value, error = jackknife(found["efficiency"] - before["efficiency"])
     changes["efficiency"] = value, np.hypot(error, noise["efficiency"][1] / np.sqrt(rays))
+    if "uniformity" not in found:
+        return changes
     (value, left, off), (other, lefts, offs) = found["uniformity"], before["uniformity"]
     one_ray = by_left_out(lefts) ** 2 / (max(other, by_left_out(lefts)) or 1.0)
     changes["uniformity"] = value - other, np.linalg.norm([by_left_out(left - lefts), off - offs, one_ray])
@@ -260,7 +349,7 @@ def of_case(case):
 
 
 def names_of(case):
-    return [each["name"] for each in case.lens["spec"]["sources"]]
+    return [each["name"] for each in case.lens["spec"]["sources"]] or [""]
 
 
 def within(pair):
@@ -270,13 +359,16 @@ def within(pair):
 
 def metrics_record(found):
     pairs = {name: within(pair) for name, pair in found.items()}
-    return {name: {"value": value, "unit": "", "standard_error": error} for name, (value, error) in pairs.items()}
+    none = {"uniformity": None, "rsd": None}  # without a region of uniform light
+    return none | {
+        name: {"value": value, "unit": "", "standard_error": error} for name, (value, error) in pairs.items()
+    }
 
 
 def sensitivity_record(case):
     first, *others = [led_record(case, led) for led in range(len(names_of(case)))]
     name, preset = first.pop("name"), case.lens["spec"]["tolerances"]["preset"]
-    return first | {"conditions": None, "preset": preset, "led": name, "others": others}
+    return first | {"conditions": None, "preset": preset} | ({"led": name, "others": others} if others else {})
 
 
 def led_record(case, led):
@@ -293,7 +385,7 @@ def fact(key):
     factor, unit = (100.0, "%") if key == "efficiency" else (1.0, "")
 
     def oracle(case, place):
-        as_designed = place.title.startswith("As designed, ")
+        as_designed = place.title.startswith("As designed")
         found = of_case(case)[place.group][0] if as_designed else row_of(case, place)[2]
         (value, near), (error, near_error) = within(found[key])
         return Expected(factor * value, factor * near, unit, factor * error, factor * near_error)
@@ -310,7 +402,8 @@ def row_of(case, place):
     every = of_case(case)
     led, number = divmod(place.group, len(every[0][1]))
     (name, *words), *found = ordered(every[led][1])[number]
-    return (f"{name}, {names_of(case)[led]}", *words), *found
+    end = f", {names_of(case)[led]}" if names_of(case)[led] else ""
+    return (f"{name}{end}", *words), *found
 
 
 def amount(case, place):
@@ -319,7 +412,7 @@ def amount(case, place):
     if place.title != name:
         return Expected(f"that of {name}")
     return Expected(
-        value, 2 * abs(value) if name.startswith("source, flux, ") else 1e-9, {"deg": "°", "um": "µm"}.get(unit, unit)
+        value, 2 * abs(value) if name.startswith("source, flux") else 1e-9, {"deg": "°", "um": "µm"}.get(unit, unit)
     )
 
 
