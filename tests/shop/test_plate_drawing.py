@@ -252,8 +252,6 @@ def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(part: Part,
     assert at["A"][1] == pytest.approx(max(thickness.start[1], thickness.end[1])), "level with the top"
     above = {letter: letters[letter][1] > at[letter][1] for letter in letters}
     assert above["A"] and not any(above[each.letter] for each in scheme.datums if each.dimension in marks)
-        letters[datum.letter][1] < at[datum.letter][1] for datum in scheme.datums if datum.dimension in marks
-    )
 
 
 def test_one_hole_leaves_the_turn_to_the_outline() -> None:
