@@ -11,9 +11,10 @@ all of the patch, its limits in each of its periods.
 Where lenses are of several kinds, each lamp is traced by its own, and each kind has a picture as designed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import repeat
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -27,12 +28,14 @@ from lensforge.made.part_light import (
     PartLight,
     ReceivedImages,
     ReplicateRays,
+    flux_by_cause,
     in_channels,
     judged_colour,
     rays_behind,
 )
 from lensforge.scene.lamp_pictures import LampPictures, patch_pictures, seen_by
 from lensforge.scene.lens import Lens
+from lensforge.scene.light_ends import with_beside
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.made_part import MadePart, PartMaker
 from lensforge.scene.perturbations import Deviations
@@ -106,8 +109,10 @@ def designed_pictures(
 def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int]) -> LightLimit:
     """The ``limit`` on a period of (rows, columns) of pixels in every period of a patch.
 
-    Pictures hold the mean flux of all lamps of the patch, of which a period has but its part.
+    Pictures hold the mean flux of all lamps of the patch, of which a period has but its part; losses are the mean.
     """
+    if limit.of_losses:
+        return limit
     (height, width), (columns, rows) = grid, periods
     own = sparse.coo_array(limit.readings)
     y, x = np.divmod(own.col, width)
@@ -201,7 +206,18 @@ class BoardLight(PartLight):
                         add_to_bins(landings.hits, each, receiver.grid.size, own.replicate, image)
         raw = [image - less for image, less in zip(raw, taken, strict=True)]
         emitted_w = float(fluxes.mean()) * self.held.emitted_w
-        return tuple(self._received(number, image, emitted_w) for number, image in enumerate(raw))
+        lit = (self._received(number, image, emitted_w) for number, image in enumerate(raw))
+        return tuple(self._with_losses(parts, lit) if self.counts_losses else lit)
+
+    def _with_losses(self, parts: Sequence[MadePart] | None, lit: Iterable[ReceivedImages]) -> Iterator[ReceivedImages]:
+        """The light on each receiver, and the mean flux of a lamp by the cause of its loss."""
+        by_cause: list[Float[np.ndarray, "r k"]] = []
+        for lens, own, part in zip(self._lens_of_lamp, self._shares, parts or repeat(None), strict=False):
+            exits, flux = rays_behind(lens, part, own.rays), 1.0 if part is None else part.flux
+            by_cause.append(flux_by_cause(lens, exits, own, flux))
+        for received in lit:
+            losses = with_beside(np.sum(by_cause, axis=0), received.window * received.emitted_w)
+            yield replace(received, losses=losses)
 
     def _designed(self, receiver: int, fluxes: Float[np.ndarray, " n"]) -> Channels:
         """Light on a receiver of lamps with these fluxes behind the lenses as designed."""

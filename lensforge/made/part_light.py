@@ -110,7 +110,7 @@ class ReceivedImages:
     window: Float[np.ndarray, " r"]
     in_target: Float[np.ndarray, " r"]
     emitted_w: float
-    losses: Float[np.ndarray, "r k"] | None = None
+    losses: Float[np.ndarray, "r l"] | None = None
 
     def light(self, seen: _SeenByLimit) -> Float[np.ndarray, "r *_"]:
         """The images, or the losses, which a limit has asked for."""
@@ -133,6 +133,13 @@ def rays_behind(nominal: TracedLens, part: MadePart | None, rays: RayBundle) -> 
     return trace_tables(part.tables(nominal.tables), scene, rays)
 
 
+def flux_by_cause(lens: TracedLens, exits: ExitRays, held: ReplicateRays, flux: float) -> Float[np.ndarray, "r k"]:
+    """Flux (W) by the cause by which each of the ``held`` rays ends, in every replicate; ``flux``: of the LED."""
+    causes, numbers = len(loss_names(lens.scene.chain)), cause_numbers(exits, lens.scene.chain)
+    places, ends = held.replicate * causes + numbers, numbers >= 0
+    return flux * np.bincount(places[ends], exits.flux[ends], held.replicates * causes).reshape(-1, causes)
+
+
 @dataclass(frozen=True, eq=False)
 class PartLight:
     """Simulation of parts of one lens: ``receivers`` of ``spec``, their ``limits``, and the rays of all parts."""
@@ -151,7 +158,7 @@ class PartLight:
         """Light of a part on each receiver, by each of its lenses, here one; None: of the lens as designed."""
         part = None if parts is None else parts[0]
         exits, flux, held = self.exit_rays(part), 1.0 if part is None else part.flux, self.held
-        by_cause = self._by_cause(exits, flux) if any(limit.of_losses for limit in self.limits) else None
+        by_cause = flux_by_cause(self.nominal, exits, held, flux) if self.counts_losses else None
         colour, found = judged_colour(self.spec), []
         for receiver, target in zip(self.receivers, self.targets[0], strict=True):
             landings = receiver.land(exits)
@@ -168,12 +175,10 @@ class PartLight:
             found.append(ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w, losses))
         return tuple(found)
 
-    def _by_cause(self, exits: ExitRays, flux: float) -> Float[np.ndarray, "r c"]:
-        """Flux (W) by the cause by which each ray ends, in every replicate."""
-        chain, shape = self.nominal.scene.chain, (self.held.replicates, len(loss_names(self.nominal.scene.chain)))
-        numbers = cause_numbers(exits, chain)
-        places, ends = self.held.replicate * shape[1] + numbers, numbers >= 0
-        return flux * np.bincount(places[ends], exits.flux[ends], shape[0] * shape[1]).reshape(shape)
+    @property
+    def counts_losses(self) -> bool:
+        """True where a limit asks where light of no use ends."""
+        return any(limit.of_losses for limit in self.limits)
 
     def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
         """Metrics of one part by its replicates."""

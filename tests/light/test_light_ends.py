@@ -181,6 +181,23 @@ def test_a_term_costs_beyond_its_bound_alone() -> None:
         assert term.loss((), (by_cause,)).item() == pytest.approx(30.0 * excess**2 / (1.0 + excess), abs=1e-12)
 
 
+def test_a_board_loses_the_mean_of_its_lamps() -> None:
+    """Of two lamps whose LEDs are out of place: between the losses of each alone."""
+    grid = {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0}
+    spec = crooked("opening", "wall").replace(tolerances={"source_shift_mm": 0.3}, lamps=grid)
+    study = PartStudy(Recipe(made(spec), 4, 2**10, 0, 2**10))
+    light, lamps = study.leds[0].light, study.leds[0].made(study.deviations(1))
+    one, other, both = (
+        light.received([lamps[number] for number in which])[0].losses for which in ((0, 0), (1, 1), (0, 1))
+    )
+    values = [np.sum(each, axis=0)[1:] for each in (one, other, both)]
+    assert values[2] == pytest.approx(0.5 * (values[0] + values[1]), rel=0.1)
+    assert abs(values[0] - values[1]).max() > 0.1 * values[2].max(), "the lamps are not alike"
+    designed = light.measured(light.received(None)).limits
+    wanted = lf.evaluate(made(spec), rays=2**10).limits
+    assert [limit[0] for limit in designed] == [pytest.approx(limit.value, rel=0.1) for limit in wanted]
+
+
 def test_parts_lose_what_the_lens_loses_that_they_are_made_as() -> None:
     """With no deviation the study's figures are those of the evaluation by the same rays; a part that is not, leaks."""
     spec = crooked("beside", "wall").replace(tolerances={"source_shift_mm": 0.3})
