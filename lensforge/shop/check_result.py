@@ -84,10 +84,9 @@ class BallClearance(Record):
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
-FindingName = Literal[
-    *("cutter", "relief", "tilt", "wall", "draft", "undercut", "tool", "gap", "plate"),
-    *("nose", "slope", "turning", "corner", "layer"),
-]
+OfMill = Literal["cutter", "relief", "tilt", "tool", "gap"]
+OfLathe = Literal["nose", "slope", "turning", "corner"]
+FindingName = OfMill | OfLathe | Literal["layer", "wall", "draft", "undercut", "plate"]
 BODY = "body"  # the place of a finding on none of the faces
 BASE, FLANGE, PLATE = "base", "flange", "plate"  # what stands around the optical faces of a moulded part
 FLAT_MM = 1e6  # a radius beyond it is that of a plane

@@ -6,14 +6,14 @@ It has the largest of the scales of ISO 5455 at which the views fit.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from typing import Literal, get_args
 
 from lensforge.cad.part import STEP_FILE, Part
 from lensforge.cad.plate_result import PLATE_STEP_FILE, Plate
 from lensforge.cad.section import other_section_deg
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_result import BODY, Check
+from lensforge.shop.check_result import BODY, Check, OfLathe, OfMill
 from lensforge.shop.datums import DatumScheme, datum_scheme
 from lensforge.shop.dimensions import Dimension
 from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
@@ -113,17 +113,7 @@ TitleBlock = dict[str, tuple[str, ...]]  # cells of each row, by its key
 WIDTH, ROW = 180.0, 5.6  # mm on A3
 HEIGHT = 8.0 * ROW
 _NONE = "not stated"
-_ON_TOOLS = (
-    "cutter",
-    "relief",
-    "tilt",
-    "tool",
-    "gap",
-    "nose",
-    "slope",
-    "turning",
-    "corner",
-)  # findings that ask for a cutter
+_ON_TOOLS = (*get_args(OfMill), *get_args(OfLathe))  # findings that ask for a tool
 _MOST_FINDINGS = 3
 
 
