@@ -40,6 +40,13 @@ class RoundWall:
         return pi * self.length_mm * (self.radius_mm**2 + self.radius_mm * self.foot_mm + self.foot_mm**2) / 3.0
 
     @property
+    def corners(self) -> Float[np.ndarray, "4 2"]:
+        """Its corners seen along +y, x and z: top and foot on the left, foot and top on the right."""
+        x, top, foot = self.place[0], -self.depth_mm, -self.depth_mm - self.length_mm
+        left = [(x - self.radius_mm, top), (x - self.foot_mm, foot)]
+        return np.array([*left, (x + self.foot_mm, foot), (x + self.radius_mm, top)])
+
+    @property
     def growth_per_mm(self) -> float:
         """Growth of its radius over that where it begins, for each mm downwards."""
         return (self.foot_mm / self.radius_mm - 1.0) / self.length_mm

@@ -96,6 +96,17 @@ def surface_words(lens: Lens, words: DrawingSection) -> list[str]:
     ]
 
 
+def draft_words(draft_deg: float) -> str:
+    """The note on what of a plate has draft, and what has none."""
+    if draft_deg == 0.0:
+        return "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft."
+    return (
+        f"Draft {draft_deg:g}° of the bores of the lenses, of holes, pins and bosses, drawn downwards: a hole is as "
+        "wide as stated at the top of the plate, a pin at its root, the bore of a boss at its closed end. The sides "
+        "have none."
+    )
+
+
 def mould_words(lens: Lens) -> list[str]:
     """A note on the sizes of a moulded part and on its shrinkage; none for parts that are cut."""
     scale = lens.spec.manufacture.scale

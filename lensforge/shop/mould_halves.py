@@ -159,7 +159,7 @@ class TwoHalves:
 
     @staticmethod
     def of(pieces: list[SectionPiece]) -> "TwoHalves":
-        """What each half sees of ``pieces``."""
+        """The sections of ``pieces``, and what each half sees of them."""
         across, height = (np.concatenate([getattr(each, name) for each in pieces], axis=1) for name in _OF_SECTION)
         top, bottom = (np.stack(each) for each in zip(*map(_extremes, across, height), strict=True))
         ends = np.cumsum([piece.points.shape[1] for piece in pieces])[:-1]
@@ -207,7 +207,7 @@ def _extremes(across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"]) 
 
 
 def _moulded(piece: SectionPiece, free_above: _Marks, free_below: _Marks) -> MouldedFace:
-    """What the halves draw of a face."""
+    """Shares of a face that the halves draw, and the rest."""
     facing, areas = piece.facing, piece.areas
     above, below = free_above & (facing >= -_UPRIGHT), free_below & (facing <= _UPRIGHT)
     undercut = ~(above | below) & (np.abs(facing) > _UPRIGHT) & (areas > 0.0)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.part import Part
 from lensforge.cad.plan import rim_directions, rim_radius
-from lensforge.cad.plate_layout import PlateLayout, RoundWall
+from lensforge.cad.plate_layout import PlateLayout
 from lensforge.cad.plate_result import PLATE_STEP_FILE
 from lensforge.cad.section import profile
 from lensforge.results.numerals import quantity
@@ -27,6 +27,7 @@ from lensforge.shop.drawing import (
     SIZES,
     WIDTH,
     SheetName,
+    draft_words,
     draw_title_block,
     general_words,
     inside_of,
@@ -193,22 +194,10 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
         f"x and y count from the {origin}, z from the top of the plate, in which the lenses end.",
         *(f"{line}." for line in plate_datums(layout).lines),
         f"All other sizes of the plate are “general”. {general_words(words)}",
-        _draft_words(layout),
+        draft_words(layout.plate.draft_deg),
         *surface_words(lens, words),
         *mould_words(lens),
     ]
-
-
-def _draft_words(layout: PlateLayout) -> str:
-    """The note on what has draft and what has none."""
-    draft_deg = layout.plate.draft_deg
-    if draft_deg == 0.0:
-        return "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft."
-    return (
-        f"Draft {draft_deg:g}° of the bores of the lenses, of holes, pins and bosses, drawn downwards: a hole is as "
-        "wide as stated at the top of the plate, a pin at its root, the bore of a boss at its closed end. The sides "
-        "have none."
-    )
 
 
 class PlaceRow(NamedTuple):
@@ -361,13 +350,13 @@ def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     marks.strokes += [view.line(lines.fronts[turn] + np.array([x, 0.0])) for x, turn in sorted(seen)]
     columns, heights = [view.dimension("thickness of the plate", (end, low), (end, 0.0), 90)], dict[float, float]()
     for pin, bore in layout.standing:
-        marks.strokes.append(view.line(_seen_along_y(pin)))
+        marks.strokes.append(view.line(pin.corners))
         foot, right = low - pin.length_mm, pin.place[0] + pin.foot_mm
         heights[foot] = max(right, heights.get(foot, right))
         if bore is not None:
-            marks.strokes.append(view.line(_seen_along_y(bore)[[1, 0, 3, 2]], "hidden"))
+            marks.strokes.append(view.line(bore.corners[[1, 0, 3, 2]], "hidden"))
     for hole in layout.holes:
-        marks.strokes += [view.line(side, "hidden") for side in np.split(_seen_along_y(hole), 2)]
+        marks.strokes += [view.line(side, "hidden") for side in np.split(hole.corners, 2)]
     columns += [
         view.dimension("height below the plate", (x, foot), (x, low), 90) for foot, x in sorted(heights.items())
     ]
@@ -375,13 +364,6 @@ def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     columns.append(view.dimension("height over all", *over_all, 90, "(", ")"))
     marks.dimensions += placed(columns, float(view.at((end, 0.0))[0]) + FIRST * view.unit, ROW * view.unit)
     return marks
-
-
-def _seen_along_y(wall: RoundWall) -> Points:
-    """Corners of a round wall seen along +y: top and foot on the left, foot and top on the right."""
-    x, top, foot = wall.place[0], -wall.depth_mm, -wall.depth_mm - wall.length_mm
-    left = [(x - wall.radius_mm, top), (x - wall.foot_mm, foot)]
-    return np.array([*left, (x + wall.foot_mm, foot), (x + wall.radius_mm, top)])
 
 
 def _one_lens(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
