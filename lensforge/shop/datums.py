@@ -16,7 +16,6 @@ from lensforge.cad.flange import ring_of
 from lensforge.cad.part import Part
 from lensforge.cad.plan import BOTTOM, RIM, RIM_FLANGE_BOTTOM, RIM_FLANGE_SIDE, SIDE, TOP, Plan
 from lensforge.cad.plate_layout import PlateLayout
-from lensforge.cad.section import other_section_deg
 from lensforge.scene.lens import Lens
 from lensforge.shop.dimensions import FLANGE_WIDTH, RIM_WIDTH
 from lensforge.shop.profile_table import is_round
@@ -71,9 +70,7 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     if found[2] is None and base.kind == "step":
         missing.append("The azimuth is the base's, as in its own file")
     elif found[2] is None and not (is_round(lens) and base.feet is None):
-        marked = base.kind == "cylinder" and other_section_deg(lens) is not None
-        would = "; base.flat_mm would" if marked else ""
-        missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{would}")
+        missing.append("Nothing on the part marks the azimuth, which counts from +x of lens.step")
     return DatumScheme.of(datums, missing)
 
 
