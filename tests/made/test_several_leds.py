@@ -241,3 +241,26 @@ def test_yield_and_sensitivity_of_lenses_of_two_kinds() -> None:
     assert abs(rows["form, outer face"].nmse.value) > 0.0
     with pytest.raises(InputError, match="32 rays for 3 lamps: 16 each at least; give 48"):
         measure_yield(board(tolerances), parts=40, rays=32, with_budget=False)
+
+
+@pytest.mark.parametrize("kinds", [(), ("a", "b")])
+def test_lamps_seen_from_afar_change_as_one_of_them_does(kinds: tuple[str, ...]) -> None:
+    """All stand at one place: each row is that of one lamp, within the errors of both; two kinds have the same lens."""
+    far = {"kind": "rectangle", "width_deg": 40.0, "height_deg": 25.0, "half_angle_deg": 60.0, "uniform_deg": 16.0}
+    lamps = {"kind": "table", "places_mm": [[-15.0, 3.0], [14.0, -6.0]], **({"kinds": kinds} if kinds else {})}
+    tolerances = {"source_shift_mm": 0.4, "outer_form_um": 90.0, "lens_tilt_deg": 6.0, "index": 0.03, "gap_mm": 0.3}
+    found = []
+    for changes in ({}, {"lamps": lamps}):
+        lens = lens_for({}, tolerances, target=far, base={"kind": "none"}, **changes)
+        others = {"b": lens.surfaces} if kinds and changes else {}
+        found.append(measure_sensitivity(replace(lens, others=others), rays=2**14))
+    one, together = found
+    sure = 0
+    for row, other in zip(one.rows, together.rows, strict=True):
+        assert (row.name, row.amount) == (other.name, other.amount)
+        for name in ("nmse", "efficiency", "rsd"):
+            change, seen = getattr(row.change, name), getattr(other.change, name)
+            error = np.hypot(change.standard_error, seen.standard_error)
+            assert abs(change.value - seen.value) < 4.0 * error, (row.name, name)
+            sure += abs(change.value) > 8.0 * error
+    assert sure >= 4
