@@ -160,17 +160,12 @@ class BoardLight(PartLight):
         kinds: tuple[LensOnBoard, ...],
         designed: list[list[list[Channels]]],
     ) -> "BoardLight":
-        """Boards on ``receivers``, with the limits of the spec.
-
-        Raises :class:`InputError` for too few rays, and for limits on losses, which are those of one lamp.
-        """
+        """Boards on ``receivers``, with the limits of the spec. Raises :class:`InputError` for too few rays."""
         periods, lamps, rays = periods_of(light.spec), len(receivers[0].lamps), len(light.held)
         if rays < REPLICATES * lamps:
             least = REPLICATES * lamps
             raise InputError(f"yield: {rays} rays for {lamps} lamps: {REPLICATES} each at least; give {least}")
         limits = light.limits
-        if lost := [limit.name for limit in limits if limit.of_losses]:
-            raise InputError(f'yield: {lost[0]}: kind = "loss" goes with a lens alone, not with [lamps]; leave out one')
         if periods != (1, 1):
             limits = tuple(on_patch(each, light.receivers[each.receiver].grid.shape, periods) for each in limits)
         return BoardLight(light.spec, light.nominal, receivers, limits, light.held, kinds, periods, designed, light)

@@ -184,11 +184,6 @@ def test_yield_and_sensitivity_of_a_board() -> None:
     assert least.p50 < 0.9 * least.designed.value  # the darkest of nine lamps decides
     rows = {row.name: row for row in measure_sensitivity(lens, rays=2**11).rows if row.amount > 0.0}
     assert abs(rows["source, flux"].change.nmse.value) < 1e-9  # all alike: no other shape
-    lossy = study_of(tolerances, GRID, limits=[{"kind": "loss", "cause": "beside", "at_most_share": 0.1}]).recipe.lens
-    with pytest.raises(
-        InputError, match=r'limits\.0: kind = "loss" goes with a lens alone, not with \[lamps\]; leave out'
-    ):
-        measure_yield(lossy, parts=40, rays=2**11, with_budget=False)
     with pytest.raises(InputError, match="16 rays for 9 lamps: 16 each at least; give 144"):
         measure_yield(lens, parts=64, rays=16, with_budget=False)
 
