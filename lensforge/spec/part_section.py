@@ -188,8 +188,8 @@ class Tool(Section):
 
 
 class ManufactureSection(Section):
-    """How the lens is made, and the equipment of the shop: a ball cutter, further mills with shank and holder, and a
-    turning tool.
+    """Process by which the lens is made, and the equipment of the shop: a ball cutter, further mills with shank and
+    holder, a turning tool.
     """
 
     cutter_radius_mm: Millimetres = 1.0
