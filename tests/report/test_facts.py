@@ -38,6 +38,7 @@ def test_the_value_of_every_fact_is_one_of_its_record(name):
     results = folder_of(name)
     efficacy = (results.light.lumens_per_watt if "evaluate" in results.found else None) or 1.0
     spec = [*numbers_of(results.spec.model_dump()), results.spec.manufacture.scale, results.spec.photometry.lenses]
+    spec += [] if results.spec.lens.density is None else [results.spec.lens.density.g_per_cm3]
     for result in (*results.found.values(), *results.others.values()):
         known = [*numbers_of(result), *spec]
         known += [factor * each for each in known for factor in (100.0, 1e3, efficacy)]
