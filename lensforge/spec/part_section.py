@@ -189,7 +189,7 @@ class Tool(Section):
 
 class ManufactureSection(Section):
     """Process by which the lens is made, and the equipment of the shop: a ball cutter, further mills with shank and
-    holder, a turning tool.
+    holder, and a turning tool.
     """
 
     cutter_radius_mm: Millimetres = 1.0
