@@ -36,7 +36,7 @@ from lensforge.cad.plate_solid import (
 from lensforge.cad.solid import Shapes, Solid, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
-from lensforge.results.brep_size import spline_poles, volume_and_area
+from lensforge.results.brep_size import spline_poles
 from lensforge.results.criteria import Criteria
 from lensforge.results.files import MIB
 from lensforge.results.record import MOST_FILE_BYTES
@@ -149,8 +149,16 @@ def volume_of_mm3(faces: Shapes, layout: PlateLayout, lens_mm3: float) -> float:
         if name.startswith((PLATE_BOTTOM, PIN_END, BOSS_ROOF)):
             found -= _down_to_zero_mm3(face) / 3.0
         elif name.startswith((PLATE_SIDE, PLATE_BORE, PLATE_HOLE, PIN_SIDE, BOSS_BORE)):
-            found += volume_and_area(face)[0]
+            found += _to_origin_mm3(face)
     return found
+
+
+def _to_origin_mm3(wall: Any) -> float:
+    """Volume between a wall of few spans and the origin, negative where its normal points there."""
+    from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
+    from OCP.gp import gp_Pnt
+
+    return float(BRepGProp_Vinert(BRepGProp_Face(wall), BRepGProp_Domain(wall), gp_Pnt(0.0, 0.0, 0.0)).Mass())
 
 
 def _down_to_zero_mm3(level: Any) -> float:
