@@ -11,7 +11,7 @@ from jaxtyping import Float
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.made.board_light import LensOnBoard
 from lensforge.made.part_study import LedStudy, PartStudy, Recipe, require_feasible_tolerances
-from lensforge.made.tolerance_result import ErrorRow, LedSensitivity, Sensitivity
+from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.scene.body import nearest
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Deviations
@@ -40,27 +40,18 @@ def measure_sensitivity(lens: Lens, *, rays: int, progress: Callable[[int, int],
     standard error of a change is that of what is left. ``progress`` is called after each lens with the number of lenses
     traced and of all.
     """
-    started, announce = time.perf_counter(), progress or (lambda done, total: None)
+    announce, steps = progress or (lambda done, total: None), count(1)
     study = PartStudy(Recipe(lens, 1, rays, lens.seed, rays))
     require_feasible_tolerances(lens, study.factors)
     errors = [error for factor in study.factors for error in single_errors(study, factor)]
-    steps, total = count(1), (len(errors) + 1) * len(study.leds)
-    found = [_with_led(led, errors, lambda: announce(next(steps), total)) for led in study.leds]
-    return Sensitivity(
-        inputs={"lens": lens.sha256},
-        nominal=found[0].nominal,
-        rows=found[0].rows,
-        led=found[0].name,
-        others=tuple(found[1:]),
-        preset=lens.spec.tolerances.preset,
-        rays=found[0].rays,
-        seconds=time.perf_counter() - started,
-    )
+    total = (len(errors) + 1) * len(study.leds)
+    return Sensitivity.joined({led.led: _with(led, errors, lambda: announce(next(steps), total)) for led in study.leds})
 
 
-def _with_led(led: LedStudy, errors: Sequence[SingleError], announce: Callable[[], object]) -> LedSensitivity:
+def _with(led: LedStudy, errors: Sequence[SingleError], announce: Callable[[], object]) -> Sensitivity:
     """The change of the light of one LED by each of ``errors``; ``announce``: called after each lens."""
-    designed, rays, rows = led.designed.metrics[0], len(led.light.held), []
+    started, lens, rows = time.perf_counter(), led.study.recipe.lens, list[ErrorRow]()
+    designed, rays = led.designed.metrics[0], len(led.light.held)
     announce()
     for error in errors:
         lit = led.light.measured(led.light.received(led.made(error.deviations))).metrics[0]
@@ -69,7 +60,14 @@ def _with_led(led: LedStudy, errors: Sequence[SingleError], announce: Callable[[
             ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=lit.metrics(), change=change)
         )
         announce()
-    return LedSensitivity(name=led.led, nominal=designed.metrics(), rows=tuple(rows), rays=rays)
+    return Sensitivity(
+        inputs={"lens": lens.sha256},
+        nominal=designed.metrics(),
+        rows=tuple(rows),
+        preset=lens.spec.tolerances.preset,
+        rays=rays,
+        seconds=time.perf_counter() - started,
+    )
 
 
 def single_errors(study: PartStudy, factor: Factor) -> Iterator[SingleError]:

@@ -23,6 +23,7 @@ from lensforge.results import (
     NotNegative,
     Number,
     Record,
+    ResultByLed,
     Sense,
     Share,
     SimulatedResult,
@@ -56,37 +57,20 @@ class ErrorRow(Record):
     change: LightMetrics
 
 
-class LedSensitivity(Record):
-    """The light with one of the LEDs that a lens is for, as designed and with each error: the errors are the same."""
-
-    name: Text
-    nominal: LightMetrics
-    rows: Annotated[tuple[ErrorRow, ...], Field(max_length=_MOST_ROWS)]
-    rays: Count
-
-
-class Sensitivity(SimulatedResult):
+class Sensitivity(ResultByLed):
     """Tolerances of the spec, one at a time at its end, and the change of the light by each.
 
-    ``preset``: gives the tolerances that the spec leaves out. Of a lens for several LEDs ``nominal``, ``rows`` and
-    ``rays`` are of the first, called ``led``; ``others``: of the rest.
+    ``preset``: gives the tolerances that the spec leaves out. The errors are the same with each of several LEDs.
     """
 
     stage: ClassVar[str] = "sensitivity"
-    told_if_any: ClassVar[tuple[str, ...]] = ("led", "others")
 
+    others: "tuple[Sensitivity, ...]" = ()
     nominal: LightMetrics
     rows: Annotated[tuple[ErrorRow, ...], Field(max_length=_MOST_ROWS)]
-    led: Text = ""
-    others: tuple[LedSensitivity, ...] = ()
     preset: Text
     rays: Count
     seconds: NotNegative
-
-    @property
-    def by_led(self) -> tuple[LedSensitivity, ...]:
-        """The study with each LED, the first one's first; its name is empty for the only one."""
-        return LedSensitivity(name=self.led, nominal=self.nominal, rows=self.rows, rays=self.rays), *self.others
 
     def plot(self, axes: "Axes | None" = None, *, metric: MetricName = "nmse") -> "Axes":
         """Plot the change of ``metric`` by each error, with its standard error.
@@ -99,9 +83,9 @@ class Sensitivity(SimulatedResult):
         if getattr(self.nominal, metric) is None:
             raise InputError(f"metric = {metric!r}: the spec names no region of uniform light; plot nmse or efficiency")
         changes = {
-            f"{row.name} {row.amount:g} {row.unit}{f', {led.name}' if led.name else ''}": getattr(row.change, metric)
-            for led in self.by_led
-            for row in led.rows
+            f"{row.name} {row.amount:g} {row.unit}{f', {led}' if led else ''}": getattr(row.change, metric)
+            for led, own in self.by_led.items()
+            for row in own.rows
         }
         values = {name: 0.0 if change is None else change.value for name, change in changes.items()}
         errors = [0.0 if change is None else change.standard_error or 0.0 for change in changes.values()]

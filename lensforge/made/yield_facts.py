@@ -53,8 +53,8 @@ def sensitivity_facts(study: Sensitivity) -> list[Group]:
     apart.
     """
     designed, changes = [], []
-    for led in study.by_led:
-        end = f", {led.name}" if led.name else ""
+    for name, led in study.by_led.items():
+        end = f", {name}" if name else ""
         facts = (*metric_facts(led.nominal), Fact("rays", "Rays", led.rays))
         designed.append(Group("nominal", f"As designed{end}", facts))
         rows = sorted(led.rows, key=lambda row: abs(row.change.nmse.value), reverse=True)

@@ -134,7 +134,7 @@ def criteria_of(result: object) -> Iterator[Fact]:
     """Criteria of a result, those with a further LED under its name; most results have none."""
     yield from getattr(result, "criteria", ())
     for other in getattr(result, "others", ()):
-        yield from (under(other.led, criterion) for criterion in other.criteria)
+        yield from (under(other.led, criterion) for criterion in getattr(other, "criteria", ()))
 
 
 def shown(criterion: Fact) -> Fact:

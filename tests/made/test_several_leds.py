@@ -106,10 +106,10 @@ def test_sensitivity_has_the_rows_of_each_led(tmp_path: Any) -> None:
     found = measure_sensitivity(lens_for(BOTH, tolerances), rays=1024)
     found.write(tmp_path)
     assert type(found).read(tmp_path) == found
-    for led, source in zip(found.by_led, (NEAR, FAR), strict=True):
+    for led, source in zip(found.by_led.values(), (NEAR, FAR), strict=True):
         alone = measure_sensitivity(lens_for({"source": source}, tolerances), rays=1024)
         assert (led.nominal, led.rows, led.rays) == (alone.nominal, alone.rows, alone.rays)
-    assert (found.led, [each.name for each in found.others]) == ("near", ["far"])
+    assert list(found.by_led) == ["near", "far"]
     groups = sensitivity_facts(found)
     assert [group.title for group in groups[:2]] == ["As designed, near", "As designed, far"]
     assert len(groups) == 2 + 2 * len(found.rows) and groups[-1].title.endswith(", far")

@@ -12,8 +12,7 @@ from result_folders import make_results, small_lens
 from scenes import part_tolerances
 from shown_folders import _sensitivity
 
-from lensforge.light.evaluation_result import LedLight
-from lensforge.made.tolerance_result import LedSensitivity, Variance
+from lensforge.made.tolerance_result import Variance
 from lensforge.made.yield_facts import (
     budget_row,
     budget_rows,
@@ -199,7 +198,7 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
     """The second LED has half of the lumens: its light is in its own lux; rows of both stand in one table."""
     light = make_results(("evaluate",), lens).found["evaluate"].changed(lumens_per_watt=300.0)
     dimmer = light.changed(lumens_per_watt=150.0)
-    light = light.changed(led="near", others=(LedLight.of("far", "an LED", dimmer),))
+    light = type(light).joined({"near": light, "far": dimmer})
     found = make_yield(lens)
     renamed = {f"far: {name}": spread for name, spread in found.metrics.items()}
     changes = {name.removeprefix("far: "): name for name in renamed}
@@ -214,8 +213,7 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
         }
     )  # fmt: skip
     alone = _sensitivity()
-    other = LedSensitivity(name="far", nominal=alone.nominal, rows=alone.rows, rays=99)
-    errors = _sensitivity(led="near", others=(other,))
+    errors = type(alone).joined({"near": alone, "far": alone.changed(rays=99)})
     records = {"evaluate": light, "yield": study, "sensitivity": errors}
     text = Page(undrawn_page_of(make_results((), lens, **records))).text
     for words in ("38 keep every bound with each of 2 LEDs", "Parts that pass with far", "Changes by each of 2 errors"):

@@ -367,14 +367,15 @@ def metrics_record(found):
 
 def sensitivity_record(case):
     first, *others = [led_record(case, led) for led in range(len(names_of(case)))]
-    name, preset = first.pop("name"), case.lens["spec"]["tolerances"]["preset"]
-    return first | {"conditions": None, "preset": preset} | ({"led": name, "others": others} if others else {})
+    return first | {"others": others} if others else first
 
 
 def led_record(case, led):
     before, rows = of_case(case)[led]
-    return {
-        "name": names_of(case)[led], "nominal": metrics_record(before), "rays": len(rays_of(case, led)[0]),
+    own = {"led": names_of(case)[led]} if names_of(case)[led] else {}
+    return own | {
+        "conditions": None, "preset": case.lens["spec"]["tolerances"]["preset"],
+        "nominal": metrics_record(before), "rays": len(rays_of(case, led)[0]),
         "rows": [{"name": name, "amount": amount, "unit": unit, "metrics": metrics_record(found),
                   "change": metrics_record(change)} for (name, amount, unit), found, change in rows],
     }  # fmt: skip
