@@ -35,7 +35,7 @@ _STEM = "lens"  # of the files
 _MOST_ROWS, _MOST_LIMITS = 10, 3
 _WHOLE = ("ways", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
-_LINES = ("ways", "road_yield", "bound", "spread", "causes", "budget", "error", "design", "preset")
+_LINES = ("ways", "place", "road_yield", "bound", "spread", "causes", "budget", "error", "design", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
 _ON_RECEIVER = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv")
 _LIGHT = (*_ON_RECEIVER, "leak", "rays", "fitted_nmse")

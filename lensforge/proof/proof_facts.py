@@ -53,7 +53,7 @@ def proof_facts(
         Group(
             "part",
             f"Exported part{lit.ending}",
-            tuple(_receiver(lit.result, lit.index, designed.get((lit.result.led, lit.receiver.name)))),
+            tuple(_receiver(lit, designed.get((lit.result.led, lit.receiver.name)), lamp)),
             lamp,
         )
         for lit in lit_receivers(proof)
@@ -116,7 +116,12 @@ def tracer_groups(proof: Proof) -> list[Group]:
 def stray_facts(stray: StrayLight, lamp: str = "") -> list[Group]:
     """A group of the stray light on each receiver, with each LED; ``lamp``: as of the proof."""
     return [
-        Group("stray", f"Stray light{lit.ending}", (*_stray(lit.result, lit.receiver), *_neighbours(lit.result)), lamp)
+        Group(
+            "stray",
+            f"Stray light{lit.ending}",
+            (*_stray(lit.result, lit.receiver, lamp), *_neighbours(lit.result)),
+            lamp,
+        )
         for lit in lit_receivers(stray)
     ]
 
@@ -141,8 +146,8 @@ def suffix(receivers: Sequence[object], index: int) -> str:
     return f", {receivers[index].name}" if len(receivers) > 1 else ""  # type: ignore[attr-defined]
 
 
-def _receiver(proof: Proof, index: int, designed: float | None) -> Iterator[Fact]:
-    receiver = proof.receivers[index]
+def _receiver(lit: LitReceiver, designed: float | None, lamp: str) -> Iterator[Fact]:
+    proof, receiver, index = lit.result, lit.receiver, lit.index
     gap, quantity_of_light = receiver.against_design, light_unit(None, far_field=receiver.far_field).quantity
     at = "at 1 m, " if receiver.far_field else ""
     yield Fact(
@@ -164,7 +169,7 @@ def _receiver(proof: Proof, index: int, designed: float | None) -> Iterator[Fact
     yield Fact("nmse_same_rays", "NMSE with the same rays", receiver.nmse_same_rays, digits=3)
     note = "" if designed is None else f"the design has {percent(designed, 4)}"
     yield Fact.share("part_efficiency", "Efficiency of the part", receiver.efficiency, note)
-    yield Fact("part_rays", "Rays through the part", proof.rays)
+    yield Fact("part_rays", "Rays through the part", proof.rays, note=lamp)
 
 
 def _length(mm: float) -> tuple[float, str]:
@@ -244,7 +249,7 @@ def _gaps(deviation: LandingDeviation) -> tuple[Fact, ...]:
     return tuple(Fact(key, label, value, "mm", digits=2) for key, label, value in named)
 
 
-def _stray(stray: StrayLight, receiver: ReceiverStray) -> Iterator[Fact]:
+def _stray(stray: StrayLight, receiver: ReceiverStray, lamp: str) -> Iterator[Fact]:
     gain = 100.0 * (receiver.efficiency - receiver.efficiency_sequential)
     reflections = f"share of the LED’s flux, by reflections; the base is {stray.base}"
     yield Fact.share("detected_stray", "Stray in the window", receiver.flux.detected_stray, reflections)
@@ -257,5 +262,5 @@ def _stray(stray: StrayLight, receiver: ReceiverStray) -> Iterator[Fact]:
     if receiver.peak_of_mean is not None:
         note = "of the stray light, of the mean light on the receiver"
         yield Fact.share("stray_peak", "Peak of the stray light", receiver.peak_of_mean, note, digits=3)
-    note = f"absorption {quantity(stray.absorption_per_mm, '1/mm')}"
+    note = "; ".join(filter(None, (lamp, f"absorption {quantity(stray.absorption_per_mm, '1/mm')}")))
     yield Fact("stray_rays", "Rays followed", stray.rays, note=note)

@@ -29,6 +29,14 @@ class FileOrigin(Record):
     scale: Positive
     mirror: Text
 
+    def steps(self) -> Iterator[str]:
+        """Words on what was done to the rays of the file."""
+        yield f"{_FOUND[self.found]} put at the lens origin, its {self.axis} along the lens’s +z"
+        if self.scale != 1.0:
+            yield f"scaled by {number(self.scale)}"
+        if self.mirror != "none":
+            yield f"mirrored in {self.mirror}"
+
 
 class SourcePlace(Record):
     """Turn (deg) of a source about z, its tilt about x, then y, and its shift (mm); of a ray file its origin, too."""
@@ -52,19 +60,17 @@ class SourcePlace(Record):
         return SourcePlace(file=file, **pose)
 
     def group(self, ending: str = "") -> Group:
-        """Its facts; ``ending``: of the title, that tells LEDs apart."""
-        return Group("place", f"Place of the LED{ending}", tuple(self._facts()))
+        """Its facts, with their notes for a line of a screen; ``ending``: of the title, that tells LEDs apart."""
+        facts = tuple(self._facts())
+        return Group("place", f"Place of the LED{ending}", facts, "; ".join(fact.note for fact in facts if fact.note))
 
     def _facts(self) -> Iterator[Fact]:
         if self.file is not None:
-            changes = [f"its {self.file.axis} is the lens’s +z"]
-            changes += [f"scaled by {number(self.file.scale)}"] if self.file.scale != 1.0 else []
-            changes += [f"mirrored in {self.file.mirror}"] if self.file.mirror != "none" else []
-            note = "; ".join([f"{_FOUND[self.file.found]}, put at the lens origin", *changes])
-            yield Fact("file_origin", "Origin in the file", _listed(self.file.at_mm, "mm"), note=note)
-        yield Fact("led_position", "Shifted by", _listed(self.position_mm, "mm"), note="after turn and tilt")
-        turn = f"about x, then y, after a turn of {quantity(self.rotate_z_deg, '°')} about z"
-        yield Fact("led_tilt", "Tilted by", _listed(self.tilt_deg, "°"), note=turn)
+            done = ", ".join(self.file.steps())
+            yield Fact("file_origin", "Origin in the file", _listed(self.file.at_mm, "mm"), note=done)
+        turn = f", after a turn of {quantity(self.rotate_z_deg, '°')} about z" if self.rotate_z_deg else ""
+        yield Fact("led_tilt", "Tilted by", _listed(self.tilt_deg, "°"), note=f"about x, then y{turn}")
+        yield Fact("led_position", "Shifted by", _listed(self.position_mm, "mm"))
 
 
 def _listed(values: tuple[float, ...], unit: str) -> str:
