@@ -135,7 +135,8 @@ class StandingWalls:
             return flat
         x, y, height, growth = self.drafts[self.owners[self._tree.query(flat)[1]]].T
         axis = np.column_stack([x, y])
-        return axis + (flat - axis) / (1.0 + growth * (height - points[:, 2]))[:, None]
+        at_curve: Float[np.ndarray, "n 2"] = axis + (flat - axis) / (1.0 + growth * (height - points[:, 2]))[:, None]
+        return at_curve
 
 
 @dataclass(frozen=True, eq=False)

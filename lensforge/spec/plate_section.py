@@ -240,7 +240,9 @@ class PlateSection(Section):
 
     @check
     def _pins_do_not_end_in_a_point(self) -> None:
-        for name, pin in (each for each in self.marks if isinstance(each[1], PlatePin)):
+        for name, pin in self.marks:
+            if not isinstance(pin, PlatePin):
+                continue
             bore_mm = 0.0
             if isinstance(pin, PlateBoss):
                 bore_mm = pin.bore_diameter_mm / 2.0 + self.slope * pin.bore_depth_mm
