@@ -8,7 +8,7 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, get_args
@@ -121,6 +121,9 @@ _LED = "[A-Za-z0-9_-]{0,32}"  # name of an LED, in the names of files
 _UNHASHED = ("seconds", "version")  # differ between runs with the same result
 
 
+_Content = MutableMapping[str, Any]  # of a file, or of a result within it
+
+
 class StageResult(Record):
     """Result of one stage. ``inputs``: SHA-256 of its inputs, by name."""
 
@@ -208,7 +211,7 @@ class StageResult(Record):
         yield self, stem
 
     @classmethod
-    def _contents(cls, content: dict[str, Any], stem: str) -> Iterator[tuple[dict[str, Any], str]]:
+    def _contents(cls, content: _Content, stem: str) -> Iterator[tuple[_Content, str]]:
         """The contents of these results in that of a file."""
         yield content, stem
 
@@ -343,7 +346,7 @@ class ResultByLed(SimulatedResult):
         yield from ((other, f"{stem}_{other.led}") for other in self.others)
 
     @classmethod
-    def _contents(cls, content: dict[str, Any], stem: str) -> Iterator[tuple[dict[str, Any], str]]:
+    def _contents(cls, content: _Content, stem: str) -> Iterator[tuple[_Content, str]]:
         yield from super()._contents(content, stem)
         others = content.get("others")
         for other in others if isinstance(others, list) else ():
