@@ -83,7 +83,7 @@ def test_a_neighbour_meets_what_its_solid_angle_asks_for() -> None:
 
 
 def test_a_plate_of_one_sends_the_light_of_the_lens_on_a_base_of_its_shape() -> None:
-    plate = lens_on({"kind": "round", "diameter_mm": 10.0}, [[0.0, 0.0]], [], 0.02)
+    plate = lens_on({"kind": "round", "diameter_mm": 10.0, "draft_deg": 0.0}, [[0.0, 0.0]], [], 0.02)
     one = cast(plate)
     base = BaseSection(diameter_mm=10.0, height_mm=2.0, relief_step_mm=0.0, relief_setback_mm=0.0, bore_setback_mm=0.0)
     stl = stl_bytes(build_mesh(lay_out(*fit_lens(plate), base), 96, 2e-3))

@@ -64,8 +64,6 @@ def test_each_page_leads_to_those_of_the_other_kinds() -> None:
 @pytest.mark.parametrize(
     ("verb", "study"),
     [
-        ("yield", lambda lens: lf.tolerance(lens, parts=10)),
-        ("sensitivity", lf.sensitivity),
         ("correct", lambda lens: lf.correct(lens, points="points.csv", surface="outer")),
         ("compare", lambda lens: lf.compare(lens, points="points.csv", surface="outer")),
         ("tradeoff", lambda lens: lf.tradeoff(lens.spec)),

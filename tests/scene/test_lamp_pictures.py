@@ -17,14 +17,12 @@ from scipy.special import k1
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.lens_light import evaluate
-from lensforge.light.photometry_export import measure_photometry
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lamp_pictures import LampPictures, _pictures, seen_by
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import bin_flux, splat_flux
 from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
-from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 
 GRID = {"kind": "grid", "columns": 4, "rows": 3, "pitch_mm": 20.0}
@@ -282,24 +280,6 @@ def test_a_lamp_aimed_along_z_is_the_lens_moved() -> None:
         for z in (90.0, -90.0)
     )
     assert up.efficiency.value > 0.3 and down.efficiency.value == 0.0
-
-
-def test_the_photometry_of_lamps_on_poles_is_that_of_one() -> None:
-    one, poles = (
-        small_spec(source={"kind": "square", "side_mm": 1.0, "flux_lm": 100.0}, base={"kind": "none"}, **changes)
-        for changes in ({}, {"lamps": POLES})
-    )
-    found = [
-        measure_photometry(
-            Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW),
-            build_source(spec.source, None),
-            FEW,
-            rays=2**12,
-        )
-        for spec in (one, poles)
-    ]
-    np.testing.assert_array_equal(found[0].candela, found[1].candela)
-    assert [each.source_lm for each in found] == [100.0, 100.0] and any("those of one" in w for w in found[1].warnings)
 
 
 def test_the_mean_over_lamps_counts_each_lamp_once() -> None:

@@ -134,6 +134,10 @@ class Case:
         }  # fmt: skip
         return replace(self, name=f"{self.name} {name}", folder=folder, lens=self.lens | {"spec": spec}, rays=rays)
 
+    def of_leds(self) -> "list[Case]":
+        """The case with each of its LEDs."""
+        return [self.with_led(led) for led in range(len(self.lens["spec"]["sources"]))] or [self]
+
     def stated(self) -> Iterator[tuple[Place, Fact]]:
         """Every fact of every result, with its place."""
         for stage, groups in self.facts.items():
