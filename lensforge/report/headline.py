@@ -115,7 +115,7 @@ def _on_criteria(results: Results) -> str:
     """The criteria, which judge light and files, in one sentence: all met, or the names of those that are not."""
     criteria = [criterion for _, criterion in results.criteria()]
     failed = [criterion for criterion in criteria if not criterion.holds]
-    of = "on light and files"
+    of = "on simulation and files"
     if failed:
         names = ", ".join(criterion.note for criterion in failed)
         noun, verb = "criterion" if len(criteria) == 1 else "criteria", "is" if len(failed) == 1 else "are"

@@ -68,6 +68,11 @@ class LightLimit:
         """True where it reads the flux by cause of its loss, and no picture."""
         return self.quantity == "loss"
 
+    @property
+    def is_share(self) -> bool:
+        """True where it bounds a share of the flux of the source, whatever that is."""
+        return self.quantity in ("share", "loss")
+
     def of(self, images: Float[np.ndarray, "r *_"]) -> Float[np.ndarray, "r k"]:
         """Readings of pictures of flux (W), or of flux (W) by cause."""
         read: Float[np.ndarray, "r k"] = (self.readings @ images.reshape(len(images), -1).T).T

@@ -22,7 +22,7 @@ from lensforge.kernels.image_sums import (
 )
 from lensforge.kernels.parallel import CHUNKS, in_chunks, in_pieces
 from lensforge.scene.lamp_pictures import LampPictures
-from lensforge.scene.light_ends import with_beside
+from lensforge.scene.light_ends import LOSSES, with_beside
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings
 
@@ -51,11 +51,16 @@ class Collected:
     def with_losses(self, flux: Float[Tensor, " n"], numbers: Int[Tensor, " n"], causes: int) -> "Collected":
         """The same, and the ``flux`` by the ``numbers`` of so many ``causes`` by which rays end.
 
-        Light has no gradient at the window's edge: the light beside it takes that of the flux off the receiver.
+        Light has no gradient at the window's edge, and an infinite one where a face begins to reflect totally: light
+        beside the window has that of the flux off the receiver, light through faces that of total reflection.
         """
         ends = numbers >= 0
-        by_cause = flux.new_zeros(causes).index_add(0, numbers[ends], flux[ends])
-        losses = with_beside(by_cause, self.in_window)
+        by_cause = flux.new_zeros(causes).index_add(0, numbers[ends], flux.detach()[ends])
+        towards = torch.zeros_like(by_cause)
+        towards[LOSSES.index("total_reflection")] = 1.0
+        towards[len(LOSSES) :] = 1.0
+        gradients = towards * (self.total_reflection - self.total_reflection.detach())
+        losses = with_beside(by_cause, self.in_window.detach()) + gradients
         return replace(self, losses=_more_beside(losses, self.outside_receiver - self.outside_receiver.detach()))
 
 

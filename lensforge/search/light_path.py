@@ -218,13 +218,13 @@ class _Landing(torch.autograd.Function):
             for each in landed
             for field in (each.hits, each.flux, each.landed, each.missed_receiver)
         ]
-        causes = torch.from_numpy(cause_numbers(traced.exits, scene.chain))
-        ctx.mark_non_differentiable(causes, *(field for field in parts if field.dtype == torch.bool))
-        return torch.from_numpy(traced.exits.sin2_exit), torch.from_numpy(traced.exits.flux), causes, *parts
+        flux, causes = torch.from_numpy(traced.exits.flux), torch.from_numpy(cause_numbers(traced.exits, scene.chain))
+        ctx.mark_non_differentiable(flux, causes, *(field for field in parts if field.dtype == torch.bool))
+        return torch.from_numpy(traced.exits.sin2_exit), flux, causes, *parts
 
     @staticmethod
-    def backward(ctx: Any, by_sin2: Tensor, by_flux_out: Tensor, _by_causes: Tensor, *by_fields: Tensor) -> Any:
-        exits, total_flux = ctx.traced.exits, by_flux_out.numpy()
+    def backward(ctx: Any, by_sin2: Tensor, _by_flux: Tensor, _by_causes: Tensor, *by_fields: Tensor) -> Any:
+        exits, total_flux = ctx.traced.exits, np.zeros(len(by_sin2))
         total: Sensitivities | None = None
         for k, (receiver, missed) in enumerate(zip(ctx.receivers, ctx.missed, strict=True)):
             by_hits, by_flux = by_fields[4 * k : 4 * k + 2]

@@ -38,6 +38,7 @@ _MARGIN = 0.03
 _ROAD_MARGIN = 0.06  # a far field of 200 pixels blurs glare, and shows a road up to 3 % too good
 # Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
 _OF_EACH, _AT_MOST = 30.0, 300.0
+_OF_FLUX = 0.1  # the excess of a loss counts as a part of so much of the flux
 _OVER_LEAST = ("mean_over_min", "max_over_min")
 
 
@@ -88,6 +89,8 @@ class LimitTerm:
                 light, scale = light[:-1], not_dark(light[-1]) ** power / factor
             case "beam_angle":
                 return self._beside_the_beam(light)
+        if limit.of_losses:  # by the bound, which may be small, a little too much would outweigh the pattern
+            return (light - (1.0 - _MARGIN) * limit.bound) / _OF_FLUX
         if limit.quantity in _OVER_LEAST:  # at most so many times the least: at least that part of it
             return self._beyond(light * limit.bound / scale, at_least=True)
         return self._beyond(light / (scale * limit.bound), limit.sense == ">=")

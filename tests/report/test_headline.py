@@ -31,7 +31,7 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
     assert (
         text.index("Required, got, possible") < text.index(f"Cutting: fail {sentence}") < text.index("Peak irradiance")
     )
-    assert "All 30 criteria on light and files are met." in text, "they are another matter"
+    assert "All 30 criteria on simulation and files are met." in text, "they are another matter"
     assert "✓ Files: pass" in text
 
 

@@ -250,4 +250,4 @@ def test_the_criteria_that_are_missed_are_counted_and_named(missed: int, words: 
     criteria = tuple(criterion(f"something_{number}", 2.0, 1.0) for number in range(missed))
     results = make_results(design={"criteria": (*criteria, criterion("held", 0.5, 1.0))})
     count = len([1 for _ in results.criteria()])
-    assert headline(results).criteria == f"{missed} of {count} criteria on light and files {words}"
+    assert headline(results).criteria == f"{missed} of {count} criteria on simulation and files {words}"
