@@ -201,9 +201,9 @@ class PartLight:
             read[seen] = iter(np.split(matrix @ light.reshape(len(light), -1).T, ends))
         for limit in self.limits:
             seen = _SeenByLimit.by(limit)
-            light = received[seen.receiver]
-            value = values_left_out(limit, next(read[seen]), light.light(seen))
-            yield value * (self.held.emitted_w / light.emitted_w) if limit.is_share else value
+            there = received[seen.receiver]
+            value = values_left_out(limit, next(read[seen]), there.light(seen))
+            yield value * (self.held.emitted_w / there.emitted_w) if limit.is_share else value
         for on_receiver in received:
             yield from colours_left_out(judged_colour(self.spec), on_receiver.pictures[1:])
 
