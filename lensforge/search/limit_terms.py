@@ -38,7 +38,7 @@ _MARGIN = 0.03
 _ROAD_MARGIN = 0.06  # a far field of 200 pixels blurs glare, and shows a road up to 3 % too good
 # Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
 _OF_EACH, _AT_MOST = 30.0, 300.0
-_OF_FLUX = 0.1  # the excess of a loss counts as a part of so much of the flux
+_OF_FLUX = 0.4  # the excess of a loss counts as a part of so much: with 0.1 a search for an oval keeps its narrow start
 _OVER_LEAST = ("mean_over_min", "max_over_min")
 
 

@@ -173,7 +173,7 @@ def test_a_term_costs_beyond_its_bound_alone() -> None:
     (term,) = map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), None, 2.0))
     by_cause = torch.zeros(len(loss_names(Chain.of_lens(spec.lens))), dtype=torch.float64)
     wall = len(LOSSES) + 2
-    for share, excess in ((0.0193, 0.0), (0.03, 0.106)):  # a tenth of the flux counts as 1
+    for share, excess in ((0.0193, 0.0), (0.03, 0.0265)):  # 0.4 of the flux counts as 1
         by_cause[wall] = 2.0 * share
         assert term.loss((), (by_cause,)).item() == pytest.approx(30.0 * excess**2 / (1.0 + excess), abs=1e-12)
 
