@@ -306,7 +306,12 @@ def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: f
 
 
 def design_again(field: str, value: float, spec: Spec, surface: str) -> str:
-    """The limit of the search; empty for a face that the spec gives, or where the search has kept that limit."""
+    """The limit of the search; empty for a face that the spec gives, or where the search has kept that limit.
+
+    A face that follows another has no limits of its own: its draft is that of the other.
+    """
+    if followed := spec.lens.role(surface).follows:
+        return design_again(field, value, spec, followed) if field == "draft_deg" else ""
     face = spec.lens.faces[surface]
     stated: float | None = getattr(face, field)
     if face.fixed is not None or (stated is not None and stated >= value):

@@ -28,6 +28,7 @@ from lensforge.shop.findings import (
     check_findings,
     clearance_findings,
     cutter_finding,
+    design_again,
     draft_finding,
     plate_findings,
     tilt_finding,
@@ -35,7 +36,7 @@ from lensforge.shop.findings import (
     wall_criteria,
     wall_finding,
 )
-from lensforge.spec import BaseSection
+from lensforge.spec import BaseSection, parse_spec
 
 NO_BASE = BallClearance(faces={}, note="there is no base")
 
@@ -359,3 +360,13 @@ def test_one_tool_that_reaches_a_face_is_enough_for_it_and_none_for_another() ->
     verdicts = [Fact("tool", "tool", 0.5, "mm", state=state, note=note, place=face) for face, state, note in tools]
     check = SimpleNamespace(faces={"inner": None, "outer": None}, verdicts=verdicts)
     assert list(cutting_reasons(check, small_spec())) == [("fail", "too thick; blunt")]
+
+
+def test_a_face_that_follows_another_is_mended_by_that() -> None:
+    """The back of a reflector has no fields: its draft is that of the cup, and no ball of its own mends it."""
+    beam = {"kind": "disc", "diameter_deg": 20.0, "half_angle_deg": 60.0}
+    content = {"source": {"kind": "square", "side_mm": 1.0}, "lens": {"kind": "reflector"}, "target": beam}
+    spec = parse_spec({**content, "constraints": {"max_radius_mm": 12.0}}, "cup")
+    assert design_again("draft_deg", 2.0, spec, "back") == "lens.cup.draft_deg = 2 and design again"
+    assert design_again("concave_radius_mm", 1.0, spec, "back") == ""
+    assert spec.replace(lens={"cup": {"draft_deg": 2.0}}).lens.faces["cup"].draft_deg == 2.0
