@@ -193,10 +193,8 @@ class PartLight:
         """The values that decide on each limit, by all replicates, then with one after the other left out."""
         read = {}
         for seen, matrix in self._readings.items():  # all limits at once: to read pixels takes longer than to judge
-            light, asked = (
-                received[seen.receiver].light(seen),
-                [each for each in self.limits if _SeenByLimit.by(each) == seen],
-            )
+            light = received[seen.receiver].light(seen)
+            asked = [limit for limit in self.limits if _SeenByLimit.by(limit) == seen]
             ends = np.cumsum([each.readings.shape[0] for each in asked])[:-1]
             read[seen] = iter(np.split(matrix @ light.reshape(len(light), -1).T, ends))
         for limit in self.limits:

@@ -97,7 +97,7 @@ def light_limits(
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
         if isinstance(limit, LossLimit):
-            found += _of_loss(limit, limit.name or where, index, spec, flux_w)
+            found.append(_of_loss(limit, limit.name or where, index, spec, flux_w))
             continue
         found += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
     for number in range(len(spec.roads)):
@@ -125,12 +125,11 @@ def _of_road(
         yield replace(limit, road=number, share=road.share)
 
 
-def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float) -> Iterator[LightLimit]:
+def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float) -> LightLimit:
     """The limit on the share of the flux that ends by one cause."""
     causes = loss_names(Chain.of_lens(spec.lens))
     readings = sparse.csr_array(([1.0 / flux_w], ([0], [causes.index(limit.cause)])), shape=(1, len(causes)))
-    if limit.at_most_share is not None:
-        yield LightLimit(name, index, "loss", "<=", limit.at_most_share, "", readings)
+    return LightLimit(name, index, "loss", "<=", limit.at_most_share, "", readings)
 
 
 def _bounds_of(

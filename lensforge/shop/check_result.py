@@ -72,14 +72,13 @@ class BallClearance(Record):
     faces: dict[Text, AnyClearance]
     note: Text | None = None
 
-    def beyond_shop(self, largest_mm: float | None, shop_mm: float, face: str | None = None) -> str:
+    def beyond_shop(self, largest_mm: float | None, shop_mm: float, face: str) -> str:
         """Words behind a face's largest ball, where it is larger than the shop's and there is a base to meet.
 
-        ``largest_mm``: None where any ball reaches the face. ``face``: None for the base at any face.
+        ``largest_mm``: None where any ball reaches the face.
         """
-        has_base = bool(self.faces) if face is None else face in self.faces
         larger = largest_mm is None or largest_mm > shop_mm
-        return f"; base checked with a {shop_mm:g} mm ball" if has_base and larger else ""
+        return f"; base checked with a {shop_mm:g} mm ball" if face in self.faces and larger else ""
 
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]

@@ -212,9 +212,9 @@ class LossLimit(LimitSection):
     """"beside": leaves the lens, and reaches no window of the receiver. "opening": starts outside the cavity, or goes
     back through its opening. "base": in the body, down through z = 0. "flange": at the flange. "total_reflection": at
     a face that lets light out. "trapped": still in the body after all its events. Or the name of a face by which light
-    is not to leave, such as "wall". The search lowers the light beside and by faces.
+    is not to leave, such as "wall". The search lowers light beside, by faces and by total reflection.
     """
-    at_most_share: Fraction | None = None
+    at_most_share: Fraction
     """Largest share of the flux of the source."""
 
     @check

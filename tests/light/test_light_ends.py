@@ -106,9 +106,9 @@ def test_a_leak_is_judged_on_each_side_of_its_limit(factor: float, state: str) -
     [
         (lambda: small_spec().replace(limits=[{"kind": "loss", "cause": "wall", "at_most_share": 0.1}]), "beside"),
         (lambda: crooked("exit"), "trapped, wall"),
-        (lambda: crooked("beside").replace(limits=[{"kind": "loss", "cause": "wall"}]), "bounds nothing"),
+        (lambda: crooked("beside").replace(limits=[{"kind": "loss", "cause": "wall"}]), "at_most_share"),
         (lambda: crooked("beside").replace(limits=[
-            {"kind": "loss", "cause": "wall", "unit": "lx", "at_most": 2.0}]), "at_most_share alone"),
+            {"kind": "loss", "cause": "wall", "unit": "lx", "at_most": 2.0, "at_most_share": 0.1}]), "at_most_share alone"),
     ],
 )  # fmt: skip
 def test_a_cause_that_the_lens_does_not_have_is_refused(spec: Any, words: str) -> None:
@@ -166,6 +166,20 @@ def test_the_search_counts_the_flux_of_each_cause_and_lowers_what_leaks() -> Non
         loss = light.losses[names.index(cause)]
         one, other = (torch.autograd.grad(each, at, retain_graph=True)[0] for each in (loss, stand_in))
         assert torch.allclose(one, other, rtol=1e-9) and float(one.abs().max()) > 0.0, cause
+
+
+def test_the_search_counts_the_light_beside_of_all_lamps() -> None:
+    """As the evaluation does, on a plane so near that lamps see more of it than its window."""
+    plane = {"kind": "plane", "centre_mm": [10.0, -5.0, 120.0], "width_mm": 90.0, "height_mm": 60.0}
+    disc = [{"kind": "disc", "diameter_mm": 50.0}]
+    grid = {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0}
+    spec = crooked("beside", target=None, receivers=[plane | {"targets": disc}], lamps=grid)
+    source, parameters = build_source(spec.source), ProfileParameters.of(spec.replace(lens=NEEDED), 2.5)
+    merit = MeritFunction.of(spec, source, parameters)
+    light = merit.light_of(parameters.tables(*parameters.start()), source.sample(2**13, 3))
+    (limit,) = lf.evaluate(made(spec), rays=2**13).limits
+    assert limit.value > 0.05
+    assert float(light.losses[0][0]) / light.emitted_w == pytest.approx(limit.value, rel=0.03)
 
 
 def test_a_term_costs_beyond_its_bound_alone() -> None:

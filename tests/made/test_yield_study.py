@@ -113,7 +113,11 @@ def test_every_tolerance_moves_the_light_of_every_kind_of_ray(source: str) -> No
 
 def test_flux_of_the_source_scales_light_and_no_share() -> None:
     limit = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}
-    study = PartStudy(Recipe(lens_with({"source_flux": 0.5}, limits=[limit]), 8, 2048, 0, 2048))
+    shares = [
+        {"kind": "zone", "name": "in zone", "zone": {"kind": "disc", "diameter_mm": 60.0}, "at_least_share": 0.01},
+        {"kind": "loss", "name": "lost", "cause": "beside", "at_most_share": 0.9},
+    ]
+    study = PartStudy(Recipe(lens_with({"source_flux": 0.5}, limits=[limit, *shares]), 8, 2048, 0, 2048))
     before = {name: metric.value for name, metric in study.of_design.items()}
     for number in range(4):
         flux = part_of(study, number)[0].flux
@@ -121,8 +125,10 @@ def test_flux_of_the_source_scales_light_and_no_share() -> None:
         (light,) = (name for name in study.names if name.startswith("axis"))
         designed = study.leds[0].designed.limits[0][0]
         assert found[light] - before[light] == pytest.approx(designed * (flux - 1.0), rel=1e-6)
-        for name in ("nmse", "efficiency", "share_in_target"):
-            assert found[name] == pytest.approx(before[name], rel=1e-9)
+        limited = [name for name in study.names if name.startswith(("in zone", "lost"))]
+        assert len(limited) == 2 and all(before[name] > 0.0 for name in limited)
+        for name in ("nmse", "efficiency", "share_in_target", *limited):
+            assert found[name] == pytest.approx(before[name], rel=1e-9), name
 
 
 @pytest.mark.parametrize(
