@@ -168,12 +168,22 @@ def test_the_search_counts_the_flux_of_each_cause_and_lowers_what_leaks() -> Non
         assert torch.allclose(one, other, rtol=1e-9) and float(one.abs().max()) > 0.0, cause
 
 
-def test_the_search_counts_the_light_beside_of_all_lamps() -> None:
-    """As the evaluation does, on a plane so near that lamps see more of it than its window."""
+LAMPS = {
+    "grid": {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0},
+    "aimed, one past the plane": {
+        "kind": "table",
+        "places_mm": [[-20.0, 0.0, 0.0], [25.0, 4.0, 30.0]],
+        "aims_mm": [[0.0, 9.0, 200.0], [300.0, 4.0, 20.0]],
+    },
+}
+
+
+@pytest.mark.parametrize("lamps", LAMPS.values(), ids=LAMPS)
+def test_the_search_counts_the_light_beside_of_all_lamps(lamps: dict[str, Any]) -> None:
+    """As the evaluation does, on a plane so near that lamps see more of it than its window, or each its own of it."""
     plane = {"kind": "plane", "centre_mm": [10.0, -5.0, 120.0], "width_mm": 90.0, "height_mm": 60.0}
     disc = [{"kind": "disc", "diameter_mm": 50.0}]
-    grid = {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0}
-    spec = crooked("beside", target=None, receivers=[plane | {"targets": disc}], lamps=grid)
+    spec = crooked("beside", target=None, receivers=[plane | {"targets": disc}], lamps=lamps)
     source, parameters = build_source(spec.source), ProfileParameters.of(spec.replace(lens=NEEDED), 2.5)
     merit = MeritFunction.of(spec, source, parameters)
     light = merit.light_of(parameters.tables(*parameters.start()), source.sample(2**13, 3))
@@ -204,6 +214,8 @@ def test_a_board_loses_the_mean_of_its_lamps() -> None:
     values = [np.sum(each, axis=0)[1:] for each in (one, other, both)]
     assert values[2] == pytest.approx(0.5 * (values[0] + values[1]), rel=0.1)
     assert abs(values[0] - values[1]).max() > 0.1 * values[2].max(), "the lamps are not alike"
+    brighter = light.received([replace(lamps[0], flux=2.0 * lamps[0].flux)] * 2)[0].losses
+    assert brighter == pytest.approx(2.0 * one, rel=1e-9), "an LED of twice the flux loses twice as much"
     designed = light.measured(light.received(None)).limits
     wanted = lf.evaluate(made(spec), rays=2**10).limits
     assert [limit[0] for limit in designed] == [pytest.approx(limit.value, rel=0.1) for limit in wanted]
