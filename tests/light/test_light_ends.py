@@ -108,7 +108,7 @@ def test_a_leak_is_judged_on_each_side_of_its_limit(factor: float, state: str) -
         (lambda: crooked("exit"), "trapped, wall"),
         (lambda: crooked("beside").replace(limits=[{"kind": "loss", "cause": "wall"}]), "at_most_share"),
         (lambda: crooked("beside").replace(limits=[
-            {"kind": "loss", "cause": "wall", "unit": "lx", "at_most": 2.0, "at_most_share": 0.1}]), "at_most_share alone"),
+            {"kind": "loss", "cause": "wall", "unit": "lx", "at_most": 2.0, "at_most_share": 0.1}]), "share alone"),
     ],
 )  # fmt: skip
 def test_a_cause_that_the_lens_does_not_have_is_refused(spec: Any, words: str) -> None:
