@@ -1,7 +1,7 @@
 """The result of the evaluation: the light on every receiver, how it was simulated, and the judgement of each limit."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
 
@@ -79,6 +79,9 @@ def light_criteria(flux: Flux) -> Criteria:
     return (at_most("flux not converged", flux.not_converged, 0.0, "of the source", remedy),)
 
 
+MetricName = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
+
+
 class Light(ResultByLed):
     """The light of a lens on its receivers, simulated with independent replicates of rays.
 
@@ -150,6 +153,12 @@ class Light(ResultByLed):
     def flux(self) -> Flux:
         """Flux budget of the first receiver."""
         return self.first.flux
+
+    def worst(self, metric: MetricName) -> Metric | None:
+        """A metric with that of the LEDs which has it worst; None where it has no meaning with any."""
+        measured: list[Metric | None] = [getattr(light, metric) for light in (self, *self.others)]
+        worst = max if metric in ("nmse", "rsd") else min
+        return worst(filter(None, measured), key=lambda each: each.value, default=None)
 
     @property
     def missed_by_cause(self) -> MissedByCause:

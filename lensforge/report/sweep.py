@@ -4,11 +4,11 @@ import csv
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar, get_args
 
 from pydantic import Field, model_validator
 
-from lensforge.light.evaluation_result import LightMetrics
+from lensforge.light.evaluation_result import LightMetrics, MetricName
 from lensforge.light.receiver_light import METRICS
 from lensforge.report.results import Results
 from lensforge.report.variation import ONE_FOR_ALL, AnyVariation, Variant, Variation
@@ -37,13 +37,12 @@ if TYPE_CHECKING:
 
 # A name of a spec, and so never the way out of the sweep's own folder.
 FolderName = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_-]{1,64}$")]
-SweptMetric = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
 
 
 class SweepRow(Record):
     """One design by its ``value``. ``folder``: its name, beside ``sweep.json``. ``cutting``: the verdict on it.
 
-    ``by_led``: the light with each LED, of a lens for several.
+    ``by_led``: the light with each LED, of a lens for several; then each metric is that of the LED which has it worst.
     """
 
     value: Number | Text
@@ -140,7 +139,8 @@ class Sweep(StageResult):
             Fact("criteria", "Criteria", f"missed: {', '.join(missed)}" if missed else "all met"),
             Fact("cutting", "Cutting", row.cutting),
         )
-        return Group("design", row.folder, facts)
+        worst = f", worst of {len(row.by_led)} LEDs" if row.by_led else ""
+        return Group("design", f"{row.folder}{worst}", facts)
 
     def rows(self) -> list[dict[str, float | int | bool | str | None]]:
         """Table rows, one for each design."""
@@ -166,17 +166,17 @@ class Sweep(StageResult):
         writer.writerows(rows)
         return {".csv": buffer.getvalue().encode()}
 
-    def curve(self, metric: SweptMetric) -> tuple[list[float | str], list[float], list[float]]:
+    def curve(self, metric: MetricName) -> tuple[list[float | str], list[float], list[float]]:
         """Values of the varied field, ``metric``, and its standard error or 0, of the designs that have it."""
         points = [(row.value, measured) for row in self.designs if (measured := getattr(row, metric)) is not None]
         errors = [measured.standard_error or 0.0 for _, measured in points]
         return [value for value, _ in points], [measured.value for _, measured in points], errors
 
-    def plot(self, axes: "Axes | None" = None, *, metric: SweptMetric = "nmse") -> "Axes":
+    def plot(self, axes: "Axes | None" = None, *, metric: MetricName = "nmse") -> "Axes":
         """Plot ``metric``, with standard errors. Raises :class:`InputError` for an unknown one."""
         from lensforge.results.plots import new_axes
 
-        require_choice("metric", metric, get_args(SweptMetric))
+        require_choice("metric", metric, get_args(MetricName))
         axes = new_axes(axes)
         axes.errorbar(*self.curve(metric), marker="o")
         axes.set(xlabel=self.vary, ylabel=metric)
@@ -223,7 +223,7 @@ def _row(variant: Variant, results: Results) -> SweepRow:
         value=variant.value,
         folder=variant.spec.name,
         changes=variant.changes,
-        **{name: getattr(light, name) for name in get_args(SweptMetric)},
+        **{name: light.worst(name) for name in get_args(MetricName)},
         max_radius_mm=design.max_radius_mm,
         height_mm=design.height_mm,
         steps=design.steps,

@@ -13,13 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lensforge.errors import InputError
+from lensforge.light.evaluation_result import MetricName
 from lensforge.light.lens_light import is_same_source
 from lensforge.report import pipeline
 from lensforge.report.compare import ComparedPictures
 from lensforge.report.page import picture, template, write_page
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
-from lensforge.report.sweep import Sweep, SweptMetric, sweep_of
+from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.variation import AnyVariation, SourceVariation, Variant
 from lensforge.results import Group
 from lensforge.results.cluster import connected
@@ -270,7 +271,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, sweep: Sweep, metric: SweptMetric, label: str, colour: str, marker: str) -> None:
+def _draw(axes: Axes, sweep: Sweep, metric: MetricName, label: str, colour: str, marker: str) -> None:
     x, y, noise = sweep.curve(metric)
     line = "none" if sweep.vary == SourceVariation.field else "solid"
     axes.errorbar(

@@ -63,7 +63,9 @@ def test_every_led_has_its_own_design_and_one_has_them_all(study: tuple[Path, Sw
     assert found.values == ("small", "wide", ONE_FOR_ALL) and found.failed == {"failing": "source: it cannot be"}
     for row in found.designs:
         results = load_results(folder / row.folder)
-        assert row.efficiency == results.light.efficiency
+        lights = results.light.by_led.values()
+        assert row.efficiency.value == min(light.efficiency.value for light in lights)
+        assert row.nmse.value == max(light.nmse.value for light in lights)
         titles = [each.title for each in results.spec.each_source]
         own = {"small": ["0.5 mm square Lambertian source"], "wide": ["1.4 mm × 0.7 mm source"]}
         assert titles == own.get(str(row.value), [*own["small"], *own["wide"], *own["small"]])
@@ -71,8 +73,11 @@ def test_every_led_has_its_own_design_and_one_has_them_all(study: tuple[Path, Sw
     assert [row["value"] for row in rows] == ["small", "wide", ONE_FOR_ALL, "failing"]
     assert float(rows[1]["efficiency.value"]) == found.designs[1].efficiency.value
     assert rows[3]["failed"] == "source: it cannot be"
+    common = found.designs[2]
+    assert common.nmse == common.by_led["wide"].nmse != common.by_led["small"].nmse, "the worst, not the first"
     page = (folder / "sweep.html").read_text(encoding="utf-8")
     assert "it cannot be" in page and "small in one lens for all" in page
+    assert f"{common.folder}, worst of 3 LEDs" in page
 
 
 def test_the_loss_of_each_led_is_against_its_own_lens(study: tuple[Path, Sweep]) -> None:
