@@ -261,7 +261,7 @@ COMPARE = FolderStage(
 
     By a photograph of its light (--on), or by points measured on a surface (--points).
     """,
-    options=("on", "off", "corners", "target_mm", "gamma", "points", "surface", "registration", "rays"),
+    options=("on", "off", "corners", "target_mm", "gamma", "led", "points", "surface", "registration", "rays"),
     inputs=_measured,
     settings=_lens_of_photo,
 )

@@ -178,6 +178,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
     ),
     "target_mm": click.option("--target-mm", type=_ABOVE_ZERO, help="Side of the target; default: the receiver's."),
     "gamma": click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, help="Gamma of the camera."),
+    "led": click.option("--led", metavar="NAME", help="LED in the photographs, of several; default: the first."),
     "points": click.option("--points", type=_FILE, help="Points x, y, z in mm, measured on one surface."),
     "surface": click.option("--surface", metavar="FACE", help="Face on which --points lie, such as inner or outer."),
     "registration": click.option(

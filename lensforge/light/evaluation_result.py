@@ -154,11 +154,11 @@ class Light(ResultByLed):
         """Flux budget of the first receiver."""
         return self.first.flux
 
-    def worst(self, metric: MetricName) -> Metric | None:
-        """A metric with that of the LEDs which has it worst; None where it has no meaning with any."""
-        measured: list[Metric | None] = [getattr(light, metric) for light in (self, *self.others)]
+    def with_worst(self, metric: MetricName) -> "Light":
+        """The light with that of the LEDs which has a metric worst; the first where it has no meaning with any."""
+        lights = [light for light in (self, *self.others) if getattr(light, metric) is not None]
         worst = max if metric in ("nmse", "rsd") else min
-        return worst(filter(None, measured), key=lambda each: each.value, default=None)
+        return worst(lights, key=lambda light: getattr(light, metric).value, default=self)
 
     @property
     def missed_by_cause(self) -> MissedByCause:
@@ -234,3 +234,8 @@ class LightMetrics(Record):
     def of(light: Light) -> "LightMetrics":
         """Metrics of ``light``."""
         return LightMetrics(nmse=light.nmse, uniformity=light.uniformity, rsd=light.rsd, efficiency=light.efficiency)
+
+    @staticmethod
+    def of_leds(light: Light) -> "dict[str, LightMetrics]":
+        """Metrics with each LED by its name; empty where there is one."""
+        return {name: LightMetrics.of(own) for name, own in light.by_led.items()} if light.others else {}

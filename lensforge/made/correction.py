@@ -137,7 +137,8 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
     built = corrected_step(lens, side, corrected)
     limit = _limit(face, corrected, cut, made, pixels, request.gain, shop)
     first, second = cut.likeliest.change, _expected(cut, made, request.gain)
-    design, before, after = cuts.lights(None, first, second)
+    lights = cuts.by_led(cuts.lights(None, first, second))
+    light = next(iter(lights.values()))
     error = built.error
     return Correction(
         inputs={"lens": lens.sha256},
@@ -165,10 +166,11 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
         form_error_nm=Extent(max=error.form_max_nm, rms=error.form_rms_nm),
         normal_error_mrad=Extent(max=error.normal_max_mrad, rms=error.normal_rms_mrad),
         rays=cuts.rays,
-        design=design.metrics,
-        first_cut=before.metrics,
-        second_cut=after.metrics,
-        change=after.replicates.change_from(design.replicates, cuts.rays),
+        design=light.design,
+        first_cut=light.measured,
+        second_cut=light.corrected or light.measured,
+        change=light.change,
+        by_led=lights if len(lights) > 1 else {},
         criteria=correction_criteria(
             cut.placed.share, cut.covered, error.form_max_nm, error.normal_max_mrad, built.volume_change, limit
         ),

@@ -1,12 +1,12 @@
 """Facts of the machined part: a photograph of its light, its measured faces, and a face corrected for a second cut."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.light_facts import change_facts, metric_facts
 from lensforge.light.receiver_light import METRICS
-from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
+from lensforge.made.measurement_result import Correction, MeasuredLight, PhotoComparison, SurfaceComparison
 from lensforge.results import Fact, Group
 from lensforge.results.criteria import state_of
 from lensforge.results.fact_table import Row, facts_of
@@ -22,15 +22,15 @@ def photo_facts(photo: PhotoComparison) -> Group:
 
 def surface_facts(surface: SurfaceComparison) -> Group:
     """Facts from measured points on one face, and the light with it."""
-    light = _against(surface.measured, surface.design, "with this face")
-    facts = (*_points(surface), *light, *change_facts(surface.change))
+    alone = MeasuredLight(design=surface.design, measured=surface.measured, change=surface.change)
+    facts = (*_points(surface), *_lights(surface.by_led or {"": alone}, "with this face"))
     return Group("measured", f"The {surface.surface} face, measured", facts)
 
 
 def correction_facts(made: Correction) -> Group:
     """Facts on a corrected face: errors before and after, filter, cutter, and the expected light."""
-    light = _against(made.second_cut, made.design, "expected")
-    facts = (*_cut(made), *light, *change_facts(made.change))
+    alone = MeasuredLight(design=made.design, measured=made.second_cut, change=made.change)
+    facts = (*_cut(made), *_lights(made.by_led or {"": alone}, "expected"))
     return Group("corrected", f"The {made.surface} face, corrected for a second cut", facts)
 
 
@@ -49,7 +49,8 @@ _CLIPPED = Row("clipped", "Clipped by the camera", "clipped", "of the target", "
 
 
 def _photo(photo: PhotoComparison) -> Iterator[Fact]:
-    yield Fact("photographs", "Photographs", photo.on if photo.off is None else f"{photo.on} minus {photo.off}")
+    files = photo.on if photo.off is None else f"{photo.on} minus {photo.off}"
+    yield Fact("photographs", "Photographs", files, note=f"with the LED {photo.led}" if photo.led else "")
     yield from facts_of(photo, _PHOTO, simulated=quantity(photo.simulated_evenness.uniformity, digits=3))
     if photo.likely_cause:
         yield Fact("cause", "Likely cause", photo.likely_cause)
@@ -118,6 +119,14 @@ def _file(made: Correction) -> Fact:
 
 def _registration(kind: str) -> str:
     return {"none": "none, by datums"}.get(kind, kind)
+
+
+def _lights(by_led: Mapping[str, MeasuredLight], how: str) -> Iterator[Fact]:
+    """Metrics of the last light with each LED, and their changes; its name ends keys and labels."""
+    for led, light in by_led.items():
+        last = light.corrected or light.measured
+        for fact in (*_against(last, light.design, how), *change_facts(light.change)):
+            yield replace(fact, key=f"{fact.key}_{led}", label=f"{fact.label}, {led}") if led else fact
 
 
 def _against(light: LightMetrics, design: LightMetrics, how: str) -> Iterator[Fact]:

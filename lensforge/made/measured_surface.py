@@ -3,7 +3,8 @@
 The lens with the changed face and the design are simulated with the same rays.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -18,6 +19,7 @@ from lensforge.light.table_trace import Scene
 from lensforge.made.first_cut import FirstCut, Request
 from lensforge.made.measurement_result import (
     DeviationExtent,
+    MeasuredLight,
     RegisteredPose,
     Registration,
     SurfaceComparison,
@@ -78,11 +80,14 @@ _WIDER = 2.0
 
 @dataclass(frozen=True)
 class ChangedLens:
-    """Simulation of a lens with changed radii of one face, ``side``, always with the same rays."""
+    """Simulation of a lens with changed radii of one face, ``side``, always with the same rays of each of its LEDs.
+
+    Of lamps with lenses of several kinds all that have this one have it changed, and the light is that of all lamps.
+    """
 
     lens: Lens
     side: str
-    source: Source
+    leds: Mapping[str, Source]
     nodes_per_sigma: float
     rays: int
 
@@ -91,23 +96,45 @@ class ChangedLens:
         """Simulation by rays that judge ``lens``, and its conditions; by default as many as evaluate it, if the preset
         compares by so many.
         """
-        preset, source = preset_of(lens.accuracy), judging_source(lens.spec)
+        preset, leds = preset_of(lens.accuracy), {led: judging_source(own.spec) for led, own in lens.by_led.items()}
         usual = min(lens.spec.evaluate.rays or preset.evaluate_rays, preset.studies.compared_rays)
-        count, conditions = rays_of(rays, usual, source)
-        return ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, count), conditions
+        count, conditions = min((rays_of(rays, usual, source) for source in leds.values()), key=lambda each: each[0])
+        return ChangedLens(lens, side, leds, preset.evaluate_nodes_per_sigma, count), conditions
 
-    def lights(self, *changes: Surface | None) -> list[TracedLight]:
-        """Light of the lens with each of ``changes`` (mm) added to the radius; None: the design."""
+    def lights(self, *changes: Surface | None) -> dict[str, list[TracedLight]]:
+        """Light of the lens with each of ``changes`` (mm) added to the radius, by the LED; None: the design."""
         details = [_WIDER * change.detail_rad for change in changes if change is not None]
         grid = grid_for(min(self.lens.detail_rad, *details), self.nodes_per_sigma)
         tables = {name: tabulate(grid, surface) for name, surface in self.lens.surfaces.items()}
-        scene, found = Scene(self.lens.media, grid, chain=Chain.of_lens(self.lens.spec.lens)), []
+        scene = Scene(self.lens.media, grid, chain=Chain.of_lens(self.lens.spec.lens))
+        kinds, lenses = self._of_all_kinds(), []
         for change in changes:
             own = dict(tables)
             if change is not None:
                 own[self.side] = own[self.side] + tabulate(grid, change)  # tables are linear in the radius
-            traced = TracedLens(scene, np.stack([*own.values()]), {})
-            found.append(traced_light(traced, self.lens.spec, self.source, self.rays, self.lens.seed))
+            one = TracedLens(scene, np.stack([*own.values()]), {})
+            lenses.append(replace(one, kinds=tuple((kinds | {self.lens.kind: one}).values())) if kinds else one)
+        return {
+            led: [traced_light(each, self.lens.spec, source, self.rays, self.lens.seed) for each in lenses]
+            for led, source in self.leds.items()
+        }
+
+    def _of_all_kinds(self) -> dict[str, TracedLens]:
+        """The lens of each kind as designed, by its name; none where all lamps have the same."""
+        traced = TracedLens.of(self.lens, self.nodes_per_sigma).kinds if self.lens.others else ()
+        return {each.kind: own for each, own in zip(self.lens.kinds, traced, strict=bool(traced))}
+
+    def by_led(self, lights: Mapping[str, Sequence[TracedLight]]) -> dict[str, MeasuredLight]:
+        """Metrics of :meth:`lights`: as designed, with the measured face, and with the corrected one; by the LED."""
+        found = dict[str, MeasuredLight]()
+        for led, (design, measured, *corrected) in lights.items():
+            last = corrected[0] if corrected else measured
+            found[led] = MeasuredLight(
+                design=design.metrics,
+                measured=measured.metrics,
+                corrected=last.metrics if corrected else None,
+                change=last.replicates.change_from(design.replicates, self.rays),
+            )
         return found
 
 
@@ -126,7 +153,9 @@ def compare_surface(
     domain = domain_of(lens, traced.side)
     cut = FirstCut.of(surface, patch, cloud, Request(registration=registration), domain)
     form = cut.likeliest
-    before, after = traced.lights(None, form.change)
+    lights = traced.lights(None, form.change)
+    (first, (before, after)), *others = lights.items()
+    by_led = traced.by_led(lights)
     distance_um = 1e3 * distances(patch, cut.placed.points)[0]
     section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     pixels = FacePixels.of(patch, domain)
@@ -148,9 +177,10 @@ def compare_surface(
         far_field=section.is_far_field,
         width=receiver.grid.width,
         height=receiver.grid.height,
-        design=before.metrics,
-        measured=after.metrics,
-        change=after.replicates.change_from(before.replicates, traced.rays),
+        design=by_led[first].design,
+        measured=by_led[first].measured,
+        change=by_led[first].change,
+        by_led=by_led if others else {},
         nmse_between=relative_square(np.stack([after.map, before.map])),
         criteria=surface_criteria(cut.placed.share, cut.covered),
         points=cut.placed.points,

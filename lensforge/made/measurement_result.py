@@ -124,13 +124,15 @@ class PhotoComparison(StageResult):
 
     ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``. ``target_mm``: width and
     height of the rectangle that ``corners`` bound. ``aligned``: after undoing ``alignment``; ``likely_cause`` is of
-    that. ``clipped``: overexposed part of the target.
+    that. ``clipped``: overexposed part of the target. ``led``: in the photographs, of a lens for several.
     """
 
+    told_if_any: ClassVar[tuple[str, ...]] = ("led",)
     stage: ClassVar[str] = "compare"
     command: ClassVar[str] = "compare --on"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "evaluate")
 
+    led: Text = ""
     on: Text
     off: Text | None
     corners: tuple[Pixel, Pixel, Pixel, Pixel]
@@ -235,18 +237,27 @@ def area_extent(values: Float[np.ndarray, "*n"], areas: Float[np.ndarray, "*n"])
     return Extent(max=float(np.abs(values[inside]).max()), rms=float(np.sqrt(square)))
 
 
-class SurfaceComparison(SimulatedResult):
-    """A measured surface against the design's, and the light of the lens with it.
+class MeasuredLight(Record):
+    """Light with one LED as designed, with the measured face, and the corrected one; the ``change`` of the last."""
 
-    ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``deviation_um`` over the chart [Y, X],
-    NaN outside, and the ``area_mm2`` of the face that each of its samples stands for: ``form_deviation_um.rms`` is the
-    root of the mean square over that area. On the first receiver, ``width`` x ``height`` in the unit of its chart:
-    irradiance (W/m^2), in the far field intensity (W/sr), of the design and with the measured surface, [row y, column
-    x]. ``nmse_between`` the two. ``change``: of ``measured`` less ``design``, by the same rays.
+    design: LightMetrics
+    measured: LightMetrics
+    corrected: LightMetrics | None = None
+    change: LightMetrics
+
+
+FaceMap = Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
+
+
+class MeasuredFace(SimulatedResult):
+    """Result on a measured face: maps over its ``chart`` [Y, X], NaN outside, each sample of an ``area_mm2`` of it.
+
+    ``change``: of the last light less ``design``, on the first receiver, by the same rays. Of a lens for several LEDs
+    the light is that of the first, and ``by_led`` has the metrics with each.
     """
 
-    stage: ClassVar[str] = "compare_surface"
-    command: ClassVar[str] = "compare --points"
+    told_if_any: ClassVar[tuple[str, ...]] = ("by_led",)
+    plotted: ClassVar[tuple[str, str]]  # field of the map that is plotted, and its name
 
     surface: Text
     registration: Registration
@@ -254,24 +265,47 @@ class SurfaceComparison(SimulatedResult):
     used_share: Share
     covered_share: Share
     pose: RegisteredPose
+    rays: Count
+    design: LightMetrics
+    change: LightMetrics
+    by_led: dict[Text, MeasuredLight] = Field(default_factory=dict)
+    criteria: Criteria
+    chart: Annotated[Float[np.ndarray, " m"], Array("m")]
+    area_mm2: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True, least=0.0)]
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Plot the form deviation, or the correction, over the chart of the surface."""
+        from lensforge.results.plots import plot_face
+
+        field, words = self.plotted
+        return plot_face(getattr(self, field).T, float(self.chart[-1]), f"{self.surface}: {words} (µm)", axes)
+
+
+class SurfaceComparison(MeasuredFace):
+    """A measured surface against the design's, and the light of the lens with it.
+
+    ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``form_deviation_um.rms`` is the root of
+    the mean square of ``deviation_um`` over the area. On the first receiver, ``width`` x ``height`` in the unit of its
+    chart: irradiance (W/m^2), in the far field intensity (W/sr), of the design and with the measured surface, [row y,
+    column x]. ``nmse_between`` the two.
+    """
+
+    stage: ClassVar[str] = "compare_surface"
+    command: ClassVar[str] = "compare --points"
+    plotted: ClassVar[tuple[str, str]] = ("deviation_um", "form deviation")
+
     point_deviation_um: DeviationExtent
     form_deviation_um: DeviationExtent
     residual_rms_um: NotNegative
-    rays: Count
     receiver: Text
     far_field: Flag
     width: Positive
     height: Positive
-    design: LightMetrics
     measured: LightMetrics
-    change: LightMetrics
     nmse_between: NotNegative
-    criteria: Criteria
     points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3)]
     distance_um: Annotated[Float[np.ndarray, " n"], Array("n")]
-    chart: Annotated[Float[np.ndarray, " m"], Array("m")]
-    deviation_um: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
-    area_mm2: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True, least=0.0)]
+    deviation_um: FaceMap
     irradiance_design: Irradiance
     irradiance_measured: Irradiance
 
@@ -280,18 +314,10 @@ class SurfaceComparison(SimulatedResult):
         """Size of the maps of light, for figures."""
         return Chart(self.width, self.height, self.far_field)
 
-    def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Plot the form deviation over the chart of the surface."""
-        from lensforge.results.plots import plot_face
-
-        return plot_face(self.deviation_um.T, float(self.chart[-1]), f"{self.surface}: form deviation (µm)", axes)
-
 
 # A hollow tighter than the ball by this share, as wide as 2 mm, stays 0.1 um uncut by a ball of 1 mm.
 KEPT = 1e-3
 _STEP_FILE = "lens_corrected.step"  # of a face called outer: lens_corrected_outer.step
-
-FaceMap = Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
 
 
 class CutterLimit(Record):
@@ -308,29 +334,23 @@ class CutterLimit(Record):
     cut_back_um: Extent
 
 
-class Correction(SimulatedResult):
+class Correction(MeasuredFace):
     """A face corrected by the mirrored deviation of a first cut, in a STEP file for the second one.
 
     ``deviation_um``: of the first cut as far as its points show it, along the normal; ``correction_um``: that was put
     into the STEP; ``expected_um``: of the second cut, where the machine errs again as in the first. Extents are over
     the area of the face, ``residual_rms_um`` is what the filter of ``wavelength_mm`` leaves of the points: their noise
-    and form of shorter waves; ``noise_rms_um``: of the points. Maps over the chart are [Y, X], NaN outside.
-    The STEP and all lengths are in the lens's own size, but the radii of ``cutter``: they are of the face that is cut,
-    ``scale`` times as large, 1 + shrinkage for a mould insert. ``step_volume_change``: relative, by reading back.
+    and form of shorter waves; ``noise_rms_um``: of the points. The STEP and all lengths are in the lens's own size, but
+    the radii of ``cutter``: of the face that is cut, ``scale`` times as large, 1 + shrinkage for a mould insert.
     """
 
     stage: ClassVar[str] = "correct"
     command: ClassVar[str] = "correct --points"
+    plotted: ClassVar[tuple[str, str]] = ("correction_map_um", "correction")
 
-    surface: Text
-    registration: Registration
     process: Process
     scale: Positive
-    point_count: Count
     point_spacing_mm: Positive
-    used_share: Share
-    covered_share: Share
-    pose: RegisteredPose
     gain: Positive
     wavelength_mm: Positive
     wavelength_given: Flag
@@ -345,15 +365,9 @@ class Correction(SimulatedResult):
     step_volume_change: NotNegative
     form_error_nm: Extent
     normal_error_mrad: Extent
-    rays: Count
-    design: LightMetrics
     first_cut: LightMetrics
     second_cut: LightMetrics
-    change: LightMetrics
-    criteria: Criteria
     file: FileStamp
-    chart: Annotated[Float[np.ndarray, " m"], Array("m")]
-    area_mm2: FaceMap
     deviation_map_um: FaceMap
     correction_map_um: FaceMap
     expected_map_um: FaceMap
@@ -362,12 +376,6 @@ class Correction(SimulatedResult):
     def products(self) -> dict[str, bytes]:
         """STEP by suffix."""
         return {".step": self.step, ".stp": self.step}
-
-    def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Plot the correction over the chart of the surface."""
-        from lensforge.results.plots import plot_face
-
-        return plot_face(self.correction_map_um.T, float(self.chart[-1]), f"{self.surface}: correction (µm)", axes)
 
 
 def correction_criteria(

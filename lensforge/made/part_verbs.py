@@ -17,7 +17,7 @@ from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, path_of, require, require_choice, threads_of_torch
 from lensforge.results.cluster import connected
-from lensforge.scene.lens import Lens, require_one_kind
+from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import section_sha256
 from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection, read_tolerances
@@ -38,6 +38,7 @@ def compare(
     target_mm: float | None = None,
     gamma: float = 1.0,
     lens: Lens | None = None,
+    led: str | None = None,
 ) -> PhotoComparison: ...
 
 
@@ -56,6 +57,7 @@ def compare(
     target_mm: float | None = None,
     gamma: float = 1.0,
     lens: Lens | None = None,
+    led: str | None = None,
     points: Path | str | None = None,
     surface: str | None = None,
     registration: Registration = "rigid",
@@ -66,25 +68,28 @@ def compare(
     ``on``, ``off``: photographs with the LED on and off of the first receiver, a plane; ``corners``: pixels (column,
     row) of the target in them, from the top left clockwise, found if None; ``target_mm``: side of the square that they
     span, by default they are the receiver's own. ``lens``: that of the light; in the region that its spec names,
-    uniformity is compared too. ``points``: a file of x, y, z (mm) on one ``surface``; ``registration``: motion that is
-    fitted to bring them onto the design. Raises :class:`InputError`; its message names the argument, and the command
-    line's option has the same name.
+    uniformity is compared too; ``led``: name of the LED in the photographs, by default the first. ``points``: a file of
+    x, y, z (mm) on one ``surface``; ``registration``: motion that is fitted to bring them onto the design; the light is
+    that with each LED. Of lamps with lenses of several kinds ``measured`` is one, and the light is that of all lamps.
+    Raises :class:`InputError`; its message names the argument, and the command line's option has the same name.
     """
     on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
     of_points = {"surface": surface, "registration": unless_own(registration, "rigid"), "rays": rays}
     of_photo = {"off": off, "corners": corners, "target_mm": target_mm, "gamma": unless_own(gamma, 1.0), "lens": lens}
+    of_photo |= {"led": led}
     if isinstance(measured, Light) and on is not None and points is None:
         _refuse_unused("a photograph", of_points)
-        return _compare_photo(measured, on, off, corners, target_mm, gamma, lens)
+        lit = measured.by_led[measured.led if led is None else require_choice("led", led, list(measured.by_led))]
+        comparison = _compare_photo(lit, on, off, corners, target_mm, gamma, lens)
+        inputs = {"lens": measured.inputs["lens"], "evaluate": measured.sha256}
+        return comparison.changed(inputs=inputs, led=lit.led)
     if isinstance(measured, Lens) and points is not None and on is None:
         _refuse_unused("points", of_photo)
         from lensforge.made.measured_surface import ChangedLens, compare_surface
 
-        require_one_kind(measured, "compare")
         side = require_choice("surface", surface, [face.name for face in measured.body.faces if face.is_optical])
         traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
-        comparison = compare_surface(read_cloud(points), traced, registration)
-        return comparison.changed(conditions=conditions)
+        return compare_surface(read_cloud(points), traced, registration).changed(conditions=conditions)
     raise InputError(
         "compare: give a Light with on=PHOTO (--on PHOTO), or a Lens with points=FILE and surface=FACE, one of its "
         "faces (--points FILE --surface FACE)"
@@ -127,8 +132,7 @@ def _compare_photo(
             "a plane as its first receiver, and evaluate again"
         )
     grid = PixelGrid(first.width, first.height, columns, rows)
-    comparison = compare_photo(shot, simulated=light.map, grid=grid, uniform=_uniform(light, lens))
-    return comparison.changed(inputs={"lens": light.inputs["lens"], "evaluate": light.sha256})
+    return compare_photo(shot, simulated=light.map, grid=grid, uniform=_uniform(light, lens))
 
 
 def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None":
@@ -161,6 +165,7 @@ def correct(
     face would be concave more tightly than the ball cutter of the spec, the wavelength is longer. ``points``: a file of
     x, y, z (mm) on one ``surface`` of the part, or of its mould insert in lens coordinates; ``registration``: motion
     that is fitted to bring them onto the design, which is pose, not form. ``result.step`` is the file for the shop.
+    The light is that with each LED, and of all lamps, where those with this lens have the corrected face.
     Raises :class:`InputError`; its message names the argument.
     """
     from lensforge.made.correction import correct_face
@@ -168,7 +173,6 @@ def correct(
     from lensforge.made.measured_surface import ChangedLens
 
     require(lens, Lens, "correct")
-    require_one_kind(lens, "correct")
     file = path_of("points", points)
     if file is None:
         raise InputError("points = None: give the file of the points measured on the first cut")

@@ -311,7 +311,8 @@ def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[Page
     change = light_figures.difference_map(after - before, chart, unit)
     much = "little" if results.lens.body.face(side).before == CAVITY else "much"
     along = f"Along the normal. Red: too {much} material."
-    rays = f"Simulated with the measured {side} surface, {number(surface.rays)} rays."
+    led = f" and the LED {next(iter(surface.by_led))}" if surface.by_led else ""
+    rays = f"Simulated with the measured {side} surface{led}, {number(surface.rays)} rays."
     same = "The same rays through both. Red: brighter than designed."
     pictures = [
         picture(f"lit-{side}", lit, "Simulated light", rays),

@@ -19,7 +19,7 @@ from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import evaluate, judging_source, photometry_conditions, source_of
+from lensforge.light.lens_light import evaluate, judging_source, photometry_conditions, searched_source
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
@@ -348,15 +348,17 @@ def sweep(
     designs = []
     for variant in variation.variants(spec):
         made = design(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress)
-        designs.append((variant, _run_in_memory(made, threads)))
+        designs.append((variant, list(_run_in_memory(made, threads))))
     return sweep_of(spec, variation, designs)
 
 
-def _run_in_memory(made: Design, threads: int | None) -> Results:
-    """Evaluate, build, check and verify the lens of a design: the stages of a run, without a folder."""
-    light, part = evaluate(made.lens, threads=threads), build(made.lens)
-    results: tuple[StageResult, ...] = (made, light, part, check(part), verify(part, light, threads=threads))
-    return Results(made.lens, {result.stage: result for result in results})
+def _run_in_memory(made: Design, threads: int | None) -> Iterator[Results]:
+    """Evaluate, build, check and verify the lens of each kind: the stages of a run, without a folder."""
+    evaluated = evaluate(made.lens, threads=threads)
+    for lens in made.lens.kinds:
+        found, light, part = _of_lens(made, lens).changed(lens=lens), _of_lens(evaluated, lens), build(lens)
+        results: tuple[StageResult, ...] = (found, light, part, check(part), verify(part, light, threads=threads))
+        yield Results(lens, {result.stage: result for result in results})
 
 
 def tradeoff(
@@ -378,9 +380,7 @@ def tradeoff(
     require_spec(spec, "tradeoff")
     if not (isinstance(most_rays, int) and 2**12 <= most_rays <= 2**24):
         raise InputError(f"most_rays = {most_rays!r}: an integer from {2**12} to {2**24}")
-    source = source_of(spec)
-    if spec.all_lamps.kinds:
-        raise InputError("tradeoff: it takes lamps that have one lens; leave out lamps.kinds")
+    source = searched_source(spec)
     if lens is None:
         lens = design(spec, accuracy="draft", threads=threads).lens
     else:

@@ -10,7 +10,7 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons, photometry_facts
 from lensforge.light.photometry_result import Photometry
 from lensforge.made.measured_facts import correction_facts, photo_facts, surface_facts
-from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
+from lensforge.made.measurement_result import Correction, MeasuredFace, PhotoComparison, SurfaceComparison
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts
@@ -220,7 +220,7 @@ def own_stems(faces: Iterable[str]) -> dict[str, type[StageResult]]:
 def stem_of(result: StageResult) -> str:
     """Name of the JSON file of ``result`` in a result folder, without its suffix: its stage, and other conditions."""
     stem = result.stage
-    if isinstance(result, SurfaceComparison | Correction):
+    if isinstance(result, MeasuredFace):
         stem = f"{_OF_FACE[type(result)]}_{result.surface}"
     conditions = conditions_of(result)
     return stem if conditions is None else f"{stem}_{conditions.name}"

@@ -90,6 +90,12 @@ def load_results(folder: Path) -> Results:
     return stored.results()
 
 
+def load_kinds(folder: Path) -> list[Results]:
+    """Results of each kind of lens of the design in ``folder``, the first one's first; of all lamps of one, its own."""
+    first = load_results(folder)
+    return [first, *(load_results(Path(folder) / lens.kind) for lens in first.lens.kinds[1:])]
+
+
 def _lens_in(folder: Path) -> Lens:
     path = folder / LENS_FILE
     if not path.exists() and is_checkpoint(folder / CHECKPOINT):

@@ -200,36 +200,41 @@ def _metric(name: str, metric: Metric | None) -> Fact:
     return Fact.share(name, METRICS[name], metric) if name in shares else Fact.measured(name, METRICS[name], metric)
 
 
-def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Variant, Results]]) -> Sweep:
-    """The sweep of finished designs: variants of ``spec`` with their results, at least one of them."""
-    lens = finished[0][1].lens
+def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Variant, Sequence[Results]]]) -> Sweep:
+    """The sweep of finished designs: variants of ``spec`` with the results of each of their kinds of lens, at least
+    one of them.
+    """
+    lens = finished[0][1][0].lens
     if isinstance(variation, Variation):
         finished = sorted(finished, key=lambda pair: pair[0].value)
     return Sweep(
-        inputs={variant.spec.name: results.lens.sha256 for variant, results in finished},
+        inputs={variant.spec.name: kinds[0].lens.sha256 for variant, kinds in finished},
         spec=spec,
         spec_sha256=section_sha256(spec),
         vary=variation.field,
         scale=variation.scaled,
         accuracy=lens.accuracy,
         seed=lens.seed,
-        designs=tuple(_row(variant, results) for variant, results in finished),
+        designs=tuple(_row(variant, kinds) for variant, kinds in finished),
     )
 
 
-def _row(variant: Variant, results: Results) -> SweepRow:
-    light, design = results.light, results.design
+def _row(variant: Variant, kinds: Sequence[Results]) -> SweepRow:
+    first, *others = kinds
+    light, design = first.light, first.design
+    own = [criterion for _, criterion in first.criteria()]
+    others_own = [under(each.lens.kind, criterion) for each in others for _, criterion in each.criteria()]
     return SweepRow(
         value=variant.value,
         folder=variant.spec.name,
         changes=variant.changes,
-        **{name: light.worst(name) for name in get_args(MetricName)},
+        **{name: getattr(light.with_worst(name), name) for name in get_args(MetricName)},
         max_radius_mm=design.max_radius_mm,
         height_mm=design.height_mm,
         steps=design.steps,
         seconds=design.seconds,
         constraints=design.constraints,
-        criteria=tuple(criterion for _, criterion in results.criteria()),
-        cutting=results.verdict.cutting,
-        by_led={name: LightMetrics.of(own) for name, own in light.by_led.items()} if light.others else {},
+        criteria=(*own, *others_own),
+        cutting=first.verdict.with_parts({each.lens.kind: each.verdict for each in others}).cutting,
+        by_led=LightMetrics.of_leds(light),
     )

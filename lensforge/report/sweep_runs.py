@@ -19,7 +19,7 @@ from lensforge.report import pipeline
 from lensforge.report.compare import ComparedPictures
 from lensforge.report.page import picture, template, write_page
 from lensforge.report.results import Results
-from lensforge.report.stored import load_results
+from lensforge.report.stored import load_kinds, load_results
 from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.variation import AnyVariation, SourceVariation, Variant
 from lensforge.results import Group
@@ -167,7 +167,7 @@ def _joined(spec: Spec, variation: AnyVariation, made: Iterator[Made], directory
         if why:
             failed[variant.words] = why
             continue
-        one = sweep_of(spec, variation, [(variant, load_results(directory / variant.spec.name))])
+        one = sweep_of(spec, variation, [(variant, load_kinds(directory / variant.spec.name))])
         sweep = one if sweep is None else sweep.joined(one)
         sweep.write(directory)
     if sweep is None:

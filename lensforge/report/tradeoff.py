@@ -2,6 +2,9 @@
 
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
+from pydantic import Field
+
+from lensforge.light.evaluation_result import LightMetrics
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Record, StageResult, Text
 from lensforge.results.arguments import require_choice
 from lensforge.spec import AnyAccuracy
@@ -20,7 +23,8 @@ class TradeoffRow(Record):
     ``rays``: an evaluation with so many rays. ``presets``: the evaluation of an accuracy preset, with at most the rays
     asked for.
     ``seconds``: of the search so far, or of the evaluation. ``nmse``, ``efficiency``: noise taken off, with standard
-    errors. ``noise_nmse``: what the noise of the rays adds to the NMSE of the picture.
+    errors. ``noise_nmse``: what the noise of the rays adds to the NMSE of the picture. ``by_led``: the light with each
+    LED, of a lens for several; then nmse and efficiency are each of the LED which has it worst.
     """
 
     series: Series
@@ -32,6 +36,7 @@ class TradeoffRow(Record):
     noise_nmse: NotNegative | None = None
     functions: Count | None = None
     steps: Count | None = None
+    by_led: dict[Text, LightMetrics] = Field(default_factory=dict)
 
     @property
     def facts(self) -> Group:
@@ -44,7 +49,8 @@ class TradeoffRow(Record):
             Fact("noise", "Ray noise, NMSE", self.noise_nmse, digits=2),
             Fact("steps", "Steps", self.steps),
         )
-        return Group(self.setting, self.setting, tuple(fact for fact in facts if fact.value is not None))
+        worst = f", worst of {len(self.by_led)} LEDs" if self.by_led else ""
+        return Group(self.setting, f"{self.setting}{worst}", tuple(fact for fact in facts if fact.value is not None))
 
     @property
     def line(self) -> Fact:

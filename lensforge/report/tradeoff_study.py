@@ -1,7 +1,7 @@
 """Measurement of accuracy against time: stages of a search, numbers of rays, and the accuracy presets."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import torch
@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced
-from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import source_of
+from lensforge.light.evaluation_result import Light, LightMetrics
+from lensforge.light.lens_light import searched_source
 from lensforge.light.simulation import TracedLens
 from lensforge.report.folder import RunFolder
 from lensforge.report.page import picture, template, write_page
@@ -21,11 +21,12 @@ from lensforge.results.folder_lock import locked
 from lensforge.results.numerals import number
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, Progress
-from lensforge.search.optimiser import search
+from lensforge.search.kinds_search import search_kinds
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.searches import design
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
+from lensforge.sources.several_sources import each_of
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import PRESETS, Preset, preset_of
 from lensforge.spec.spec_files import section_sha256
@@ -53,7 +54,7 @@ def run_tradeoff(
     """
     require_own(directory / PAGE)
     with locked(directory, create=True):
-        source = source_of(spec)
+        source = searched_source(spec)
         if (directory / LENS_FILE).exists():
             lens = _lens_in(directory, spec, source)
         else:
@@ -78,21 +79,21 @@ def _lens_in(directory: Path, spec: Spec, source: Source) -> Lens:
 def measure(
     lens: Lens, source: Source, most_rays: int, accuracy: AnyAccuracy, announce: Callable[[str], None]
 ) -> Tradeoff:
-    """Measure all series for ``lens`` and its ``source``.
+    """Measure all series for ``lens`` and its ``source``, all LEDs that it is for.
 
     ``accuracy``: of the search. ``announce`` is called with the next series' name.
     """
     started = time.perf_counter()
-    judging = held_back(source)
+    leds = _judging(lens.spec, source)
     announce("rays of an evaluation")
     traced = TracedLens.of(lens, preset_of(lens.accuracy).evaluate_nodes_per_sigma)
-    evaluate_traced(traced, lens.spec, judging, _LEAST_RAYS, lens.seed)  # compiles the kernels
+    _light(traced, lens, leds, _LEAST_RAYS)  # compiles the kernels
     rows = []
-    for count in ray_counts(most_rays, judging):
-        light = evaluate_traced(traced, lens.spec, judging, count, lens.seed)
-        rows.append(_row("rays", f"{count} rays", light, light.seconds))
+    for count in ray_counts(most_rays, leds.values()):
+        light = _light(traced, lens, leds, count)
+        rows.append(_row("rays", f"{count} rays", light, sum(each.seconds for each in light.by_led.values())))
     announce("accuracy presets")
-    rows += [_preset_row(name, preset, lens, judging, most_rays) for name, preset in PRESETS.items()]
+    rows += [_preset_row(name, preset, lens, leds, most_rays) for name, preset in PRESETS.items()]
     announce("stages of a search")
     rows += _search_rows(lens.spec, source, most_rays, accuracy)
     return Tradeoff(
@@ -105,16 +106,26 @@ def measure(
     )
 
 
-def ray_counts(most_rays: int, source: Source) -> tuple[int, ...]:
-    """Numbers of rays in factors of four up to ``most_rays``; a measured source has only so many."""
-    counts = (2**power for power in range(12, 25, 2) if 2**power <= most_rays)
-    return tuple(sorted({min(count, source.ray_count or count) for count in counts}))
+def _judging(spec: Spec, source: Source) -> dict[str, Source]:
+    """Each LED of ``source`` as it judges a lens, by its name; "" is the name of the only one."""
+    names = [led.name for led in spec.sources] or [""]
+    return dict(zip(names, map(held_back, each_of(source)), strict=True))
 
 
-def _preset_row(name: str, preset: Preset, lens: Lens, source: Source, most_rays: int) -> TradeoffRow:
+def _light(traced: TracedLens, lens: Lens, leds: Mapping[str, Source], rays: int) -> Light:
+    return Light.joined({led: evaluate_traced(traced, lens.spec, leds[led], rays, lens.seed) for led in leds})
+
+
+def ray_counts(most_rays: int, sources: Iterable[Source]) -> tuple[int, ...]:
+    """Numbers of rays in factors of four up to ``most_rays``; measured sources have only so many."""
+    most = min([most_rays, *(source.ray_count or most_rays for source in sources)])
+    return tuple(sorted({min(2**power, most) for power in range(12, 25, 2) if 2**power <= most_rays}))
+
+
+def _preset_row(name: str, preset: Preset, lens: Lens, leds: Mapping[str, Source], most_rays: int) -> TradeoffRow:
     started = time.perf_counter()  # with the tables
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
-    light = evaluate_traced(traced, lens.spec, source, min(preset.evaluate_rays, most_rays), lens.seed)
+    light = _light(traced, lens, leds, min(preset.evaluate_rays, most_rays))
     return _row("presets", name, light, time.perf_counter() - started)
 
 
@@ -126,24 +137,28 @@ def _search_rows(spec: Spec, source: Source, rays: int, accuracy: AnyAccuracy) -
         if step.steps_done == step.steps_total:
             stages.append((step, step.lens()))
 
-    search(spec.with_automatic_levels(), source, accuracy=accuracy, progress=keep)
+    search_kinds(spec.with_automatic_levels(), source, accuracy=accuracy, progress=keep)
     rows = []
     for step, lens in stages:
         traced = TracedLens.of(lens, preset_of(accuracy).evaluate_nodes_per_sigma)
-        light, grown = evaluate_traced(traced, spec, held_back(source), rays, 0), step.functions
-        rows.append(_row("search", f"{grown} functions", light, step.seconds, functions=grown, steps=step.steps_done))
+        light, grown = _light(traced, lens, _judging(spec, source), rays), step.functions
+        kinds = f", {len(lens.kinds)} kinds" if lens.others else ""
+        setting = f"{grown} functions{kinds}"
+        rows.append(_row("search", setting, light, step.seconds, functions=grown, steps=step.steps_done))
     return rows
 
 
 def _row(series: Series, setting: str, light: Light, seconds: float, **grown: int) -> TradeoffRow:
+    pattern = light.with_worst("nmse")
     return TradeoffRow(
         series=series,
         setting=setting,
         seconds=seconds,
         rays=light.rays,
-        nmse=light.nmse,
-        efficiency=light.efficiency,
-        noise_nmse=light.nmse_of_noise,
+        nmse=pattern.nmse,
+        efficiency=light.with_worst("efficiency").efficiency,
+        noise_nmse=pattern.nmse_of_noise,
+        by_led=LightMetrics.of_leds(light),
         **grown,
     )
 

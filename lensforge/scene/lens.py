@@ -220,16 +220,6 @@ class Lens:
         return section_html(self.spec.name, np.concatenate([outer, inner[::-1]]), self._identity())
 
 
-def require_one_kind(lens: Lens, verb: str) -> None:
-    """Raise :class:`InputError` for lenses of several kinds, where ``verb`` takes lamps that have the same lens."""
-    if lens.others:
-        names = ", ".join(repr(each.name) for each in lens.spec.all_lamps.kinds)
-        raise InputError(
-            f"{verb}: the lamps have lenses of several kinds, {names}, and it takes lamps of one; design them without "
-            "lamps.kinds"
-        )
-
-
 def _faces_record(surfaces: Mapping[str, Surface]) -> dict[str, JsonValue]:
     return {name: surface_record(each).model_dump(mode="json") for name, each in surfaces.items()}
 

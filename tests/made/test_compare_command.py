@@ -13,6 +13,7 @@ import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
+from lensforge.made.measured_facts import photo_facts
 from lensforge.verbs import EVALUATE
 
 LENS = lens()
@@ -50,6 +51,19 @@ def test_a_photograph_of_the_simulated_light_is_found_alike(folder: Path) -> Non
     assert abs(content["alignment"]["displacement_x_mm"]["value"]) < 1.0
     assert content["alignment"]["scale"]["value"] == pytest.approx(1.0, abs=0.01)
     assert content["alignment"]["scale"]["standard_error"] > 0.0
+
+
+def test_a_photograph_with_the_second_led_is_compared_with_its_light(tmp_path: Path) -> None:
+    leds = {"one": {"kind": "disc", "diameter_mm": 3.0}, "two": {"kind": "square", "side_mm": 0.5}}
+    sources = [{"name": name, "source": {**led, "position_mm": [1.5, 0.0, 0.0]}} for name, led in leds.items()]
+    both = lf.Lens.double(LENS.inner, LENS.outer, LENS.spec.replace(source=None, sources=sources), 0, "draft")
+    light = lf.evaluate(both)
+    corners = seen_straight_on(light.by_led["two"].map, tmp_path / "on.png")
+    first, second = (lf.compare(light, on=tmp_path / "on.png", corners=corners, led=led) for led in (None, "two"))
+    assert (first.led, second.led, second.inputs["evaluate"]) == ("one", "two", light.sha256)
+    assert second.nmse < 0.01 * first.nmse and photo_facts(second).facts[0].note == "with the LED two"
+    with pytest.raises(InputError, match=r"^led = 'three': must be one of one, two"):
+        lf.compare(light, on=tmp_path / "on.png", led="three")
 
 
 def on_receiver(**receiver: object) -> lf.Lens:

@@ -74,8 +74,9 @@ def test_the_second_cut_has_the_light_of_the_design(corrected, side):
     # The outer face moves half as much light: less than 2^17 rays see. What it moves lowers the NMSE of this lens,
     # which is that of no search.
     rays = {"inner": 2**17, "outer": 2**19}[side]
-    cuts = ChangedLens(LENS, side, build_source(LENS.spec.source), PRESETS["draft"].evaluate_nodes_per_sigma, rays)
-    design, first, second = cuts.lights(None, Uncorrected(error), again)
+    leds = {"": build_source(LENS.spec.source)}
+    cuts = ChangedLens(LENS, side, leds, PRESETS["draft"].evaluate_nodes_per_sigma, rays)
+    design, first, second = cuts.lights(None, Uncorrected(error), again)[""]
     changes = [each.replicates.change_from(design.replicates, cuts.rays) for each in (first, second)]
     uncorrected, left, lost = changes[0].nmse, changes[1].nmse, changes[1].efficiency
     assert abs(uncorrected.value) > 3.0 * uncorrected.standard_error

@@ -12,6 +12,10 @@ from scenes import NO_TOLERANCES, random_surface, small_spec, sphere, tolerance_
 from lensforge.errors import InputError
 from lensforge.light.beam_colour import BeamColour, distances_left_out
 from lensforge.light.lens_light import evaluate
+from lensforge.light.simulation import TracedLens, traced_light
+from lensforge.made import measured_facts
+from lensforge.made.measured_surface import ChangedLens
+from lensforge.made.measurement_result import MeasuredLight
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.sensitivity import measure_sensitivity
 from lensforge.made.tolerance_result import Yield
@@ -113,6 +117,27 @@ def test_sensitivity_has_the_rows_of_each_led(tmp_path: Any) -> None:
     groups = sensitivity_facts(found)
     assert [group.title for group in groups[:2]] == ["As designed, near", "As designed, far"]
     assert len(groups) == 2 + 2 * len(found.rows) and groups[-1].title.endswith(", far")
+
+
+def test_a_measured_face_changes_the_light_of_each_led() -> None:
+    """As through the lens for that LED alone; the page names each, and the top of the record is the first."""
+    both, rays, dent = lens_for(BOTH, {}), 2**12, sphere(0.05)
+    cuts, _ = ChangedLens.of(both, "inner", rays)
+    found = cuts.by_led(cuts.lights(None, dent, sphere(0.02)))
+    for led, source in (("near", NEAR), ("far", FAR)):
+        alone, _ = ChangedLens.of(lens_for({"source": source}, {}), "inner", rays)
+        design, measured, corrected = alone.lights(None, dent, sphere(0.02))[""]
+        wanted = MeasuredLight(
+            design=design.metrics,
+            measured=measured.metrics,
+            corrected=corrected.metrics,
+            change=corrected.replicates.change_from(design.replicates, rays),
+        )
+        assert found[led] == wanted and wanted.change.efficiency.value != 0.0
+    assert list(found) == ["near", "far"] and found["near"] != found["far"]
+    shown = {fact.key: fact for fact in measured_facts._lights(found, "expected")}
+    assert shown["nmse_far"].metric == found["far"].corrected.nmse and shown["nmse_far"].label.endswith("(NMSE), far")
+    assert shown["efficiency_change_far"].value == 100.0 * found["far"].change.efficiency.value
 
 
 # -- Colour ------------------------------------------------------------------------------------------------------------
@@ -241,6 +266,19 @@ def test_yield_and_sensitivity_of_lenses_of_two_kinds() -> None:
     assert abs(rows["form, outer face"].nmse.value) > 0.0
     with pytest.raises(InputError, match="32 rays for 3 lamps: 16 each at least; give 48"):
         measure_yield(board(tolerances), parts=40, rays=32, with_budget=False)
+
+
+def test_a_measured_face_of_one_kind_changes_the_lamps_that_have_it() -> None:
+    """Against a board whose second kind is that part: two of its three lamps."""
+    whole = board({})
+    cuts, _ = ChangedLens.of(whole.of_kind("b"), "inner", 2**14)
+    design, measured = cuts.lights(None, sphere(0.1))[""]
+    part = replace(whole, others={"b": {**KINDS["b"], "inner": sphere(3.1)}})
+    for found, lens in ((design, whole), (measured, part)):
+        traced = TracedLens.of(lens, cuts.nodes_per_sigma)
+        wanted = traced_light(traced, lens.spec, cuts.leds[""], 2**14, 0)
+        assert np.abs(found.map - wanted.map).sum() < 1e-3 * wanted.map.sum(), "a ray or two at the edge of a pixel"
+    assert np.abs(measured.map - design.map).sum() > 0.01 * design.map.sum()
 
 
 @pytest.mark.parametrize("kinds", [(), ("a", "b")])

@@ -86,7 +86,7 @@ def deformed_part(height):
 def test_the_light_is_that_of_the_deformed_lens(registration):
     """The oracle is the tracer on the true part."""
     part = deformed_part(0.05)
-    true = evaluate_lens(part, TRACED.source, FEW).map
+    true = evaluate_lens(part, TRACED.leds[""], FEW).map
     motion = {"rigid": {"rotation": ROTATION, "shift": SHIFT}, "shift": {"shift": SHIFT}, "none": {}}[registration]
     cloud = probed(part.outer, 3000, noise_mm=0.0005, **motion)
     found = compare_surface(cloud, TRACED, registration)

@@ -1,19 +1,22 @@
-"""Lenses of several kinds in a result folder: the verdict counts every part, the page leads to each, studies refuse."""
+"""Lenses of several kinds in a folder: verdict and sweep count every part, each page leads to the others."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
-import pytest
+from filled import filled
 from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.errors import InputError
 from lensforge.report.headline import kinds
 from lensforge.report.results import Results
 from lensforge.report.stored import RunRecord, verdicts_of_kinds
+from lensforge.report.sweep import _row
+from lensforge.report.variation import Variant
+from lensforge.results.criteria import at_most
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Margins
 
 GRID = {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0, "kinds": "place"}
 PASSES = Verdict.of([], [], [])
@@ -61,14 +64,16 @@ def test_each_page_leads_to_those_of_the_other_kinds() -> None:
     assert kinds(Results(replace(lens, others={}, spec=small_spec())), linked=True) == []
 
 
-@pytest.mark.parametrize(
-    ("verb", "study"),
-    [
-        ("correct", lambda lens: lf.correct(lens, points="points.csv", surface="outer")),
-        ("compare", lambda lens: lf.compare(lens, points="points.csv", surface="outer")),
-        ("tradeoff", lambda lens: lf.tradeoff(lens.spec)),
-    ],
-)
-def test_studies_of_one_lens_refuse_several_in_one_line(verb: str, study: Callable[[Lens], object]) -> None:
-    with pytest.raises(InputError, match=f"{verb}: .*lamps.kinds"):
-        study(three_kinds())
+def test_a_row_of_a_sweep_counts_the_part_of_every_kind() -> None:
+    """Criteria of further kinds are named by them, and the worst part decides on the cutting."""
+    light, kinds = lf.evaluate(three_kinds(), rays=256, pixels=8), []
+    design = SimpleNamespace(max_radius_mm=6.4, height_mm=5.0, steps=3, seconds=1.0, constraints=filled(Margins))
+    for kind, verdict, height in (("middle", PASSES, 1.0), ("edge", FAILS, 3.0), ("corner", PASSES, 2.0)):
+        criteria = [("check", at_most("height", height, 2.5, "mm", "lower it"))]
+        lens = SimpleNamespace(kind=kind)
+        kinds.append(SimpleNamespace(lens=lens, light=light, design=design, verdict=verdict, criteria=criteria.copy))
+    row = _row(Variant(1.0, {}, small_spec()), kinds)
+    assert [(each.key, each.holds) for each in row.criteria] == [
+        ("height", True), ("edge: height", False), ("corner: height", True)
+    ]  # fmt: skip
+    assert (row.cutting, row.efficiency) == ("fail", light.efficiency)

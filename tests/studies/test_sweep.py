@@ -257,11 +257,11 @@ def test_criteria_are_named_by_their_design(tmp_path):
 def test_a_sweep_in_memory_is_that_of_the_folders(swept):
     folder, content = swept
     variation = variation_of("constraints.max_radius_mm", [8, 6.5, 8], SCALED)
-    found = [(variant, load_results(folder / variant.spec.name)) for variant in variation.variants(SPEC)]
+    found = [(variant, [load_results(folder / variant.spec.name)]) for variant in variation.variants(SPEC)]
     assert sweep_of(SPEC, variation, found) == content
     assert [row["nmse.value"] for row in content.rows()] == [row.nmse.value for row in content.designs]
     with pytest.raises(InputError, match="there is no result of this stage"):
-        sweep_of(SPEC, variation, [(found[0][0], Results(found[0][1].lens))])
+        sweep_of(SPEC, variation, [(found[0][0], [Results(found[0][1][0].lens)])])
 
 
 @pytest.mark.nightly("two sweeps")

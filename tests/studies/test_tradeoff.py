@@ -41,7 +41,7 @@ def folder(tmp_path_factory):
 def stated(light, **more):
     """The row of an evaluation, whose own numbers have their oracles in tests/stated; without its seconds."""
     figures = {"rays": light.rays, "nmse": light.nmse.model_dump(), "efficiency": light.efficiency.model_dump()}
-    return {**figures, "noise_nmse": light.nmse_of_noise, "functions": None, "steps": None} | more
+    return {**figures, "noise_nmse": light.nmse_of_noise, "functions": None, "steps": None, "by_led": {}} | more
 
 
 def rows_of_series(folder, series):
@@ -91,7 +91,7 @@ def test_a_stage_has_the_seconds_of_the_search_so_far(monkeypatch):
                 )
             )  # fmt: skip
 
-    monkeypatch.setattr(tradeoff_study, "search", search)
+    monkeypatch.setattr(tradeoff_study, "search_kinds", search)
     rows = tradeoff_study._search_rows(SPEC, build_source(SPEC.source), 2**12, FEW)
     assert [row.seconds for row in rows] == [100.0, 200.0]
 
@@ -126,7 +126,7 @@ def test_a_measured_source_has_no_more_rays_than_its_file():
     class Measured:
         ray_count = 5000
 
-    assert tradeoff_study.ray_counts(2**16, Measured()) == (4096, 5000)
+    assert tradeoff_study.ray_counts(2**16, [build_source(SPEC.source), Measured()]) == (4096, 5000)
 
 
 @pytest.mark.parametrize(
@@ -167,3 +167,25 @@ def test_a_lens_whose_picture_changed_since_is_not_measured(tmp_path):
     Image.fromarray(np.tri(32, dtype=np.uint8)[::-1] * 255).save(picture)
     with pytest.raises(InputError, match="a file that its spec names has changed since"):
         run_tradeoff(spec, folder)
+
+
+def test_rows_of_several_leds_and_kinds_are_of_the_worst_led_and_of_all_lamps():
+    """The second LED has the larger error, the first less light. Two kinds are searched after the one lens for all."""
+    disc = {"kind": "disc", "diameter_mm": 3.0, "position_mm": [0.4, 0.2, 0.0]}
+    leds = [{"name": "one", "source": {"kind": "square", "side_mm": 0.5}}, {"name": "two", "source": disc}]
+    steps = {"steps_per_level": [1, 1], "rays": 256, "pixels": 16}
+    lens = replace(small_lens(), spec=small_spec(base={"kind": "none"}, source=None, sources=leds, optimise=steps))
+    rows = lf.tradeoff(lens.spec, lens=lens, most_rays=2**12, accuracy=FEW).series("rays")
+    light = lf.evaluate(lens, rays=2**12)
+    one, two = (each.nmse for each in light.by_led.values())
+    assert two.value > one.value and light.by_led["two"].efficiency.value > light.efficiency.value
+    assert [(row.nmse, row.efficiency) for row in rows] == [(two, light.by_led["one"].efficiency)]
+    assert rows[0].by_led["one"].nmse == one and rows[0].facts.title == "4096 rays, worst of 2 LEDs"
+    lamps = {"kind": "table", "places_mm": [[-20.0, 3.0], [18.0, -2.0]], "kinds": ["wide", "narrow"]}
+    spec = small_spec(base={"kind": "none"}, lamps=lamps, optimise=steps)
+    narrow = {**small_lens().surfaces, "outer": random_surface(5, 6.5, 0.02, (9, 25))}
+    kinds = replace(small_lens(), spec=spec, others={"narrow": narrow})
+    found = lf.tradeoff(spec, lens=kinds, most_rays=2**12, accuracy=FEW)
+    assert found.series("rays")[0].nmse == lf.evaluate(kinds, rays=2**12).nmse
+    settings = [row.setting for row in found.series("search")]
+    assert settings[0] == "9 functions" and settings[-1].endswith("functions, 2 kinds")
