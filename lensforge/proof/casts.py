@@ -138,8 +138,8 @@ def stray_light(
 ) -> StrayLight:
     """Follow rays through the part with reflections and the base, which the sequential design leaves out.
 
-    Of a lens for several LEDs the rays of each. Where the part has a plate they go through all of it, from the lamp
-    nearest to its middle, which is at the origin.
+    Of a lens for several LEDs the rays of each; of several lamps the light of all that have the lens, each with the
+    rays of one. Where the part has a plate they go through all of it, from the lamp nearest to its middle.
     """
     lens, rays = require(part, Part, "stray_light").lens, count_of("rays", rays)
     with threads_of_torch(threads):
@@ -150,7 +150,7 @@ def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polish
     """Stray light of one LED of ``lens``."""
     import torch
 
-    from lensforge.proof.proof_inputs import optical_of, plate_of, screens_of
+    from lensforge.proof.proof_inputs import optical_of, plate_of, screens_of, stands_of
 
     spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(lens.spec)
     count, conditions = rays_of(rays, min(preset.verify_rays, preset.stray_rays), source)
@@ -161,7 +161,8 @@ def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polish
         stl,
         rays=source.sample(count, seeds.of_verification(lens.seed)),
         media=lens.media,
-        screens=screens_of(_of_first_lamp(lens) if spec.all_lamps.posed else spec),
+        screens=screens_of(spec),
+        lamps=stands_of(lens.of_own_lamps.spec.all_lamps),
         names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
         base=base,
         optical=optical,

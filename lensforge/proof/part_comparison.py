@@ -261,31 +261,52 @@ class LampsOnPlate:
 
 
 @dataclass(frozen=True, eq=False)
-class LampsApart:
-    """Lamps with a part each: places (mm), axes as columns, the lamp of each ray, and the design's light as above."""
+class LampStands:
+    """Where lamps stand: places (mm), and axes as columns."""
 
     places: Float[np.ndarray, "k 3"]
     axes: Float[np.ndarray, "k 3 3"]
+
+    def stood(self, passage: Passage, numbers: int | Int[np.ndarray, " n"]) -> Passage:
+        """A ``passage`` through the part at the origin, moved with one lamp, or each ray with the one of its number."""
+        points, directions = self.moved(passage.points, passage.directions, numbers)
+        return replace(passage, points=points, directions=directions)
+
+    def moved(
+        self,
+        points: Float[np.ndarray, "n 3"],
+        directions: Float[np.ndarray, "n 3"],
+        numbers: int | Int[np.ndarray, " n"],
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Points and directions behind the part at the origin, moved likewise."""
+        turned, ahead = (np.einsum("...ij,...j", self.axes[numbers], each) for each in (points, directions))
+        return turned + self.places[numbers], ahead
+
+
+ONE_LAMP = LampStands(np.zeros((1, 3)), np.eye(3)[None])
+
+
+@dataclass(frozen=True, eq=False)
+class LampsApart:
+    """Lamps with a part each: where they stand, the lamp of each ray, and the design's light as above."""
+
+    stands: LampStands
     numbers: Int[np.ndarray, " n"]
     designed: Sequence[tuple[str, Screen, Float[np.ndarray, "_ _"]]]
 
     @property
     def count(self) -> int:
         """Number of the lamps."""
-        return len(self.places)
-
-    def stood(self, passage: Passage) -> Passage:
-        """A ``passage`` through the part at the origin, each ray moved with its lamp."""
-        turned = self.axes[self.numbers]
-        points, directions = (np.einsum("nij,nj->ni", turned, each) for each in (passage.points, passage.directions))
-        return replace(passage, points=points + self.places[self.numbers], directions=directions)
+        return len(self.stands.places)
 
 
 def light_of_lamps(
     lamps: LampsOnPlate | LampsApart, alone: Passage, rays: RayBundle, media: Media, threads: int
 ) -> tuple[LampsTogether, ...]:
     """Light of all ``lamps`` on each receiver; ``alone``: the passage of ``rays`` through the part of one."""
-    passage = lamps.cast(media, threads) if isinstance(lamps, LampsOnPlate) else lamps.stood(alone)
+    passage = (
+        lamps.cast(media, threads) if isinstance(lamps, LampsOnPlate) else lamps.stands.stood(alone, lamps.numbers)
+    )
     together = []
     for name, screen, designed in lamps.designed:
         landed = passage.landed(screen)

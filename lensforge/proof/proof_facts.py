@@ -43,11 +43,11 @@ _ENDS = {
 
 
 def proof_facts(
-    proof: Proof, designed: Mapping[tuple[str, str], float], lamp: str = "", *, on_plate: bool = False
+    proof: Proof, designed: Mapping[tuple[str, str], float], lamp: str = "", lamps: str = "", *, on_plate: bool = False
 ) -> list[Group]:
     """A group for each receiver, with each LED; ``designed``: efficiency of the design's light by LED and receiver.
 
-    ``lamp``: words on the one whose rays are compared, of several; ``on_plate``: all stand on a plate.
+    ``lamp``: words on the one whose rays are compared, of several, ``lamps``: on all; ``on_plate``: all stand on one.
     """
     parts = [
         Group(
@@ -59,10 +59,12 @@ def proof_facts(
         for lit in lit_receivers(proof)
     ]
     forms = [Group("forms", "Form of the files", tuple(_form(each, proof) for each in proof.forms))]
-    lamps = "All lamps of the plate" if on_plate else "All lamps with this lens"
+    title = "All lamps of the plate" if on_plate else "All lamps with this lens"
     together = [
         Group(
-            "together", f"{lamps}{lit.ending}", tuple(_together(lit.result.together[lit.index], lit.result, on_plate))
+            "together",
+            f"{title}{lit.ending}",
+            tuple(_together(lit.result.together[lit.index], lit.result, lamps, on_plate)),
         )
         for lit in lit_receivers(proof)
         if lit.result.together
@@ -99,9 +101,9 @@ def _form(form: FileForm, proof: Proof) -> Fact:
     return Fact(f"form {form.name}", form.name, 1e3 * form.off_um, "nm", state=state, note=note, digits=2)
 
 
-def _together(lit: LampsTogether, proof: Proof, on_plate: bool) -> Iterator[Fact]:
+def _together(lit: LampsTogether, proof: Proof, lamps: str, on_plate: bool) -> Iterator[Fact]:
     judged = named(proof.criteria, f"{lit.name}: {'plate' if on_plate else 'lamps'}_nmse_vs_sum")
-    note = f"of {lit.lamps} lamps; ray noise alone makes {number(lit.noise_floor_nmse, 3)}"
+    note = f"{lamps}; ray noise alone makes {number(lit.noise_floor_nmse, 3)}"
     yield Fact("nmse_vs_sum", "NMSE against the sum", lit.nmse_vs_sum, note=note, digits=3).judged_as(judged)
     label = "Efficiency of the plate" if on_plate else "Efficiency of all lamps"
     yield Fact.share("plate_efficiency", label, lit.efficiency, "through its mesh")
@@ -113,14 +115,14 @@ def tracer_groups(proof: Proof) -> list[Group]:
     return [rows[0], _plain(proof), *rows[1:]]
 
 
-def stray_facts(stray: StrayLight, lamp: str = "") -> list[Group]:
-    """A group of the stray light on each receiver, with each LED; ``lamp``: as of the proof."""
+def stray_facts(stray: StrayLight, lamps: str = "") -> list[Group]:
+    """A group of the stray light on each receiver, with each LED; ``lamps``: words on those whose light it is."""
     return [
         Group(
             "stray",
             f"Stray light{lit.ending}",
-            (*_stray(lit.result, lit.receiver, lamp), *_neighbours(lit.result)),
-            lamp,
+            (*_stray(lit.result, lit.receiver, lamps), *_neighbours(lit.result)),
+            lamps,
         )
         for lit in lit_receivers(stray)
     ]
@@ -249,7 +251,7 @@ def _gaps(deviation: LandingDeviation) -> tuple[Fact, ...]:
     return tuple(Fact(key, label, value, "mm", digits=2) for key, label, value in named)
 
 
-def _stray(stray: StrayLight, receiver: ReceiverStray, lamp: str) -> Iterator[Fact]:
+def _stray(stray: StrayLight, receiver: ReceiverStray, lamps: str) -> Iterator[Fact]:
     gain = 100.0 * (receiver.efficiency - receiver.efficiency_sequential)
     reflections = f"share of the LED’s flux, by reflections; the base is {stray.base}"
     yield Fact.share("detected_stray", "Stray in the window", receiver.flux.detected_stray, reflections)
@@ -262,5 +264,5 @@ def _stray(stray: StrayLight, receiver: ReceiverStray, lamp: str) -> Iterator[Fa
     if receiver.peak_of_mean is not None:
         note = "of the stray light, of the mean light on the receiver"
         yield Fact.share("stray_peak", "Peak of the stray light", receiver.peak_of_mean, note, digits=3)
-    note = "; ".join(filter(None, (lamp, f"absorption {quantity(stray.absorption_per_mm, '1/mm')}")))
+    note = "; ".join(filter(None, (lamps, f"absorption {quantity(stray.absorption_per_mm, '1/mm')}")))
     yield Fact("stray_rays", "Rays followed", stray.rays, note=note)

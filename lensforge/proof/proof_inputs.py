@@ -19,7 +19,7 @@ from lensforge.optics.face_roles import BODY
 from lensforge.optics.image_reading import read_light
 from lensforge.proof import independent_draws
 from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
-from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsApart, LampsOnPlate
+from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsApart, LampsOnPlate, LampStands
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
 from lensforge.scene.lens import Lens
@@ -73,25 +73,30 @@ def plate_of(lamps: Lamps) -> PlateOfLenses:
 def lamps_together(
     stl: bytes | None, lit: tuple[Lens, Light], rays: RayBundle, optical: OpticalFaces
 ) -> LampsOnPlate | LampsApart | None:
-    """The cast of all lamps; None for one alone, and for a lattice, whose light no part makes.
+    """The cast of all lamps; None for one alone.
 
     ``stl``: of their plate, where there is one. ``lit``: the lens with all lamps that have it, and their light;
     ``rays``, ``optical``: of one.
     """
     lens, light = lit
     spec, lamps = lens.spec, lens.spec.all_lamps
-    if lamps.period_mm is not None or len(lamps) == 1 or (stl is None and spec.plate is not None):
+    if (len(lamps) == 1 and lamps.period_mm is None) or (stl is None and lens.lamps_on_plate):
         return None
     drawn = np.random.default_rng(seeds.of_verification(lens.seed)).permutation(len(rays)) % len(lamps)
     designed = [
         (lit.name, replace(screen, rows=len(lit.map), columns=len(lit.map[0])), lit.map)
         for lit, screen in zip(light.receivers, screens_of(spec, light.pixels), strict=True)
     ]
-    if stl is None:
-        stands = [independent_draws.stand(lamp.axis, lamp.turn_deg) for lamp in lamps.lamps]
-        return LampsApart(np.array([lamp.place_mm for lamp in lamps.lamps]), np.array(stands), drawn, designed)
+    if stl is None or not lens.lamps_on_plate:
+        return LampsApart(stands_of(lamps), drawn, designed)
     plate = PlateOfLenses(np.array(lamps.places_mm), np.radians(lamps.turns_deg), None)
     return LampsOnPlate(stl, plate.placed(rays, drawn), replace(optical, plate=plate), designed)
+
+
+def stands_of(lamps: Lamps) -> LampStands:
+    """Where ``lamps`` stand."""
+    axes = [independent_draws.stand(lamp.axis, lamp.turn_deg) for lamp in lamps.lamps]
+    return LampStands(np.array([lamp.place_mm for lamp in lamps.lamps]), np.array(axes))
 
 
 def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
@@ -106,6 +111,7 @@ def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
             window=_bounds(receiver.window),
             filter_variance=spec.evaluate.filter_variance,
             numbers={name: value for name, value in section if isinstance(value, float)},
+            period_mm=spec.all_lamps.period_mm,
         )
         for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]

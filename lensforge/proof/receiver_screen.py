@@ -35,6 +35,7 @@ class Screen(ABC):
     sin(gamma / 2) for the far field. ``window``: width, height, and radius in which flux counts as detected; None: any.
     ``filter_variance`` (pixels^2) is that of the paper's 3 x 3 Gaussian filter; 0: none. At the edge of the receiver
     the filter repeats the outermost pixels. ``numbers``: what else the spec states of a receiver of this kind.
+    ``period_mm``: of an endless lattice of lamps, whose light is that of one with all landings moved into one period.
     """
 
     centre_mm: Triple
@@ -47,6 +48,7 @@ class Screen(ABC):
     window: tuple[float | None, float | None, float | None]
     filter_variance: float = 1.0
     numbers: Mapping[str, float] = field(default_factory=dict)
+    period_mm: tuple[float, float] | None = None
 
     kinds: ClassVar[dict[str, "type[Screen]"]] = {}
     kind: ClassVar[str]  # that of the receiver's section
@@ -111,7 +113,8 @@ class Screen(ABC):
         """Places on the chart where rays from ``points`` (mm) land; NaN for those that never reach the surface."""
         axes = self.axes
         with np.errstate(divide="ignore", invalid="ignore"):
-            return self._landed((points - self.centre_mm) @ axes.T, directions @ axes.T)
+            places = self._landed((points - self.centre_mm) @ axes.T, directions @ axes.T)
+        return places if self.period_mm is None else places - self.period_mm * np.round(places / self.period_mm)
 
     def on_pixels(self, landings: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for landings on any pixel; False for NaN."""

@@ -110,7 +110,7 @@ JUDGES: dict[type[StageResult], dict[str, Judge]] = {
         "criteria": lambda check, lens: wall_criteria(lens.spec, check.walls) + edge_criteria(lens.spec, check.edges),
         "verdicts": _findings,
     },
-    Proof: {"criteria": lambda proof, lens: proof_criteria(proof, on_plate=lens.spec.plate is not None)},
+    Proof: {"criteria": lambda proof, lens: proof_criteria(proof, on_plate=lens.lamps_on_plate)},
     StrayLight: {"criteria": lambda stray, _: stray_criteria(stray)},
     Photometry: {"criteria": lambda photometry, _: photometry_criteria(photometry.files)},
     PhotoComparison: {"criteria": lambda photo, _: photo_criteria(photo.clipped)},

@@ -103,6 +103,19 @@ class Lens:
         return f"of lamp {self.first_lamp + 1} of {len(lamps)}{kind}, with the receivers as it sees them"
 
     @property
+    def own_lamps_words(self) -> str:
+        """Words on all lamps that have this lens, whose light is told together; empty where there is one alone."""
+        lamps, kind = self.of_own_lamps.spec.all_lamps, f" with the lens {self.kind}" if self.kind else ""
+        if lamps.period_mm is not None:
+            return "of all lamps of the endless lattice"
+        return "" if lamps.is_single else f"of {len(lamps)} lamp{'s' * (len(lamps) > 1)}{kind}"
+
+    @property
+    def lamps_on_plate(self) -> bool:
+        """True where one plate has all lamps; of an endless lattice it has some."""
+        return self.spec.plate is not None and self.spec.all_lamps.period_mm is None
+
+    @property
     def of_own_lamps(self) -> "Lens":
         """This lens with those lamps alone that have it: itself, where all have."""
         own = next((each for each in self.spec.all_lamps.kinds if each.name == self.kind), None)

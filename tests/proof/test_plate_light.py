@@ -21,14 +21,16 @@ from lensforge.optics.media import Media, Medium
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Base
 from lensforge.proof.optical_faces import OpticalFaces
-from lensforge.proof.part_comparison import LampsOnPlate, light_of_lamps
+from lensforge.proof.part_comparison import LampsApart, LampsOnPlate, light_of_lamps
 from lensforge.proof.part_mesh import read_part_mesh
-from lensforge.proof.proof_inputs import lamps_together, plate_of
+from lensforge.proof.proof_facts import stray_facts
+from lensforge.proof.proof_inputs import lamps_together, plate_of, screens_of, stands_of
 from lensforge.proof.proof_result import StrayLight
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.sequential_cast import send_through
 from lensforge.proof.stray_analysis import trace_stray
 from lensforge.scene.lens import Lens
+from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import BaseSection
 from lensforge.spec.lamps_section import Lamps
@@ -144,3 +146,33 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
     (found,) = light_of_lamps(lamps, passage, rays, Media(Medium(INDEX)), 1)
     assert (found.lamps, found.rays) == (3, 6000) and found.nmse_vs_sum < 1e-4 < found.noise_floor_nmse
     assert found.efficiency == pytest.approx(total.sum() * screen.pixel_measure / 3.0, rel=1e-3)
+
+
+def test_the_part_makes_the_light_of_an_endless_lattice() -> None:
+    """Two lamps in a period, against the design's sum; with one of them alone the pattern is another."""
+    period = (20.0, 20.0 * 3.0**0.5)
+    plane = {"kind": "plane", "centre_mm": [0.0, 0.0, 14.0], "width_mm": period[0], "height_mm": period[1]}
+    lamps = {"kind": "endless", "lattice": "hexagon", "pitch_mm": 20.0}
+    receivers = [plane | {"targets": [{"kind": "disc", "diameter_mm": 12.0}]}]
+    spec = small_spec(lamps=lamps, target=None, receivers=receivers, base={"kind": "none"}, **WIDE)
+    alone = lens_on({}, [[0.0, 0.0]], [], 0.03)
+    lens = Lens(alone.surfaces, spec, 0, FEW)
+    light, rays = evaluate(lens, rays=2**15), build_source(spec.source).sample(2**12, 5)
+    plan = lay_out(*fit_lens(alone), BaseSection(kind="none"))
+    stl = stl_bytes(lens_mesh(plan, 1)[0])
+    part = read_part_mesh(stl)
+    passage = send_through(part, Grid(part.mesh), rays, lens.media)
+    together = lamps_together(None, (lens, light), rays, OpticalFaces())
+    assert isinstance(together, LampsApart) and together.count == 2
+    (found,) = light_of_lamps(together, passage, rays, lens.media, 1)
+    assert found.nmse_vs_sum < 1.5 * found.noise_floor_nmse
+    assert found.efficiency == pytest.approx(light.efficiency.value, abs=0.01)
+    one = replace(together, numbers=0 * together.numbers)
+    assert light_of_lamps(one, passage, rays, lens.media, 1)[0].nmse_vs_sum > 5.0 * found.nmse_vs_sum
+    given = {"rays": rays, "media": lens.media, "screens": screens_of(spec), "lamps": stands_of(spec.all_lamps)}
+    stray = trace_stray(stl, **given)
+    assert stray.efficiency_sequential == pytest.approx(light.efficiency.value, abs=0.01)
+    assert stray.flux.outside_direct == stray.flux.outside_stray == 0.0 < stray.flux.detected_stray
+    off = np.sum((stray.first.sequential - light.map) ** 2) / np.sum(light.map**2)
+    assert off < 1.5 * found.noise_floor_nmse
+    assert stray_facts(stray, lens.own_lamps_words)[0].note == "of all lamps of the endless lattice"

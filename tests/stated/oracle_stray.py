@@ -1,5 +1,6 @@
 """Every number of ``verify --stray`` by docs/definitions.md, section 14: light that splits at the exact faces."""
 
+from collections import Counter
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -307,48 +308,47 @@ def behind(case, solid, light):
     return left, p, d, share, glass
 
 
-def spec_of_one(case):
-    """The spec of the lamp that is lit, and its place and turn: of lamps on poles the first, else the origin."""
-    spec = case.lens["spec"]
-    if (spec["lamps"] or {}).get("aims_mm"):
-        places, turns, _ = lamps_of(spec)
-        return spec, places[0], turns[0]
-    return spec | {"lamps": None}, np.zeros(3), np.eye(3)
-
-
 def light_at(case):
-    """Of each receiver: pictures (W) and shares of the light that is split, and of the light that is not."""
+    """Of each receiver: pictures (W) and shares of the light that is split, and of the light that is not; of all lamps.
+
+    Each lamp has the same light, at its place and with its axes.
+    """
     solid, ends = followed(case)
-    light, watts = ends["escaped"], ends["watts"]
-    spec, place, turn = spec_of_one(case)
+    light, spec = ends["escaped"], case.lens["spec"]
     left, p, d, share, glass = behind(case, solid, light)
-    flux = light.flux * share * glass
-    direct = exits(case.lens, solid.faces, *case.rays["stray"][0][:2], case.rays["stray"][0][3])
+    rays, flux = case.rays["stray"][0], light.flux * share * glass
+    direct = exits(case.lens, solid.faces, *rays[:2], rays[3])
+    lamps = list(zip(*lamps_of(spec)[:2], strict=True))
+    watts, stray, rows = len(lamps) * ends["watts"], light.cause != SEQUENTIAL, direct.left
+    own_flux, variance = (direct.flux * rays[2])[rows], spec["evaluate"]["filter_variance"]
     found = []
     for receiver in receivers_of(spec):
-        shift = 0 if receiver.kind == "far_field" else place
-        at = np.full((len(flux), 2), np.nan)
-        at[left] = receiver.land(p[left] @ turn.T + shift, d[left] @ turn.T)
-        lands = ~np.isnan(at[:, 0])
-        seen, stray = lands & receiver.in_window(*np.nan_to_num(at, nan=np.inf).T), light.cause != SEQUENTIAL
-        rows = direct.left
-        own = receiver.land(direct.p[rows] @ turn.T + shift, direct.d[rows] @ turn.T)
-        own_flux = (direct.flux * case.rays["stray"][0][2])[rows]
-        on = ~np.isnan(own[:, 0])
-        variance = spec["evaluate"]["filter_variance"]
-        images = [filtered(receiver.bins(at[some], flux[some]), variance) for some in (lands & ~stray, lands & stray)]
-        sums = {
-            "detected_direct": flux[seen & ~stray].sum(), "detected_stray": flux[seen & stray].sum(),
-            "outside_direct": flux[lands & ~seen & ~stray].sum(), "outside_stray": flux[lands & ~seen & stray].sum(),
-            "backward": flux[left][~lands[left]].sum(), "absorbed": ends["absorbed"],
-            "cover_glass": (light.flux * share * (1 - glass)).sum(), "bodies": (light.flux * (1 - share)).sum(),
-            "base": 0.0, "too_dim": ends["too_dim"], "leaked": ends["leaked"],
-        }  # fmt: skip
-        by_cause = {name: flux[seen & (light.cause == k)].sum() / watts for k, name in enumerate(CAUSES) if k}
-        plain = filtered(receiver.bins(own[on], own_flux[on]), variance)
-        found.append((receiver, {name: each / watts for name, each in sums.items()}, by_cause, *images, plain,
-                      own_flux[on & receiver.in_window(*np.nan_to_num(own, nan=np.inf).T)].sum() / watts))  # fmt: skip
-    return found, ends["neighbours"] / watts
+        sums, by_cause, images, plain, undivided = Counter(), Counter(), [0, 0], 0, 0.0
+        for place, turn in lamps:
+            shift = 0 if receiver.kind == "far_field" else place
+            at = np.full((len(flux), 2), np.nan)
+            at[left] = receiver.land(p[left] @ turn.T + shift, d[left] @ turn.T)
+            lands = ~np.isnan(at[:, 0])
+            seen = lands & receiver.in_window(*np.nan_to_num(at, nan=np.inf).T)
+            own = receiver.land(direct.p[rows] @ turn.T + shift, direct.d[rows] @ turn.T)
+            on = ~np.isnan(own[:, 0])
+            images = [image + filtered(receiver.bins(at[some], flux[some]), variance)
+                      for image, some in zip(images, (lands & ~stray, lands & stray), strict=True)]  # fmt: skip
+            plain = plain + filtered(receiver.bins(own[on], own_flux[on]), variance)
+            undivided += own_flux[on & receiver.in_window(*np.nan_to_num(own, nan=np.inf).T)].sum() / watts
+            sums.update({
+                "detected_direct": flux[seen & ~stray].sum(), "detected_stray": flux[seen & stray].sum(),
+                "outside_direct": flux[lands & ~seen & ~stray].sum(),
+                "outside_stray": flux[lands & ~seen & stray].sum(),
+                "backward": flux[left][~lands[left]].sum(), "absorbed": ends["absorbed"],
+                "cover_glass": (light.flux * share * (1 - glass)).sum(), "bodies": (light.flux * (1 - share)).sum(),
+                "base": 0.0, "too_dim": ends["too_dim"], "leaked": ends["leaked"],
+            })  # fmt: skip
+            by_cause.update({name: flux[seen & (light.cause == k)].sum() / watts for k, name in enumerate(CAUSES) if k})
+        found.append(
+            (receiver, {name: each / watts for name, each in sums.items()}, by_cause, *images, plain, undivided)
+        )
+    return found, ends["neighbours"] / ends["watts"]
 
 
 def of_case(case):
@@ -361,7 +361,7 @@ def near(value, part=NEAR):
 
 def receiver_record(case, number):
     receiver, flux, by_cause, direct, stray, plain, sequential = of_case(case)[0][number]
-    watts, whole = case.rays["stray"][0][2].sum(), direct + stray
+    watts, whole = len(lamps_of(case.lens["spec"])[0]) * case.rays["stray"][0][2].sum(), direct + stray
     area = np.prod(receiver.size) / direct.size * (1 if receiver.kind == "far_field" else 1e-6)
     for name, image in (("direct", direct), ("stray", stray), ("sequential", plain)):
         found = arrays(case, "stray")[f"receivers.{number}.{name}"] * area
