@@ -12,7 +12,7 @@ from lensforge.cli.output import Block, Output, Row, warning_line
 from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
-from lensforge.light.photometry_result import IES_FILE, LDT_FILE, TM25_FILE, TM33_FILE, Photometry
+from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILE, TM25_FILE, TM33_FILE, Photometry
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline, kinds
@@ -285,6 +285,7 @@ def _written(run: Run) -> str:
     part, photometry = run.find(Part), run.find(Photometry)
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
+    names += [LUMINAIRE_FILE] if photometry is not None and photometry.luminaire else []
     names += [] if photometry is None else [f"{_STEM}_{each.led}.ies" for each in photometry.others]
     first = names[:1]  # "lens.step, .stl, .3mf"
     return ", ".join(

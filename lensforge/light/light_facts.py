@@ -152,12 +152,12 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
     if lens.spec.optimise.aim == "pattern":
         yield _error_of_pattern(receiver, judged.get("nmse"))
     yield _share_in_target(receiver, judged.get("share_in_target"))
-    most = receiver.possible.efficiency
+    most, whole = receiver.possible.efficiency, lens.spec.all_lamps.whole
     yield Fact.share(
         "efficiency",
         METRICS["efficiency"],
         receiver.efficiency,
-        f"share of the LED’s flux {window_words(receiver)}",
+        f"share of the {f'flux {whole}' if whole else 'LED’s flux'} {window_words(receiver)}",
         sense=">=",
         possible=most,
         notice=f"below {_OF_POSSIBLE:g} of what is possible" if receiver.efficiency.value < _OF_POSSIBLE * most else "",
@@ -297,12 +297,17 @@ def photometry_facts(photometry: Photometry, spec: Spec) -> list[Group]:
 
 
 def _photometry_of_led(photometry: Photometry, spec: Spec) -> list[Group]:
-    groups = [Group("far_field", "Far field", tuple(_far_field(photometry, spec))), *map(road_facts, photometry.roads)]
+    lenses, lamps = spec.photometry.lenses, spec.all_lamps
+    one = f"one lens of {lenses}" if lenses > 1 else lamps.whole.replace("of all lamps", "one lamp")
+    beside = f", {one}" if one else ""
+    groups = [Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))]
+    groups += map(road_facts, photometry.roads)
     if photometry.road is None:
         return groups
-    lamp = Group("lamp", "Lamp", tuple(_lamp(photometry.road, spec.photometry.lenses)))
+    whole = f", all {lenses} lenses" if lenses > 1 else beside
+    lamp = Group("lamp", f"Lamp{whole}", tuple(_lamp(photometry, photometry.road, lenses)))
     zones = (Fact.measured(name, words, getattr(photometry.road.bug.zones, name)) for name, words in _ZONES.items())
-    return [*groups, lamp, Group("zones", "Zones", tuple(zones))]
+    return [*groups, lamp, Group("zones", f"Zones{whole}", tuple(zones))]
 
 
 def _judged_planes(spec: Spec) -> Iterator[float]:
@@ -315,13 +320,14 @@ def _judged_planes(spec: Spec) -> Iterator[float]:
                 yield limit.azimuth_deg % 180.0
 
 
-def _far_field(photometry: Photometry, spec: Spec) -> Iterator[Fact]:
-    direction = photometry.peak_direction
-    source = f"of {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
+def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]:
+    """Facts of the files; ``whose`` light they have, of several lenses or lamps."""
+    direction, start = photometry.peak_direction, f"{whose}; " if whose else ""
+    source = f"{start}of {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
     taken = ", which states no flux: all figures are for these" if photometry.per_1000_lm else ""
     yield Fact.measured("exit_lm", "Luminous flux", photometry.exit_lm, f"{source}{taken}")
     at = f"at C {quantity(direction.c_deg, '°', digits=4)}, gamma {quantity(direction.gamma_deg, '°', digits=3)}"
-    yield Fact.measured("peak_cd", "Peak intensity", photometry.peak_cd, at)
+    yield Fact.measured("peak_cd", "Peak intensity", photometry.peak_cd, f"{start}{at}")
     yield Fact.measured("axis_cd", "Intensity on the axis", photometry.axis_cd)
     for beam in (photometry.beam_c0, photometry.beam_c90):
         plane = f"C {beam.c_deg:.0f}"
@@ -369,13 +375,17 @@ def spacing_fact(held: HeldSpacing | None) -> Fact:
     return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
 
 
-def _lamp(road: RoadFigures, lenses: int) -> Iterator[Fact]:
-    shape, glare = road.distribution, road.glare
+def _lamp(photometry: Photometry, road: RoadFigures, lenses: int) -> Iterator[Fact]:
+    shape, glare, several = road.distribution, road.glare, f"all {lenses} lenses" if lenses > 1 else ""
+    led = f"_{photometry.led}" if photometry.others else ""
     yield Fact("lenses", "Lenses", lenses)
     yield Fact.measured("lamp_lm", "Light of the lamp", road.lumens)
+    if photometry.luminaire is not None:
+        note = f"holds {quantity(photometry.luminaire.lumens, 'lm', digits=5)} of {several}"
+        yield Fact("luminaire", "File of the lamp", f"luminaire{led}.ies", note=note)
     yield Fact("distribution", "IES distribution", str(shape).removeprefix("type "))
     yield Fact.measured("street_mh", "Half of the peak reaches", shape.street_mh, "mounting heights to the street")
-    yield Fact("bug", "BUG rating", str(road.bug))
+    yield Fact("bug", "BUG rating", str(road.bug), note=several)
     yield Fact("glare_class", "Glare class", glare.glare_class, note="EN 13201")
     yield Fact.measured("above_70", "Most from 70° on", glare.above_70, "cd/klm")
     yield Fact.measured("above_80", "Most from 80° on", glare.above_80, "cd/klm")

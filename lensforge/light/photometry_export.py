@@ -21,6 +21,7 @@ from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import (
     IES_FILE,
     LDT_FILE,
+    LUMINAIRE_FILE,
     PLANES_DEG,
     TM25_FILE,
     TM33_FILE,
@@ -96,15 +97,29 @@ def _rayfile(
 
 def read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> WrittenFiles:
     """Flux of each file as read back, and its relative error from ``exit_w``, the flux of the rays."""
-    files = {}
-    for key, name in _FAR_FIELDS.items():
-        back = float(photometric_of(contents[name], name).intensity.flux())
-        files[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
+    exit_lm = exit_w * lumens_per_watt
+    files = {key: _read_back(contents[name], name, exit_lm) for key, name in _FAR_FIELDS.items()}
     rayfile = decode(FileImage(Path(TM25_FILE), np.frombuffer(contents[TM25_FILE], dtype=np.uint8)))
     watts, lumens = float(rayfile.ray_sum()), rayfile.header_flux_lm
     error = float(np.abs(watts / exit_w - 1.0))
     tm25 = WrittenFile(rays=len(rayfile), watts=watts, lumens=lumens, relative_error=error)
     return WrittenFiles(**files, tm25ray=tm25)
+
+
+def _read_back(content: bytes, name: str, exit_lm: float) -> WrittenFile:
+    lumens = float(photometric_of(content, name).intensity.flux())
+    return WrittenFile(lumens=lumens, relative_error=abs(lumens / exit_lm - 1.0))
+
+
+def _of_luminaire(lens: PhotometricFile, lenses: int, ies_version: IesVersion) -> bytes | None:
+    """The IES file of a lamp of so many equal lenses that shine alike; None for one, which has its own."""
+    if lenses == 1:
+        return None
+    light = replace(lens.intensity, values=lenses * lens.intensity.values)
+    lamps = (replace(lens.lamps[0], lumens=lenses * (lens.lamps[0].lumens or 0.0)),)
+    remarks = (*lens.remarks, f"{lenses} equal lenses; their places are not known, the opening is that of one")
+    whole = replace(lens, intensity=light, lamps=lamps, title=f"{lens.title}, {lenses} lenses", remarks=remarks)
+    return encoded(Path(LUMINAIRE_FILE), whole, ies_version)
 
 
 _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
@@ -170,7 +185,9 @@ def measure_photometry(
     lamp, lost_w = _lamp(fitted, per_watt, section.street_side_deg), named_flux(light.by_fate_w)
     known_lm, spectrum = None if bright.per_1000_lm else exit_lm.value, spectrum_of_source(lens.spec.source, summary)
     contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
-    files = read_back(contents, light.exit_w.value, per_watt)
+    files, all_lenses = read_back(contents, light.exit_w.value, per_watt), section.lenses
+    of_all = _of_luminaire(photometric, all_lenses, ies_version)
+    luminaire = None if of_all is None else _read_back(of_all, LUMINAIRE_FILE, all_lenses * exit_lm.value)
     return Photometry(
         inputs={"lens": lens.sha256},
         rays=light.rays,
@@ -194,7 +211,8 @@ def measure_photometry(
         interpolation_error=fitted.interpolation_error,
         warnings=warnings,
         files=files,
-        criteria=photometry_criteria(files),
+        luminaire=luminaire,
+        criteria=photometry_criteria(files, luminaire),
         c_deg=candela.c_deg,
         gamma_deg=candela.gamma_deg,
         candela=candela.values,
@@ -203,6 +221,7 @@ def measure_photometry(
         ldt=contents[LDT_FILE],
         tm33=contents[TM33_FILE],
         tm25=contents[TM25_FILE],
+        luminaire_ies=of_all,
         seconds=time.perf_counter() - started,
     )
 

@@ -153,6 +153,7 @@ class CandelaTables:
 
 
 IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.iesxml", "lens.tm25ray"
+LUMINAIRE_FILE = "luminaire.ies"
 _CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
 
 
@@ -177,11 +178,11 @@ class WrittenFiles(Record):
 _FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
 
 
-def photometry_criteria(files: WrittenFiles) -> Criteria:
+def photometry_criteria(files: WrittenFiles, luminaire: WrittenFile | None) -> Criteria:
     """One criterion for each file: it holds the flux of the rays."""
-    errors = {
-        f"flux of {name} as read back": getattr(files, field).relative_error for field, name in _FILE_NAMES.items()
-    }
+    written = {name: getattr(files, field) for field, name in _FILE_NAMES.items()}
+    written |= {} if luminaire is None else {LUMINAIRE_FILE: luminaire}
+    errors = {f"flux of {name} as read back": each.relative_error for name, each in written.items()}
     remedy = "please report the lens.json"
     return tuple(at_most(name, error, _CONSERVED, "relative", remedy) for name, error in errors.items())
 
@@ -218,7 +219,10 @@ class Photometry(ResultByLed):
     ``source_lm_from``: where the luminous flux of the source comes from. Where nothing states it, ``per_1000_lm`` is
     true: ``source_lm`` is 1000, and candela are per 1000 lm of the source. ``warnings``: whatever limits the use of the
     files. ``ies``, ``ldt``, ``tm33``, ``tm25``: the bytes of the files. Of several lamps all is that of the whole.
+    ``luminaire``, ``luminaire_ies``: the file of all lenses of a lamp, where the spec says that it has several.
     """
+
+    told_if_any: ClassVar[tuple[str, ...]] = ("led", "others", "luminaire")
 
     stage: ClassVar[str] = "photometry"
 
@@ -244,6 +248,7 @@ class Photometry(ResultByLed):
     interpolation_error: NotNegative | None
     warnings: tuple[Text, ...] = ()
     files: WrittenFiles
+    luminaire: WrittenFile | None = None
     seconds: NotNegative
     criteria: Criteria
     c_deg: Annotated[Float[np.ndarray, " c"], Array("c")]
@@ -254,6 +259,7 @@ class Photometry(ResultByLed):
     ldt: Annotated[bytes, InFile(LDT_FILE)]
     tm33: Annotated[bytes, InFile(TM33_FILE)]
     tm25: Annotated[bytes, InFile(TM25_FILE, 1024 * MIB)]  # 38 million rays
+    luminaire_ies: Annotated[bytes | None, InFile(LUMINAIRE_FILE)] = None
 
     def products(self) -> dict[str, bytes]:
         """Bytes of the IES, EULUMDAT, TM-33 and TM-25 files, by suffix."""

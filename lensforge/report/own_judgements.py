@@ -112,7 +112,7 @@ JUDGES: dict[type[StageResult], dict[str, Judge]] = {
     },
     Proof: {"criteria": lambda proof, lens: proof_criteria(proof, on_plate=lens.lamps_on_plate)},
     StrayLight: {"criteria": lambda stray, _: stray_criteria(stray)},
-    Photometry: {"criteria": lambda photometry, _: photometry_criteria(photometry.files)},
+    Photometry: {"criteria": lambda found, _: photometry_criteria(found.files, found.luminaire)},
     PhotoComparison: {"criteria": lambda photo, _: photo_criteria(photo.clipped)},
     SurfaceComparison: {"criteria": lambda measured, _: surface_criteria(measured.used_share, measured.covered_share)},
     Correction: {"criteria": _of_correction},

@@ -105,10 +105,7 @@ class Lens:
     @property
     def own_lamps_words(self) -> str:
         """Words on all lamps that have this lens, whose light is told together; empty where there is one alone."""
-        lamps, kind = self.of_own_lamps.spec.all_lamps, f" with the lens {self.kind}" if self.kind else ""
-        if lamps.period_mm is not None:
-            return "of all lamps of the endless lattice"
-        return "" if lamps.is_single else f"of {len(lamps)} lamp{'s' * (len(lamps) > 1)}{kind}"
+        return self.of_own_lamps.spec.all_lamps.whole + (f" with the lens {self.kind}" if self.kind else "")
 
     @property
     def lamps_on_plate(self) -> bool:

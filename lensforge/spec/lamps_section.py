@@ -87,6 +87,13 @@ class Lamps:
         return f", lit by an infinite lattice, {len(self)} in {self.period_mm[0]:g} × {self.period_mm[1]:.4g} mm"
 
     @property
+    def whole(self) -> str:
+        """Words on all of them, whose light is told together; empty for one alone."""
+        if self.period_mm is not None:
+            return "of all lamps of the endless lattice"
+        return "" if self.is_single else f"of {len(self)} lamp{'s' * (len(self) > 1)}"
+
+    @property
     def reach_mm(self) -> float:
         """Distance of the farthest lamp from the origin."""
         return max(hypot(*lamp.place_mm) for lamp in self.lamps)

@@ -14,6 +14,7 @@ from test_photometry import ROUGH, SYMMETRIC, THROUGH, measured
 import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
+from lensforge.light.light_facts import photometry_facts
 from lensforge.light.photometry_result import Photometry
 
 DATED = replace(ROUGH, spec=small_spec(manufacture__date="2026-03-01"))
@@ -42,6 +43,29 @@ def test_other_readers_find_the_light_within_its_stated_error(suffix, cosine):
     assert (np.abs(candela - truth) < 6.0 * found.candela_standard_error + 0.004 * truth[0]).all()
     bright = found.candela > 0.1 * found.candela.max()
     assert np.abs(candela / truth - 1.0)[bright].max() < 6.0 * found.node_error.max
+
+
+def test_the_file_of_a_lamp_holds_the_light_of_all_its_lenses(cosine, tmp_path):
+    """Beside those of one lens; both say whose light they have, and so do the figures."""
+    one, folder = cosine
+    spec = small_spec(source__side_mm=0.0, photometry={"lenses": 12})
+    found = measured(replace(SYMMETRIC, spec=spec), rays=2**12, lumens=250.0)
+    found.write(tmp_path)
+    _, _, candela, lumens, _ = by_photompy(tmp_path / "luminaire.ies")
+    assert lumens == 3000.0
+    np.testing.assert_allclose(candela, 12.0 * found.candela, rtol=5e-7, atol=1e-9)
+    assert found.luminaire.lumens == pytest.approx(12.0 * found.exit_lm.value, rel=1e-6)
+    assert b"12 lenses" in found.luminaire_ies and b"12 lenses" not in found.ies
+    assert found.criteria[-1].key == "flux of luminaire.ies as read back" and found.criteria[-1].holds
+    assert Photometry.read(tmp_path) == found
+    assert not (folder / "luminaire.ies").exists() and one.luminaire is None
+    titles = {group.key: group.title for group in photometry_facts(found, spec)}
+    assert titles["far_field"] == "Far field, one lens of 12"
+    area = small_spec(photometry={"lenses": 12, "use": "area"}, target__distance_mm=1e4, target__receiver_mm=1e4)
+    far = measured(replace(SYMMETRIC, spec=area), rays=2**12, lumens=250.0)
+    field, lamp, zones = photometry_facts(far, area)
+    assert (lamp.title, zones.title) == ("Lamp, all 12 lenses", "Zones, all 12 lenses")
+    assert lamp.fact("luminaire").value == "luminaire.ies" and field.fact("exit_lm").note.startswith("one lens of 12; ")
 
 
 def test_every_file_says_that_it_is_computed_and_when():

@@ -48,7 +48,7 @@ def make_photometry(lens, **changes):
         "node_error": Extent(max=0.03, rms=0.01),
         "interpolation_error": 0.002,
         "files": files,
-        "criteria": photometry_criteria(files),
+        "criteria": photometry_criteria(files, None),
         "c_deg": C_DEG,
         "gamma_deg": GAMMA_DEG,
         "candela": table.values,
