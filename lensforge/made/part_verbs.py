@@ -75,8 +75,8 @@ def compare(
     """
     on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
     of_points = {"surface": surface, "registration": unless_own(registration, "rigid"), "rays": rays}
-    of_photo = {"off": off, "corners": corners, "target_mm": target_mm, "gamma": unless_own(gamma, 1.0), "lens": lens}
-    of_photo |= {"led": led}
+    of_photo: dict[str, object] = {"off": off, "corners": corners, "target_mm": target_mm, "lens": lens, "led": led}
+    of_photo |= {"gamma": unless_own(gamma, 1.0)}
     if isinstance(measured, Light) and on is not None and points is None:
         _refuse_unused("a photograph", of_points)
         lit = measured.by_led[measured.led if led is None else require_choice("led", led, list(measured.by_led))]

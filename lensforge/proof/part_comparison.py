@@ -269,18 +269,9 @@ class LampStands:
 
     def stood(self, passage: Passage, numbers: int | Int[np.ndarray, " n"]) -> Passage:
         """A ``passage`` through the part at the origin, moved with one lamp, or each ray with the one of its number."""
-        points, directions = self.moved(passage.points, passage.directions, numbers)
-        return replace(passage, points=points, directions=directions)
-
-    def moved(
-        self,
-        points: Float[np.ndarray, "n 3"],
-        directions: Float[np.ndarray, "n 3"],
-        numbers: int | Int[np.ndarray, " n"],
-    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-        """Points and directions behind the part at the origin, moved likewise."""
-        turned, ahead = (np.einsum("...ij,...j", self.axes[numbers], each) for each in (points, directions))
-        return turned + self.places[numbers], ahead
+        turned = self.axes[numbers]
+        points, directions = (np.einsum("...ij,...j", turned, each) for each in (passage.points, passage.directions))
+        return replace(passage, points=points + self.places[numbers], directions=directions)
 
 
 ONE_LAMP = LampStands(np.zeros((1, 3)), np.eye(3)[None])
