@@ -44,6 +44,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
         "--on": ("on.png", "on", Path("on.png")), "--off": ("off.png", "off", Path("off.png")),
         "--corners": ("1,2 3,4 5.5,6 7,8", "corners", [(1.0, 2.0), (3.0, 4.0), (5.5, 6.0), (7.0, 8.0)]),
         "--target-mm": ("12.5", "target_mm", 12.5), "--gamma": ("2.2", "gamma", 2.2),
+        "--led": ("second", "led", "second"),
         "--points": ("p.csv", "points", Path("p.csv")), "--surface": ("outer", "surface", "outer"),
         "--registration": ("shift", "registration", "shift"), "--rays": COUNT["--rays"],
     },
