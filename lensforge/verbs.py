@@ -5,9 +5,10 @@ writes there, the options and the help of its command.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
+from inspect import Signature, isfunction, signature
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar, get_type_hints
 
 from lensforge.cad.part import Part
 from lensforge.errors import (
@@ -34,6 +35,7 @@ from lensforge.report.results import Results, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Conditions, Fact, Metric, StageResult
+from lensforge.results.arguments import ShownType
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
@@ -118,6 +120,20 @@ _OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)
 NAMES = {name: globals()[name] for name in __all__} | {
     kind.__name__: kind for base in _OF_KINDS for kind in base.kinds.values()
 }
+
+
+def _shown(verb: Callable[..., object]) -> Signature:
+    """Signature with the public names of what is taken and returned."""
+    own, types = signature(verb), get_type_hints(verb, localns=NAMES)
+    shown = {name: ShownType.of(each) for name, each in types.items()}
+    taken = [each.replace(annotation=shown.get(each.name, each.empty)) for each in own.parameters.values()]
+    return own.replace(parameters=taken, return_annotation=own.return_annotation and shown["return"])
+
+
+for _named in NAMES.values():
+    if isfunction(_named) or is_dataclass(_named):  # sections have theirs when it is asked for
+        _made = _named if isfunction(_named) else vars(_named)["__init__"]
+        vars(_made)["__signature__"] = _shown(_made)
 
 Decides = Literal["light", "files", "cutting", ""]
 _Result = TypeVar("_Result", bound=StageResult)

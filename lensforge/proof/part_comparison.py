@@ -262,7 +262,7 @@ class LampsOnPlate:
 
 @dataclass(frozen=True, eq=False)
 class LampStands:
-    """Where lamps stand: places (mm), and axes as columns."""
+    """Places (mm) of lamps, and their axes as columns."""
 
     places: Float[np.ndarray, "k 3"]
     axes: Float[np.ndarray, "k 3 3"]

@@ -94,7 +94,7 @@ def lamps_together(
 
 
 def stands_of(lamps: Lamps) -> LampStands:
-    """Where ``lamps`` stand."""
+    """Places and axes of ``lamps``."""
     axes = [independent_draws.stand(lamp.axis, lamp.turn_deg) for lamp in lamps.lamps]
     return LampStands(np.array([lamp.place_mm for lamp in lamps.lamps]), np.array(axes))
 

@@ -1,5 +1,7 @@
 """Arguments of a verb: validated with one-line errors, and converted."""
 
+import inspect
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from math import isfinite
@@ -19,6 +21,18 @@ _MAKES = {
     "Results": "run(...) or load(...)",
     "TolerancesSection": 'TolerancesSection(preset="precision")',
 }
+
+
+class ShownType(str):
+    """A type as ``help`` shows it in a signature: without the modules of the package in which its classes stand."""
+
+    __slots__ = ()
+    __repr__ = str.__str__
+
+    @staticmethod
+    def of(annotation: object) -> "ShownType":
+        """The words of an annotation."""
+        return ShownType(re.sub(r"\blensforge\.(\w+\.)+(?=\w)", "", inspect.formatannotation(annotation)))
 
 
 def count_of(name: str, value: object, least: int = 1, most: int = LARGEST_COUNT) -> int | None:

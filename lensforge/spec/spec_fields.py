@@ -15,6 +15,7 @@ from typing import Any, get_type_hints
 from pydantic import BaseModel
 
 from lensforge.results import Record
+from lensforge.results.arguments import ShownType
 from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of, models_in
 from lensforge.spec.derived_values import WHY
@@ -80,7 +81,7 @@ def signature_of(section: type[BaseModel]) -> inspect.Signature:
         kind = inspect.Parameter.POSITIONAL_OR_KEYWORD if name == first else inspect.Parameter.KEYWORD_ONLY
         made = ... if field.default_factory is not None else field.default
         default = inspect.Parameter.empty if field.is_required() else made
-        arguments.append(inspect.Parameter(name, kind, default=default, annotation=types[name]))
+        arguments.append(inspect.Parameter(name, kind, default=default, annotation=ShownType.of(types[name])))
     return inspect.Signature(sorted(arguments, key=lambda each: each.kind))
 
 
