@@ -23,6 +23,7 @@ from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import accuracy_of, preset_of
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.emitter_section import EmitterSection
+from lensforge.spec.feasible import base_warnings
 from lensforge.spec.spec_files import joined_name
 from lensforge.surfaces.mirror_group import contains
 
@@ -159,7 +160,8 @@ def _checked_scene(
         from lensforge.cad.custom_base import read_custom_base
 
         read_custom_base(spec.base.file)
-    remarks, of_scene = list(spec.lens.warnings), tuple[str, ...]()
+    held = base_warnings(spec.lens, spec.constraints, spec.base, spec.manufacture.process) if spec.plate is None else []
+    remarks, of_scene = [*spec.lens.warnings, *held], tuple[str, ...]()
     leds = [led.name for led in spec.sources] or [""]
     for led, own in zip(leds, spec.of_each_source, strict=True):
         source = source_of(own)

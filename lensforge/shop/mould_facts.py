@@ -80,7 +80,8 @@ def _parting(line: PartingLine) -> Fact:
 def _gate(mould: Mould, spec: Spec) -> Fact:
     """Place of the gate; what the part lacks for one."""
     if mould.gate is None:
-        lacks = "give it a base, a flange or a plate: there is no side to fill it at but that of optical faces"
+        holders = "a base, a flange or a plate" if spec.lens.drawn_from_below is None else "a flange"
+        lacks = f"give it {holders}: there is no side to fill it at but that of optical faces"
         return Fact("gate", "Gate", "nowhere", notice=lacks)
     marked = spec.plate is not None and spec.plate.gate is not None
     note = "as marked on its drawing" if marked else "away from the optical faces"

@@ -18,7 +18,7 @@ from lensforge.spec.bodies_section import BodySection, media_with, require_bodie
 from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.emitter_section import EmitterSection
-from lensforge.spec.feasible import require_feasible
+from lensforge.spec.feasible import require_drawn_over_plate, require_feasible
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
 from lensforge.spec.lamps_together import require_kinds, require_together
 from lensforge.spec.lens_section import LensShape
@@ -263,6 +263,7 @@ class Spec(Section):
             require_plate(self.plate, self.lamps, self.constraints)
             if self.lens.flange_room_mm is not None:
                 raise ValueError("lens.flange: the plate holds the lenses; leave out one of the two")
+            require_drawn_over_plate(self.lens, self.manufacture)
 
     @check
     def _window_is_of_a_plane(self) -> None:

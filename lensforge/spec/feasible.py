@@ -17,7 +17,7 @@ from lensforge.optics.face_roles import BODY, CAVITY
 from lensforge.spec.face_section import FlangeSection
 from lensforge.spec.fixed_surface import FixedFace
 from lensforge.spec.lens_section import LensShape
-from lensforge.spec.part_section import BaseSection, ManufactureSection
+from lensforge.spec.part_section import BaseSection, ManufactureSection, Process
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import rounded_up
 
@@ -160,3 +160,24 @@ def require_base_around_cavity(lens: LensShape, limits: ConstraintsSection, base
                 f"base.{name} = {given:g}: {cause} opens to a radius of {opening_mm:.4g} mm and must fit inside; "
                 f"allowed: above {rounded_up(across * opening_mm)}, or try base.kind = 'none'"
             )
+
+
+def require_drawn_over_plate(lens: LensShape, manufacture: ManufactureSection) -> None:
+    """Raise ``ValueError`` for a face that no half of a mould draws, as the plate lies below it and it faces that."""
+    if (hidden := lens.drawn_from_below) is not None and manufacture.process == "moulded":
+        raise ValueError(
+            f"plate: the {hidden} of lens.kind = {lens.kind!r} widens above it, and neither half of a mould draws it; "
+            "give the lens a [lens.flange] at its rim instead of [plate], or take lens.kind = 'double', or "
+            "manufacture.process = 'printed'"
+        )
+
+
+def base_warnings(lens: LensShape, limits: ConstraintsSection, base: BaseSection, process: Process | None) -> list[str]:
+    """A line on a base as wide as the lens under a face that a half of the mould or a tool reaches from below."""
+    hidden, cut = lens.drawn_from_below, process in ("turned", "moulded")
+    if hidden is None or not cut or base.kind in ("none", "step") or base.widest_mm < 2.0 * limits.max_radius_mm:
+        return []
+    return [
+        f"base: the {hidden} of lens.kind = {lens.kind!r} widens above it, where neither a tool nor a mould reaches it "
+        f"from below; try base.kind = 'none', or a base narrower than the {hidden} at z = 0"
+    ]

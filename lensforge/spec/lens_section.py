@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitBall, ExitColumn, ExitSpace
-from lensforge.optics.face_roles import MOST_EVENTS
+from lensforge.optics.face_roles import BODY, MOST_EVENTS
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_material import LensMaterial
@@ -160,6 +160,11 @@ class LensShape(LensMaterial, OfSeveralKinds):
     def made_alone(self) -> Cutting:
         """Process by which such a lens is made where it is no part of a plate: turned, if all its faces can be."""
         return "turned" if all(map(self.is_revolved, self.names)) else "milled"
+
+    @property
+    def drawn_from_below(self) -> str | None:
+        """Name of the outer face that widens upwards, which a base or a plate hides from a mould; None without any."""
+        return next((role.name for role in self.roles if role.widens and role.before == BODY), None)
 
     @property
     def most_events(self) -> int:

@@ -16,11 +16,13 @@ from tir_lenses import spot, spot_lens
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.plan import lay_out
 from lensforge.cad.wall import largest_ball
+from lensforge.errors import InputError
 from lensforge.shop.check_result import Draft, FaceResult, InscribedBall, Mould, MouldedFace, PartingLine
 from lensforge.shop.findings import draft_finding, undercut_finding
 from lensforge.shop.mould_facts import PLASTICS, mould_facts, plastic_of
 from lensforge.shop.mould_halves import mould_of, pieces_of
 from lensforge.spec import BaseSection
+from lensforge.spec.feasible import base_warnings
 from lensforge.surfaces.reciprocal import ConeFace
 
 NODES, TURN = 61, np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
@@ -89,6 +91,23 @@ def test_a_cone_is_drawn_by_the_half_that_it_widens_towards_with_its_own_draft(d
     assert line.places == (("wall", "base") if draft_deg < 0.0 else ("exit", "wall"))
     top = max(line.high_mm, 0.0)
     assert line.radius_mm == pytest.approx(6.0 + slope * top, abs=2e-3)
+
+
+def test_a_wall_that_widens_above_a_plate_or_a_base_is_undercut_and_the_spec_says_so_first() -> None:
+    """All of it, of any size: the plate goes on beside the lens. A flange at the rim leaves it free."""
+    printed = {"manufacture": {"process": "printed"}, "plate": {"thickness_mm": 2.0}}
+    for shape in (spot(), spot(side={"offset_mm": 1.6}, exit={"flat": True})):
+        lens = spot_lens(shape, base=NO_BASE, **printed)
+        wall = mould_of(lens, fit_lens(lens)).faces["wall"]
+        assert wall.undercut_fraction == pytest.approx(1.0) and wall.undercut_heights_mm is not None
+        with pytest.raises(InputError, match=r"plate: the wall of .* 'tir' widens above it.*\[lens\.flange\]"):
+            lens.spec.replace({"manufacture.process": "moulded"})
+    wide, limits = spot().base, spot().constraints
+    (words,) = base_warnings(spot().lens, limits, wide, "moulded")
+    assert words.startswith("base: the wall of lens.kind = 'tir' widens above it") and "base.kind = 'none'" in words
+    narrow = wide.changed(diameter_mm=15.9)
+    others = (spot().lens, narrow, "turned"), (spot().lens, wide, "printed"), (small_spec().lens, wide, "moulded")
+    assert not any(base_warnings(shape, limits, base, process) for shape, base, process in others)
 
 
 def test_a_flange_is_the_widest_and_a_place_for_the_gate() -> None:
@@ -179,6 +198,7 @@ def test_what_a_moulder_is_told() -> None:
         shown["parting"].note
     )
     assert shown["gate"].value == "nowhere" and "a base, a flange or a plate" in shown["gate"].notice
+    assert facts(spot())["gate"].notice.startswith("give it a flange: ")
     assert (
         facts(spec, gate="flange")["gate"].notice == ""
         and facts(spec, gate="base")["gate"].value == "at the side of the base"
