@@ -46,22 +46,25 @@ def millimetres(given: str, answer: str, allowed: str) -> float:
 
 @dataclass(frozen=True)
 class NewScene:
-    """A scene without its lens: tables of ``target``, ``source`` and ``constraints``, and the ``material``, if any."""
+    """A scene without its lens: tables of ``light``, ``source`` and ``constraints``, and the ``material``, if any.
+
+    ``light``: ``target``, or ``receivers`` for a plane beside the axis.
+    """
 
     name: str
-    target: Tables
+    light: Tables
     source: Tables
     constraints: Tables
     material: str | None = None
 
     @staticmethod
-    def of(name: str, target: Tables, source: Tables, max_radius_mm: float) -> "NewScene":
+    def of(name: str, light: Tables, source: Tables, max_radius_mm: float) -> "NewScene":
         """The scene of these tables; the cavity around a ray file is measured. Raises :class:`InputError`."""
         known = "".join(each if each.isascii() and (each.isalnum() or each in "-_") else "_" for each in name)[:64]
         constraints: Tables = {"max_radius_mm": max_radius_mm}
         if source["kind"] == "rayfile":
             constraints |= cavity_around(RayfileSource(**deepcopy(source)))
-        return NewScene(known or "lens", target, source, constraints)
+        return NewScene(known or "lens", light, source, constraints)
 
     def of_material(self, material: str | None) -> "NewScene":
         """The scene with a lens of this material. Raises :class:`InputError` for one that is not known."""
@@ -106,8 +109,9 @@ class NewScene:
             "source": self.source,
             "lens": {**named, **material, **first["lens"], **{name: {**made_by.get("face", {})} for name in shaped}},
             "constraints": self.constraints,
-            "target": self.target,
+            **self.light,
             "manufacture": made_by.get("manufacture"),
+            "tolerances": made_by.get("tolerances"),
             "base": base,
             "optimise": first.get("optimise"),
         }
@@ -132,9 +136,9 @@ class NewScene:
             click.echo(f"lensforge: {words}", err=True)
         reasons = _with_derived(content, made)
         for section in ("source", "target"):
-            if "file" in content[section]:
+            if "file" in content.get(section, {}):
                 content[section]["file"] = _relative(getattr(made, section).file.resolve(), folder)
-        title = f"{made.source.title}, target {made.target.kind}" if made.target is not None else made.source.title
+        title = f"{made.source.title}, target {made.all_receivers[0].targets[0].kind}"
         possible = f"The target: {scene.targets[0].possible_words} through the largest {made.lens.title}.{examples}"
         return new_text(content, reasons, title[:1].upper() + title[1:], possible)
 
@@ -150,7 +154,8 @@ def _limits_of(cutter: str, process: Process | None) -> Tables:
     if cutter == "none":
         return {}
     if cutter == "mould":
-        return {"face": {"draft_deg": GOOD_DRAFT_DEG}, "manufacture": {"process": "moulded"}}
+        moulded: Tables = {"manufacture": {"process": "moulded"}, "tolerances": {"preset": "moulded"}}
+        return {"face": {"draft_deg": GOOD_DRAFT_DEG}, **moulded}
     radius = millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")
     if process == "turned":
         return {}

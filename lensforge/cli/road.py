@@ -9,9 +9,9 @@ from lensforge.cli.conclusion import rows_of
 from lensforge.cli.output import Block, Output, warning_line, with_output
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.light_facts import road_facts, spacing_fact
-from lensforge.light.road_lighting import RoadJudgement
+from lensforge.light.road_lighting import RoadJudgement, with_remedies
 from lensforge.results import Fact, Group
-from lensforge.sources.photometric.photometric_file import cut_below, far_field_warnings
+from lensforge.sources.photometric.photometric_file import coarse_for_roads, cut_below, far_field_warnings
 from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.spec.road_section import load_roads, names_of
 
@@ -48,7 +48,7 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
         raise InputError(f"{file}: {words}: too narrow for the row and its glare; export it up to gamma = 90 degrees")
     lights = [of_file(lamp, street_c, each.lamp_lm) for each in wanted]
     found = [judge_road(*each) for each in zip(wanted, lights, names_of(wanted), strict=True)]
-    for words in far_field_warnings(lamp):
+    for words in (*far_field_warnings(lamp), *coarse_for_roads(lamp)):
         click.echo(warning_line(words), err=True)
     groups = [road_facts(each) for each in found]
     if spacing:
@@ -60,13 +60,15 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
         lambda: _document(file, groups, found),
         lambda: [Block(f"{group.title}, by {file}", list(rows_of([group]))) for group in groups],
     )
-    missed = [f"{each.name}: {_words(limit)}" for each in found for limit in each.limits if not limit.holds]
+    missed = [
+        f"{each.name}: {_words(limit)}" for each in found for limit in with_remedies(each.limits) if not limit.holds
+    ]
     if missed:
         raise CriterionMissed(f"{file}: {missed[0]}" + (f"; and {len(missed) - 1} more" if missed[1:] else ""))
 
 
 def _words(limit: Fact) -> str:
-    return f"{limit.label}: {limit.note} {limit.text}, must be {limit.required}"
+    return f"{limit.label}: {limit.note} {limit.text}, must be {limit.required}: {limit.remedy}"
 
 
 def _document(file: Path, groups: list[Group], found: list[RoadJudgement]) -> dict[str, object]:

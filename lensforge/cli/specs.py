@@ -5,7 +5,7 @@ import re
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.results.files import replacing, require_writable
 from lensforge.spec.lens_section import LensShape
-from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, source_in, target_in
+from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, receiver_beside, source_in, target_in
 from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
 
 if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
 
 _MATERIAL = "PMMA"
 _CUTTER = "1"
+_BESIDE = click.FloatRange(-90.0, 90.0)
 _MOST_ALIKE = 4  # examples that a new spec names
 
 
@@ -44,6 +45,8 @@ def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @click.option("--source", metavar="SOURCE", help=f"The LED: {SOURCES}.", shell_complete=_completed(SOURCE_KINDS))
 @click.option("--target", metavar="TARGET", help=f"The light: {TARGETS}.", shell_complete=_completed(TARGET_KINDS))
+@click.option("--off-axis", type=_BESIDE, metavar="DEG", help="Angle of the plane's centre from the axis, towards +x.")
+@click.option("--tilt", type=_BESIDE, metavar="DEG", help="Angle of the plane's normal from the axis; of a wall: 90.")
 @click.option("--max-radius", type=click.FloatRange(1e-6, 1e9), help="Largest radius of the lens in mm.")
 @click.option("--lens", type=click.Choice([*LensShape.kinds]), help="Kind; default: the one that suits the light.")
 @click.option("--material", help=f"One of {', '.join(MATERIALS)}; default: {_MATERIAL}.")
@@ -53,6 +56,8 @@ def new(
     spec: Path | None,
     source: str | None,
     target: str | None,
+    off_axis: float | None,
+    tilt: float | None,
     max_radius: float | None,
     lens: str | None,
     material: str | None,
@@ -62,9 +67,11 @@ def new(
     """Write a commented SPEC.toml; what is not given is asked for in a terminal. Without SPEC.toml: to stdout."""
     if spec is not None and spec.exists():
         raise InputError(f"{spec}: is there already and stays as it is; give another name")
+    wanted = target_in(target) if target else _asked("--target", f"light ({TARGETS})", target_in)
+    beside = off_axis is not None or tilt is not None
     scene = NewScene.of(
         "lens" if spec is None else spec.stem,
-        target_in(target) if target else _asked("--target", f"light ({TARGETS})", target_in),
+        {"receivers": [receiver_beside(wanted, off_axis or 0.0, tilt or 0.0)]} if beside else {"target": wanted},
         source_in(source) if source else _asked("--source", f"LED ({SOURCES})", source_in),
         max_radius or _asked("--max-radius", "largest radius of the lens in mm", _radius),
     )
@@ -76,7 +83,7 @@ def new(
         material = _asked("--material", "material", str, _MATERIAL) if _at_terminal() else _MATERIAL
     shop = cutter or (_asked("--cutter", CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
     folder = Path() if spec is None else spec.parent
-    text = scene.of_material(material).text(kind, shop, folder, _alike(kind, scene.target["kind"]), force)
+    text = scene.of_material(material).text(kind, shop, folder, _alike(kind, scene.light), force)
     if spec is None:
         click.echo(text, nl=False)
     else:
@@ -171,8 +178,8 @@ def examples(name: str | None) -> None:
     click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {shlex.quote(wanted[0].name)}")
 
 
-def _alike(kind: str, target_kind: str) -> str:
-    """Names of a few shipped specs with this kind of lens, those of this kind of target first, in a line of a spec."""
+def _alike(kind: str, light: Mapping[str, Any]) -> str:
+    """Names of a few shipped specs with this kind of lens, those for such light first, in a line of a spec."""
     same, others = list[str](), list[str]()
     try:
         paths = sorted(shipped_folder().glob("*.toml"))
@@ -181,9 +188,16 @@ def _alike(kind: str, target_kind: str) -> str:
     for path in paths:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
         if content.get("lens", {}).get("kind", LensShape.usual_kind) == kind:
-            (same if content.get("target", {}).get("kind") == target_kind else others).append(path.stem)
+            (same if _light_in(content) == _light_in(light) else others).append(path.stem)
     names = [*same, *others][:_MOST_ALIKE]
     return f"\n# Shipped examples of a {LensShape.kinds[kind].title}: {', '.join(names)}." if names else ""
+
+
+def _light_in(content: Mapping[str, Any]) -> tuple[object, ...]:
+    """What a spec's light is like: the kind of its target, and of its receiver, whether that is tilted."""
+    receiver = content.get("receivers", [{}])[0]
+    target = receiver.get("targets", [content.get("target", {})])[0]
+    return target.get("kind"), receiver.get("kind"), "tilt_deg" in receiver
 
 
 def shipped_folder() -> Path:

@@ -245,7 +245,8 @@ def finest_grid(beam_deg: float) -> AngularGrid:
     return AngularGrid(_FINEST_PLANES, np.unique(np.concatenate([inside, outside])))  # the beam's end once
 
 
-_COARSEST = (4, 6)  # halvings of the finest grid in C and in gamma, where the choice begins: 10 by 10 degrees
+COARSEST = (4, 6)  # halvings of the finest grid in C and in gamma, where the choice begins: 10 by 10 degrees
+COARSEST_OF_ROADS = (3, 4)  # 5 by 2.5 degrees: CIE 140; by steps of 5 the glare is a tenth off
 _BRIGHT = 0.1  # of the peak: where relative errors are stated
 _LEAST_SAMPLES = 3  # by which an error of interpolation, and the error of that, can be told from noise
 _RICHARDSON = 4.0 / 3.0  # the error of linear interpolation is 4/3 of what halving its steps changes
@@ -300,10 +301,9 @@ class FittedIntensity:
         return largest.changed(unit="W/sr")
 
 
-def fit(finest: AngularGrid, deposits: Samples) -> FittedIntensity:
+def fit(finest: AngularGrid, deposits: Samples, coarsest: Level = COARSEST) -> FittedIntensity:
     """Fit a table to the ``deposits`` of independent samples on ``finest``, which measures the error of the next."""
-    pyramid = _Pyramid(finest, deposits)
-    level: Level = _COARSEST
+    pyramid, level = _Pyramid(finest, deposits), coarsest
     while (finer := _worthwhile(pyramid, level)) is not None:
         level = finer
     half = (level[0] - 1, level[1] - 1)

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_grid, fit
+from lensforge.light.angular_grid import COARSEST, COARSEST_OF_ROADS, AngularGrid, FittedIntensity, finest_grid, fit
 from lensforge.light.luminaire_classes import zone_flux
 from lensforge.light.received_flux import flux_by_fate
 from lensforge.light.simulation import TracedLens, bundles
@@ -23,13 +23,14 @@ class Goniophotometer:
     """The sphere of a radius (mm) around the ``lamps`` on which exit rays start, and what is read there.
 
     ``symmetry``: mirror group of lens, source and ``lamps``, under which the light is averaged. ``street_deg``: azimuth
-    of the street.
+    of the street. ``for_roads``: the table is fine up to the horizon, where a little light makes the glare of roads.
     """
 
     sphere_mm: float
     symmetry: str
     street_deg: float
     lamps: Lamps = ALONE
+    for_roads: bool = False
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,7 @@ class _Sums:
         for part, bundle in enumerate(rays):
             out = exit_rays(self._lens, bundle, self._meter.sphere_mm, self._meter.lamps)
             if self._grid is None:
-                self._grid = finest_grid(_reach_deg(out.rays))
+                self._grid = finest_grid(90.0 if self._meter.for_roads else _reach_deg(out.rays))
             deposit, weight = self._grid.deposit(out.rays), float(len(bundle))
             if part == len(self._weights):
                 self._deposits.append(np.zeros_like(deposit))
@@ -193,12 +194,13 @@ class _Sums:
             np.stack([each / weight for each, weight in zip(sums, self._weights, strict=True)])
             for sums in (self._deposits, self._zones, self._by_fate)
         )
+        coarsest = COARSEST_OF_ROADS if self._meter.for_roads else COARSEST
         exits, kept = samples.sum(axis=(1, 2)), RayBundle.joined(self._kept)
         error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else None
         exit_w = Metric(value=float(exits.mean()), unit="W", standard_error=error)
         return ExitLight(
             rays=self.rays,
-            intensity=fit(grid, grid.images_mean(samples, self._meter.symmetry)),
+            intensity=fit(grid, grid.images_mean(samples, self._meter.symmetry), coarsest),
             exit_w=exit_w,
             by_fate_w=by_fate.mean(axis=0),
             sample=replace(kept, flux=kept.flux * (exit_w.value / kept.flux.sum())),

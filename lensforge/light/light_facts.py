@@ -6,6 +6,8 @@ little of the light lands there; ``light_bounds`` holds both bounds.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby
+from operator import attrgetter
 from typing import NamedTuple
 
 from lensforge.light.beam_colour import BeamColour
@@ -14,7 +16,7 @@ from lensforge.light.light_ways import leak_facts, way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judged_figures
-from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement
+from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement, with_remedies
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Fact, Group
 from lensforge.results.chart import LightUnit, light_unit
@@ -100,12 +102,14 @@ def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Itera
 
 def limit_facts(light: Light, possible: LimitBounds | None = None, end: str = "") -> Iterator[Fact]:
     """A fact for each limit of the spec; ``end``: of its label."""
-    for limit in light.limits:
-        on = f", on {limit.place}" if len(light.receivers) > 1 else ""
-        quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
-        fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")
-        most = (possible or {}).get((limit.label, limit.bound))
-        yield fact if most is None else replace(fact, possible=most.value, possible_note=most.law)
+    receivers = {receiver.name for receiver in light.receivers}
+    for place, limits in groupby(light.limits, key=attrgetter("place")):
+        for limit in limits if place in receivers else with_remedies([*limits]):
+            on = f", on {limit.place}" if len(light.receivers) > 1 else ""
+            quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
+            fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")
+            most = (possible or {}).get((limit.label, limit.bound))
+            yield fact if most is None else replace(fact, possible=most.value, possible_note=most.law)
 
 
 def metric_facts(metrics: LightMetrics, note: str = "") -> tuple[Fact, ...]:
@@ -344,7 +348,8 @@ def road_facts(road: RoadJudgement) -> Group:
     by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
     note = f"{road.standard}; reached: {road.reached}"
     facts = [Fact("road_class", "Class", road.lighting_class, note=note)]
-    facts += [replace(limit, key=f"road_{number}", note="") for number, limit in enumerate(road.limits)]
+    limits = enumerate(with_remedies(road.limits))
+    facts += [replace(limit, key=f"road_{number}", note="") for number, limit in limits]
     for driver in road.drivers if by_luminance else ():
         words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))

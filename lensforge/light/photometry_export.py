@@ -165,6 +165,7 @@ def measure_photometry(
             symmetry=shared_symmetry([source.symmetry, lens.symmetry], lamps.in_far_field.has_mirrors),
             street_deg=section.street_side_deg,
             lamps=lamps,
+            for_roads=bool(lens.spec.roads),
         ),
         rays=rays,
         by_itself=preset.photometry_rays,

@@ -3,7 +3,9 @@
 Classes of glare G*: EN 13201-2:2015, table A.1.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import ceil, floor
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +13,9 @@ from jaxtyping import Float
 from lensforge.light.evaluation_result import JudgedLimits
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
 from lensforge.light.metrics import largest_without_noise, scaled
-from lensforge.results import Count, Fact, Metric, NotNegative, Positive, Record, Text
+from lensforge.results import Count, Fact, Metric, NotNegative, Positive, Record, Sense, Text
+from lensforge.scene.road_classes import glare_law
+from lensforge.spec.derived_values import three_digits
 from lensforge.spec.light_limits import PhotometrySection
 
 _NONE = "none"
@@ -121,6 +125,43 @@ class RoadJudgement(Record):
     yearly_energy: Metric | None
     limits: JudgedLimits
     standard: Text = "EN 13201"
+
+
+def with_remedies(limits: Sequence[Fact]) -> Iterator[Fact]:
+    """The limits of one road, those that are missed with what would keep them, as far as that follows from the flux."""
+    light = _flux_remedy(limits)
+    for limit in limits:
+        remedy = light if limit.note == "light" else _OF_GLARE if limit.note in _GLARE else _OF_EVENNESS
+        yield replace(limit, remedy=remedy) if limit.state == "fail" else limit
+
+
+_TI = "threshold increment"
+_GLARE = (_TI, "veiling over mean luminance")
+_OF_GLARE = "less light near the horizon, or higher poles; the flux hardly changes it"
+_OF_EVENNESS = "another pattern, higher poles, or poles nearer to each other; the flux does not change it"
+
+
+def _flux_remedy(limits: Sequence[Fact]) -> str:
+    """The flux that keeps all limits on light: luminance and illuminance are linear in it, and in lamps for a length.
+
+    The glare of new lamps grows with a small power of it.
+    """
+
+    def factors(sense: Sense) -> list[float]:
+        lit = (each for each in limits if (each.note, each.sense) == ("light", sense))
+        return [each.bound / each.metric.value for each in lit if each.metric.value > 0.0]
+
+    least, most = max(factors(">="), default=1.0), min(factors("<="), default=np.inf)
+    if least > most:
+        return "no flux keeps both the least and the largest light: light that is more even"
+    factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
+    words = f"the road needs × {factor:g} lumens of each lamp, or × {three_digits(1.0 / factor):g} the spacing of poles"
+    grown = factor ** (1.0 - glare_law("threshold_increment", 1.0)[1])
+    glaring = [each for each in limits if each.note == _TI and each.metric.value * grown > each.bound]
+    if least > 1.0 and glaring:
+        worst = max(glaring, key=lambda each: each.metric.value)
+        words += f"; with so many its glare TI is {worst.metric.value * grown:.3g} %, above {worst.bound:g} %"
+    return words
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.search.scene_check import Requirement, light_requirements
-from lensforge.search.start_faces import pixel_angles_rad
+from lensforge.search.start_faces import beam_of, pixel_angles_rad
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import LensShape, LightShape
@@ -76,13 +76,15 @@ def _turned(target: Requirement) -> float:
 
 
 def light_shape(spec: Spec) -> LightShape:
-    """Shape of the target's light on the first receiver: round about the axis, one patch, or a picture."""
+    """Shape of the target's light on the first receiver: round, a patch around the axis or beside it, or a picture."""
     receiver = receivers_of(spec, spec.evaluate.pixels)[0]
     light = target_light(spec.all_receivers[0].targets, receiver)
     rows, columns = np.nonzero(in_target(light))
     corners = np.stack((columns, rows), axis=1)[:, None] + np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
     if len(rows) < _CONVEX * ConvexHull(corners.reshape(-1, 2)).volume:
         return "picture"
+    if beam_of(spec).least_rad > 0.0:
+        return "beside"
     return "round" if _is_round(light, receiver) else "patch"
 
 

@@ -23,7 +23,7 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     Raises :class:`InputError` for sizes that leave no room for such a lens, and for faces that cross.
     """
     lens = spec.lens
-    surfaces = lens.start_faces(StartConditions(spec.constraints, spec.source.extent_mm, lambda: _beam(spec)))
+    surfaces = lens.start_faces(StartConditions(spec.constraints, spec.source.extent_mm, lambda: beam_of(spec)))
     if lens.has_creases:
         with remedy("change lens.*.offset_mm, or leave it out"):
             Body.of(surfaces, lens.body_roles).require_sound()
@@ -38,7 +38,7 @@ def pixel_angles_rad(receiver: PosedReceiver) -> Image:
     return angles
 
 
-def _beam(spec: Spec) -> Beam:
+def beam_of(spec: Spec) -> Beam:
     """The light that the first target wants."""
     receiver, section = receivers_of(spec, spec.optimise.pixels)[0], spec.all_receivers[0]
     bright, angles = in_target(target_light(section.targets, receiver)), pixel_angles_rad(receiver)

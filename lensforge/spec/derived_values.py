@@ -72,7 +72,7 @@ def derived_sizes(sources: Sequence[Any], lens: Any, limits: Any, target: Any) -
             if lens.faces[name].fixed is None
         },
         "constraints": {name: getattr(sizes, name) for name in known},
-        "target": {} if target is None else _receiver_of(target),
+        "target": {} if target is None else receiver_of(target),
     }
 
 
@@ -82,7 +82,7 @@ def _reach_mm(source: Any) -> float | None:
     return None if extent is None else extent + hypot(x, y)
 
 
-def _receiver_of(target: Any) -> dict[str, float]:
+def receiver_of(target: Any) -> dict[str, float]:
     """The receiver of a target that has none, by its field; empty where the size of the pattern is not known."""
     if target.distance_mm is not None:
         across = _pattern_mm(target)

@@ -33,7 +33,7 @@ Levels = Annotated[
 Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "diagonal", "rectangle", "square"]
 
 
-LightShape = Literal["round", "patch", "picture"]  # about the axis; in one patch; anything else
+LightShape = Literal["round", "patch", "beside", "picture"]  # about the axis; in a patch around it, or beside; other
 
 
 class Beam(NamedTuple):
@@ -79,7 +79,7 @@ class LensShape(LensMaterial, OfSeveralKinds):
 
     usual_kind = "double"
     title: ClassVar[str] = ""
-    draws: ClassVar[frozenset[LightShape]] = frozenset({"round", "patch", "picture"})
+    draws: ClassVar[frozenset[LightShape]] = frozenset({"round", "patch", "beside", "picture"})
     parametrisation: ClassVar[str] = "spheres"
     may_be_round: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False

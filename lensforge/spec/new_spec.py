@@ -6,12 +6,14 @@ it.
 
 import re
 from collections.abc import Iterator, Mapping
+from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from lensforge.errors import InputError
+from lensforge.spec.derived_values import receiver_of
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_fields import words_of
@@ -23,7 +25,7 @@ _TARGET_FIELDS = {
     kind: tuple(f"{name}_mm" for name in target.needs)
     for kind, target in TargetSection.kinds.items()
     if target.has_word
-}
+} | {"line": ("length_mm", "width_mm")}
 _PHOTOMETRIC = (".ies", ".ldt")
 SOURCE_KINDS, TARGET_KINDS = tuple(_SOURCE_FIELDS), (*_TARGET_FIELDS, "text", "beam")
 
@@ -68,11 +70,34 @@ def target_in(words: str) -> dict[str, Any]:
         raise InputError(f"--target {words}: not understood; give {TARGETS}")
     away = _sizes("--target", words, distance, ("distance_mm",))
     if kind != "text":
-        return {"kind": kind, **_sizes("--target", words, size, _TARGET_FIELDS[kind]), **away}
+        sizes = _sizes("--target", words, size, _TARGET_FIELDS[kind])
+        if kind == "line":  # a rectangle, by lengths of its own
+            kind, sizes = "rectangle", dict(zip(_TARGET_FIELDS["rectangle"], sizes.values(), strict=True))
+        return {"kind": kind, **sizes, **away}
     text, _, width = size.rpartition(":")
     if not text:
         raise InputError(f"--target {words}: give its text and width, such as text:LF:200@150")
     return {"kind": kind, "text": text, **_sizes("--target", words, width, ("width_mm",)), **away}
+
+
+def receiver_beside(target: Mapping[str, Any], off_axis_deg: float, tilt_deg: float) -> dict[str, Any]:
+    """Table of ``[[receivers]]`` with ``target`` on a plane whose centre is off the axis, towards +x, at its distance.
+
+    ``tilt_deg``: of the plane's normal from the axis, about y. Raises :class:`InputError` for a target on no plane.
+    """
+    section = TargetSection.kinds[target["kind"]](**target)
+    side_mm = receiver_of(section).get("receiver_mm") if section.distance_mm is not None else None
+    if section.distance_mm is None or side_mm is None:
+        raise InputError(f"--off-axis, --tilt: go with a target on a plane, KIND:SIZE@DISTANCE, not {section.kind!r}")
+    away, off = section.distance_mm, radians(off_axis_deg)
+    return {
+        "kind": "plane",
+        "centre_mm": [round(away * sin(off), 3), 0.0, round(away * cos(off), 3)],
+        "tilt_deg": [0.0, tilt_deg],
+        "width_mm": side_mm,
+        "height_mm": side_mm,
+        "targets": [{name: value for name, value in target.items() if name != "distance_mm"}],
+    }
 
 
 def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[str, float]:
@@ -102,8 +127,10 @@ _OPTIONS = {
     "source": ["flux_lm = 200.0: of the LED; without it 1 W", "position_mm, tilt_deg: where it sits in the lens"],
     "lens": ['symmetry = "auto": the largest that source and target share'],
     "constraints": ['max_height_mm: of the lens; keep_out = "board.step": what it stays away from'],
-    "target": ["edge_mm: soft edges, as no lens makes sharp ones from a source with a size"],
 }
+_OPTIONS["target"] = _OPTIONS["receivers.targets"] = [
+    "edge_mm: soft edges, as no lens makes sharp ones from a source with a size"
+]
 _MEASURED = "measured: 99 % of the ray file's flux starts inside"
 _NOTES = {
     "lens.levels": "coarse to fine, for as long as each level gains",
@@ -112,6 +139,9 @@ _NOTES = {
     **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),
     "manufacture.cutter_radius_mm": "of the ball",
     "manufacture.process": "inserts of a mould are cut, not the lens; shrinkage = 0.005: of its material",
+    "receivers.centre_mm": "(x, y, z), from the LED",
+    "receivers.tilt_deg": "of its normal from the axis, about x, then about y",
+    "tolerances.preset": "of parts that are moulded",
     "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
     "constraints.max_radius_mm": words_of(ConstraintsSection, "max_radius_mm").split(".")[0].lower(),
 }
@@ -132,21 +162,26 @@ def new_text(content: Mapping[str, Any], derived: Mapping[str, str], title: str,
 
 
 def _sections(content: Mapping[str, Any], derived: Mapping[str, str], notes: Mapping[str, str]) -> Iterator[str]:
-    for section, table in content.items():
-        if isinstance(table, Mapping):
+    for section, value in content.items():
+        for table in _tables(value):
+            yield f"\n[{section}]" if table is value else f"\n[[{section}]]"
             yield from _section(section, table, derived, notes)
+
+
+def _tables(value: object) -> list[Mapping[str, Any]]:
+    """The tables that a value of a spec is: itself, or those in its list."""
+    return [each for each in (value if isinstance(value, list) else [value]) if isinstance(each, Mapping)]
 
 
 def _section(
     section: str, table: Mapping[str, Any], derived: Mapping[str, str], notes: Mapping[str, str]
 ) -> Iterator[str]:
     """Lines of a table; the tables within it follow, as TOML has it."""
-    yield f"\n[{section}]"
     for field, value in table.items():
         name = f"{section}.{field}"
         if name in derived:
             yield _line(field, value, f"derived: {derived[name]}", "# ")
-        elif not isinstance(value, Mapping):
+        elif not _tables(value):
             yield _line(field, value, notes.get(name, ""))
     far = section == "target" and "distance_mm" not in table
     yield from (f"# {words}" for words in _OPTIONS.get(section, ()) if not far)

@@ -52,8 +52,9 @@ class ReflectorSection(ProfiledShape):
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
-        """Fields for as much light as can be where it is wanted, whatever its picture; without a base."""
-        return {"lens": {}, "base": {"kind": "none"}, "optimise": {"aim": "share"}}
+        """Fields for as much light as can be where it is wanted, with levels where that is beside; without a base."""
+        lens = super().first_tables(shape)["lens"] if shape == "beside" else {}
+        return {"lens": lens, "base": {"kind": "none"}, "optimise": {"aim": "share"}}
 
     @check
     def _only_the_cup_is_a_mirror(self) -> None:

@@ -63,6 +63,7 @@ def test_a_new_spec_has_the_limits_of_the_shop(
     for face in ("inner", "outer"):
         assert {name: getattr(spec.lens.faces[face], name) for name in limits} == limits
     assert {name: getattr(spec.manufacture, name) for name in manufacture} == manufacture
+    assert spec.tolerances.preset == ("moulded" if "mould" in cutter else "standard"), "those of what makes the lens"
 
 
 @pytest.mark.parametrize(
@@ -109,6 +110,24 @@ def test_a_new_spec_of_every_kind_is_valid_and_names_examples(kind: str, tmp_pat
     assert text.count("no concave radius below") == bool(shaped) and text.count("concave_radius_mm = 0.7") == len(
         shaped
     )
+
+
+def test_a_wall_beside_the_axis_is_a_receiver_in_its_place_and_takes_a_lens_that_is_not_of_revolution() -> None:
+    """As the shipped wall washer has it; two faces are advised, and a reflector gets levels and is possible."""
+    light = ("--source", "square:1", "--target", "rectangle:320x240@500", "--off-axis", "25", "--tilt", "30")
+    code, output, errors = lensforge("new", *light, "--max-radius", "14")
+    (plane,), spec = (parse_spec(tomllib.loads(output), "wall").receivers, parse_spec(tomllib.loads(output), "wall"))
+    (shipped,) = load_spec(EXAMPLES / "wall_washer.toml").receivers
+    assert code == 0 and "; double is taken" in errors and spec.lens.kind == "double" and spec.target is None
+    assert plane.centre_mm == pytest.approx(shipped.centre_mm) and plane.facing == pytest.approx(shipped.facing)
+    assert (plane.width_mm, plane.targets[0].width_mm, plane.targets[0].height_mm) == (480.0, 320.0, 240.0)
+    assert "wall_washer" in next(line for line in output.splitlines() if "Shipped examples" in line)
+    code, output, errors = lensforge("new", *light, "--max-radius", "14", "--lens", "reflector")
+    assert code == 0 and errors == "" and parse_spec(tomllib.loads(output), "wall").lens.levels == (25, 81)
+    code, _, errors = lensforge(
+        "new", "--source", "square:1", "--target", "beam:20", "--tilt", "9", "--max-radius", "9"
+    )
+    assert code == 2 and "--off-axis, --tilt: go with a target on a plane, KIND:SIZE@DISTANCE, not 'beam'" in errors
 
 
 def test_a_reflector_has_no_material() -> None:
@@ -191,6 +210,7 @@ def test_nothing_is_asked_without_a_terminal() -> None:
         ("rectangle:9@20", {"kind": "rectangle", "width_mm": 9.0, "height_mm": 9.0, "distance_mm": 20.0}),
         ("text:a:b@c:90@150", {"kind": "text", "text": "a:b@c", "width_mm": 90.0, "distance_mm": 150.0}),
         ("beam:60x25", {"kind": "beam", "fwhm_deg": [60.0, 25.0]}),
+        ("line:300x20@200", {"kind": "rectangle", "width_mm": 300.0, "height_mm": 20.0, "distance_mm": 200.0}),
         ("cross:200x60@150", {"kind": "cross", "length_mm": 200.0, "stroke_mm": 60.0, "distance_mm": 150.0}),
     ],
 )

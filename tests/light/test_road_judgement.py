@@ -1,6 +1,7 @@
 """A road judged: the same by a lens's table, by a file, and on pixels of a far field; its merit, and its command."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -27,12 +28,14 @@ from lensforge.light.road_judgement import (
     of_lens,
     p_class,
 )
+from lensforge.light.road_lighting import with_remedies
 from lensforge.results import Metric
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.road_field import RoadReadings
 from lensforge.search.limit_terms import LimitTerm, RoadTerms, smoothed
-from lensforge.sources.photometric.photometric_file import PhotometricFile, turned_over
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.photometric_file import PhotometricFile, coarse_for_roads, turned_over
 from lensforge.sources.photometric.photometric_io import write_photometric
 from lensforge.spec import Spec
 from lensforge.spec.road_section import RP8_CLASSES, RoadSection
@@ -341,6 +344,53 @@ def test_the_largest_spacing_is_where_a_class_ceases_to_be_held(fields, tmp_path
     (fact,) = (each for each in json.loads(done.stdout)["facts"][0]["facts"] if each["key"] == "largest_spacing")
     assert fact["value"] == pytest.approx(found.largest, abs=0.05) and found.beyond.label in fact["note"]
     assert [each[0] for each in asked] == [road]
+
+
+def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_path) -> None:
+    """And no less does; glare then is what is named, and what is not even is not mended by flux."""
+    road = RoadSection(**ROAD, mean_cd_per_m2=1.5, uniformity=0.9, glare_percent=12.0)
+
+    def judged(factor: float, spacing: float = 1.0):
+        there = road.model_copy(update={"pole_spacing_m": spacing * road.pole_spacing_m})
+        return judge_road(there, of_lens(_lamp(), factor)).limits
+
+    def state(limits, part: str) -> set[str]:
+        return {each.state for each in limits if part in each.key}
+
+    found = {each.key: each for each in with_remedies(judged(0.05))}
+    remedy = found["lane 1: mean luminance"].remedy
+    flux, spacing, glare = map(float, re.findall(r"([0-9.]+) (?:lumens|the spacing|%, above)", remedy))
+    assert "fail" in state(judged(0.05 * flux * 0.99), "mean") and state(judged(0.05 * flux), "mean") == {"pass"}
+    assert max(each.value for each in judged(0.05 * flux) if "glare" in each.key) == pytest.approx(glare, rel=5e-3)
+    assert [each.value for each in judged(0.05, spacing) if "mean" in each.key] == pytest.approx([1.5, 1.5], rel=0.15)
+    assert "the flux does not change it" in found["lane 2: uniformity U0"].remedy
+    dim = RoadSection(**_NOT_TOO_MUCH)
+    (bright,) = (each for each in with_remedies(judge_road(dim, of_lens(_lamp(), 2.0)).limits) if "largest" in each.key)
+    (less,) = re.findall(r"× ([0-9.]+) lumens", bright.remedy)
+    kept = judge_road(dim, of_lens(_lamp(), 2.0 * float(less))).limits
+    assert {each.state for each in kept if "largest" in each.key} == {"pass"}
+    uneven = replace(judged(1.0)[0], sense="<=", limit=0.5, key="largest").judged()
+    assert "no flux keeps both" in next(with_remedies((uneven, judged(0.05)[0]))).remedy
+    path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
+    write_photometric(path, _file())
+    roads.write_text(
+        "[[roads]]\n" + "\n".join(f"{name} = {json.dumps(each)}" for name, each in ROAD.items()) + "\nlamp_lm = 9.0"
+    )
+    assert "lumens of each lamp, or ×" in lensforge("road", path, "--road", roads, "--street-c", "270").stderr
+
+
+def test_tables_in_steps_of_5_degrees_of_gamma_are_a_tenth_off_in_glare_and_named() -> None:
+    road = RoadSection(**ROAD)
+
+    def glare(step: int) -> tuple[float, list[str]]:
+        fine = _file().intensity
+        file = PhotometricFile(TabulatedIntensity(fine.c_deg, fine.gamma_deg[::step], fine.values[:, ::step]))
+        found = judge_road(road, of_file(file, 270.0, 3000.0))
+        return found.drivers[0].glare_percent.value, list(coarse_for_roads(file))
+
+    (finest, _), (of_cie, quiet), (coarse, named) = glare(1), glare(5), glare(10)
+    assert quiet == [] and "its steps of gamma are up to 5 degrees" in named[0]
+    assert of_cie == pytest.approx(finest, rel=0.05) and abs(coarse / finest - 1.0) > 0.1
 
 
 def test_a_class_may_be_held_at_any_spacing_or_at_none() -> None:

@@ -261,6 +261,8 @@ def of_new(flag: str, here: Path) -> bool:
         "--material": "PC",
         "--cutter": "2",
         "--lens": "tir",
+        "--off-axis": "30",
+        "--tilt": "30",
     }
     text, base = other.get(flag, ""), [each for pair in LAMP.items() for each in pair]
     if flag in FORCE:
@@ -270,14 +272,14 @@ def of_new(flag: str, here: Path) -> bool:
         )
         return isinstance(refused.exception, lf.InputError) and "[source]" in forced.stdout
     lines = [set(printed("new", *base, *more).splitlines()) for more in ((), (flag, text))]
-    word = text.partition(":")[2].partition("@")[0].partition("x")[0] or text
+    word = "150.0, 0.0, 259.808" if flag == "--off-axis" else text.partition(":")[2].split("@")[0].split("x")[0] or text
     return any(word in line for line in lines[1] - lines[0])
 
 
 SHOWN = {
     "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", *OUTPUT)),
     "road": (of_road, ("--road", "--street-c", "--spacing", *OUTPUT)),
-    "new": (of_new, (*LAMP, "--lens", "--material", "--cutter", *FORCE)),
+    "new": (of_new, (*LAMP, "--off-axis", "--tilt", "--lens", "--material", "--cutter", *FORCE)),
     "schema": (lambda *_: printed("schema", "--page").startswith("#") and printed("schema")[0] == "{", ("--page",)),
     "examples": (None, ()),
 }
