@@ -217,8 +217,10 @@ CHECK = FolderStage(
     """Say if the lens in DIR can be cut, and what to change.
 
     Each face, each tool, how much of the face it reaches, and the fields of the spec that change it. --json has all
-    measurements: best-fit sphere, curvature, walls, draft.
+    measurements: best-fit sphere, curvature, walls, draft. By another --process than the spec's the result is written
+    to check_PROCESS.json beside check.json, and decides nothing.
     """,
+    options=("process",),
     inputs=lambda run, _: (run.part_or_lens,),
     decides="cutting",
 )

@@ -9,8 +9,10 @@ import click
 
 from lensforge import seeds
 from lensforge.cli.interrupts import Interrupts
+from lensforge.errors import InputError
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.spec import Spec
+from lensforge.spec.part_section import Process
 
 if TYPE_CHECKING:
     _Pixel = click.ParamType[tuple[float, float]]
@@ -149,6 +151,9 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         help="Equal rings of the mesh; default: its facets are within 1 um of the faces.",
     ),
     "date": click.option("--date", metavar="YYYY-MM-DD", help="Date of the files for the shop; default: the spec's."),
+    "process": click.option(
+        "--process", type=click.Choice(get_args(Process)), help="Process by which it is made; default: the spec's."
+    ),
     "stray": click.option(
         "--stray", is_flag=True, help="Also trace reflections, the base and absorption; writes stray.json."
     ),
@@ -203,7 +208,15 @@ with_force = click.option(
 
 
 def with_rays(spec: Spec, rays: int | None) -> Spec:
-    """Return ``spec`` with ``rays`` rays in each step of its search; None leaves it as it is."""
+    """Return ``spec`` with ``rays`` rays in each step of its search; None leaves it as it is.
+
+    Raises :class:`InputError` for a spec whose search chooses its levels, and with them its rays.
+    """
+    if rays is not None and spec.lens.levels == "auto":
+        raise InputError(
+            f'--rays {rays}: with lens.levels = "auto" the search chooses its rays, too; leave out --rays (--accuracy '
+            "draft takes fewer), or give lens.levels, such as [25, 81, 289]"
+        )
     return spec if rays is None else spec.replace({"optimise.rays": rays})
 
 

@@ -236,12 +236,17 @@ class DesignProgress:
         self._clock.end(name, seconds)
 
 
+_WORTH_SAYING_S = 10.0
+
+
 class PartsProgress:
     """Progress of a study on ``clock``: its stages, and how many parts have been measured."""
 
     def __init__(self, clock: StageClock, parts: str = "parts") -> None:
         self._clock, self._parts = clock, parts
         self._stage = ""
+        self._first: tuple[int, float] | None = None  # parts of this stage that were measured at a time
+        self._estimated = clock.live  # a terminal shows the time that is left all the while
 
     def heard(self, stage: str) -> dict[str, Callable[..., object]]:
         """Keywords by which the verb of ``stage`` is heard; only the yield has stages of its own."""
@@ -252,9 +257,20 @@ class PartsProgress:
         stage, _, detail = words.partition(": ")
         if stage != self._stage:
             self._clock.begin(stage)
-            self._stage = stage
+            self._stage, self._first = stage, None
         self._clock.show(detail)
 
     def on_parts(self, done: int, expected: int) -> None:
-        """Show how many parts have been measured."""
+        """Show how many parts have been measured and, once the first of them are, the time for the rest."""
         self._clock.show(f"{done} of {expected} {self._parts}")
+        now = time.monotonic()
+        if self._first is None:
+            self._first = done, now
+        before, began = self._first
+        if done <= before:
+            return
+        left = (now - began) / (done - before) * (expected - done)
+        self._clock.expect(left, at_least=True)
+        if not self._estimated and left > _WORTH_SAYING_S:
+            self._clock.note(f"{done} of {expected} {self._parts}, at least {duration(left)} left")
+            self._estimated = True

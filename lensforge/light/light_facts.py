@@ -109,7 +109,8 @@ def limit_facts(light: Light, possible: LimitBounds | None = None, end: str = ""
             quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
             fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")
             most = (possible or {}).get((limit.label, limit.bound))
-            yield fact if most is None else replace(fact, possible=most.value, possible_note=most.law)
+            fact = fact if most is None else replace(fact, possible=most.value, possible_note=most.law)
+            yield fact.in_percent if limit.note.endswith("share of the flux") else fact
 
 
 def metric_facts(metrics: LightMetrics, note: str = "") -> tuple[Fact, ...]:

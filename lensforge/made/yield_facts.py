@@ -215,7 +215,8 @@ def metric_words(name: str) -> str:
 
 def is_share(name: str) -> bool:
     """True for a metric that is shown in per cent."""
-    return name.rpartition(": ")[2] in _SHARES
+    last = name.rpartition(": ")[2]
+    return last in _SHARES or last.endswith("share of the flux")
 
 
 def of_metric(key: str, label: str, name: str, value: float, unit: str) -> Fact:

@@ -45,6 +45,7 @@ _MAIN = {
     "far_field": ("exit_lm", "peak_cd"),
     "measured": ("form", "nmse"),
     "corrected": ("first_cut", "second_cut", "nmse"),
+    "walls": ("thinnest",),
 }
 
 

@@ -34,6 +34,7 @@ from lensforge.results.criteria import named
 from lensforge.results.record import agree
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, constraint_criteria
+from lensforge.shop.check_facts import spec_of
 from lensforge.shop.check_result import Check
 from lensforge.shop.findings import check_findings, edge_criteria, plate_findings, wall_criteria
 from lensforge.shop.turning_findings import layer_findings, turning_findings
@@ -93,12 +94,13 @@ def _of_correction(made: Correction, _: Lens) -> Iterable[Fact]:
 
 def _findings(check: Check, lens: Lens) -> Iterator[Fact]:
     """Findings on faces, base, wall and tools, and on the room of a plate, which is taken as stated."""
-    yield from check_findings(lens.spec, check.faces, check.min_wall_mm, check.relief, check.tools, check.mould)
-    yield from turning_findings(lens.spec, check.faces)
-    yield from layer_findings(lens.spec, check.faces)
+    spec = spec_of(check, lens.spec)
+    yield from check_findings(spec, check.faces, check.min_wall_mm, check.relief, check.tools, check.mould)
+    yield from turning_findings(spec, check.faces)
+    yield from layer_findings(spec, check.faces)
     gap, wall = named(check.verdicts, "gap"), named(check.verdicts, "plate")
     thinnest = PlateWall(wall.value, "") if wall is not None and isinstance(wall.value, float) else None
-    yield from plate_findings(lens.spec, None if gap is None else gap.limit, thinnest)
+    yield from plate_findings(spec, None if gap is None else gap.limit, thinnest)
 
 
 # By the field of a record that holds them.

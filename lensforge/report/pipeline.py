@@ -11,7 +11,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
 
@@ -28,7 +28,7 @@ from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.report.variation import AnyVariation, sources_of, variation_of
-from lensforge.results import StageResult
+from lensforge.results import Conditions, StageResult
 from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
 from lensforge.results.child_pool import ChildPool, child_pool
 from lensforge.results.file_bounds import remembered
@@ -46,7 +46,7 @@ from lensforge.spec.accuracy import accuracy_of, preset_of
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_base_around_cavity
-from lensforge.spec.part_section import read_drawing
+from lensforge.spec.part_section import Process, read_drawing
 from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_section import date_of
 from lensforge.surfaces.imported_face import LENS_FILE
@@ -87,11 +87,19 @@ def build(
     )
 
 
-def check(part: Part | Lens) -> Check:
-    """Check whether ``part``, or the part of a lens, can be cut: best-fit sphere, curvature, cutter, wall, draft."""
-    from lensforge.shop.check import check_lens, check_part
+def check(part: Part | Lens, *, process: Process | None = None) -> Check:
+    """Check whether ``part``, or the part of a lens, can be made: best-fit sphere, curvature, cutter, wall, draft.
 
-    return check_lens(part) if isinstance(part, Lens) else check_part(require(part, Part, "check"))
+    ``process``: by which it is judged, by default that of its spec. Raises :class:`InputError` for one that goes with
+    no such part.
+    """
+    from lensforge.shop.check import check_lens
+
+    lens, nodes = (part, None) if isinstance(part, Lens) else (require(part, Part, "check").lens, part.nodes)
+    if process in (None, lens.spec.manufacture.process):
+        return check_lens(lens, nodes)
+    judged = check_lens(replace(lens, spec=lens.spec.made_by(process)), nodes)
+    return judged.changed(inputs={"lens": lens.sha256}, conditions=Conditions.of(process=process))
 
 
 def photometry(

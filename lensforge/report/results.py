@@ -20,7 +20,7 @@ from lensforge.results.criteria import criteria_of, missed
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, design_facts
-from lensforge.shop.check_facts import check_facts, cutting_reasons
+from lensforge.shop.check_facts import check_facts, cutting_reasons, spec_of
 from lensforge.shop.check_result import Check
 from lensforge.spec import Spec
 
@@ -153,7 +153,7 @@ class Results:
             case Part():
                 return part_facts(result)
             case Check():
-                return check_facts(result, self.spec)
+                return check_facts(result, spec_of(result, self.spec))
             case Proof():
                 light = self.find(Light)
                 by_led = {} if light is None else light.by_led

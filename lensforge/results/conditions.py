@@ -21,7 +21,7 @@ class Conditions(Record):
     ``name``: ends the name of the record's files. ``source``: title of the other source, ``source_sha256``: hash of its
     fields and files, ``warnings``: on that source, or on the temperature. ``pixels``: across the receiver. ``lumens``:
     flux of the source. ``temperature_c``: of the lens and the air around it (Celsius). ``tolerances``: name of a preset
-    or of a file, ``tolerances_sha256``: hash of their fields.
+    or of a file, ``tolerances_sha256``: hash of their fields. ``process``: by which the part is made.
     """
 
     name: Name
@@ -36,6 +36,7 @@ class Conditions(Record):
     temperature_c: Number | None = None
     tolerances: Text | None = None
     tolerances_sha256: Sha256 | None = None
+    process: Text | None = None
 
     @classmethod
     def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
@@ -80,6 +81,8 @@ class Conditions(Record):
             yield f"{self.temperature_c:g} °C", f"{self.temperature_c:g}C".replace("-", "minus")
         if self.tolerances is not None:
             yield f"tolerances {self.tolerances}", _in_a_name(self.tolerances)
+        if self.process is not None:
+            yield self.process, self.process
 
 
 def _in_a_name(source: str) -> str:

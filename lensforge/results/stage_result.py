@@ -312,7 +312,7 @@ class StageResult(Record):
 
 
 class SimulatedResult(StageResult):
-    """Result of a simulation. ``conditions``: those that are not the lens's own; None for the lens's own record."""
+    """Result under ``conditions``: those that are not the lens's own; None for the lens's own record."""
 
     conditions: Conditions | None = None
 

@@ -1,6 +1,6 @@
 """Can it be made, and with what? The check, the drawing, and tables of points.
 
-- ``check.check_part``: the check of a part
+- ``check.check_lens``: the check of a lens
 - ``check_result.Check``: its result
 - ``face_check``: curvature and best-fit sphere of a face
 - ``ball_cutter``: the largest ball that reaches a face

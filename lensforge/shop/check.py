@@ -10,7 +10,7 @@ from lensforge.cad.boundary import Pair, sharpest_edges
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import fit_lens
-from lensforge.cad.part import Part, SplineNodes
+from lensforge.cad.part import SplineNodes
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan, lay_out
 from lensforge.cad.plate_export import room_on_plate
@@ -28,11 +28,6 @@ from lensforge.shop.turning_findings import layer_findings, turning_findings
 from lensforge.spec.accuracy import preset_of
 
 _RINGS, _DECIMALS = 401, 2  # points of base and flange for a turning tool; of as many as are alike to 0.01 mm, one
-
-
-def check_part(part: Part) -> Check:
-    """Check the part for manufacture: the faces of its lens, with the spline nodes of the export."""
-    return check_lens(part.lens, part.nodes)
 
 
 def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:

@@ -21,6 +21,11 @@ def check_facts(check: Check, spec: Spec) -> list[Group]:
     return [*faces, walls, *edges, *mould, *finding_groups(check)]
 
 
+def spec_of(check: Check, spec: Spec) -> Spec:
+    """The ``spec`` of the lens, made by the process by which ``check`` judges it."""
+    return spec if check.conditions is None else spec.made_by(check.process)
+
+
 def face_title(name: str) -> str:
     """Title of a face."""
     return f"{name.capitalize()} face"

@@ -8,7 +8,19 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import ConfigDict, model_validator
 
-from lensforge.results import Array, Fact, NotNegative, Number, Point, Positive, Record, Sense, Share, StageResult, Text
+from lensforge.results import (
+    Array,
+    Fact,
+    NotNegative,
+    Number,
+    Point,
+    Positive,
+    Record,
+    Sense,
+    Share,
+    SimulatedResult,
+    Text,
+)
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria
 from lensforge.results.fact import StoredAs
@@ -310,7 +322,7 @@ class Mould(Record):
     cooling_s: NotNegative | None
 
 
-class Check(StageResult):
+class Check(SimulatedResult):
     """The manufacturing check. ``criteria`` are those of the design, ``verdicts`` the findings for the shop.
 
     Beside its fields it has one for each face, by its name. ``scale``: of the faces that are cut against the lens's,
@@ -321,7 +333,7 @@ class Check(StageResult):
     __pydantic_extra__: dict[str, FaceResult]
     model_config = ConfigDict(extra="allow")
     stage: ClassVar[str] = "check"
-    told_if_any: ClassVar[tuple[str, ...]] = ("edges", "mould")
+    told_if_any: ClassVar[tuple[str, ...]] = ("edges", "mould", "conditions")
 
     process: Process
     scale: Positive

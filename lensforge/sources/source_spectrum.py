@@ -207,7 +207,7 @@ def spectrum_of(spec: SpectrumSpec) -> Spectrum:
         case TableSpectrum():
             return Spectrum(np.array(spec.wavelength_nm), np.array(spec.weight))
         case FileSpectrum():
-            with remedy("correct source.spectrum.file"):
+            with remedy("correct this file of a spectrum, or its path in the spec"):
                 return Spectrum(*read_spectrum_file(spec.file), str(spec.file))
         case GaussianSpectrum():
             sigma = spec.fwhm_nm / np.sqrt(8.0 * np.log(2.0))

@@ -29,7 +29,7 @@ from lensforge.spec.light_limits import (
     require_limits_fit,
     require_seen_from_afar,
 )
-from lensforge.spec.part_section import BaseSection, Cutting, DrawingSection, ManufactureSection
+from lensforge.spec.part_section import BaseSection, Cutting, DrawingSection, ManufactureSection, Process
 from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.receiver_fields import ReceiverSection, named
 from lensforge.spec.receiver_sections import implied_receiver
@@ -158,6 +158,15 @@ class Spec(Section):
             )
         content = changed(self.model_dump(exclude_unset=True), {**(changes or {}), **sections})
         return parse_spec(content, f"{self.name}, changed")
+
+    def made_by(self, process: Process) -> "Spec":
+        """The spec of the same lens made by another process, without what goes with its own alone.
+
+        Raises :class:`InputError` for a part that the process does not make.
+        """
+        left = {"shrinkage": 0.0 if process != "moulded" else self.manufacture.shrinkage}
+        left |= {"layer_um": None if process != "printed" else self.manufacture.layer_um}
+        return self.replace(manufacture={"process": process, **left})
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
@@ -334,7 +343,11 @@ class Spec(Section):
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
             steps, levels = self.optimise.steps_per_level, self.lens.shape_levels
             if steps is not None and len(steps) != len(levels):
-                raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(levels)}")
+                first = "one for lens.profile, " if len(levels) > len(self.lens.levels) else ""
+                raise ValueError(
+                    f"optimise.steps_per_level has {len(steps)} numbers, must have {len(levels)}: {first}one for each "
+                    f"of lens.levels = {list(self.lens.levels)}"
+                )
             return
         for name in _OF_GIVEN_LEVELS:
             if name in given and getattr(self.optimise, name):

@@ -15,7 +15,9 @@ from lensforge.surfaces.surface import Surface
 
 class _DesignedFace(Section):
     offset_mm: Millimetres | None = None
-    """Radius of the hemisphere from which the search of the face starts."""
+    """Place of the face where the search starts: of a double lens the radius of a hemisphere; of cap, exit and mouth,
+    which lie across the axis, the height there; of side, wall and cup, which lie around it, the radius at z = 0.
+    """
     fixed: FixedSurface | None = None
     """Surface that the search does not change, in place of ``offset_mm``."""
     coating: CoatingSection | None = None

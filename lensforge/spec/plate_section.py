@@ -95,7 +95,7 @@ def read_outline(path: Path) -> DrawnOutline:
     Raises :class:`InputError` for a file without one face, wire or body, or with other curves than lines and arcs.
     """
     content = read_file(
-        path, missing="plate.outline is relative to the folder of its spec", most_bytes=MOST_STEP_MIB * MIB
+        path, missing="plate.outline counts from the folder of its spec", most_bytes=MOST_STEP_MIB * MIB
     )
     return _read_outline(content, path)
 

@@ -117,7 +117,8 @@ Written by `lensforge schema --page`, from the same descriptions and ranges as t
 
 Sections stand in the order of the file. "needed": the section or field has no default;
 "derived": left out, it follows from the sizes of source, target and lens, so that the shortest spec is a source, a
-target and `constraints.max_radius_mm`. What formulas stand behind the
+target and `constraints.max_radius_mm`. The name of a file counts from the folder of the file that has it, a spec or a
+table of LEDs; on the command line and in a script from the folder in which that runs. What formulas stand behind the
 numbers: [definitions.md](definitions.md).
 """
 _AND = "`, `"  # between tables that have the same fields

@@ -39,7 +39,7 @@ SEARCH = COUNT | {
 FORCE = {"--force": ("", "force", True)}
 OPEN = {"--open": ("", "", "click.launch")}
 HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or any), its value
-    "check": {},
+    "check": {"--process": ("moulded", "process", "moulded")},
     "compare": {
         "--on": ("on.png", "on", Path("on.png")), "--off": ("off.png", "off", Path("off.png")),
         "--corners": ("1,2 3,4 5.5,6 7,8", "corners", [(1.0, 2.0), (3.0, 4.0), (5.5, 6.0), (7.0, 8.0)]),

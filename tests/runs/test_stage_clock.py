@@ -69,6 +69,20 @@ def test_a_long_stage_writes_a_line_a_minute_into_a_pipe(capsys: pytest.CaptureF
     assert len([line for line in capsys.readouterr().err.splitlines() if line.endswith("3 of 40 parts")]) >= 3
 
 
+def test_a_study_says_once_in_a_pipe_how_long_it_takes(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the pace after the first call, which may have parts of an interrupted study: 4 of them in 20 s."""
+    with StageClock("yield") as clock:
+        progress = PartsProgress(clock)
+        for seconds, done in ((100.0, 10), (100.0, 10), (120.0, 14), (140.0, 18), (150.0, 20)):
+            monkeypatch.setattr("lensforge.cli.progress.time.monotonic", lambda now=seconds: now)
+            progress.on_parts(done, 50)
+        monkeypatch.undo()
+    said = [line for line in capsys.readouterr().err.splitlines() if "left" in line]
+    assert said == ["14 of 50 parts, at least 3 min 00 s left"]
+
+
 def test_the_amounts_of_a_budget_are_one_stage(capsys: pytest.CaptureFixture[str]) -> None:
     with StageClock("yield") as clock:
         progress = PartsProgress(clock)

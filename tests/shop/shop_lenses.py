@@ -10,7 +10,7 @@ from scenes import random_surface, small_spec
 
 from lensforge.cad.part_export import build_part
 from lensforge.scene.lens import Lens
-from lensforge.shop.check import check_part
+from lensforge.shop.check import check_lens
 from lensforge.shop.point_tables import COLUMNS
 from lensforge.shop.sheet import box_of
 from lensforge.shop.sheet_marks import words_of_dimension
@@ -37,7 +37,7 @@ class OfSpheres(Lens):
 def bare_part():
     """The part of one lens without a base, and its check."""
     part = build_part(small_lens({"kind": "none"}), rings=16)
-    return part, check_part(part)
+    return part, check_lens(part.lens, part.nodes)
 
 
 def rows_of(grid):

@@ -1,4 +1,6 @@
 import re
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,12 +10,14 @@ from scenes import hemisphere_directions, sphere
 from scipy.spatial import cKDTree
 from shop_lenses import small_lens
 
+import lensforge as lf
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import INNER, OUTER, lay_out
 from lensforge.cad.step import parse_step
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance
-from lensforge.shop.check import check_lens, check_part
+from lensforge.shop.check import check_lens
+from lensforge.shop.check_result import Check
 from lensforge.shop.face_check import milled_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.shop.findings import clearance_findings
@@ -52,7 +56,7 @@ def test_the_faces_measured_are_those_of_the_step_file(rough):
     from OCP.GeomLProp import GeomLProp_SLProps
 
     part = build_part(rough[0], nodes=50, rings=16)
-    check, solid = check_part(part), parse_step(part.step)
+    check, solid = check_lens(part.lens, part.nodes), parse_step(part.step)
     axis, rng = check.chart_axis, np.random.default_rng(0)
     x, y = np.meshgrid(axis, axis, indexing="ij")
     places = rng.permutation(np.argwhere(np.hypot(x, y) <= 1.0))[:200]
@@ -147,3 +151,24 @@ def test_what_the_verdict_asks_for_is_enough(rough):
         base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.note)}
     assert found.holds
     assert set(base) == {"height_mm", "relief_step_mm", "relief_setback_mm"}
+
+
+@pytest.mark.parametrize("process", ["moulded", "printed", "turned"])
+def test_a_part_is_judged_by_another_process_as_if_its_spec_named_it(process: str, tmp_path: Path) -> None:
+    """And the record is read back beside the lens's own, which alone decides."""
+    made = lens(sphere(INNER_MM), random_surface(OUTER_MM, 0.04, 2))
+    made = replace(made, spec=made.spec.replace({"manufacture.layer_um": 9.0, "manufacture.process": "printed"}))
+    of_process = {"process": process} if process == "printed" else {"process": process, "layer_um": None}
+    stated = check_lens(replace(made, spec=made.spec.replace(manufacture=of_process)))
+    found = lf.check(made, process=process)
+    if process == "printed":
+        assert found.conditions is None, "it is the spec's own"
+        return
+    assert found.inputs == {"lens": made.sha256} and str(found.conditions) == process
+    assert found.changed(conditions=None, inputs=stated.inputs, seconds=stated.seconds) == stated
+    made.save(tmp_path / "lens.json")
+    found.save(tmp_path / f"check_{process}.json")
+    run = lf.load(tmp_path)
+    assert run.find(Check) is None and run.others[f"check_{process}"] == found
+    labels = [fact.label for group in run.facts(found) for fact in group.facts]
+    assert ("Parting line" in labels) == (process == "moulded")

@@ -14,7 +14,7 @@ from lensforge.errors import InputError
 from lensforge.report.results import Results
 from lensforge.results import Fact
 from lensforge.results.criteria import at_least
-from lensforge.shop.check import check_part
+from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import as_finding
 from lensforge.shop.point_tables import GridRequest
@@ -27,7 +27,7 @@ COARSE = GridRequest(spacing_mm=0.4)
 def results():
     lens = small_lens()
     part = build_part(lens, rings=16)
-    return Results(lens, {"export": part, "check": check_part(part)})
+    return Results(lens, {"export": part, "check": check_lens(part.lens, part.nodes)})
 
 
 def files_of(results, request=COARSE):
@@ -126,7 +126,7 @@ def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
     }
     lens = small_lens(manufacture=shop)
     part = build_part(lens, rings=16, extension_deg=5.0)
-    results = Results(lens, {"export": part, "check": check_part(part)})
+    results = Results(lens, {"export": part, "check": check_lens(part.lens, part.nodes)})
     handed = files_of(results)
     text = unescape(handed.html.decode("utf-8"))
     for words in ("0.0125;", "the lens times 1.0125", "0.0025"):

@@ -14,7 +14,7 @@ from lensforge.cad.part import Part
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plate_layout import layout_of
 from lensforge.scene.lens import Lens
-from lensforge.shop.check import check_part
+from lensforge.shop.check import check_lens
 from lensforge.shop.datums import labelled, plate_datums
 from lensforge.shop.plate_drawing import _below_mm, pattern_of, place_rows, plate_sheet
 from lensforge.shop.point_tables import GridRequest
@@ -173,7 +173,7 @@ def test_lenses_of_the_drawing_stand_where_they_are(part: Part) -> None:
 
 
 def test_the_handover_has_both_drawings(part: Part) -> None:
-    check = check_part(part)
+    check = check_lens(part.lens, part.nodes)
     made = make_handover(part, check, [], GridRequest(spacing_mm=1.0))
     assert {"plate.pdf", "plate.dxf"} < set(made.files) and made.files["plate.pdf"].startswith(b"%PDF")
     page = made.html.decode("utf-8")
