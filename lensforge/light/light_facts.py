@@ -25,6 +25,7 @@ from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import number, percent, quantity
 from lensforge.results.verdict import Reason
 from lensforge.scene.lens import Lens
+from lensforge.scene.possible_light import BY_SYMMETRY, LEVELS
 from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import BeamAngleLimit
@@ -40,7 +41,6 @@ class Attainable(NamedTuple):
 
 LimitBounds = Mapping[tuple[str, float], Attainable]  # by a limit's name and bound
 _OF_POSSIBLE = 0.9  # of the efficiency: less deserves a look; the shipped specs have 0.78 to 1.00
-_SMALLER = "a larger lens, a smaller source or"
 _LIGHT = {"cd": "luminous intensity", "W/sr": "radiant intensity", "lx": "illuminance", "W/m²": "irradiance"}
 
 
@@ -190,7 +190,7 @@ def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
         note=f"mean square deviation over the target’s mean square{_by_pixels(receiver)}",
         possible=possible.nmse if possible.nmse > 0.0 else None,
         possible_note=f"{_estimate(receiver)}étendue of each pixel, for the light that arrives",
-        remedy=f"{_SMALLER} a coarser pattern",
+        remedy=_remedy(receiver, "a coarser pattern"),
     )
 
 
@@ -203,8 +203,13 @@ def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
         note="share of the LED’s flux that lands where the target is bright",
         possible=possible.share_in_target,
         possible_note=f"{_estimate(receiver)}{possible.law}",
-        remedy=f"{_SMALLER} a wider target",
+        remedy=_remedy(receiver, "a wider target"),
     ).in_percent
+
+
+def _remedy(receiver: ReceiverLight, other: str) -> str:
+    """What would bring more light: of a lens whose symmetry bounds it, another shape of its faces."""
+    return LEVELS if receiver.possible.law == BY_SYMMETRY else f"a larger lens, a smaller source or {other}"
 
 
 def _estimate(receiver: ReceiverLight) -> str:

@@ -25,6 +25,8 @@ from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.mirror_group import REVOLUTION, images_in_common, shortest_arc
 from lensforge.surfaces.placed_bodies import reach_mm
 
+BY_SYMMETRY = "the symmetry of faces of revolution"  # a law
+LEVELS = "lens.levels, such as [25]: faces of revolution make round light about the axis"  # what is to be changed then
 _RAYS_PER_CELL = 32  # fewer: the noise of a cell's radiance; more: cells average over radiance that differs
 _LEVEL = 1e-3  # rays closer than this to z = const cross no plane nearby
 
@@ -151,7 +153,7 @@ class LargestShare:
         laws = {
             "étendue": self.by_etendue,
             f"the turn and loss of {self.turned_by}": self.by_refraction,
-            "the symmetry of faces of revolution": self.by_symmetry,
+            BY_SYMMETRY: self.by_symmetry,
         }
         return min(laws, key=laws.__getitem__)
 

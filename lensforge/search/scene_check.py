@@ -21,7 +21,7 @@ from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.scene.body import Chain
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
-from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
+from lensforge.scene.possible_light import LEVELS, LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.search.start_faces import start_faces
@@ -86,13 +86,10 @@ class Requirement:
         if bounds is None:
             words = "a smaller or brighter source, or a lower bound"
         elif bounds.by_symmetry < min(bounds.by_etendue, bounds.by_refraction):
-            return f"{_LEVELS}: faces of revolution make round light about the axis"
+            return LEVELS
         elif bounds.by_etendue > bounds.by_refraction:
             return "a larger lens.refractive_index, or a target nearer to the source's axis"
         return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {words}" if isfinite(self.radius_mm) else words
-
-
-_LEVELS = "lens.levels, such as [25]"
 
 
 def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, ...], tuple[Requirement, ...]]:
@@ -218,9 +215,7 @@ class SceneCheck:
             if asked.met < _WARN_POSSIBLE:
                 lines.append(f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}")
             elif asked.beside:
-                lines.append(
-                    f"{field}: it lies beside the axis, and faces of revolution make round light; try {_LEVELS}"
-                )
+                lines.append(f"{field}: it lies beside the axis; try {LEVELS}")
         return tuple(lines)
 
     def _asked(self) -> Iterator[tuple[str, Requirement]]:

@@ -12,13 +12,14 @@ from scenes import small_spec
 from tir_lenses import spot, spot_lens
 
 import lensforge as lf
-from lensforge.cli.conclusion import _to_look_at
+from lensforge.cli.conclusion import _limit_rows, _to_look_at
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.light_facts import light_facts
 from lensforge.light.light_ways import FluxByWay, LightWay, leak_facts
 from lensforge.light.simulation import TracedLens
-from lensforge.results import Metric, Record
+from lensforge.results import Fact, Metric, Record
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.possible_light import BY_SYMMETRY, LEVELS
 from lensforge.sources.build_source import build_source
 from lensforge.surfaces.asphere import sphere
 
@@ -91,3 +92,22 @@ def test_an_efficiency_below_nine_tenths_of_possible_is_amber(of_possible: float
     tables = Environment(loader=PackageLoader("lensforge.report")).get_template("tables.html").module
     for shown in (tables.asked_table([fact]), tables.card_list([fact]), tables.fact_table([fact])):
         assert ("look: below 0.9" in shown and 'badge open"' in shown) == bool(notice)
+
+
+def test_shares_that_limits_bound_are_in_per_cent_and_what_is_missed_names_what_helps() -> None:
+    """A road more flux, of which no receiver is; a lens of revolution levels, where its symmetry bounds the light."""
+    start = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, FEW)
+    light = lf.evaluate(start, rays=2**8)
+    (receiver,) = light.receivers
+    receiver = receiver.model_copy(update={"possible": receiver.possible.changed(law=BY_SYMMETRY)})
+    flux = Metric(value=0.25, standard_error=1e-3)
+    lost = Fact.measured("beside", "beside", flux, "lost share of the flux", limit=0.2, place=receiver.name)
+    dim = Fact.measured("lane 1", "lane 1", flux, "light", sense=">=", limit=0.5, place="road")
+    shown = light_facts(light.model_copy(update={"receivers": (receiver,), "limits": (lost, dim)}), start)
+    figures, limits = shown[0], next(group for group in shown if group.key == "limits")
+    assert (figures.fact("nmse").remedy, figures.fact("share_in_target").remedy) == (LEVELS, LEVELS)
+    rows = [words for _, words in _limit_rows(limits)]
+    assert rows[1].replace("\u2009", " ").startswith("beside: 25.00 ± 0.10 % (required ≤ 20 %); lost share")
+    assert rows[2].endswith("the road needs × 2 lumens of each lamp, or × 0.5 the spacing of poles")
+    tables = Environment(loader=PackageLoader("lensforge.report")).get_template("tables.html").module
+    assert "the road needs × 2 lumens" in tables.asked_table(limits.facts)
