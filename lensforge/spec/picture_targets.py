@@ -53,7 +53,7 @@ class PictureTarget(SizedTarget, SoftTarget):
 
 
 class TextTarget(PictureTarget):
-    """One line of glyphs, uniform on a dark ground."""
+    """One line of glyphs, uniform on a dark ground, read from behind the screen; from the lens it is mirrored."""
 
     words: ClassVar[str] = "“{0.text}”, {width} wide"
 

@@ -66,7 +66,8 @@ class TargetSection(OfSeveralKinds, InOneUnit):
     ``half_angle_deg``, the far field about the axis; neither inside ``[[receivers]]``.
 
     Lengths are in mm (``*_mm``), on the far field in degrees (``*_deg``): along x gamma cos(azimuth), along y gamma
-    sin(azimuth), gamma the angle from the receiver's axis.
+    sin(azimuth), gamma the angle from the receiver's axis. With x to the right and y up, a target is as seen from
+    behind its receiver, towards the lens: who looks from the lens at a wall sees it mirrored.
     """
 
     takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")
@@ -87,7 +88,7 @@ class TargetSection(OfSeveralKinds, InOneUnit):
     """Centre of the pattern on a surface."""
     centre_deg: tuple[DegreesOff, DegreesOff] | None = None
     rotation_deg: Turn = 0.0
-    """Turn of the pattern about its centre, from x towards y."""
+    """Turn of the pattern about its centre, from x towards y: counter-clockwise, seen from behind the receiver."""
     level: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
     """Peak of the pattern, relative to the other targets of the receiver."""
     uniform_mm: Side | None = None

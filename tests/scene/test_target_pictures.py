@@ -20,6 +20,17 @@ RNG = np.random.default_rng(2)
 GREY16 = RNG.integers(0, 2**16, (32, 32), dtype=np.uint16)  # a pixel of the picture for each of the receiver's
 
 
+def test_letters_are_read_from_behind_the_screen_towards_the_lens():
+    """Of an L the right half is dark above, where right and up are +x and +y, which an observer at +z sees so."""
+    light = target_light((TextTarget(text="L", width_mm=100.0, **PLACE),), PLANE)
+    rows, columns = np.nonzero(light)
+    right = rows[columns > np.median(np.unique(columns))]
+    assert len(right) and right.max() < np.median(np.unique(rows)), "row 0 is at the least y"
+    x, y, z = PLANE.pose.axes
+    seen_from = np.array([0.0, 0.0, 1.0])
+    assert np.cross(x, y) @ z == pytest.approx(1.0) and z @ seen_from == pytest.approx(1.0)
+
+
 def irradiance(folder, content, **options):
     (folder / "picture").write_bytes(content)
     return target_light((ImageTarget(file=folder / "picture", width_mm=300.0, **PLACE, **options),), PLANE)
