@@ -8,6 +8,7 @@ from pathlib import Path
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.part import Part
 from lensforge.light.evaluation_result import Light
+from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import Photometry
 from lensforge.made.measured_facts import FIRST
 from lensforge.made.tolerance_result import Sensitivity, Yield
@@ -56,6 +57,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
     return {
         "lens": lens,
         "subtitle": task(lens.spec),
+        "places": place_groups(results.light) if results.find(Light) else [],
         "headline": headline.headline(results),
         "outdated": headline.outdated(results),
         "altered_files": () if proof is None else proof.notes,

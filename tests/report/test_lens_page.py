@@ -10,6 +10,7 @@ from page_text import Page, text_of, undrawn_page_of
 from result_folders import make_folder, make_results, small_lens
 
 from lensforge.report.stored import load_results
+from lensforge.sources.source_place import SourcePlace
 from lensforge.spec.source_sections import RayfileSource
 
 
@@ -41,6 +42,21 @@ def test_a_lens_alone_makes_a_page():
     text = text_of(make_results(()))
     assert "Section at φ = 90°" in text
     assert "No 3-D picture: no part has been exported." in text
+
+
+def test_the_place_of_each_led_stands_where_it_is_named_first():
+    """In the header, of several LEDs of each, before any figure and outside of all that is folded."""
+    place = SourcePlace(file=None, rotate_z_deg=0.0, tilt_deg=(0.0, 7.5), position_mm=(0.1, -0.2, 0.4))
+    made = make_results(("evaluate",))
+    light = made.light.model_copy(update={"led": "red", "place": place})
+    other = light.changed(led="green", place=place.changed(position_mm=(1.5, 0.0, 0.0)), others=())
+    markup = undrawn_page_of(replace(made, found={"evaluate": light.model_copy(update={"others": (other,)})}))
+    head = re.sub("<[^>]+>|\\s+", " ", markup[markup.index("<header>") : markup.index("<main>")])
+    for words in (
+        "LED, red: tilted by (0, 7.5)°, Shifted by (0.1, −0.2, 0.4) mm",
+        "LED, green: tilted by (0, 7.5)°, Shi",
+    ):
+        assert f"Place of the {words}" in head
 
 
 def test_nothing_is_written(tmp_path, monkeypatch):
