@@ -186,6 +186,16 @@ def test_an_option_is_heard(
     assert given(wanted) in after and given(wanted) not in before, (before, after, done.output)
 
 
+@pytest.mark.parametrize("command", ["design", "sweep"])
+def test_rays_of_a_search_that_chooses_its_levels_are_refused_by_the_name_that_was_typed(
+    command: str, tmp_path: Path
+) -> None:
+    small_spec(lens__levels="auto", optimise={}).save(tmp_path / "lamp.toml")
+    given = ("--vary", "source.side_mm=1,2") if command == "sweep" else ()
+    error = invoked(command, tmp_path / "lamp.toml", *given, "--rays", "5e3").exception
+    assert isinstance(error, lf.InputError) and str(error).startswith('--rays 5000: with lens.levels = "auto"')
+
+
 RAYS = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w\n0,0,0,0,0.6,0.8,0.25\n1,0,0,0,0,1,0.5\n"
 IES = """IESNA:LM-63-2002
 TILT=NONE

@@ -9,10 +9,12 @@ import pytest
 import torch
 from nightly import first_by_day
 from presets import FEW_STEPS
+from scenes import small_spec
 from tir_lenses import SPOT, margins_but_for_the_wall, spot, wall_not_measured
 
 import lensforge as lf
 from lensforge.cad.boundary import boundaries, sharpest_edges
+from lensforge.errors import InputError
 from lensforge.kernels.traced_body import REFLECTED
 from lensforge.light.table_trace import TracedBundle
 from lensforge.scene.body import Body
@@ -298,3 +300,10 @@ def test_what_cannot_be_is_refused_in_one_line(changes: dict, words: str) -> Non
     with pytest.raises(lf.InputError, match=words) as caught:
         lf.design(parse_spec({**SPOT, **changes}, "spot"), accuracy="draft")
     assert "\n" not in str(caught.value)
+
+
+def test_the_number_of_steps_counts_the_profile_by_its_name() -> None:
+    with pytest.raises(InputError, match=r"has 2 numbers, must have 3: one for lens\.profile, one for each"):
+        spot(levels=[25, 81]).replace({"optimise.steps_per_level": [9, 9]})
+    with pytest.raises(InputError, match=r"has 1 numbers, must have 2: one for each of lens\.levels = \[9, 25\]"):
+        small_spec(lens__levels=[9, 25], optimise__steps_per_level=[9])
