@@ -10,7 +10,7 @@ from lensforge.cli.output import Block, Output, warning_line, with_output
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.light_facts import road_facts, spacing_fact
 from lensforge.light.road_lighting import RoadJudgement, with_remedies
-from lensforge.results import Fact, Group
+from lensforge.results import Group
 from lensforge.sources.photometric.photometric_file import coarse_for_roads, cut_below, far_field_warnings
 from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.spec.road_section import load_roads, names_of
@@ -61,14 +61,10 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
         lambda: [Block(f"{group.title}, by {file}", list(rows_of([group]))) for group in groups],
     )
     missed = [
-        f"{each.name}: {_words(limit)}" for each in found for limit in with_remedies(each.limits) if not limit.holds
+        f"{each.name}: {limit.reason}" for each in found for limit in with_remedies(each.limits) if not limit.holds
     ]
     if missed:
         raise CriterionMissed(f"{file}: {missed[0]}" + (f"; and {len(missed) - 1} more" if missed[1:] else ""))
-
-
-def _words(limit: Fact) -> str:
-    return f"{limit.label}: {limit.note} {limit.text}, must be {limit.required}: {limit.remedy}"
 
 
 def _document(file: Path, groups: list[Group], found: list[RoadJudgement]) -> dict[str, object]:

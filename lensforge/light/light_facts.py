@@ -17,7 +17,7 @@ from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judged_figures
 from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement, with_remedies
-from lensforge.optics.fundamental_limits import transmittance_of
+from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
 from lensforge.results import Fact, Group
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
@@ -25,7 +25,6 @@ from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import number, percent, quantity
 from lensforge.results.verdict import Reason
 from lensforge.scene.lens import Lens
-from lensforge.scene.possible_light import BY_SYMMETRY, LEVELS
 from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import BeamAngleLimit

@@ -148,12 +148,14 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
     """
 
     def factors(sense: Sense) -> list[float]:
-        lit = (each for each in limits if (each.note, each.sense) == ("light", sense))
-        return [each.bound / each.metric.value for each in lit if each.metric.value > 0.0]
+        lit = [(each.bound, each.metric.value) for each in limits if (each.note, each.sense) == ("light", sense)]
+        return [bound / value if value > 1e-9 * bound else np.inf for bound, value in lit]
 
     least, most = max(factors(">="), default=1.0), min(factors("<="), default=np.inf)
-    if least > most:
-        return "no flux keeps both the least and the largest light: light that is more even"
+    if least > most or least == np.inf:
+        return "no flux keeps all limits on light: light that is more even"
+    if least <= 1.0 <= most:
+        return ""
     factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
     words = f"the road needs × {factor:g} lumens of each lamp, or × {three_digits(1.0 / factor):g} the spacing of poles"
     grown = factor ** (1.0 - glare_law("threshold_increment", 1.0)[1])

@@ -23,6 +23,8 @@ from lensforge.optics.media import Media, Mirror
 Turns = Float[np.ndarray, "*n"]
 Ways = tuple[float | None, ...]  # reflectances of the faces by which light may pass; None: one that is bare
 Least = tuple[Ways, Ways]  # of those by which it may enter the body, and leave it
+BY_SYMMETRY = "the symmetry of faces of revolution"  # a law, and what there is to change
+LEVELS = "lens.levels, such as [25]: faces of revolution make round light about the axis"
 _PEAKED = 2.5  # ratio of indices up to which a face transmits the most where it turns no light
 _TURNS, _BETWEEN = 128, 1.0001  # of a face at which others are looked at, and a bound of what lies between those
 _SPLITS = 512  # of a turn among two faces that differ: the bound is less than 3 % above what some split transmits

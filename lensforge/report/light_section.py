@@ -34,7 +34,7 @@ _BY_NIGHT = (
     "lamps are to scale. The table of the surface is for 60 m and beyond, and taken for the road nearer by as well."
 )
 OWN = "the lens’s own"
-_SEEN = "seen from behind the receiver, towards the lens"
+_SEEN = "Seen from behind the receiver, towards the lens."
 _FIRST = 4.6  # inches: half of the page
 _ABOVE = 1.1  # of the target's peak: the ripple of a flat target can still be told
 # Groups of facts on a result under other conditions that stand for it in one row, and the keys of these facts.
@@ -154,7 +154,7 @@ def first_picture(results: Results) -> PagePicture | None:
             light.map, light.chart, _ABOVE * top_of([target]), target, unit=unit, width=_FIRST, frame=frame
         )
         cut = "" if frame == light.chart else " Cut to the lit part of the receiver."
-        caption = f"Simulated {unit.quantity} {shown.place}, {_SEEN}. Line: the target at half its peak.{cut}"
+        caption = f"Simulated {unit.quantity} {shown.place}. {_SEEN} Line: the target at half its peak.{cut}"
         return picture("first", figure, "The light, on the target\u2019s scale", caption)
     return None
 
@@ -209,7 +209,7 @@ def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:
     wanted_map = draw(target, chart, top, target, unit=unit)
     reached_map = draw(reached, chart, top, target, mask if has_mask else None, unit)
     difference = light_figures.difference_map(reached - target, chart, unit)
-    name, scaled = shown.picture_name, f"Scaled to the simulated flux. Line: half peak. All maps: {_SEEN}."
+    name, scaled = shown.picture_name, f"Scaled to the simulated flux. Line: half peak. {_SEEN}"
     return [
         picture(name("target"), wanted_map, "Target", scaled),
         picture(name("simulated"), reached_map, "Simulated", f"{simulated} Line: the target's.{dashed}"),

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from lensforge.optics.coatings import whole_span
 from lensforge.optics.exit_space import ExitBall, ExitSpace
-from lensforge.optics.fundamental_limits import best_transmittance, cone_around, least_by_way
+from lensforge.optics.fundamental_limits import BY_SYMMETRY, best_transmittance, cone_around, least_by_way
 from lensforge.optics.media import Media
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.receiver import PosedReceiver
@@ -25,8 +25,6 @@ from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.mirror_group import REVOLUTION, images_in_common, shortest_arc
 from lensforge.surfaces.placed_bodies import reach_mm
 
-BY_SYMMETRY = "the symmetry of faces of revolution"  # a law
-LEVELS = "lens.levels, such as [25]: faces of revolution make round light about the axis"  # what is to be changed then
 _RAYS_PER_CELL = 32  # fewer: the noise of a cell's radiance; more: cells average over radiance that differs
 _LEVEL = 1e-3  # rays closer than this to z = const cross no plane nearby
 

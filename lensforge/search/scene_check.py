@@ -18,10 +18,11 @@ from jaxtyping import Bool, Float
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.optics.fundamental_limits import LEVELS
 from lensforge.scene.body import Chain
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
-from lensforge.scene.possible_light import LEVELS, LargestShare, PossibleLight, SourceLight
+from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.search.start_faces import start_faces

@@ -8,23 +8,12 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import ConfigDict, model_validator
 
-from lensforge.results import (
-    Array,
-    Fact,
-    NotNegative,
-    Number,
-    Point,
-    Positive,
-    Record,
-    Sense,
-    Share,
-    SimulatedResult,
-    Text,
-)
+from lensforge.results import Array, Fact, NotNegative, Number, Point, Positive, Record, Sense, Share, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria
 from lensforge.results.fact import StoredAs
 from lensforge.results.notebook_html import screenful
+from lensforge.results.stage_result import SimulatedResult
 from lensforge.spec.part_section import Process
 
 if TYPE_CHECKING:

@@ -17,9 +17,9 @@ from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.light_facts import light_facts
 from lensforge.light.light_ways import FluxByWay, LightWay, leak_facts
 from lensforge.light.simulation import TracedLens
+from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS
 from lensforge.results import Fact, Metric, Record
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.possible_light import BY_SYMMETRY, LEVELS
 from lensforge.sources.build_source import build_source
 from lensforge.surfaces.asphere import sphere
 

@@ -292,8 +292,8 @@ class Record:
             self.rays.setdefault(self.stage, []).append(arrays(rays))
             return cast(stl, rays=rays, **more)
 
-        def fit(finest: Any, deposits: Any) -> Any:
-            found = fitted(finest, deposits)
+        def fit(*given: Any) -> Any:
+            found = fitted(*given)
             table = found.grid.c_deg, found.grid.gamma_deg, found.samples, found.finer
             self.rays["tables"] = [*table[:3], table[3].c_deg, table[3].gamma_deg, table[3].values]
             self.rays.setdefault("tables of LEDs", []).append(self.rays["tables"])
