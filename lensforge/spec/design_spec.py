@@ -164,9 +164,9 @@ class Spec(Section):
 
         Raises :class:`InputError` for a part that the process does not make.
         """
-        left = {"shrinkage": 0.0 if process != "moulded" else self.manufacture.shrinkage}
-        left |= {"layer_um": None if process != "printed" else self.manufacture.layer_um}
-        return self.replace(manufacture={"process": process, **left})
+        shrinkage = self.manufacture.shrinkage if process == "moulded" else 0.0
+        layer_um = self.manufacture.layer_um if process == "printed" else None
+        return self.replace(manufacture={"process": process, "shrinkage": shrinkage, "layer_um": layer_um})
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""

@@ -470,7 +470,9 @@ def colour_fact(key):
 
 def limit_fact(case, place):
     entry = evaluation(case, place.stage)[2][place.group]["limits"][place.number]
-    return stated(entry["value"], **judged(entry["value"], entry["sense"], entry["bound"]))
+    factor, unit = (100, "%") if entry["quantity"].endswith("share of the flux") else (1.0, None)
+    told = judged(entry["value"], entry["sense"], entry["bound"])
+    return stated(entry["value"], factor, unit, **told | {"limit": (entry["sense"], factor * entry["bound"])})
 
 
 def way_fact(case, place):
