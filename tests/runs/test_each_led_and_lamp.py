@@ -138,8 +138,8 @@ def test_road_is_lit_by_poles_that_carry_all_lamps(light: lf.Light, whole: lf.Ph
     for led, of_led in light.by_led.items():
         (judged,) = whole.by_led[led].roads
         for limit, other in zip(of_led.limits, judged.limits, strict=True):
-            near = 0.15 if "least" in limit.key else 0.04
-            assert limit.value == pytest.approx(other.value, rel=near), (led, limit.key)
+            noise = 2.5 * (other.standard_error or 0.0)  # of tables in steps of 2.5 degrees
+            assert abs(limit.value - other.value) < 0.04 * other.value + noise, (led, limit.key)
 
 
 def test_height_of_a_lamp_moves_no_candela() -> None:
