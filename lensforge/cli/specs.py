@@ -45,8 +45,16 @@ def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @click.option("--source", metavar="SOURCE", help=f"The LED: {SOURCES}.", shell_complete=_completed(SOURCE_KINDS))
 @click.option("--target", metavar="TARGET", help=f"The light: {TARGETS}.", shell_complete=_completed(TARGET_KINDS))
-@click.option("--off-axis", type=_BESIDE, metavar="DEG", help="Angle of the plane's centre from the axis, towards +x.")
-@click.option("--tilt", type=_BESIDE, metavar="DEG", help="Angle of the plane's normal from the axis; of a wall: 90.")
+@click.option(
+    "--off-axis",
+    "off_axis_deg",
+    type=_BESIDE,
+    metavar="DEG",
+    help="Angle of the plane's centre from the axis, towards +x.",
+)
+@click.option(
+    "--tilt", "tilt_deg", type=_BESIDE, metavar="DEG", help="Angle of the plane's normal from the axis; of a wall: 90."
+)
 @click.option("--max-radius", type=click.FloatRange(1e-6, 1e9), help="Largest radius of the lens in mm.")
 @click.option("--lens", type=click.Choice([*LensShape.kinds]), help="Kind; default: the one that suits the light.")
 @click.option("--material", help=f"One of {', '.join(MATERIALS)}; default: {_MATERIAL}.")
@@ -56,22 +64,21 @@ def new(
     spec: Path | None,
     source: str | None,
     target: str | None,
-    off_axis: float | None,
-    tilt: float | None,
     max_radius: float | None,
     lens: str | None,
     material: str | None,
     cutter: str | None,
     force: bool,
+    **beside: float | None,
 ) -> None:
     """Write a commented SPEC.toml; what is not given is asked for in a terminal. Without SPEC.toml: to stdout."""
     if spec is not None and spec.exists():
         raise InputError(f"{spec}: is there already and stays as it is; give another name")
     wanted = target_in(target) if target else _asked("--target", f"light ({TARGETS})", target_in)
-    beside = off_axis is not None or tilt is not None
+    plane = {name: angle for name, angle in beside.items() if angle is not None}
     scene = NewScene.of(
         "lens" if spec is None else spec.stem,
-        {"receivers": [receiver_beside(wanted, off_axis or 0.0, tilt or 0.0)]} if beside else {"target": wanted},
+        {"receivers": [receiver_beside(wanted, **plane)]} if plane else {"target": wanted},
         source_in(source) if source else _asked("--source", f"LED ({SOURCES})", source_in),
         max_radius or _asked("--max-radius", "largest radius of the lens in mm", _radius),
     )
@@ -194,7 +201,7 @@ def _alike(kind: str, light: Mapping[str, Any]) -> str:
 
 
 def _light_in(content: Mapping[str, Any]) -> tuple[object, ...]:
-    """What a spec's light is like: the kind of its target, and of its receiver, whether that is tilted."""
+    """Kinds of a spec's target and of its receiver, and whether that is tilted."""
     receiver = content.get("receivers", [{}])[0]
     target = receiver.get("targets", [content.get("target", {})])[0]
     return target.get("kind"), receiver.get("kind"), "tilt_deg" in receiver

@@ -207,7 +207,7 @@ def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
 
 
 def _remedy(receiver: ReceiverLight, other: str) -> str:
-    """What would bring more light: of a lens whose symmetry bounds it, another shape of its faces."""
+    """Changes that would bring more light: of a lens whose symmetry bounds it, another shape of its faces."""
     return LEVELS if receiver.possible.law == BY_SYMMETRY else f"a larger lens, a smaller source or {other}"
 
 

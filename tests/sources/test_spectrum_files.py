@@ -95,7 +95,7 @@ def test_the_spec_reads_it_and_names_its_field(tmp_path):
     spectrum = spectrum_of(FileSpectrum(file=tmp_path / "led.spectrum"))
     np.testing.assert_array_equal(spectrum.power_density, [0.0, 2.0, 1.0])
     (tmp_path / "led.spectrum").write_text(OPTIS.replace("\t2\n", "\t-2\n"), encoding="latin-1")
-    with pytest.raises(InputError, match=r"led\.spectrum: power densities .*; correct source\.spectrum\.file"):
+    with pytest.raises(InputError, match=r"led\.spectrum: power densities .*; correct this file of a spectrum"):
         spectrum_of(FileSpectrum(file=tmp_path / "led.spectrum"))
 
 
