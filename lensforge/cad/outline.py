@@ -10,7 +10,6 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import brentq
 
 from lensforge.spec import BaseSection
 
@@ -108,6 +107,8 @@ class Arc:
 
 def arcs_between(seat: Radius, outline: Outline) -> tuple[Arc, ...]:
     """Arcs of ``seat`` against ``outline``, once around; a crossing is found to 1e-14 rad."""
+    from scipy.optimize import brentq  # a fifth of a second, which a search does not need
+
     azimuths = sampled_azimuths()
     overhang = seat(azimuths) - outline.radius(azimuths)
     if np.abs(overhang).max() <= FLUSH_MM:

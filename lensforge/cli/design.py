@@ -24,16 +24,22 @@ from lensforge.cli.options import (
 from lensforge.cli.output import Block, Output, print_json, with_output
 from lensforge.cli.studies import design_for_each, run_with_progress
 from lensforge.errors import CriterionMissed, FailedDesigns, InputError, LensforgeError
-from lensforge.light.lens_light import evaluate
+from lensforge.kernels.parallel import thread_count
+from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_light import evaluate_to_picture, load_for_pictures
 from lensforge.report.folder import Run, opened
 from lensforge.report.results import REPORT_FILE
+from lensforge.results.child_pool import Called, ChildPool, child_pool
+from lensforge.scene.lens import Lens
 from lensforge.search import searches
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
+from lensforge.search.design_result import Progress
 from lensforge.search.searches import SearchOptions
 from lensforge.spec import Spec, load_spec
 from lensforge.spec.spec_files import alike
 
 _PICTURE_FILE = "light.png"  # of a preview
+_LEVEL_RAYS = 2**15  # of a picture on the way
 _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 2.8 times its errors
 
 
@@ -137,6 +143,32 @@ def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, l
     return spec, [*files, *(str(each) for each in specs if each is not spec)]
 
 
+class _Looks:
+    """Looks at a lens on its way, by a second process where there is one: each renews ``picture``."""
+
+    def __init__(self, picture: Path, second: ChildPool, *, shown: bool) -> None:
+        self._picture, self._second, self._to_show = picture, second, shown
+        self._last: Called[Light] | None = None
+
+    def on_step(self, step: Progress) -> None:
+        """Look at the end of a level, but where the look before is still on its way."""
+        if step.level_done and (self._last is None or self._last.is_done):
+            lens = step.lens()
+            self.at(lens, min(_LEVEL_RAYS, lens.spec.evaluate.rays or _LEVEL_RAYS))
+
+    def at(self, lens: Lens, rays: int | None = None) -> Called[Light]:
+        """Look at ``lens`` after the look before; the first picture is shown, if asked, as soon as it is there."""
+        if self._last is not None:
+            self._last.result()
+        self._last = self._second.call(evaluate_to_picture, lens, self._picture, rays)
+        if self._to_show or not self._second.runs:
+            self._last.result()
+        if self._to_show:
+            click.launch(str(self._picture))
+        self._to_show = False
+        return self._last
+
+
 @click.command()
 @SPEC
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>_preview.")
@@ -146,23 +178,30 @@ def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, l
 @OPEN
 @with_output
 def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options: Unpack[SearchOptions]) -> None:
-    """Search a draft of SPEC in fewer steps, and draw its light: a first look, without the files of a part."""
+    """Search a draft of SPEC in fewer steps, and draw its light: a first look, without the files of a part.
+
+    The picture is there after the first level of the search, and is renewed until the search has ended.
+    """
     from lensforge.cli.progress import DesignProgress, StageClock
+    from lensforge.search.scene_check import compile_search_kernels
 
     content = load_spec(spec)
     content = content.replace({"evaluate.rays": min(content.evaluate.rays or _PREVIEW_RAYS, _PREVIEW_RAYS)})
     directory = out or Path("cad_out") / f"{content.name}_preview"
-    with StageClock("design", quiet=output.quiet) as clock:
-        heard = DesignProgress(clock, content)
+    picture, processes = directory / _PICTURE_FILE, int((options.get("threads") or thread_count()) > 1)
+    with StageClock("design", quiet=output.quiet) as clock, child_pool(processes, clock.warn) as second:
+        if second.runs:
+            second.call(compile_search_kernels, content)
+            second.call(load_for_pictures)
+        heard, looks = DesignProgress(clock, content), _Looks(picture, second, shown=shown)
         with opened(directory, create=True) as here:
-            options.update({"accuracy": "draft", "preview": True, "progress": heard.on_step, "warn": clock.warn})
+            options.update({"accuracy": "draft", "preview": True, "warn": clock.warn})
+            options["progress"] = lambda step: (heard.on_step(step), looks.on_step(step))
             made = here.write(searches.design(content, **options))
             clock.begin("evaluate")
-            light = here.write(evaluate(made.lens, threads=options.get("threads")))
-            light.save(directory / _PICTURE_FILE)
+            light = here.write(looks.at(made.lens).result())
             run = here.run
         clock.total()
-    if shown:
-        click.launch(str(directory / _PICTURE_FILE))
-    title, picture = f"{content.name}: a draft, {run.design.steps} steps", ("Picture", str(directory / _PICTURE_FILE))
-    output.show(lambda: document(run, made, light), lambda: [Block(title, [*preview_rows(run), picture])])
+    title = f"{content.name}: a draft, {run.design.steps} steps"
+    rows = [*preview_rows(run), ("Picture", str(picture))]
+    output.show(lambda: document(run, made, light), lambda: [Block(title, rows)])

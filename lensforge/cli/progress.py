@@ -16,6 +16,7 @@ from rich.table import Column
 from rich.text import Text
 
 from lensforge.cli.output import printable, warning_line
+from lensforge.kernels.compiled import are_compiled
 from lensforge.report.results import REPORT_FILE, STAGES
 from lensforge.search.design_result import Progress as Step
 from lensforge.spec import Spec
@@ -188,6 +189,8 @@ class DesignProgress:
         self._last: Step | None = None
         self._level_began = 0, 0.0  # step and seconds
         self._searching = True
+        if not are_compiled():
+            clock.note("compiling kernels, once on this machine, about 20 s")
 
     def on_step(self, step: Step) -> None:
         """Show a gradient step; where there is no terminal, write a line for each level that the spec names."""

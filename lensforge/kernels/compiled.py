@@ -12,16 +12,23 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
-from functools import cache, partial, reduce
+from contextlib import suppress
+from functools import cache, cached_property, partial, reduce
 from pathlib import Path
 from typing import Any, SupportsFloat, cast
 
 import numba
 import numba.extending
+from numba.core.caching import FunctionCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import FunctionPass, register_pass
+from numba.core.typed_passes import NopythonTypeInference
 
 from lensforge.errors import InputError
 
 _LARGEST_BYTES = 2**20  # of a compiled kernel: the largest has 0.15 MB
+_MOST_WAIT_S = 300.0  # for a kernel that another process compiles: the slowest takes ten seconds
 
 # Kernels allocate nothing. Without numba's runtime (_nrt) no call counts references to its arrays: that is an atomic
 # operation on memory that all threads share, for every evaluation of a surface.
@@ -65,16 +72,84 @@ def kernel(function: Function, **options: Any) -> Function:
     before = numba.config.CACHE_LOCATOR_CLASSES
     numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCache.__name__}"
     try:
-        compiled: Function = numba.njit(nogil=True, cache=True, **{**_OPTIONS, **options})(function)
-        return compiled
+        compiled: Any = numba.njit(nogil=True, **{**_OPTIONS, **options})(function)
+        compiled._cache = _SharedCache(function)
+        return cast(Function, compiled)
     finally:
         numba.config.CACHE_LOCATOR_CLASSES = before
 
 
+class _SharedCache(FunctionCache):
+    """numba's cache of a kernel; while one process compiles it, others that need it wait."""
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """The kernel, compiled before or meanwhile by another process; None where this one is to compile it."""
+        found = super().load_overload(signature, target)
+        if found is None:
+            with suppress(OSError):  # no locks on this file system, or no end: compiled once more
+                self._lock.acquire()
+            found = super().load_overload(signature, target)
+            if found is not None:
+                self._lock.release(force=True)
+        return found
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Keep a kernel that this process has compiled, and let others load it."""
+        super().save_overload(signature, compiled)
+        self._lock.release(force=True)
+
+    @cached_property
+    def _lock(self) -> Any:
+        from filelock import FileLock
+
+        return FileLock(f"{self._cache_path}/{self._impl.filename_base}.lock", timeout=_MOST_WAIT_S)
+
+
 as_written = partial(kernel, fastmath=False)  # nothing contracted: the bits of the operations as they stand
-# Without code for calls from Python and from C a kernel compiles in three quarters of the time: a call from Python
-# would end the process.
-inline = numba.njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
+
+
+class _TakenIn(JITCodeLibrary):
+    """Code that is compiled as a part of kernels alone: machine code of its own would be run by nobody."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    @property
+    def codegen(self) -> "_TakenIn":
+        """Itself, whose environment numba sets as that of any code."""
+        return self
+
+    def set_env(self, *_: object) -> None:
+        """Set nothing: no machine code of its own refers to it."""
+
+
+@register_pass(mutates_CFG=False, analysis_only=True)
+class _TakeIn(FunctionPass):
+    _name = "take in"
+
+    def __init__(self) -> None:
+        super().__init__()
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _TakenIn(state.targetctx.codegen(), state.func_id.func_qualname)
+        return False
+
+
+class _TakingIn(CompilerBase):
+    def define_pipelines(self) -> list[Any]:
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.add_pass_after(_TakeIn, NopythonTypeInference)
+        passes.finalize()
+        return [passes]
+
+
+# Without code for calls from Python and from C, and without machine code of its own, a kernel compiles in three fifths
+# of the time: a call from Python would end the process.
+inline = numba.njit(
+    forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=_TakingIn, **_OPTIONS
+)
 
 
 _CHAIN = 6  # steps of a polynomial in turn: with 11 or 22 a sum of basis functions takes 1.1 or 1.4 times as long
@@ -127,6 +202,11 @@ def cache_folder(kernels: Path) -> Path:
             return folder
     except (OSError, RuntimeError):  # no home, a read-only or a full one: compiled once for each process
         return _temporary_cache()
+
+
+def are_compiled() -> bool:
+    """True where kernels have been compiled on this machine."""
+    return any(_folder_of(Path(__file__).parent).glob("trace.*.nbi"))
 
 
 def _temporary_cache() -> Path:

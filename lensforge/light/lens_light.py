@@ -74,6 +74,22 @@ def evaluate(
     return light.changed(**update, place=place)
 
 
+def evaluate_to_picture(lens: Lens, picture: Path, rays: int | None = None) -> Light:
+    """Simulate ``lens`` as :func:`evaluate` does, and draw it in the file ``picture``, which is replaced whole."""
+    light = evaluate(lens, rays=rays)
+    light.save(picture)
+    return light
+
+
+def load_for_pictures() -> None:
+    """Load what :func:`evaluate_to_picture` needs: it takes a second."""
+    import matplotlib.figure
+    import matplotlib.style  # noqa: F401
+
+    import lensforge.light.evaluation
+    import lensforge.results.plots  # noqa: F401
+
+
 def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[Light]:
     """The light of every further LED that ``lens`` is for."""
     from lensforge.light.evaluation import evaluate_lens

@@ -197,7 +197,7 @@ def run(
         raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
     with opened(folder, create=True) as here, threads_of_torch(options.get("threads")):
         require_own(folder / REPORT_FILE)
-        with _process_for_later_stages(options.get("warn") or warnings.warn) as second:
+        with _second_process(spec, options.get("warn") or warnings.warn) as second:
             if starts != 1 or scheduler is not None:
                 made = best_design(spec, starts=starts, scheduler=scheduler, announce=announce, **options)
             else:
@@ -215,12 +215,18 @@ def run(
 
 
 @contextmanager
-def _process_for_later_stages(warn: Warn) -> Iterator[ChildPool]:
-    """A second process where there are two cores, which loads the CAD kernel while this one searches."""
+def _second_process(spec: Spec, warn: Warn) -> Iterator[ChildPool]:
+    """A second process where there are two cores.
+
+    It compiles the search's kernels while this one checks the scene, and loads the CAD kernel while this one searches.
+    """
     import torch
+
+    from lensforge.search.scene_check import compile_search_kernels
 
     with child_pool(int(torch.get_num_threads() > 1), warn) as second:
         if second.runs:
+            second.call(compile_search_kernels, spec)
             second.call(_load_cad_kernel)
         yield second
 

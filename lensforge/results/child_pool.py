@@ -38,6 +38,11 @@ class Called(Generic[_Result]):
         self._here, self.there, self._done_again = here, there, done_again
         self._results: list[_Result] = []
 
+    @property
+    def is_done(self) -> bool:
+        """True where nobody has to wait for the other process."""
+        return self.there is None or self.there.done()
+
     def result(self) -> _Result:
         """Wait for what the function returns; where it has failed there or not begun, call it here.
 

@@ -11,6 +11,7 @@ z = 0 concerns the base, which the search does not change: the finished part is 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -19,7 +20,6 @@ from scipy.sparse import csr_matrix, vstack
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from lensforge.cad.keep_out import FACET_MM, KeepOut, read_keep_out
 from lensforge.kernels.clearance import grown_extents
 from lensforge.kernels.parallel import in_chunks
 from lensforge.kernels.sparse import SparseMatrix
@@ -28,6 +28,9 @@ from lensforge.surfaces import surface
 from lensforge.surfaces.bicubic_table import TableGrid, cubic_basis
 from lensforge.surfaces.mirror_group import first_images, group
 from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+if TYPE_CHECKING:
+    from lensforge.cad.keep_out import KeepOut
 
 _VALUE = ((0, 0),)
 _JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -201,7 +204,7 @@ class KeepOutExtent:
     lens, stand beside it and do not concern the cavity.
     """
 
-    keep_out: KeepOut
+    keep_out: "KeepOut"
     growth_mm: float
     largest_mm: float
     symmetry: str
@@ -209,6 +212,8 @@ class KeepOutExtent:
     @staticmethod
     def of(spec: Spec) -> "KeepOutExtent":
         """The keep-out of ``spec``; symmetry "auto" counts as none. Raises :class:`InputError`."""
+        from lensforge.cad.keep_out import FACET_MM, read_keep_out  # half a second, which few searches need
+
         limits = spec.constraints
         assert limits.keep_out is not None
         symmetry = "none" if spec.lens.symmetry == "auto" else spec.lens.symmetry

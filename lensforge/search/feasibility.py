@@ -13,9 +13,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.cad.boundary import lens_boundaries, sharpest_edges
-from lensforge.cad.flange import flange_heights_mm
-from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
@@ -54,6 +51,10 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
 
 
 def _measured(lens: Lens, directions: int) -> dict[Limit, float]:
+    from lensforge.cad.boundary import lens_boundaries, sharpest_edges  # a third of a second, at the end of a search
+    from lensforge.cad.flange import flange_heights_mm
+    from lensforge.cad.wall import thinnest_of
+
     constraints = constraints_of(lens.spec)
     points, exact = _exact_radii(lens, directions)
     found: dict[Limit, float] = {}

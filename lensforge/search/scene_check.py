@@ -17,9 +17,11 @@ from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
-from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.light.lens_light import searched_source
+from lensforge.light.table_trace import Scene, TracedBundle, trace_tables
 from lensforge.optics.fundamental_limits import LEVELS
 from lensforge.scene.body import Chain
+from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
@@ -265,6 +267,16 @@ def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fat
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.3g} %"
+
+
+def compile_search_kernels(spec: Spec) -> None:
+    """Compile the trace of a search and its adjoint, by one ray: where that is done already, load them."""
+    surfaces = start_faces(spec).values()
+    grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
+    scene = Scene(spec.lens.media, grid, spec.optimise.fresnel, chain=Chain.of_lens(spec.lens), single=True)
+    rays, nothing = searched_source(spec).sample(1, _SEED), np.zeros((1, 3))
+    traced = TracedBundle.of([tabulate(grid, surface) for surface in surfaces], scene, rays)
+    traced.gradients(Sensitivities(nothing, nothing), nothing[:, 0].copy(), nothing[:, 0].copy())
 
 
 _SLACK = 1e-6  # relative: rounding of a corner that lies on the boundary

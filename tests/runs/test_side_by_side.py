@@ -17,7 +17,7 @@ from lensforge.cli.progress import DesignProgress, StageClock
 from lensforge.kernels.parallel import thread_count
 from lensforge.report import pipeline
 from lensforge.report.folder import RunFolder, opened
-from lensforge.report.pipeline import Listener, _process_for_later_stages, run_later_stages
+from lensforge.report.pipeline import Listener, _second_process, run_later_stages
 from lensforge.results import child_pool
 from lensforge.results.arguments import threads_of_torch
 from lensforge.results.child_pool import Called, ChildPool
@@ -52,7 +52,7 @@ def in_a_copy(run: lf.Run, folder: Path, threads: int) -> list[tuple[str, str]]:
     with threads_of_torch(threads):
         before = torch.get_num_threads()
         heard = Listener(lambda name: told.append(("begins", name)), lambda name, _: told.append(("ended", name)))
-        with _process_for_later_stages(warnings.warn) as second:
+        with _second_process(small_spec(), warnings.warn) as second:
             run_later_stages(RunFolder(folder), heard, second)
         assert torch.get_num_threads() == before
     return told

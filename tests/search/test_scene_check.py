@@ -10,9 +10,12 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.errors import Cancelled, InputError
+from lensforge.kernels.adjoint import adjoint_of_pairs
 from lensforge.kernels.fate import Fate
+from lensforge.kernels.precision import in_single
+from lensforge.kernels.trace import trace
 from lensforge.scene.lens import Lens
-from lensforge.search.scene_check import SceneCheck
+from lensforge.search.scene_check import SceneCheck, compile_search_kernels
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.spec.source_sections import RaySource
@@ -30,6 +33,15 @@ def beam(direction: tuple[float, float, float], backward: float = 0.0, **more: o
     directions = np.tile(np.array(direction, dtype=np.float64), (10_000, 1))
     directions[: round(backward * 10_000)] *= -1.0
     return RaySource(positions_mm=points, directions=directions, flux_w=1.0, **more)
+
+
+def test_kernels_that_a_second_process_compiles_are_those_of_the_search() -> None:
+    compile_search_kernels(small_spec())
+    kernels = in_single(trace), in_single(adjoint_of_pairs)
+    compiled = [list(each.signatures) for each in kernels]
+    with pytest.raises(Cancelled):
+        lf.design(small_spec(), progress=lambda step: False)
+    assert all(compiled) and compiled == [list(each.signatures) for each in kernels]
 
 
 def test_a_source_in_its_cavity_sends_all_its_light_into_the_lens() -> None:
