@@ -194,9 +194,13 @@ def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options
             second.call(compile_search_kernels, content)
             second.call(load_for_pictures)
         heard, looks = DesignProgress(clock, content), _Looks(picture, second, shown=shown)
+
+        def on_step(step: Progress) -> None:
+            heard.on_step(step)
+            looks.on_step(step)
+
         with opened(directory, create=True) as here:
-            options.update({"accuracy": "draft", "preview": True, "warn": clock.warn})
-            options["progress"] = lambda step: (heard.on_step(step), looks.on_step(step))
+            options.update({"accuracy": "draft", "preview": True, "progress": on_step, "warn": clock.warn})
             made = here.write(searches.design(content, **options))
             clock.begin("evaluate")
             light = here.write(looks.at(made.lens).result())
