@@ -20,10 +20,6 @@ from typing import Any, SupportsFloat, cast
 import numba
 import numba.extending
 from numba.core.caching import FunctionCache
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.compiler_machinery import FunctionPass, register_pass
-from numba.core.typed_passes import NopythonTypeInference
 
 from lensforge.errors import InputError
 
@@ -106,50 +102,9 @@ class _SharedCache(FunctionCache):
 
 
 as_written = partial(kernel, fastmath=False)  # nothing contracted: the bits of the operations as they stand
-
-
-class _TakenIn(JITCodeLibrary):
-    """Code that is compiled as a part of kernels alone: machine code of its own would be run by nobody."""
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._verify_declare_only_symbols()
-        self._finalized = True
-
-    @property
-    def codegen(self) -> "_TakenIn":
-        """Itself, whose environment numba sets as that of any code."""
-        return self
-
-    def set_env(self, *_: object) -> None:
-        """Set nothing: no machine code of its own refers to it."""
-
-
-@register_pass(mutates_CFG=False, analysis_only=True)
-class _TakeIn(FunctionPass):
-    _name = "take in"
-
-    def __init__(self) -> None:
-        super().__init__()
-
-    def run_pass(self, state: Any) -> bool:
-        state.library = _TakenIn(state.targetctx.codegen(), state.func_id.func_qualname)
-        return False
-
-
-class _TakingIn(CompilerBase):
-    def define_pipelines(self) -> list[Any]:
-        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(_TakeIn, NopythonTypeInference)
-        passes.finalize()
-        return [passes]
-
-
-# Without code for calls from Python and from C, and without machine code of its own, a kernel compiles in three fifths
-# of the time: a call from Python would end the process.
-inline = numba.njit(
-    forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=_TakingIn, **_OPTIONS
-)
+# Without code for calls from Python and from C a kernel compiles in three quarters of the time: a call from Python
+# would end the process.
+inline = numba.njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
 
 
 _CHAIN = 6  # steps of a polynomial in turn: with 11 or 22 a sum of basis functions takes 1.1 or 1.4 times as long

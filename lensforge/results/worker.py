@@ -22,8 +22,8 @@ _MIB = 2**20
 # Libraries that are mapped, not allocated, count for the address space only: the CAD kernel and VTK have 1 GiB.
 _MAPPED_MIB = 4096
 # Nearly all new objects are those of libraries, which stay: with Python's own 700 a search among them takes a fifth of
-# the seconds in which torch and the CAD kernel are loaded, with 20,000 still a twelfth.
-_NEW_OBJECTS = 100_000
+# the seconds in which torch and the CAD kernel are loaded.
+_NEW_OBJECTS = 20_000
 # Of glibc's mallopt: the largest block that it keeps when it is freed, the most that it allows, and how much it keeps.
 _MMAP_THRESHOLD, _LARGEST_KEPT = -3, 2**25
 _TRIM_THRESHOLD, _MOST_KEPT = -1, 2**30
