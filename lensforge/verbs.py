@@ -208,7 +208,7 @@ EXPORT = FolderStage(
 
     Each file is verified by reading it back.
     """,
-    options=("schema", "extension_deg", "nodes", "rings", "date"),
+    options=("schema", "extension_deg", "nodes", "form_nm", "normal_mrad", "rings", "date"),
     decides="files",
 )
 CHECK = FolderStage(

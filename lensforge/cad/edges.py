@@ -82,8 +82,8 @@ def crease_edges(crease: Crease, patches: tuple[Patch, Patch], surfaces: tuple[A
     return _chains([chain], [curves], points, gap, surfaces)[0]
 
 
-def circle_edge(radius_mm: float, height_mm: float, surface: Any = None) -> Any:
-    """A circle about the axis as an edge, also on a ``surface`` whose parameters are the chart, which holds it."""
+def circle_edge(radius_mm: float, height_mm: float, on: tuple[Patch, Any] | None = None) -> Any:
+    """A circle about the axis as an edge, also ``on`` a patch and its surface that hold it."""
     from OCP.BRep import BRep_Builder
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
     from OCP.Geom2d import Geom2d_Circle
@@ -91,11 +91,20 @@ def circle_edge(radius_mm: float, height_mm: float, surface: Any = None) -> Any:
     from OCP.TopLoc import TopLoc_Location
 
     made = BRepBuilderAPI_MakeEdge(_piece_curve(Piece(0.0, FULL_TURN, radius_mm), -height_mm)).Edge()
-    if surface is not None:
-        chart = float(np.tan(0.5 * np.arctan2(radius_mm, height_mm)))
+    if on is not None:
+        (patch, surface), chart = on, float(np.tan(0.5 * np.arctan2(radius_mm, height_mm)))
+        around = rim_directions(np.linspace(0.0, FULL_TURN, 4 * _RIM_NODES_PER_NODE * patch.nodes))
+        gap = float(
+            np.linalg.norm(patch.points(chart * around[:, :2]) - (radius_mm * around + (0, 0, height_mm)), axis=1).max()
+        )
         there = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), chart)
-        BRep_Builder().UpdateEdge(made, there, surface, TopLoc_Location(), _MIN_TOLERANCE_MM)
+        BRep_Builder().UpdateEdge(made, there, surface, TopLoc_Location(), _tolerance_mm(gap))
     return made
+
+
+def _tolerance_mm(gap: float) -> float:
+    """The tolerance of an edge whose curves are ``gap`` (mm) apart at most."""
+    return max(_MIN_TOLERANCE_MM, _GAP_MARGIN * gap)
 
 
 _Ends = tuple[float, float]  # azimuths (rad)
@@ -116,7 +125,7 @@ def _chains(
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
     from OCP.TopLoc import TopLoc_Location
 
-    tolerance = max(_MIN_TOLERANCE_MM, _GAP_MARGIN * gap)
+    tolerance = _tolerance_mm(gap)
     starts = [start for chain in chains for start, _ in chain]
     vertices = dict(zip(starts, _corners(points(np.array(starts)), tolerance), strict=True))
     following = dict(zip(starts, [*starts[1:], starts[0]], strict=True))

@@ -71,7 +71,7 @@ def distances(
     return distance
 
 
-CHORD_MM = 1e-3
+CHORD_MM = 2e-3  # of any face that is milled or moulded a fifth of the form; light sees the normals between vertices
 MOST_TRIANGLES = 1_400_000  # of one face: files of up to 3 million are read; the shipped designs take up to 0.4 million
 _AIM = 0.9  # of the tolerance, at the points that are looked at; the largest distance of a facet may be between them
 _SPLIT_ROUNDS = 16

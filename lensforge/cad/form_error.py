@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.boundary import WHOLE, Domain, Pair, lens_boundaries, of_shapes
+from lensforge.cad.face_tolerance import FINEST, FaceTolerance, face_tolerance
 from lensforge.cad.outline import FULL_TURN
-from lensforge.cad.part_limits import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
-from lensforge.cad.patch import LEAST_NODES, MAX_NODES, Patch, default_nodes, fit_patch
+from lensforge.cad.patch import LEAST_NODES, MAX_NODES, Patch, first_nodes, fit_patch
 from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_parallel_map
@@ -30,9 +30,10 @@ _SAME_CHART = 1e-3
 # Between the nodes of a spline its error rises and falls, with 240 nodes every 0.005 of the chart; samples
 # are 0.03 apart. Against 400,000 points the largest of the samples is 1 to 22 % too low, that of the search up to 3 %.
 _REACH, _STARTS, _ROUNDS = 0.01, 24, 4
-# A fit aims at half of the largest errors that are accepted; errors fall with these powers of the node count.
-_FORM_AIM_NM, _NORMAL_AIM_MRAD = 0.5 * FORM_LIMIT_NM, 0.5 * NORMAL_LIMIT_MRAD
-_FORM_ORDER, _NORMAL_ORDER = 6, 5
+# A fit aims a little below the largest errors that are accepted. While nodes are few, errors fall with such a power of
+# them; later with the eighth and the seventh, of normals.
+_AIM, _OF_ROUNDING = 0.85, 0.02
+_ORDER = 12
 
 
 @dataclass(frozen=True)
@@ -63,50 +64,75 @@ def chart_samples(count: int = SAMPLES, seed: int = 0, domain: Domain = WHOLE) -
     return np.concatenate([within, domain.radii(turn)[1][:, None] * rim_directions(turn)[:, :2]])
 
 
-def fit_lens(lens: Lens, *nodes: int) -> Pair[Patch]:
+def fit_lens(lens: Lens, *nodes: int, tolerance: FaceTolerance | None = None) -> Pair[Patch]:
     """The boundaries of ``lens`` by its faces as they are exported; the same node counts give the same bits.
 
-    ``nodes``: of each face, in the order of the lens; by default as many as they need.
+    ``nodes``: of each face, in the order of the lens; by default as many as their ``tolerance`` needs, which is by
+    default that of the lens.
     """
-    known = _fits(lens)
-    if nodes not in known:
+    known, wanted = _fits(lens), tolerance or face_tolerance(lens)
+    if (nodes, wanted) not in known:
         given = dict(zip(lens.surfaces, nodes, strict=True)) if nodes else {}
-        pair = fit_boundaries(lens_boundaries(lens), given, preset_of(lens.accuracy).part.spline_nodes)
+        pair = fit_boundaries(lens_boundaries(lens), given, preset_of(lens.accuracy).part.spline_nodes, wanted)
         counts = {face.name: face.shape.nodes for boundary in pair for face in boundary.faces}
-        known[nodes] = known[tuple(counts[name] for name in lens.surfaces)] = pair
-    return known[nodes]
+        known[nodes, wanted] = known[tuple(counts[name] for name in lens.surfaces), wanted] = pair
+    return known[nodes, wanted]
 
 
 @lru_cache(maxsize=4)  # of one lens in several stages: a second each
-def _fits(_: Lens) -> dict[tuple[int, ...], Pair[Patch]]:
+def _fits(_: Lens) -> dict[tuple[tuple[int, ...], FaceTolerance], Pair[Patch]]:
     """Fits of a lens that are known, by the nodes that were asked for and by those that they have."""
     return {}
 
 
-def fit_boundaries(pair: Pair[Surface], nodes: Mapping[str, int], least: int = LEAST_NODES) -> Pair[Patch]:
+def fit_boundaries(
+    pair: Pair[Surface], nodes: Mapping[str, int], least: int = LEAST_NODES, tolerance: FaceTolerance = FINEST
+) -> Pair[Patch]:
     """The boundaries of cavity and body by fitted faces.
 
-    ``nodes``: by name; where left out as many as they need, ``least`` or more.
+    ``nodes``: by name; where left out as many as their ``tolerance`` needs, ``least`` or more.
     """
     faces = [face for boundary in pair for face in boundary.of_material]
-    fitted = in_parallel_map(lambda face: fit_to_form(face.shape, nodes.get(face.name), face.domain, least), faces)
+    fitted = in_parallel_map(
+        lambda face: fit_to_form(
+            face.shape, nodes.get(face.name), face.domain, least, FINEST if face.is_flange else tolerance
+        ),
+        faces,
+    )
     patches = dict(zip((face.name for face in faces), fitted, strict=True))
     return of_shapes(pair, patches)
 
 
-def fit_to_form(surface: Surface, nodes: int | None = None, domain: Domain = WHOLE, least: int = LEAST_NODES) -> Patch:
-    """The patch of ``surface`` with ``nodes``; by default ``least``, or as many as its form and normal errors need."""
+def fit_to_form(
+    surface: Surface,
+    nodes: int | None = None,
+    domain: Domain = WHOLE,
+    least: int = LEAST_NODES,
+    tolerance: FaceTolerance = FINEST,
+) -> Patch:
+    """The patch of ``surface`` with ``nodes``; by default ``least``, or as many as its ``tolerance`` needs.
+
+    Its control points have as many decimals as leave it within a fiftieth of that.
+    """
     if nodes is not None:
-        return fit_patch(surface, nodes, domain.extent)
-    chart, count = chart_samples(domain=domain), default_nodes(surface.detail_rad, least)
+        return rounded_to(fit_patch(surface, nodes, domain.extent), tolerance)
+    chart, count = chart_samples(domain=domain), first_nodes(surface.detail_rad, least)
     while True:
-        patch = fit_patch(surface, count, domain.extent)
+        patch = rounded_to(fit_patch(surface, count, domain.extent), tolerance)
         error = form_error(surface, patch.points(chart), patch.normals(chart))
-        by_form = (error.form_max_nm / _FORM_AIM_NM) ** (1.0 / _FORM_ORDER)
-        by_normal = (error.normal_max_mrad / _NORMAL_AIM_MRAD) ** (1.0 / _NORMAL_ORDER)
+        by_form = (error.form_max_nm / (_AIM * tolerance.form_nm)) ** (1.0 / _ORDER)
+        by_normal = (error.normal_max_mrad / (_AIM * tolerance.normal_mrad)) ** (1.0 / _ORDER)
         if max(by_form, by_normal) <= 1.0 or count == MAX_NODES:
             return patch
         count = min(MAX_NODES, max(count + 1, int(np.ceil(count * max(by_form, by_normal)))))
+
+
+def rounded_to(patch: Patch, tolerance: FaceTolerance) -> Patch:
+    """The patch with no more decimals than its ``tolerance`` asks for."""
+    middle = len(patch.control) // 2
+    apart_mm = float(np.linalg.norm(np.diff(patch.control[middle - 1 : middle + 1, middle], axis=0)))
+    by_normal_mm = 1e-3 * tolerance.normal_mrad * apart_mm
+    return patch.rounded(_OF_ROUNDING * min(1e-6 * tolerance.form_nm, by_normal_mm))
 
 
 def face_points(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from lensforge.cad.face_tolerance import FaceTolerance
 from lensforge.cad.keep_out_distance import KeepOutDistance
 from lensforge.cad.part_limits import FormTolerance, Signature, UntrimmedSurfaces
 from lensforge.cad.plate_result import (
@@ -86,9 +87,10 @@ class Triangulation(Record):
 class Part(StageResult):
     """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
-    ``nodes``: of the spline of each optical face, by its name. ``volume_mm3``, ``area_mm2``: of the solid,
-    ``volume_mesh_mm3``, ``area_mesh_mm2`` of the mesh. ``bounds_mm``: least and largest corner of the box around the
-    mesh. The vertices of the mesh lie on the solid, so the box of the solid is larger by the chord error at most.
+    ``face_tolerance``: of the optical faces in the STEP. ``nodes``: of the spline of each of them, by its name.
+    ``volume_mm3``, ``area_mm2``: of the solid, ``volume_mesh_mm3``, ``area_mesh_mm2`` of the mesh. ``bounds_mm``: least
+    and largest corner of the box around the mesh. The vertices of the mesh lie on the solid, so the box of the solid is
+    larger by the chord error at most.
     ``mass_g`` where the density is known.
     ``keep_out``: None where the spec has none, or the mesh is not closed.
     ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: in its header.
@@ -101,6 +103,7 @@ class Part(StageResult):
     stage: ClassVar[str] = "export"
 
     lens: Annotated[Lens, Given()]
+    face_tolerance: FaceTolerance
     form_error_nm: Extent
     normal_error_mrad: Extent
     volume_mm3: Number
@@ -211,7 +214,8 @@ class Part(StageResult):
 def part_facts(part: Part) -> list[Group]:
     """One group on solid and files, and one on the plate."""
     density = part.lens.spec.lens.density
-    table = facts_of(part, _FILES, judged=part.criteria, source="" if density is None else density.source)
+    words = {"source": "" if density is None else density.source, "turned": _turned(part)}
+    table = facts_of(part, _FILES, judged=part.criteria, **words)
     groups = [Group("files", "Files as read back", (*table, *_mould(part)))]
     if part.plate is not None:
         sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}
@@ -232,7 +236,7 @@ _FILES = (
         "normal_error",
         "Error of the normals",
         "normal_error_mrad.max",
-        "largest; {normal_error_mrad.rms:2} rms",
+        "largest; {normal_error_mrad.rms:2} rms; {turned}",
         digits=2,
         like="normal_error",
     ),
@@ -249,6 +253,14 @@ _FILES = (
     Row("mesh", "Mesh", "closed_or_not", "{triangulation.triangles} facets, genus {genus}"),
     Row("schema", "STEP schema", "step_schema"),
 )
+
+
+def _turned(part: Part) -> str:
+    """The angle by which the error of the normals turns light at most, beside the image of the LED."""
+    tolerance = part.face_tolerance
+    moved = f"turns light by {quantity(tolerance.turn * part.normal_error_mrad.max, 'mrad', digits=2)} at most"
+    image = tolerance.image_mrad
+    return moved if image is None else f"{moved}, the LED’s image is {quantity(image, 'mrad', digits=2)} wide"
 
 
 def _mould(part: Part) -> Iterator[Fact]:

@@ -10,9 +10,10 @@ import time
 from lensforge.cad.body_export import BodyProof, BuiltBody, figures_as_read, on_base, prove
 from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.face_tolerance import FaceTolerance, face_tolerance
 from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import ring_of
-from lensforge.cad.form_error import FormError, face_error, fit_lens, worst
+from lensforge.cad.form_error import FormError, face_error, fit_lens, rounded_to, worst
 from lensforge.cad.keep_out import keep_out_distance, mesh_error_mm, read_keep_out
 from lensforge.cad.keep_out_distance import KeepOutDistance, keep_out_criteria
 from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
@@ -57,6 +58,7 @@ def build_part(
     lens: Lens,
     *,
     nodes: int | None = None,
+    tolerance: FaceTolerance | None = None,
     rings: int | None = None,
     chord_mm: float = CHORD_MM,
     schema: Schema = "AP214",
@@ -65,7 +67,8 @@ def build_part(
 ) -> Part:
     """Make the part: the bytes of STEP, STL and 3MF, and their errors, measured by reading these bytes back.
 
-    ``nodes``: spline nodes across each optical face, by default as many as the form needs.
+    ``nodes``: spline nodes across each optical face, by default as many as their ``tolerance`` needs, by default that
+    of the lens.
     ``rings``: equal rings of the mesh; by default those of the lens's preset, or as many as the faces' detail needs,
     their facets split where they are more than ``chord_mm`` (mm) from the surface.
     ``extension_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle
@@ -77,19 +80,20 @@ def build_part(
     start = time.perf_counter()
     require_schema(schema)
     rings = preset_of(lens.accuracy).part.mesh_rings if rings is None else rings
-    body = _build(lens, nodes, rings, chord_mm)
+    tolerance = tolerance or face_tolerance(lens)
+    body = _build(lens, nodes, tolerance, rings, chord_mm)
     name = lens.spec.name
     signed = signed_step(body.solid, lens.spec, name, schema, date)
     step = signed.content
     untrimmed, surfaces_step = None, None
     if extension_deg is not None:
-        untrimmed, surfaces_step = _untrimmed(lens, body.plan, extension_deg, schema, signed.signature)
+        untrimmed, surfaces_step = _untrimmed(lens, body.plan, tolerance, extension_deg, schema, signed.signature)
     stl = stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
     proof = prove(body, step, stl, threemf)
     form = worst(list(proof.form.values()))
     keep_out = _keep_out(lens, body)
-    plate = build_plate(lens, body.plan, proof.solid, form.form_max_nm, schema, date)
+    plate = build_plate(lens, body.plan, proof.solid, form.form_max_nm, tolerance, schema, date)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf} | ({} if plate is None else dict(plate.files))
     if surfaces_step is not None:
         files[SURFACES_FILE] = surfaces_step
@@ -97,6 +101,7 @@ def build_part(
         inputs={"lens": lens.sha256},
         lens=lens,
         form_error_nm=Extent(max=form.form_max_nm, rms=form.form_rms_nm),
+        face_tolerance=tolerance,
         normal_error_mrad=Extent(max=form.normal_max_mrad, rms=form.normal_rms_mrad),
         volume_mm3=proof.solid.volume_mm3,
         volume_mesh_mm3=proof.stl.volume_mm3,
@@ -123,8 +128,8 @@ def build_part(
         files={name: stamp_of(content) for name, content in files.items()},
         seconds=round(time.perf_counter() - start, 3),
         criteria=(
-            *_criteria(body, proof, form),
-            *untrimmed_criteria(untrimmed),
+            *_criteria(body, proof, form, tolerance),
+            *untrimmed_criteria(untrimmed, tolerance),
             *keep_out_criteria(lens.spec, keep_out),
             *(() if plate is None else plate.criteria),
         ),
@@ -138,10 +143,10 @@ def build_part(
     )
 
 
-def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) -> BuiltBody:
+def _build(lens: Lens, nodes: int | None, tolerance: FaceTolerance, rings: int | None, chord_mm: float) -> BuiltBody:
     """Fit the faces, build mesh and solid, and join the base where it comes from a file."""
     custom = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
-    pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)))
+    pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)), tolerance=tolerance)
     return on_base(lens.surfaces, pair, base_with_room(lens), rings, chord_mm, custom, ring_of(lens, pair[1]))
 
 
@@ -155,14 +160,16 @@ def _keep_out(lens: Lens, body: BuiltBody) -> KeepOutDistance | None:
 
 
 def _untrimmed(
-    lens: Lens, plan: Plan[Patch], extension_deg: float, schema: Schema, header: Signature
+    lens: Lens, plan: Plan[Patch], tolerance: FaceTolerance, extension_deg: float, schema: Schema, header: Signature
 ) -> tuple[UntrimmedSurfaces, bytes]:
     """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
     scale = lens.spec.manufacture.scale
     optical = [face for face in plan.faces if not face.is_flange]
     surfaces = {face.label: scaled(lens.surfaces[face.name], scale) for face in optical}
     patches = {
-        face.label: fit_extended(surfaces[face.label], face.shape.nodes, extension_deg, face.domain.extent)
+        face.label: rounded_to(
+            fit_extended(surfaces[face.label], face.shape.nodes, extension_deg, face.domain.extent), tolerance
+        )
         for face in optical
     }
     envelope = [face.label for face in plan.envelope.faces]
@@ -182,7 +189,7 @@ def _untrimmed(
     return untrimmed, content
 
 
-def _criteria(body: BuiltBody, proof: BodyProof, form: FormError) -> Criteria:
+def _criteria(body: BuiltBody, proof: BodyProof, form: FormError, tolerance: FaceTolerance) -> Criteria:
     """The criteria that the files must meet before they go to a shop."""
     solid = proof.solid
     measured = {
@@ -192,4 +199,4 @@ def _criteria(body: BuiltBody, proof: BodyProof, form: FormError) -> Criteria:
         **figures_as_read(solid, proof.stl, proof.threemf, solid.volume_mm3),
     }
     limit = mesh_volume_limit(body.mesh.area(), body.chord_mm, solid.volume_mm3)
-    return part_criteria(measured, limit, solid.faults)
+    return part_criteria(measured, limit, tolerance, max(face.shape.nodes for face in body.plan.faces), solid.faults)

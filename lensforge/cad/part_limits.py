@@ -2,15 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
+from lensforge.cad.face_tolerance import FaceTolerance
+from lensforge.cad.patch import MAX_NODES
 from lensforge.results import Fact, NotNegative, Positive, Record, Text
 from lensforge.results.criteria import Criteria, at_least, at_most
 from lensforge.spec import Spec
 from lensforge.spec.spec_section import CalendarDate
 
-# The largest errors of an exported face.
-FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
 # By which slopes, drafts and edges of exported faces may miss an angle that is asked for: a search keeps it to 0.01
-# degrees by its tables, normals of the export are off by 0.001 (NORMAL_LIMIT_MRAD), and a check looks at other points.
+# degrees by its tables, normals of the export are off by 0.011 (face_tolerance.py), and a check looks at other points.
 # A cone of 2 degrees is measured as 1.99998.
 ANGLE_TOLERANCE_DEG = 0.02
 FIT_TOLERANCE = 1e-6  # of the radius of a ball that is to fit: 1 nm for a cutter of 1 mm
@@ -20,8 +20,8 @@ CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's areas err 
 
 # Compared how, with what limit and unit, and what a remedy must change: by the name of the figure, in the files' order.
 _LIMITS: dict[str, tuple[Callable[..., Fact], float | None, str, str]] = {
-    "form_error": (at_most, FORM_LIMIT_NM, "nm", "faces"),
-    "normal_error": (at_most, NORMAL_LIMIT_MRAD, "mrad", "faces"),
+    "form_error": (at_most, None, "nm", "faces"),
+    "normal_error": (at_most, None, "mrad", "faces"),
     "step_valid": (at_least, 1.0, "", "solid"),
     "step_volume_change": (at_most, ROUND_TRIP_LIMIT, "", "faces"),
     "volume_error": (at_most, CLOSED_FORM_LIMIT, "", "shape"),
@@ -33,34 +33,52 @@ _LIMITS: dict[str, tuple[Callable[..., Fact], float | None, str, str]] = {
 
 
 def file_criteria(
-    measured: Mapping[str, float], mesh_volume_limit: float, remedies: Mapping[str, str], start: str = ""
+    measured: Mapping[str, float],
+    mesh_volume_limit: float,
+    tolerance: FaceTolerance,
+    remedies: Mapping[str, str],
+    start: str = "",
 ) -> Criteria:
     """The criteria that files must meet before they go to a shop, on what is ``measured``, by their names.
 
-    ``mesh_volume_limit``: relative, what flat facets cut off. ``remedies``: by what they change. ``start``: of the
-    names. Flags count as 1 or 0.
+    ``mesh_volume_limit``: relative, what flat facets cut off. ``tolerance``: of the optical faces. ``remedies``: by
+    what they change. ``start``: of the names. Flags count as 1 or 0.
     """
+    asked = {
+        "form_error": tolerance.form_nm,
+        "normal_error": tolerance.normal_mrad,
+        "mesh_volume_change": mesh_volume_limit,
+    }
     return tuple(
-        compared(
-            f"{start}{name}", measured[name], mesh_volume_limit if limit is None else limit, unit, remedies[change]
-        )
+        compared(f"{start}{name}", measured[name], asked[name] if limit is None else limit, unit, remedies[change])
         for name, (compared, limit, unit, change) in _LIMITS.items()
         if name in measured
     )
 
 
-def part_criteria(measured: Mapping[str, float], mesh_volume_limit: float, faults: Sequence[str] = ()) -> Criteria:
-    """The criteria on the files of a part; ``faults``: names of faces that are not valid."""
+def part_criteria(
+    measured: Mapping[str, float],
+    mesh_volume_limit: float,
+    tolerance: FaceTolerance,
+    nodes: int,
+    faults: Sequence[str] = (),
+) -> Criteria:
+    """The criteria on the files of a part; ``nodes``: most of a face, ``faults``: names of faces that are not valid."""
+    larger = "raise manufacture.form_nm and normal_mrad"
     remedies = {
-        "faces": "raise the number of nodes",
+        "faces": f"{larger}: no spline is finer than this one of {nodes} nodes"
+        if nodes >= MAX_NODES
+        else f"raise the number of nodes, or {larger}",
         "solid": f"try another base.diameter_mm, or no base; not valid: {', '.join(faults) or 'the whole solid'}",
         "mesh": "change the number of rings",
         "facets": "raise the number of rings",
     }
-    return file_criteria(measured, mesh_volume_limit, remedies)
+    return file_criteria(measured, mesh_volume_limit, tolerance, remedies)
 
 
-def plate_criteria(measured: Mapping[str, float], mesh_volume_limit: float, faults: Sequence[str] = ()) -> Criteria:
+def plate_criteria(
+    measured: Mapping[str, float], mesh_volume_limit: float, tolerance: FaceTolerance, faults: Sequence[str] = ()
+) -> Criteria:
     """The criteria on the files of a plate; ``faults``: names of faces that are not valid."""
     again = "move holes and pins, or change plate.thickness_mm"
     remedies = {
@@ -68,7 +86,7 @@ def plate_criteria(measured: Mapping[str, float], mesh_volume_limit: float, faul
         "solid": f"{again}; not valid: {', '.join(faults[:5]) or 'the whole solid'}",
         **dict.fromkeys(("shape", "mesh", "facets"), again),
     }
-    return file_criteria(measured, mesh_volume_limit, remedies, "plate_")
+    return file_criteria(measured, mesh_volume_limit, tolerance, remedies, "plate_")
 
 
 class UntrimmedSurfaces(Record):
@@ -83,14 +101,14 @@ class UntrimmedSurfaces(Record):
     normal_error_mrad: NotNegative
 
 
-def untrimmed_criteria(untrimmed: UntrimmedSurfaces | None) -> Criteria:
+def untrimmed_criteria(untrimmed: UntrimmedSurfaces | None, tolerance: FaceTolerance) -> Criteria:
     """The criteria on the faces of ``lens_surfaces.step``; none where there is no such file."""
     if untrimmed is None:
         return ()
     finer = "raise the number of nodes, or lower the extension"
     return (
-        at_most("surfaces_form_error", untrimmed.form_error_nm, FORM_LIMIT_NM, "nm", finer),
-        at_most("surfaces_normal_error", untrimmed.normal_error_mrad, NORMAL_LIMIT_MRAD, "mrad", finer),
+        at_most("surfaces_form_error", untrimmed.form_error_nm, tolerance.form_nm, "nm", finer),
+        at_most("surfaces_normal_error", untrimmed.normal_error_mrad, tolerance.normal_mrad, "mrad", finer),
     )
 
 

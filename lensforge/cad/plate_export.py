@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from lensforge.cad.body_export import figures_as_read
 from lensforge.cad.boundary import Pair
+from lensforge.cad.face_tolerance import FaceTolerance
 from lensforge.cad.mesh import BodyMesh, check_closed, manifold_of, mesh_error
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.part_limits import mass_g, mesh_volume_limit, plate_criteria
@@ -61,11 +62,17 @@ class BuiltPlate:
 
 
 def build_plate(
-    lens: Lens, plan: Plan[Patch], one: Solid, form_error_nm: float, schema: Schema, date: str | None
+    lens: Lens,
+    plan: Plan[Patch],
+    one: Solid,
+    form_error_nm: float,
+    tolerance: FaceTolerance,
+    schema: Schema,
+    date: str | None,
 ) -> BuiltPlate | None:
     """Make the plate of the spec from the fitted faces of one lens; None where the spec has no ``[plate]``.
 
-    ``plan``, ``one``, ``form_error_nm``: plan, solid and form of the lens as exported by itself. Raises
+    ``plan``, ``one``, ``form_error_nm``, ``tolerance``: of the lens as exported by itself. Raises
     :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
     """
     start, layout = time.perf_counter(), layout_of(lens)
@@ -108,7 +115,8 @@ def build_plate(
         seconds=round(time.perf_counter() - start, 3),
     )
     limit = mesh_volume_limit(mesh.area(), chord_mm, volume)
-    criteria = plate_criteria({**measured, **figures_as_read(read, closed, in_3mf, volume)}, limit, read.faults)
+    figures_read = figures_as_read(read, closed, in_3mf, volume)
+    criteria = plate_criteria({**measured, **figures_read}, limit, tolerance, read.faults)
     return BuiltPlate(figures, criteria, files)
 
 

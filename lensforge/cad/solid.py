@@ -321,7 +321,7 @@ def optical_faces(
 
 def _with_ring(face: TrimmedFace[Patch], surface: Any, ends: tuple[Any, Any], ring: FlangeRing) -> Named:
     """Faces of a flange, and the two bands of the cylinder below and above it between the wires ``ends``."""
-    low, high = (circle_edge(ring.inner_mm, height, surface) for height in (ring.low_mm, ring.high_mm))
+    low, high = (circle_edge(ring.inner_mm, height, (face.shape, surface)) for height in (ring.low_mm, ring.high_mm))
     rim = [circle_edge(ring.outer_mm, ring.high_mm)]
     sides, foot = walls_below(RIM_FLANGE_SIDE, rim, ring.high_mm - ring.low_mm)
     bands = _within(surface, ends[0], wire([low])), _within(surface, wire([high]), ends[1])

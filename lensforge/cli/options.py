@@ -144,11 +144,23 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         type=WholeNumber(1, 10_000),
         help="Spline nodes across each optical face; default: as many as the form needs.",
     ),
+    "form_nm": click.option(
+        "--form-nm",
+        type=click.FloatRange(0.1, 1e4),
+        metavar="NM",
+        help="Largest form error of the optical faces in the STEP; default: the spec's, or 50.",
+    ),
+    "normal_mrad": click.option(
+        "--normal-mrad",
+        type=click.FloatRange(1e-3, 10.0),
+        metavar="MRAD",
+        help="Largest error of their normals; default: the spec's, or 0.2, or what the LED's image asks.",
+    ),
     "rings": click.option(
         "--rings",
         metavar="N",
         type=WholeNumber(1, 100_000),
-        help="Equal rings of the mesh; default: its facets are within 1 um of the faces.",
+        help="Equal rings of the mesh; default: its facets are within 2 um of the faces.",
     ),
     "date": click.option("--date", metavar="YYYY-MM-DD", help="Date of the files for the shop; default: the spec's."),
     "process": click.option(

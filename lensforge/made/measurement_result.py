@@ -7,8 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
+from lensforge.cad.face_tolerance import FINEST_MRAD, FINEST_NM
 from lensforge.cad.part import FileStamp, SplineNodes
-from lensforge.cad.part_limits import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD, ROUND_TRIP_LIMIT
+from lensforge.cad.part_limits import ROUND_TRIP_LIMIT
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.results import (
     Array,
@@ -388,8 +389,8 @@ def correction_criteria(
     longer = "take a longer wavelength_mm"
     criteria = (
         *surface_criteria(used, covered),
-        at_most("form_error", form_nm, FORM_LIMIT_NM, "nm", longer),
-        at_most("normal_error", normal_mrad, NORMAL_LIMIT_MRAD, "mrad", longer),
+        at_most("form_error", form_nm, FINEST_NM, "nm", longer),
+        at_most("normal_error", normal_mrad, FINEST_MRAD, "mrad", longer),
         at_most("step_volume_change", volume_change, ROUND_TRIP_LIMIT, "", longer),
     )
     if cutter.concave_radius_mm is None:

@@ -18,8 +18,8 @@ _Points = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
 _Numbers = Int[np.ndarray, " n"]
 
-# A bump of a control point that is moved by 1 um is 0.3 um high, less by the cosine of its slope. Optical faces as
-# exported are within 0.005 um of the design; walls that follow a spline, as where a flange begins, within 0.02 um.
+# A bump of a control point that is moved by 1 um is 0.3 um high, less by the cosine of its slope. Optical faces
+# are within their tolerance of the design, walls that follow a spline, as where a flange begins, within 0.02 um more.
 FORM_UM = 0.02
 _WALLS_MM = 5e-5
 _STATED = 1.05  # of the stated chord error, which is known to 1 %, and at the middle of a facet measured otherwise
@@ -128,14 +128,21 @@ class Chords:
 class DesignedFile:
     """A file of the part as it is now, the body that it should hold, and how far off its facets may be.
 
-    ``trimmed``: False for faces without edges, which go on beyond those of the design.
+    ``trimmed``: False for faces without edges, which go on beyond those of the design. ``tolerance_um``: of the form of
+    its optical faces.
     """
 
     name: str
     content: bytes
     body: DesignedBody
     chords: Chords
+    tolerance_um: float = 0.0
     trimmed: bool = True
+
+    @property
+    def limit_um(self) -> float:
+        """Largest distance (um) of its points from the design."""
+        return FORM_UM + self.tolerance_um
 
     @property
     def is_step(self) -> bool:

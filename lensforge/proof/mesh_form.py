@@ -11,7 +11,7 @@ import trimesh
 from jaxtyping import Float, Int
 
 from lensforge.proof.designed_body import ABOVE_MM, Designed, Levels
-from lensforge.proof.file_form import FORM_UM, Chords, DesignedFile, Farthest, FileForm, open_edges, rounding_um
+from lensforge.proof.file_form import Chords, DesignedFile, Farthest, FileForm, open_edges, rounding_um
 from lensforge.proof.part_mesh import read_mesh
 from lensforge.results.files import temporary_file
 from lensforge.results.threemf_reading import read_3mf
@@ -60,7 +60,7 @@ def mesh_form(file: DesignedFile, vertices: _Points, triangles: _Triangles) -> F
     for facets, faces in ((triangles[higher], body.above), (triangles[~higher], body.below)):
         if faces is not None and len(facets):
             _see_facets(seen, vertices, facets, faces, chords)
-    return seen.form(file.name, body, FORM_UM + rounding_um(vertices), open_edges(triangles, len(vertices)))
+    return seen.form(file.name, body, file.limit_um + rounding_um(vertices), open_edges(triangles, len(vertices)))
 
 
 def _see_facets(

@@ -34,7 +34,7 @@ NEIGHBOURS = 48  # for 20 terms: fewer leave an irregular mesh undetermined, mor
 
 @dataclass(eq=False)
 class VertexFit:
-    """Local shape at each of the ``places`` (mm): unit normals, and their change ``bends @ displacement`` (1/mm).
+    """Local shape at each of the ``places`` (mm): unit normals, and how the height over the plane across them bends.
 
     A quintic is fitted around a vertex when it is first asked for: of a plate a tenth is met by rays. ``normals``: of
     the facets around each, which say where the outside is. ``faces`` numbers the smooth face of each vertex; neighbours
@@ -46,20 +46,24 @@ class VertexFit:
     faces: Int[np.ndarray, " k"]
 
     def __post_init__(self) -> None:
-        self._bends = np.zeros((len(self.places), 3, 3))
+        self._shapes = np.zeros((len(self.places), 13))
         order, ends = np.argsort(self.faces, kind="stable"), np.cumsum(np.bincount(self.faces))[:-1]
         # A few facets, such as those of a box, keep the mean of their normals.
         self._members = {k: rows for k, rows in enumerate(np.split(order, ends)) if len(rows) >= NEIGHBOURS}
         self._left = np.isin(self.faces, list(self._members))
         self._trees, self._lock = dict[int, cKDTree](), Lock()
 
-    def at(self, rows: Int[np.ndarray, "*n"]) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3 3"]]:
-        """Unit normals and bends at some of the vertices."""
+    def at(self, rows: Int[np.ndarray, "*n"]) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 13"]]:
+        """Unit normals at some of the vertices, and their shapes.
+
+        Of a shape are two vectors f and g across the normal, and derivatives (1/mm, 1/mm^2) of the height by the places
+        x and y along them: xx, xy, yy, xxx, xxy, xyy, yyy.
+        """
         wanted = np.zeros(len(self.places), dtype=bool)
         wanted[rows] = True
         with self._lock:  # threads trace blocks of rays, and a vertex is fitted once
             self._fit(np.flatnonzero(wanted & self._left))
-        return self.normals[rows], self._bends[rows]
+        return self.normals[rows], self._shapes[rows]
 
     @property
     def fitted(self) -> Float[np.ndarray, "k 3"]:
@@ -76,7 +80,7 @@ class VertexFit:
                 self._trees[number] = cKDTree(self.places[members])
             own = rows[numbers == number]
             near = members[self._trees[number].query(self.places[own], k=NEIGHBOURS)[1]]
-            fit_polynomials(self.places, own, near, self.normals, self._bends, space)
+            fit_polynomials(self.places, own, near, self.normals, self._shapes, space)
         self._left[rows] = False
 
 
@@ -106,18 +110,22 @@ class PartMesh:
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Points and unit normals of the curved surface over points of the flat ``triangles``.
 
-        Both are interpolated from the three corners. Half of a linear extrapolation is exact for a quadratic function:
-        the height over the facet (its sag) is half of the interpolated heights of the corners' tangent planes, and the
-        normals get half of their change towards the point.
+        Both are interpolated from the three corners. Half of a linear extrapolation is exact for a quadratic function,
+        two thirds of it with a third of the quadratic term for a cubic one: the height over the facet (its sag) is half
+        of the interpolated heights of the corners' tangent planes, and so are the normals those of a quartic height.
         """
         corners = self.mesh.triangles[triangles]
         rows = self.corners[triangles]
-        normals, bends = self.fit.at(rows)
+        normals, shapes = self.fit.at(rows)
         flat = np.einsum("nk,nki->ni", barycentric, corners)
         away = flat[:, None] - corners
         heights = np.einsum("nki,nki->nk", -away, normals)
         points = flat + 0.5 * np.einsum("nk,nk,nki->ni", barycentric, heights, normals)
-        bent = normals + 0.5 * (bends @ away[..., None])[..., 0]
+        f, g, (xx, xy, yy, xxx, xxy, xyy, yyy) = shapes[..., :3], shapes[..., 3:6], np.moveaxis(shapes[..., 6:], -1, 0)
+        x, y = np.sum(away * f, axis=-1), np.sum(away * g, axis=-1)
+        along = (2.0 * (xx * x + xy * y) + 0.5 * (xxx * x * x + 2.0 * xxy * x * y + xyy * y * y)) / 3.0
+        across = (2.0 * (xy * x + yy * y) + 0.5 * (xxy * x * x + 2.0 * xyy * x * y + yyy * y * y)) / 3.0
+        bent = normals - along[..., None] * f - across[..., None] * g
         blended = np.einsum("nk,nki->ni", barycentric, bent)
         return points, blended / np.linalg.norm(blended, axis=1, keepdims=True)
 

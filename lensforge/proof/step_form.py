@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, StandingWalls
-from lensforge.proof.file_form import FORM_UM, DesignedFile, Farthest, FileForm
+from lensforge.proof.file_form import DesignedFile, Farthest, FileForm
 from lensforge.results.brep_size import spline_poles
 
 _OF_SPAN = np.array([0.25, 0.75])  # no node of an interpolation lies there, and a wave of two knots does not vanish
@@ -38,7 +38,7 @@ def step_form(file: DesignedFile, faces: Sequence[Any]) -> FileForm:
     seen = _Seen(file)
     for face in faces:
         seen.see(ReadFace(face))
-    return seen.farthest.form(file.name, file.body, FORM_UM, _open_edges(faces) if file.trimmed else 0)
+    return seen.farthest.form(file.name, file.body, file.limit_um, _open_edges(faces) if file.trimmed else 0)
 
 
 @dataclass(eq=False)
@@ -220,7 +220,7 @@ class _Seen:
         if not isinstance(face, Levels | StandingWalls):
             known = _known(face, points)
             places, points = places[known], points[known]
-        away = np.flatnonzero(face.off_mm(points)[0] > FORM_UM * _MM_PER_UM)
+        away = np.flatnonzero(face.off_mm(points)[0] > self.file.limit_um * _MM_PER_UM)
         kept = np.ones(len(points), dtype=bool)
         kept[away] = read.inside(places[away])
         return points[kept]

@@ -1,4 +1,4 @@
-"""A polynomial around each vertex of a mesh, by least squares: its normal, and how that changes with the place.
+"""A polynomial around each vertex of a mesh, by weighted least squares: its normal, and the shape around it.
 
 Compiled, with many vertices side by side. As the walk of rays it is of nothing that the design stage computes with.
 """
@@ -22,15 +22,16 @@ _OF_X, _OF_Y = (np.array(powers) for powers in zip(*_POWERS, strict=True))
 # A term that the neighbours do not determine goes to the lower degree: the ridge grows with the degree. At a rim 48
 # neighbours are five rows deep; with 1e-7 for the fifth degree the normals there are wrong by 1 mrad.
 _RIDGE = np.array([(0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3)[i + j] for i, j in _POWERS])
+_LEAST_WEIGHT = 1e-3  # of the farthest neighbour: near ones count more, which takes 0.64 of the error of the normals
 _STEEPEST = 0.999  # height of the farthest neighbours over their distance: a dome's are at a tenth
-_SIZE, _FITS = 6, 7  # rows of a frame, behind its two vectors
+_ACROSS, _SIZE, _FITS = 6, 6, 7  # numbers of the two vectors of a frame, and rows behind them
 
 
 class FitSpace(NamedTuple):
     """Workspace of :func:`fit_polynomials`, for all lanes."""
 
     frames: Float[np.ndarray, "8 l"]
-    places: Float[np.ndarray, "3 m l"]
+    places: Float[np.ndarray, "4 m l"]
     products: Float[np.ndarray, "2 l"]
     sums: Float[np.ndarray, "2 s s l"]
     moments: Float[np.ndarray, "t t l"]
@@ -39,13 +40,13 @@ class FitSpace(NamedTuple):
 
 def fit_space(neighbours: int) -> FitSpace:
     """Workspace for so many neighbours of a vertex."""
-    sizes = (8,), (3, neighbours), (2,), (2, _SUMS, _SUMS), (_TERMS, _TERMS), (_TERMS,)
+    sizes = (8,), (4, neighbours), (2,), (2, _SUMS, _SUMS), (_TERMS, _TERMS), (_TERMS,)
     return FitSpace(*(np.empty((*size, LANES)) for size in sizes))
 
 
 @kernel
-def fit_polynomials(vertices, rows, near, normals, bends, space):
-    """Improve ``normals`` (v, 3) at the vertices ``rows`` (n), and fill their ``bends`` (v, 3, 3), as of ``VertexFit``.
+def fit_polynomials(vertices, rows, near, normals, shapes, space):
+    """Improve ``normals`` (v, 3) at the vertices ``rows`` (n), and fill their ``shapes`` (v, 13), as of ``VertexFit``.
 
     By a least-squares polynomial through each, as a height over the plane across its normal. ``near`` (n, m): numbers
     of its neighbours, itself among them. A vertex without a normal keeps what it has, and so does one whose neighbours
@@ -62,12 +63,13 @@ def fit_polynomials(vertices, rows, near, normals, bends, space):
         _solve(space.sums, space.moments, coefficients, frames)
         for lane in range(count):
             if frames[_FITS, lane] > 0.0:
-                _bend(frames[:, lane], coefficients[:, lane], normals[rows[start + lane]], bends[rows[start + lane]])
+                row = rows[start + lane]
+                _shape(frames[:, lane], coefficients[:, lane], normals[row], shapes[row])
 
 
 @kernel
 def _place(vertices, row, near, normal, lane, frames, places):
-    """Fill a lane: two vectors across the normal, and the neighbours in this frame over their rms distance."""
+    """Fill a lane: two vectors across the normal, the neighbours in this frame over their rms distance, and weights."""
     nx, ny, nz = normal[0], normal[1], normal[2]
     if abs(nx) <= min(abs(ny), abs(nz)):
         fx, fy, fz = 0.0, nz, -ny
@@ -92,13 +94,17 @@ def _place(vertices, row, near, normal, lane, frames, places):
     for k in range(len(near)):
         for axis in range(3):
             places[axis, k, lane] /= size
+        near_by = 1.0 - size * size / farthest * (
+            places[0, k, lane] ** 2 + places[1, k, lane] ** 2 + places[2, k, lane] ** 2
+        )
+        places[3, k, lane] = max(near_by, _LEAST_WEIGHT) ** 2
     frames[_SIZE, lane] = size
     frames[_FITS, lane] = 1.0 if length > 0.0 and highest < _STEEPEST * sqrt(farthest) else 0.0
 
 
 @kernel
 def _add_up(places, products, sums):
-    """Sums over the neighbours of the products x^i y^j up to twice the degree, and of those up to it with the height.
+    """Weighted sums over the neighbours of products x^i y^j up to twice the degree, of those up to it with the height.
 
     All moments of the monomials are among them: 66 sums for a matrix of 20 by 20.
     """
@@ -106,7 +112,8 @@ def _add_up(places, products, sums):
     of_x, product = products[0], products[1]
     for k in range(places.shape[1]):
         x, y, height = places[0, k], places[1, k], places[2, k]
-        of_x[:] = 1.0
+        for lane in range(LANES):
+            of_x[lane] = places[3, k, lane]
         for i in range(_SUMS):
             for lane in range(LANES):
                 product[lane] = of_x[lane]
@@ -154,16 +161,16 @@ def _solve(sums, moments, coefficients, frames):
 
 
 @kernel
-def _bend(frame, coefficients, normal, bends):
-    """The normal and its change with the place, by the slopes and the curvature of a polynomial."""
-    by_x, by_y, size = coefficients[0], coefficients[1], frame[_SIZE]
-    xx, xy, yy = 2.0 * coefficients[2] / size, coefficients[3] / size, 2.0 * coefficients[4] / size
-    total = 0.0
+def _shape(frame, coefficients, normal, shape):
+    """The normal, and the ``shape`` around it: two vectors across, second and third derivatives of the height."""
+    by_x, by_y, size, total = coefficients[0], coefficients[1], frame[_SIZE], 0.0
     for i in range(3):
-        along, across = frame[i], frame[3 + i]
-        normal[i] -= along * by_x + across * by_y
+        normal[i] -= frame[i] * by_x + frame[3 + i] * by_y
         total += normal[i] * normal[i]
-        for j in range(3):
-            bends[i, j] = -(along * (xx * frame[j] + xy * frame[3 + j]) + across * (xy * frame[j] + yy * frame[3 + j]))
+        shape[i], shape[3 + i] = frame[i], frame[3 + i]
     for i in range(3):
         normal[i] /= sqrt(total)
+    for term in range(2, 9):
+        i, j = _OF_X[term], _OF_Y[term]
+        factor = (6.0 if max(i, j) == 3 else 2.0 if max(i, j) == 2 else 1.0) / size ** (i + j - 1)
+        shape[_ACROSS + term - 2] = factor * coefficients[term]

@@ -63,13 +63,18 @@ def _of_part(part: Part, lens: Lens) -> Iterator[Fact]:
     """Criteria of an export; what was read back of the files alone is taken as stated."""
     chord_mm = 1e-3 * part.triangulation.chord_error_um
     most, angle = mesh_volume_limit(part.area_mesh_mm2, chord_mm, part.volume_mm3), part.normal_error_mrad.max
-    yield from part_criteria({**_measured(part, "", part, part.form_error_nm.max), "normal_error": angle}, most)
-    yield from untrimmed_criteria(part.untrimmed_surfaces)
+    yield from part_criteria(
+        {**_measured(part, "", part, part.form_error_nm.max), "normal_error": angle},
+        most,
+        part.face_tolerance,
+        max(part.nodes.values()),
+    )
+    yield from untrimmed_criteria(part.untrimmed_surfaces, part.face_tolerance)
     yield from keep_out_criteria(lens.spec, part.keep_out)
     if part.plate is not None:  # whose mesh has an area that no record has
         limited = named(part.criteria, "plate_mesh_volume_change")
         measured = _measured(part, "plate_", part.plate, part.plate.form_error_nm)
-        yield from plate_criteria(measured, nan if limited is None else limited.bound)
+        yield from plate_criteria(measured, nan if limited is None else limited.bound, part.face_tolerance)
 
 
 _READ_BACK = ("step_valid", "step_volume_change", "watertight_3mf", "genus_difference")

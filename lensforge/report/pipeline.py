@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
 
+from lensforge.cad.face_tolerance import face_tolerance
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
@@ -63,13 +64,16 @@ def build(
     schema: Literal["AP214", "AP242"] = "AP214",
     extension_deg: float | None = None,
     nodes: int | None = None,
+    form_nm: float | None = None,
+    normal_mrad: float | None = None,
     rings: int | None = None,
     date: datetime.date | str | None = None,
 ) -> Part:
     """Make the part: one solid as STEP, STL and 3MF, verified by reading them back.
 
     ``schema``: of the STEP. ``extension_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
-    ``nodes``: spline nodes across each optical face, ``rings``: rings of the mesh; by default as many as their
+    ``form_nm``, ``normal_mrad``: largest errors of the optical faces; by default those of the spec, or 50 nm and what
+    the light can tell. ``nodes``: spline nodes across each, ``rings``: rings of the mesh; by default as many as their
     tolerances need. ``date``: of the files, by default the spec's. Raises :class:`InputError` for a lens whose
     surfaces enclose no body.
     """
@@ -82,6 +86,7 @@ def build(
         schema=schema,
         extension_deg=extension_deg,
         nodes=count_of("nodes", nodes),
+        tolerance=face_tolerance(lens, number_of("form_nm", form_nm), number_of("normal_mrad", normal_mrad)),
         rings=count_of("rings", rings),
         date=date_of("date", date),
     )

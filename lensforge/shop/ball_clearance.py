@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import ball_centres_mm, largest_wall_mm, needed_step_mm, smallest_bore_mm
-from lensforge.cad.part_limits import FORM_LIMIT_NM
+from lensforge.cad.face_tolerance import FINEST_NM
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
 from lensforge.shop.ball_cutter import LEAF
@@ -24,7 +24,7 @@ from lensforge.shop.face_check import MilledFace
 from lensforge.shop.face_samples import AirSide, FaceSamples, OpticalFace
 
 # At the rim of a hemisphere the ball touches the bore's wall exactly, up to the form error.
-_CLEAR_MM = 1e-6 * FORM_LIMIT_NM
+_CLEAR_MM = 1e-6 * FINEST_NM
 _RIM_POINTS = 4096
 _BASE_CHORD_MM = 1e-3  # between the mesh and the curved faces of a custom base
 _BASE_POINTS, _SEED = 4000, 0

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.cad.boundary import WHOLE, Domain
-from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
+from lensforge.cad.face_tolerance import FINEST_MRAD
 from lensforge.cad.patch import Jet, Patch, PrincipalCurvatures, principal_curvatures
 from lensforge.optics.face_roles import CAVITY
 from lensforge.results.refined_maximum import refined_maximum
@@ -82,7 +82,7 @@ def area_rule(radii: int = RADII, azimuths: int = AZIMUTHS) -> AreaRule:
     )
 
 
-_UNDERCUT = 1e-3 * NORMAL_LIMIT_MRAD  # a hemisphere's rim has n.z = 0 up to the error of the exported normals
+_UNDERCUT = 1e-3 * FINEST_MRAD  # a hemisphere's rim has n.z = 0 up to the error of the exported normals
 
 
 class AirSide(IntEnum):

@@ -216,6 +216,12 @@ class ManufactureSection(Section):
     """Full width of the zone, half of it on each side of the face along its normal, in which every point of an optical
     face must lie.
     """
+    form_nm: Annotated[float, Field(ge=0.1, le=1e4)] | None = None
+    """Largest form error of the optical faces in the STEP file; 50 where it is left out."""
+    normal_mrad: Annotated[float, Field(ge=1e-3, le=10.0)] | None = None
+    """Largest error of their normals; left out, 0.2 or less, so that light moves by no more than a twentieth of the
+    LED's image.
+    """
     required: bool = False
     """Count a part that cannot be cut as a failure of the run."""
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0

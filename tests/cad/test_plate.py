@@ -12,6 +12,7 @@ from geometry_lenses import make_lens
 from scipy.spatial import cKDTree
 
 from lensforge.cad import plate_export
+from lensforge.cad.face_tolerance import FINEST
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import check_closed
 from lensforge.cad.mesh_files import parse_3mf, parse_stl
@@ -64,7 +65,7 @@ def fitted(relative: float = 0.0) -> Any:
 def plate_alone(lens: Lens, relative: float = 0.0) -> BuiltPlate:
     """The plate of ``lens`` without the files of one lens, which take twice as long."""
     plan = make_plan(*fitted(relative), BaseSection(kind="none"))
-    plate = build_plate(lens, plan, build_solid(plan), 0.5, "AP214", None)
+    plate = build_plate(lens, plan, build_solid(plan), 0.5, FINEST, "AP214", None)
     assert plate is not None
     return plate
 

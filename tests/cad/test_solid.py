@@ -85,7 +85,7 @@ def test_step_says_millimetres_ap214_and_the_names(written):
 
 def test_optical_faces_are_single_patches_trimmed_by_a_circle(written):
     text = written[1].decode().replace("\n", "")
-    assert text.count("B_SPLINE_SURFACE_WITH_KNOTS('',5,5") == 2
+    assert text.count("B_SPLINE_SURFACE_WITH_KNOTS('',7,7") == 2
     assert text.count("CIRCLE('',") >= 2  # the two trims in parameter space, and the base's own circles
     for name in OPTICAL:
         assert len(parts_of(parse_step(written[1]).faces[name], "WIRE")) == 1

@@ -25,7 +25,7 @@ from lensforge.spec import BaseSection
 from lensforge.spec.feasible import base_warnings
 from lensforge.surfaces.reciprocal import ConeFace
 
-NODES, TURN = 61, np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
+NODES, TURN = 81, np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
 NO_BASE, WIDE = {"kind": "none"}, {"kind": "cylinder", "diameter_mm": 14.0, "height_mm": 2.0}
 
 

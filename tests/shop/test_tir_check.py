@@ -32,7 +32,7 @@ def checked(envelope: tuple, **sections: object) -> tuple[Check, Lens]:
 
 
 def on_few_nodes(lens: Lens) -> Check:
-    return check_lens(lens, dict.fromkeys(TIR, 61))
+    return check_lens(lens, dict.fromkeys(TIR, 81))
 
 
 @pytest.fixture(scope="module")
