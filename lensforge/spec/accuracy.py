@@ -57,13 +57,12 @@ class SearchEffort(Section):
 class PartEffort(Section):
     """Effort of a part and its check.
 
-    ``spline_nodes``: least across a face, whose form may need more: 40 resolve the chart of a sphere to 0.2 nm, which
-    has complex poles at R = +-i however wide the basis functions. ``mesh_rings``: equal ones; None: as many as the
+    ``spline_nodes``: least across a face, whose form may need more. ``mesh_rings``: equal ones; None: as many as the
     faces need, with facets split to their tolerance. ``check_nodes``: across a face, where it is checked; odd, so that
     the apex is one.
     """
 
-    spline_nodes: Annotated[int, Field(strict=True, ge=18, le=320)] = 40
+    spline_nodes: Annotated[int, Field(strict=True, ge=18, le=320)] = 24
     mesh_rings: _Count | None = None
     check_nodes: Annotated[int, Field(strict=True, ge=11, le=1001)] = 161
 
