@@ -12,7 +12,7 @@ from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.form_error import chart_samples, fit_lens, form_error, worst
 from lensforge.cad.mesh import build_mesh, mesh_error, rings_for
-from lensforge.cad.patch import Patch, fit_patch
+from lensforge.cad.patch import DEGREE, Patch, fit_patch
 from lensforge.cad.plan import INNER, OUTER, Plan, make_plan
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import step_bytes
@@ -55,8 +55,8 @@ def nurbs_study(
         }
         users = tuple(f"the export, {name}" for name, patch in chosen.items() if patch.nodes == nodes)
         other = {"step_kb": _step_kb(patches, lens)} if cad else {}
-        levels.append(meter.level(nodes, "quintic spline", errors, users, **other))
-    orders = {"quintic spline": orders_of(levels, ("form", "normal"))}
+        levels.append(meter.level(nodes, f"spline of degree {DEGREE}", errors, users, **other))
+    orders = {f"spline of degree {DEGREE}": orders_of(levels, ("form", "normal"))}
     levels.append(reference_level("exact sum", _FORM_UNITS))
     study = ConvergenceStudy(
         name="nurbs",

@@ -1,6 +1,6 @@
 """The rims, creases and outlines of the body as B-rep edges, shared between the faces that meet in them.
 
-A rim edge has two curves with the same parameter, the azimuth: a quintic spline in space, and an exact arc of the unit
+A rim edge has two curves with the same parameter, the azimuth: a spline in space, and an exact arc of the unit
 circle in the parameter plane of its optical face. An edge of a crease has a spline in that plane, the same for both of
 its faces, whose parameters are the same chart.
 """

@@ -32,7 +32,7 @@ _SAME_CHART = 1e-3
 _REACH, _STARTS, _ROUNDS = 0.01, 24, 4
 # A fit aims a little below the largest errors that are accepted. While nodes are few, errors fall with such a power of
 # them; later with the eighth and the seventh, of normals.
-_AIM, _OF_ROUNDING = 0.85, 0.02
+_AIM, _OF_ROUNDING = 0.95, 0.02
 _ORDER = 12
 
 
@@ -119,12 +119,17 @@ def fit_to_form(
     chart, count = chart_samples(domain=domain), first_nodes(surface.detail_rad, least)
     while True:
         patch = rounded_to(fit_patch(surface, count, domain.extent), tolerance)
-        error = form_error(surface, patch.points(chart), patch.normals(chart))
-        by_form = (error.form_max_nm / (_AIM * tolerance.form_nm)) ** (1.0 / _ORDER)
-        by_normal = (error.normal_max_mrad / (_AIM * tolerance.normal_mrad)) ** (1.0 / _ORDER)
-        if max(by_form, by_normal) <= 1.0 or count == MAX_NODES:
+        excess = _excess(form_error(surface, patch.points(chart), patch.normals(chart)), tolerance)
+        if excess <= 1.0:  # now between the samples, too
+            excess = _excess(largest_errors(surface, patch.points_and_normals, chart, domain), tolerance)
+        if excess <= 1.0 or count == MAX_NODES:
             return patch
-        count = min(MAX_NODES, max(count + 1, int(np.ceil(count * max(by_form, by_normal)))))
+        count = min(MAX_NODES, max(count + 1, int(np.ceil(count * excess ** (1.0 / _ORDER)))))
+
+
+def _excess(error: FormError, tolerance: FaceTolerance) -> float:
+    """The larger of both errors over what a fit aims at."""
+    return max(error.form_max_nm / tolerance.form_nm, error.normal_max_mrad / tolerance.normal_mrad) / _AIM
 
 
 def rounded_to(patch: Patch, tolerance: FaceTolerance) -> Patch:

@@ -127,6 +127,14 @@ class Patch:
         normals: Float[np.ndarray, "*n 3"] = along / np.linalg.norm(along, axis=-1, keepdims=True)
         return normals
 
+    def points_and_normals(
+        self, chart: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Points (mm), and unit normals pointing away from the origin."""
+        point, *along = self._derivatives(chart, slice(3))
+        normals = np.cross(*along)
+        return point, normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+
     def jet(self, chart: Float[np.ndarray, "n 2"]) -> Jet:
         """Points and the first and second derivatives of the spline."""
         return Jet(*self._derivatives(chart, slice(6)))

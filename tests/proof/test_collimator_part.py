@@ -31,7 +31,7 @@ RAYS, GRID = upwards(250, 11, 0.5), TableGrid(601)
 TABLES = tables_of(BODY, GRID)
 # By the STEP file to the error of the design's tables, by the mesh to that of its facets, 0.9 um: point (mm),
 # direction, flux (W).
-LIMITS = {"step": (2e-6, 1e-5, 5e-6), "stl": (2e-4, 1e-4, 5e-4)}
+LIMITS = {"step": (1e-4, 4e-4, 1e-4), "stl": (2e-4, 1e-4, 5e-4)}
 
 
 @cache

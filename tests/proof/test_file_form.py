@@ -224,15 +224,16 @@ def entity_points(step: str, surface: int) -> list[str]:
 
 
 def dented(step: bytes, surface: int, share: float, by_mm: float) -> bytes:
-    """One control point of a spline in the text of a STEP file, in the middle row at ``share`` of it, moved in z."""
+    """One control point of a spline in the text of a STEP file, in the middle row at ``share`` of it, moved outwards."""
     text = step.decode("ascii")
     points = entity_points(text, surface)
     side = round(len(points) ** 0.5)
     chosen = points[side // 2 * side + int(share * side)]
 
     def lifted(match: "re.Match[str]") -> str:
-        x, y, z = (float(each) for each in match.group(2).split(","))
-        return f"{match.group(1)}({x!r},{y!r},{z + by_mm!r}))"
+        place = np.array([float(each) for each in match.group(2).split(",")])
+        x, y, z = (place * (1.0 + by_mm / np.linalg.norm(place))).tolist()
+        return f"{match.group(1)}({x!r},{y!r},{z!r}))"
 
     changed, count = re.subn(rf"(#{chosen} = CARTESIAN_POINT\('',)\s*\(([^)]*)\)\s*\)", lifted, text)
     assert count == 1
