@@ -29,6 +29,7 @@ class FaceTolerance(Record):
 
 
 FINEST = FaceTolerance(form_nm=FINEST_NM, normal_mrad=FINEST_MRAD)
+CHECKED = FaceTolerance(form_nm=FINEST_NM / 2.0, normal_mrad=FINEST_MRAD / 2.0)  # curvatures of a cone are 0 to 1e-4/mm
 
 
 def face_tolerance(lens: Lens, form_nm: float | None = None, normal_mrad: float | None = None) -> FaceTolerance:

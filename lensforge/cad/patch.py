@@ -90,7 +90,6 @@ _APRON = 8  # nodes beyond each edge: the ends' error decays by 0.43 a node
 _ANGLE_SPAN = 4.0 * np.arctan(HALF_WIDTH)  # rad, from edge to edge of the chart's square along an axis
 _JET_ORDERS = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
 _FILLED, _SMOOTH, _AROUND = 0.8, 6.0, 64  # of the hole in a ring: the part that is filled, and how smoothly
-_FREE_DECIMALS = 1  # of coordinates (mm) that change no point of a face
 _WHOLE = (0.0, 1.0)
 Extent = tuple[float, float]
 _MAX_REACH_DEG = 110.0  # along an axis; the corners are then at 127 degrees
@@ -158,7 +157,6 @@ class Patch:
         bound = np.add.outer(nearest**2, nearest**2) < reach**2
         control = self.control.copy()
         control[~bound, 2] = np.maximum(control[~bound, 2], control[bound, 2].min())
-        control[~bound] = control[~bound].round(_FREE_DECIMALS)
         return Patch(control, self.knots)
 
     def _derivatives(self, chart: Float[np.ndarray, "*n 2"], chosen: slice) -> Float[np.ndarray, "k *n 3"]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lensforge.cad.boundary import Pair, sharpest_edges
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.face_tolerance import FINEST
+from lensforge.cad.face_tolerance import CHECKED
 from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.part import SplineNodes
@@ -34,13 +34,13 @@ _RINGS, _DECIMALS = 401, 2  # points of base and flange for a turning tool; of a
 def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     """Check ``lens`` for manufacture: the design by ``criteria``, which do not raise, the tools by ``verdicts``.
 
-    ``nodes``: spline nodes across each face; by default as many as bring it within 1 nm of the design, as curvatures of
+    ``nodes``: spline nodes across each face; by default as many as bring it within half a nanometre of the design, as curvatures of
     a file that is within its tolerance may be off by more than a limit on a tool is missed by. Raises
     :class:`InputError` where the file of its base is missing or does not hold a base.
     """
     started = time.perf_counter()
     manufacture = lens.spec.manufacture
-    pair = fit_lens(lens, *([] if nodes is None else [nodes[name] for name in lens.surfaces]), tolerance=FINEST)
+    pair = fit_lens(lens, *([] if nodes is None else [nodes[name] for name in lens.surfaces]), tolerance=CHECKED)
     walls = _walls(pair)
     plan = lay_out(*pair, base_with_room(lens)) if manufacture.cuts == "lens" else None  # an insert has no base
     custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)

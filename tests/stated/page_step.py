@@ -10,7 +10,7 @@ _ENTITY = re.compile(r"#(\d+)\s*=\s*([A-Z_]+)\s*\(((?:[^;'']|'[^']*')*)\)\s*;")
 
 
 def numbers(text):
-    return np.array([float(each) for each in re.findall(r"[-+]?\d*\.?\d+(?:E[-+]?\d+)?", text)])
+    return np.array([float(each) for each in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?", text)])
 
 
 @dataclass
@@ -31,7 +31,7 @@ class StepSpline:
 
     def basis(self, axis, places, order):
         count = self.poles.shape[axis]
-        spline = BSpline(self.knots[axis], np.eye(count), 5)
+        spline = BSpline(self.knots[axis], np.eye(count), len(self.knots[axis]) - count - 1)
         return spline(places, order)
 
 
