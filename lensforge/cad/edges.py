@@ -1,8 +1,7 @@
 """The rims, creases and outlines of the body as B-rep edges, shared between the faces that meet in them.
 
 A rim edge has two curves with the same parameter, the azimuth: a spline in space, and an exact arc of the unit
-circle in the parameter plane of its optical face. An edge of a crease has a spline in that plane, the same for both of
-its faces, whose parameters are the same chart.
+circle in the parameter plane of its optical face. An edge of a crease has a spline in the plane of each of its faces.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,6 +21,7 @@ from lensforge.cad.plan import Plan, rim_directions
 
 # The rim curve lies in z = 0; the patch's own boundary is within its form error of it.
 _MIN_TOLERANCE_MM, _GAP_MARGIN = 1e-6, 2.0
+_NEWTON_STEPS = 3  # from tens of nanometres
 _DECIMALS = 10  # of the poles of an edge, in mm or of the chart; with 8 the volume of one file changed by 1e-8
 _RIM_NODES_PER_NODE = 2.5  # along the whole rim, for each node across the patch: 0.8 times as dense
 # Spans of one rim edge. CAD programs integrate over the wall below an edge by one Gauss formula of at most 61 points,
@@ -59,27 +59,44 @@ def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...], *, split: 
     def rim(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
         return _rim_points(patch, azimuths)
 
-    curves = [[(_spline_along(rim, ends, patch.nodes), unit_circle) for ends in chain] for chain in chains]
+    curves = [[(_spline_along(rim, ends, patch.nodes), (unit_circle,)) for ends in chain] for chain in chains]
     return _chains(chains, curves, rim, gap, (face_surface,))
 
 
 def crease_edges(crease: Crease, patches: tuple[Patch, Patch], surfaces: tuple[Any, Any]) -> list[Any]:
-    """The closed chain of edges of ``crease`` between two faces."""
+    """The closed chain of edges of ``crease`` between two faces, on both to rounding, however well they are fitted."""
     nodes = max(patch.nodes for patch in patches)
 
-    def points(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-        chart = crease.chart(azimuths)
-        middle: Float[np.ndarray, "n 3"] = (patches[0].points(chart) + patches[1].points(chart)) / 2.0
-        return middle
+    def places(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 7"]:
+        return _on_both(patches, crease.chart(azimuths))
 
     chain, curves, gap = _split(Arc(0.0, FULL_TURN, "bare"), nodes), [], 0.0
     for ends in chain:
-        space, plane = (_spline_along(curve, ends, nodes) for curve in (points, crease.chart))
+        along = _spline_along(places, ends, nodes)
+        planes, space = [_columns(along, first, 2) for first in (0, 2)], _columns(along, 4, 3)
         between = np.linspace(*ends, 4 * len(space.c))
-        away = [np.linalg.norm(patch.points(plane(between)) - space(between), axis=1).max() for patch in patches]
-        gap = max(gap, *map(float, away))
-        curves.append((space, _curve(plane)))
-    return _chains([chain], [curves], points, gap, surfaces)[0]
+        for patch, plane in zip(patches, planes, strict=True):
+            gap = max(gap, float(np.linalg.norm(patch.points(plane(between)) - space(between), axis=1).max()))
+        curves.append((space, tuple(map(_curve, planes))))
+    return _chains([chain], [curves], lambda azimuths: places(azimuths)[:, 4:], gap, surfaces)[0]
+
+
+def _on_both(patches: tuple[Patch, Patch], chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 7"]:
+    """Chart points of two patches where they meet, near ``chart`` points, and points (mm) there."""
+    radius, other = np.linalg.norm(chart, axis=1), chart.copy()
+    outwards = chart / radius[:, None]
+    for _ in range(_NEWTON_STEPS):
+        point, by_x, by_y = patches[0].tangents(radius[:, None] * outwards)
+        there, *across = patches[1].tangents(other)
+        slopes = np.stack([by_x * outwards[:, :1] + by_y * outwards[:, 1:], -across[0], -across[1]], axis=-1)
+        step = np.linalg.solve(slopes, (there - point)[..., None])[..., 0]
+        radius, other = radius + step[:, 0], other + step[:, 1:]
+    place = radius[:, None] * outwards
+    return np.concatenate([place, other, patches[0].points(place)], axis=1)
+
+
+def _columns(spline: BSpline, first: int, count: int) -> BSpline:
+    return BSpline(spline.t, spline.c[:, first : first + count], spline.k)
 
 
 def circle_edge(radius_mm: float, height_mm: float, on: tuple[Patch, Any] | None = None) -> Any:
@@ -112,7 +129,7 @@ _Ends = tuple[float, float]  # azimuths (rad)
 
 def _chains(
     chains: list[list[_Ends]],
-    curves: list[list[tuple[BSpline, Any]]],
+    curves: list[list[tuple[BSpline, tuple[Any, ...]]]],
     points: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "n 3"]],
     gap: float,
     surfaces: tuple[Any, ...],
@@ -130,10 +147,10 @@ def _chains(
     vertices = dict(zip(starts, _corners(points(np.array(starts)), tolerance), strict=True))
     following = dict(zip(starts, [*starts[1:], starts[0]], strict=True))
 
-    def edge(ends: _Ends, space: BSpline, plane: Any) -> Any:
+    def edge(ends: _Ends, space: BSpline, planes: tuple[Any, ...]) -> Any:
         start, end = ends
         made = BRepBuilderAPI_MakeEdge(_curve(space), vertices[start], vertices[following[start]], start, end).Edge()
-        for surface in surfaces:
+        for plane, surface in zip(planes, surfaces, strict=True):
             BRep_Builder().UpdateEdge(made, plane, surface, TopLoc_Location(), tolerance)
         return made
 

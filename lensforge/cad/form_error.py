@@ -95,7 +95,11 @@ def fit_boundaries(
     faces = [face for boundary in pair for face in boundary.of_material]
     fitted = in_parallel_map(
         lambda face: fit_to_form(
-            face.shape, nodes.get(face.name), face.domain, least, FINEST if face.is_flange else tolerance
+            face.shape,
+            nodes.get(face.name),
+            face.domain,
+            least,
+            FINEST if face.is_flange or face.is_ring else tolerance,
         ),
         faces,
     )

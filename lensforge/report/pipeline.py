@@ -100,10 +100,10 @@ def check(part: Part | Lens, *, process: Process | None = None) -> Check:
     """
     from lensforge.shop.check import check_lens
 
-    lens, nodes = (part, None) if isinstance(part, Lens) else (require(part, Part, "check").lens, part.nodes)
+    lens = part if isinstance(part, Lens) else require(part, Part, "check").lens
     if process in (None, lens.spec.manufacture.process):
-        return check_lens(lens, nodes)
-    judged = check_lens(replace(lens, spec=lens.spec.made_by(process)), nodes)
+        return check_lens(lens)
+    judged = check_lens(replace(lens, spec=lens.spec.made_by(process)))
     return judged.changed(inputs={"lens": lens.sha256}, conditions=Conditions.of(process=process))
 
 
@@ -276,7 +276,7 @@ def _side_by_side(here: RunFolder, heard: Listener, second: ChildPool, threads: 
 
     lens = here.run.lens
     made = second.call(build, lens)
-    checked = second.call_after(made, lambda part: (lens, part.nodes), check_lens)
+    checked = second.call(check_lens, lens)
     heard.begins(Part.stage)
     with kernel_threads(lambda: max(1, threads - second.busy)):
         with heard.timed(Light.stage):

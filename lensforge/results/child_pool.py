@@ -19,7 +19,6 @@ from lensforge.results.child_process import ChildProcess
 
 _Given = TypeVarTuple("_Given")
 _Result = TypeVar("_Result")
-_Before = TypeVar("_Before")
 _Shared = TypeVar("_Shared")
 _Item = TypeVar("_Item")
 Answer = tuple[bool | None, Any]  # whether a function returned there, and what
@@ -86,25 +85,6 @@ class ChildPool:
         if self._threads is None:
             return Called(here)
         return Called(here, self._threads.submit(self._asked, (function, given)), self._say_done_again)
-
-    def call_after(
-        self,
-        before: Called[_Before],
-        given: Callable[[_Before], tuple[*_Given]],
-        function: Callable[[*_Given], _Result],
-    ) -> Called[_Result]:
-        """Call a function of what is ``given`` by the result of a call ``before``, as soon as that is known."""
-
-        def here() -> _Result:
-            return function(*given(before.result()))
-
-        def there() -> Answer:
-            if before.there is None or before.there.cancelled():
-                return NOT_TRIED
-            done, result = before.there.result()  # it had its turn before
-            return self._asked((function, given(result))) if done else NOT_TRIED
-
-        return Called(here, None if self._threads is None else self._threads.submit(there), self._say_done_again)
 
     def map(
         self, function: Callable[[_Shared, _Item], _Result], shared: _Shared, items: Sequence[_Item]

@@ -34,8 +34,8 @@ _RINGS, _DECIMALS = 401, 2  # points of base and flange for a turning tool; of a
 def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     """Check ``lens`` for manufacture: the design by ``criteria``, which do not raise, the tools by ``verdicts``.
 
-    ``nodes``: spline nodes across each face; by default as many as bring it within half a nanometre of the design, as curvatures of
-    a file that is within its tolerance may be off by more than a limit on a tool is missed by. Raises
+    ``nodes``: spline nodes across each face; by default as many as bring it within half a nanometre of the design, as
+    the tolerance of a file leaves curvatures off by more than what a limit of a tool may be missed by. Raises
     :class:`InputError` where the file of its base is missing or does not hold a base.
     """
     started = time.perf_counter()

@@ -224,7 +224,7 @@ def entity_points(step: str, surface: int) -> list[str]:
 
 
 def dented(step: bytes, surface: int, share: float, by_mm: float) -> bytes:
-    """One control point of a spline in the text of a STEP file, in the middle row at ``share`` of it, moved outwards."""
+    """One control point of a spline in the text of a STEP file, in the middle row at ``share`` of it, raised."""
     text = step.decode("ascii")
     points = entity_points(text, surface)
     side = round(len(points) ** 0.5)

@@ -17,7 +17,6 @@ from lensforge.errors import InputError
 from lensforge.kernels.parallel import thread_count
 from lensforge.results.child_pool import IN_TURN, Called, ChildPool, child_pool
 from lensforge.results.cluster import connected
-from lensforge.spec.accuracy import preset_of
 
 Result = TypeVar("Result")
 
@@ -85,18 +84,6 @@ def test_what_has_not_begun_there_is_computed_here() -> None:
     with child_pool(1) as second:
         second.call(time.sleep, 300.0)
         assert [second.call(os.getpid).result() for _ in range(2)] == [os.getpid()] * 2
-
-
-def test_a_call_after_another_gets_its_result(second: ChildPool) -> None:
-    number = second.call(os.getpid)
-    following = second.call_after(number, lambda found: (found, 1), operator.add)
-    assert there(following) == there(number) + 1
-    wrong = second.call(preset_of, "perfect")
-    after_it = second.call_after(wrong, lambda preset: (preset,), id)
-    for call in (after_it, wrong):
-        with pytest.raises(InputError, match="perfect"):
-            call.result()
-    assert IN_TURN.call_after(IN_TURN.call(abs, -3), lambda found: (found, 4), pow).result() == 81
 
 
 def test_what_fails_there_alone_is_computed_here_and_told(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from lensforge.cli.progress import DesignProgress, StageClock
 from lensforge.kernels.parallel import thread_count
 from lensforge.report import pipeline
 from lensforge.report.folder import RunFolder, opened
-from lensforge.report.pipeline import Listener, _second_process, run_later_stages
+from lensforge.report.pipeline import Listener, _second_process, build, run_later_stages
 from lensforge.results import child_pool
 from lensforge.results.arguments import threads_of_torch
 from lensforge.results.child_pool import Called, ChildPool
@@ -104,11 +104,8 @@ def test_light_takes_all_threads_that_the_second_process_leaves(
     class Second:
         busy = True
 
-        def call(self, *_: object) -> Called[lf.Part]:
-            return Called(lambda: part)
-
-        def call_after(self, *_: object) -> Called[lf.Check]:
-            return Called(lambda: check)
+        def call(self, function: object, *_: object) -> Called[lf.Part] | Called[lf.Check]:
+            return Called(lambda: part) if function is build else Called(lambda: check)
 
     second = Second()
 

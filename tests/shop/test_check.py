@@ -51,7 +51,7 @@ def verdict(check, name, surface):
 
 
 def test_the_faces_measured_are_those_of_the_step_file(rough):
-    """By the CAD kernel, on a file within 0.5 nm as read back; the exact surfaces are further off than the tolerance."""
+    """By the CAD kernel, on a file within 0.5 nm as read back; the exact surfaces are further off than is allowed."""
     from OCP.BRep import BRep_Tool
     from OCP.GeomLProp import GeomLProp_SLProps
 

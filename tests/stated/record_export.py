@@ -7,7 +7,6 @@ from hashlib import sha256
 import numpy as np
 from oracle_part import (
     FORM_NM,
-    NORMAL_MRAD,
     base_of,
     body_of,
     bore_mm2,
@@ -15,6 +14,7 @@ from oracle_part import (
     gap_mm,
     lamps_of,
     mesh_of,
+    normal_mrad,
     own_places,
     plate_form_error,
     plate_mm3,
@@ -125,15 +125,34 @@ def criteria_of(start, form, more, mesh_mm3, solid_mm3):
     ]  # fmt: skip
 
 
+def tolerance_record(case):
+    spec = case.lens["spec"]
+    source, n, kind = spec["source"], spec["lens"]["refractive_index"], spec["lens"].get("kind", "double")
+    last, turn = {"tir": ("exit", 4 * n - 2), "reflector": ("cup", 2.0)}.get(kind, ("outer", 2 * n - 2))
+    image = None
+    if source["kind"] in ("rectangle", "chips"):
+        chips = source.get("chips", [source | {"x_mm": 0.0, "y_mm": 0.0}])
+        away = body_of(case).parts[last].shape.exact(np.array([[0.0, 0.0, 1.0]]))[0][0]
+        image = near(2e3 * max(map(reach_mm, chips)) / away, 1e-9)
+    return {"form_nm": 50.0, "normal_mrad": 0.02 if image is None else 0.2, "image_mrad": image,
+            "turn": near(turn, 0.01)}  # fmt: skip
+
+
+def reach_mm(chip):
+    corners = [complex(x * chip["width_mm"], y * chip["height_mm"]) / 2 for x in (-1, 1) for y in (-1, 1)]
+    return max(abs(complex(chip["x_mm"], chip["y_mm"]) + each) for each in corners)
+
+
 def export_record(case):
     spec, found, stl = case.lens["spec"], case.json("export"), case.folder / "lens.stl"
     (form, normal), density = worst_errors(case), density_of(case)
     solid, (volume_mm3, area, closed_, genus, facets, corners) = volume(case, None).value, mesh_figures(stl)
     names = sorted(re.findall(r"ADVANCED_FACE\s*\(\s*'([^']*)'", (case.folder / "lens.step").read_text()))
-    chord, angle = chord_um(case, stl), judged("normal_error", near(normal, 0.1), "<=", NORMAL_MRAD, "mrad")
+    chord, angle = chord_um(case, stl), judged("normal_error", near(normal, 0.1), "<=", normal_mrad(case), "mrad")
     files = {name: (case.folder / name).read_bytes() for name in found["files"]}
     record = {
-        "form_error_nm": {"max": near(form, 0.1), "rms": ...}, "keep_out": None,
+        "face_tolerance": tolerance_record(case), "keep_out": None,
+        "form_error_nm": {"max": near(form, 0.1), "rms": ...},
         "normal_error_mrad": {"max": near(normal, 0.1), "rms": ...},
         "volume_mm3": near(solid, 3e-6), "volume_mesh_mm3": near(volume_mm3, 1e-6),
         "mass_g": near(solid * density / 1000, 3e-6) if density else None,

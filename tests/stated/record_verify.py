@@ -23,7 +23,7 @@ GAPS = ("rms", "p99", "max")
 def gaps_record(values, rays, found):
     """Of landing gaps by their quantiles at 0, 0.2 ... 100 %."""
     quantiles = {
-        "rms": near(np.sqrt(0.5 * (values[1:] ** 2 + values[:-1] ** 2).mean()), 0.05),
+        "rms": near(np.sqrt(0.5 * (values[1:] ** 2 + values[:-1] ** 2).mean()), 0.15),
         "p99": near(values[495], 1e-9),
         "max": near(values[-1], 1e-9),
     }
@@ -121,7 +121,7 @@ def verify_record(case):
 
 
 def form_record(case, name):
-    off, limit = ORACLES[f"verify.form {name}"](case, None), 0.02
+    off, limit = ORACLES[f"verify.form {name}"](case, None), 0.07
     if not name.endswith("step"):
         limit += np.sqrt(3) * np.spacing(np.float32(abs(mesh_of(case.folder / f"{name[:-4]}.stl").bounds).max())) * 1e3
     return {"name": name, "off_um": (1e-3 * off.value, 1e-3 * off.within), "face": ..., "at_mm": [...] * 3,
