@@ -12,6 +12,7 @@ from lensforge.surfaces.profile import AXIS
 FORM_NM, NORMAL_MRAD = 50.0, 0.2  # diamond turning leaves 100 nm to 1 um of form, and 5 nm of roughness
 FINEST_NM, FINEST_MRAD = 1.0, 0.02  # for point-like sources, whose image is no measure
 _OF_IMAGE = 1.0 / 20.0
+MAX_NODES = 320  # of a spline that keeps them, in each direction
 
 
 class FaceTolerance(Record):

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.boundary import WHOLE, Domain, Pair, lens_boundaries, of_shapes
-from lensforge.cad.face_tolerance import FINEST, FaceTolerance, face_tolerance
+from lensforge.cad.face_tolerance import FINEST, MAX_NODES, FaceTolerance, face_tolerance
 from lensforge.cad.outline import FULL_TURN
-from lensforge.cad.patch import LEAST_NODES, MAX_NODES, Patch, first_nodes, fit_patch
+from lensforge.cad.patch import LEAST_NODES, Patch, first_nodes, fit_patch
 from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_parallel_map

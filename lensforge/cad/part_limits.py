@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from lensforge.cad.face_tolerance import FaceTolerance
-from lensforge.cad.patch import MAX_NODES
+from lensforge.cad.face_tolerance import MAX_NODES, FaceTolerance
 from lensforge.results import Fact, NotNegative, Positive, Record, Text
 from lensforge.results.criteria import Criteria, at_least, at_most
 from lensforge.spec import Spec

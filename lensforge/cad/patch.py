@@ -26,6 +26,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import BSpline, make_interp_spline
 
+from lensforge.cad.face_tolerance import MAX_NODES
 from lensforge.errors import InputError
 from lensforge.surfaces.surface import HALF_WIDTH, Surface, to_chart, to_sphere
 
@@ -81,7 +82,6 @@ def principal_curvatures(jet: Jet, normal: Float[np.ndarray, "n 3"]) -> Principa
 
 
 DEGREE = 7
-MAX_NODES = 320
 LEAST_NODES = 72  # resolve what fills the hole of a ring, too
 # Measured on the 14 mm dome of the quickstart: 3 nodes per sigma at the apex leave 0.3 nm and 3 urad, 2 leave 30 nm and
 # 0.2 mrad.

@@ -306,11 +306,11 @@ def photometry_facts(photometry: Photometry, spec: Spec) -> list[Group]:
 
 
 def _photometry_of_led(photometry: Photometry, spec: Spec) -> list[Group]:
-    lenses, lamps = spec.photometry.lenses, spec.all_lamps
-    one = f"one lens of {lenses}" if lenses > 1 else lamps.whole.replace("of all lamps", "one lamp")
+    lenses = spec.photometry.lenses
+    one = f"one lens of {lenses}" if lenses > 1 else spec.all_lamps.whole.replace("of all lamps", "one lamp")
     beside = f", {one}" if one else ""
-    groups = [Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))]
-    groups += map(road_facts, photometry.roads)
+    far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))
+    groups = [far, *map(road_facts, photometry.roads)]
     if photometry.road is None:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside
@@ -353,8 +353,7 @@ def road_facts(road: RoadJudgement) -> Group:
     by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
     note = f"{road.standard}; reached: {road.reached}"
     facts = [Fact("road_class", "Class", road.lighting_class, note=note)]
-    limits = enumerate(with_remedies(road.limits))
-    facts += [replace(limit, key=f"road_{number}", note="") for number, limit in limits]
+    facts += [replace(limit, key=f"road_{k}", note="") for k, limit in enumerate(with_remedies(road.limits))]
     for driver in road.drivers if by_luminance else ():
         words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))

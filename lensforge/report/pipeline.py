@@ -72,19 +72,17 @@ def build(
     """Make the part: one solid as STEP, STL and 3MF, verified by reading them back.
 
     ``schema``: of the STEP. ``extension_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
-    ``form_nm``, ``normal_mrad``: largest errors of the optical faces; by default those of the spec, or 50 nm and what
-    the light can tell. ``nodes``: spline nodes across each, ``rings``: rings of the mesh; by default as many as their
-    tolerances need. ``date``: of the files, by default the spec's. Raises :class:`InputError` for a lens whose
-    surfaces enclose no body.
+    ``form_nm``, ``normal_mrad``: largest errors of its optical faces, by default the spec's; ``nodes`` of their splines
+    and ``rings`` of the mesh: by default as many as their tolerances need. ``date``: of the files, by default the
+    spec's. Raises :class:`InputError` for a lens whose surfaces enclose no body.
     """
     from lensforge.cad.part_export import build_part
 
     require(lens, Lens, "build")
-    extension_deg = number_of("extension_deg", extension_deg)
     return build_part(
         lens,
         schema=schema,
-        extension_deg=extension_deg,
+        extension_deg=number_of("extension_deg", extension_deg),
         nodes=count_of("nodes", nodes),
         tolerance=face_tolerance(lens, number_of("form_nm", form_nm), number_of("normal_mrad", normal_mrad)),
         rings=count_of("rings", rings),
@@ -117,10 +115,9 @@ def photometry(
 ) -> Photometry:
     """Compute the far field of ``lens`` and make its IES, EULUMDAT, TM-33 and TM-25 files, those of each of its LEDs.
 
-    Of several lamps they hold the light of all. ``lumens``: of the source; default: as spec or file of the source say,
-    or relative to 1000. ``rays``: by default as many as the noise of the intensities asks for. Other lumens than the
-    source's own, and any ``rays`` that are given, are other ``conditions`` than the lens's own. ``ies_version``: year
-    of LM-63 that the IES file follows, 2019 or, for programs that read no newer one, 2002.
+    Of several lamps they hold the light of all. ``lumens``: of the source; default: as spec or its file say, or 1000.
+    ``rays``: by default as many as the noise of the intensities asks for. Other lumens than the source's own, and any
+    ``rays`` given, are other ``conditions``. ``ies_version``: year of LM-63: 2019, or 2002 for older programs.
     """
     from lensforge.light.photometry_export import measure_photometry
 
@@ -207,8 +204,7 @@ def run(
                 made = best_design(spec, starts=starts, scheduler=scheduler, announce=announce, **options)
             else:
                 resume = options.get("checkpoint") is not None
-                if not resume:
-                    options["checkpoint"] = folder / CHECKPOINT
+                options["checkpoint"] = options.get("checkpoint") or folder / CHECKPOINT
                 made = design(spec, resume=resume, **options)
             here.write(made)
             run_later_stages(here, heard, second)
@@ -272,11 +268,8 @@ def _side_by_side(here: RunFolder, heard: Listener, second: ChildPool, threads: 
 
     It takes one of the ``threads`` while it is busy: a light of many rays takes longer than the part.
     """
-    from lensforge.shop.check import check_lens
-
     lens = here.run.lens
-    made = second.call(build, lens)
-    checked = second.call(check_lens, lens)
+    made, checked = second.call(build, lens), second.call(check, lens)
     heard.begins(Part.stage)
     with kernel_threads(lambda: max(1, threads - second.busy)):
         with heard.timed(Light.stage):
@@ -302,9 +295,7 @@ def write_kinds(first: Run, heard: Listener) -> None:
 
     Its light is that of all lamps, its search that of all lenses: both are the first one's.
     """
-    for lens in first.lens.kinds:
-        if lens.kind == first.lens.kind:
-            continue
+    for lens in (each for each in first.lens.kinds if each.kind != first.lens.kind):
         with heard.timed(lens.kind), opened(first.folder / lens.kind, create=True) as there:
             there.write(_of_lens(first.design, lens).changed(lens=lens))
             light = there.write(_of_lens(first.light, lens))

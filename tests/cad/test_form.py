@@ -6,8 +6,9 @@ from geometry_lenses import ALL_LEVELS, off_grid_chart, random_surface
 from scipy.interpolate import NdBSpline
 
 from lensforge.cad.edges import geom_surface
+from lensforge.cad.face_tolerance import MAX_NODES
 from lensforge.cad.form_error import chart_samples, face_error, fit_to_form, form_error, largest_errors
-from lensforge.cad.patch import _JET_ORDERS, DEGREE, MAX_NODES, Patch, default_nodes, fit_extended, fit_patch, node_axis
+from lensforge.cad.patch import _JET_ORDERS, DEGREE, Patch, default_nodes, fit_extended, fit_patch, node_axis
 from lensforge.errors import InputError
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import HALF_WIDTH, to_sphere
