@@ -62,7 +62,7 @@ def base_with_room(lens: Lens) -> BaseSection:
 
     Room ends where it would leave less than the least wall of the spec; the manufacturing check then says what lacks.
     """
-    spec, base = lens.spec, lens.spec.base
+    spec, base = lens.spec, lens.spec.base_made
     if base.kind in ("none", "step"):
         return base
     room = dict.fromkeys(("relief_step_mm", "relief_setback_mm", "bore_setback_mm"), 0.0)

@@ -48,7 +48,7 @@ def _remedy(spec: Spec, measured: KeepOutDistance) -> str:
 
 
 def _fields(spec: Spec, measured: KeepOutDistance) -> str:
-    base, margin = spec.base, spec.constraints.keep_out_margin_mm
+    base, margin = spec.base_made, spec.constraints.keep_out_margin_mm
     (x, y, z), other = measured.body_point_mm, measured.keep_out_point_mm
     overlap, across, below = measured.distance_mm < 0.0, float(np.hypot(*other[:2])), z - other[2]
     outwards = across - float(np.hypot(x, y))

@@ -3,6 +3,7 @@
 import hashlib
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 from numbers import Real
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -216,6 +217,9 @@ def part_facts(part: Part) -> list[Group]:
     density = part.lens.spec.lens.density
     words = {"source": "" if density is None else density.source, "turned": _turned(part)}
     table = facts_of(part, _FILES, judged=part.criteria, **words)
+    if part.plate is not None:
+        own = "volume", "mass"
+        table = [replace(fact, label=f"{fact.label} of a lens") if fact.key in own else fact for fact in table]
     groups = [Group("files", "Files as read back", (*table, *_mould(part)))]
     if part.plate is not None:
         sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}

@@ -41,7 +41,7 @@ _ON_RECEIVER = ("nmse", "share_in_target", "efficiency", "uniformity", "level", 
 _LIGHT = (*_ON_RECEIVER, "leak", "rays", "fitted_nmse")
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
 _LENS = ("kept_start", "radius", "height", "kept", "next")
-_FILES = ("form_error", "volume", "mass", "surfaces", "scale", "keep_out", "landing")
+_FILES = ("form_error", "volume", "mass", "plate_mass", "surfaces", "scale", "keep_out", "landing")
 _FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv", "plate_pdf", "plate_dxf")  # bytes, which lie in the folder
 
 

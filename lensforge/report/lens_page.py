@@ -45,7 +45,7 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
         views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
         return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
     radius_mm = float(lens_boundaries(results.lens)[1].radius(fibonacci_hemisphere(500)).max())  # to a per cent
-    with closing(Rendering(part.stl, radius_mm)) as rendering:
+    with closing(Rendering(part.stl, radius_mm, part.plate_stl)) as rendering:
         context = _context(results, folder, beside)
         return template(REPORT_FILE).render(**context, **_solid(rendering.result()))
 

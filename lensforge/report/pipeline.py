@@ -193,7 +193,7 @@ def run(
     """
     began = time.perf_counter()
     require_spec(spec, "run")
-    require_base_around_cavity(spec.lens, spec.constraints, spec.base)  # a run makes the part, its search may be long
+    require_base_around_cavity(spec.lens, spec.constraints, spec.base_made)  # before a long search
     folder, heard = folder_of(folder), Listener(announce or Listener.begins, ended or Listener.ended)
     if spec.lens.start is not None and spec.lens.start.resolve() == (folder / LENS_FILE).resolve():
         raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")

@@ -9,6 +9,7 @@ view (mm) and the z of its centre (mm) (float32); then positions about the origi
 """
 
 import json
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from lensforge.results.file_bounds import stl_corners
 from lensforge.results.files import temporary_folder
 from lensforge.results.sandbox import Child, ChildLimits, Ending, serve
 
-_MESH, _RADIUS = "part.stl", "radius.json"
+_MESH, _RADIUS, _PLATE = "part.stl", "radius.json", "plate.stl"
 # A mesh of 200,000 triangles takes 0.5 GiB, 1.3 million take 1 GiB and, on a busy machine, 54 s by software.
 _LIMITS = ChildLimits(memory_mib=4096, seconds=60.0)
 _AGAIN = "run `lensforge export` again"
@@ -51,6 +52,7 @@ VIEWS = {
     "cut": _Viewpoint((0.25, -1.2, 0.45), cut=True),
     "below": _Viewpoint((0.6, -1.0, -1.0), close=False),
 }
+_OF_PLATE = {"plate": _Viewpoint((0.45, -1.0, 0.9), close=False)}
 
 
 @dataclass(frozen=True)
@@ -67,12 +69,14 @@ class SolidViews:
 
 
 class Rendering:
-    """A rendering of the bytes of an STL in the background, so that figures can be drawn meanwhile."""
+    """A rendering of the bytes of an STL, and of a plate's, in the background: figures can be drawn meanwhile."""
 
-    def __init__(self, stl: bytes, optics_radius_mm: float) -> None:
+    def __init__(self, stl: bytes, optics_radius_mm: float, plate_stl: bytes | None = None) -> None:
         with ExitStack() as stack:
             self._folder = stack.enter_context(temporary_folder(_MESH))
-            (self._folder / _MESH).write_bytes(stl)
+            for name, content in {_MESH: stl, _PLATE: plate_stl}.items():
+                if content is not None:
+                    (self._folder / name).write_bytes(content)
             (self._folder / _RADIUS).write_text(json.dumps(optics_radius_mm), encoding="utf-8")
             self._child = stack.enter_context(Child(Path(__file__).resolve(), self._folder, _LIMITS))
             self._stack = stack.pop_all()
@@ -88,7 +92,7 @@ class Rendering:
             return SolidViews({}, problem="No 3-D picture: this machine has no off-screen renderer (OpenGL).")
         folder = self._folder
         bounds = json.loads((folder / "bounds.json").read_text(encoding="utf-8"))
-        pictures = {name: (folder / f"{name}.png").read_bytes() for name in VIEWS}
+        pictures = {path.stem: path.read_bytes() for path in folder.glob("*.png")}
         return SolidViews(pictures, tuple(bounds), (folder / "mesh.bin").read_bytes())
 
     def close(self) -> None:
@@ -99,10 +103,16 @@ class Rendering:
 def _render(folder: Path) -> None:
     """Work of the child process: one PNG per view, mesh.bin and bounds.json. Raises :class:`InputError` for no mesh."""
     optics_radius_mm = float(json.loads((folder / _RADIUS).read_text(encoding="utf-8")))
-    corners = stl_corners((folder / _MESH).read_bytes(), "lens.stl", _AGAIN)  # before a renderer is loaded
-    mesh = _merged(corners)
+    # before a renderer is loaded
+    names = {_MESH: "lens.stl", _PLATE: _PLATE}
+    given = {name: folder / name for name in names if (folder / name).exists()}
+    corners = {name: stl_corners(path.read_bytes(), names[name], _AGAIN) for name, path in given.items()}
+    mesh = _merged(corners[_MESH])
     shaded = _with_normals(mesh)
-    _draw_views(folder, mesh, shaded, optics_radius_mm)
+    _draw_views(folder, mesh, shaded, optics_radius_mm, VIEWS)
+    if _PLATE in corners:
+        plate = _merged(corners[_PLATE])
+        _draw_views(folder, plate, _with_normals(plate), optics_radius_mm, _OF_PLATE)
     half_height, centre_z = _frame(mesh, VIEWS["above"], optics_radius_mm)
     (folder / "mesh.bin").write_bytes(small_mesh(mesh, half_height, centre_z, shaded))
     (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.GetBounds()]), encoding="utf-8")
@@ -146,8 +156,8 @@ def _output(step: Any, mesh: Any) -> Any:
     return step.GetOutput()
 
 
-def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float) -> None:
-    """One PNG per view of ``mesh``, ``shaded`` by its normals: a window and its shaders serve all of them."""
+def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float, views: Mapping[str, _Viewpoint]) -> None:
+    """One PNG for each of ``views`` of ``mesh``, ``shaded`` by its normals: a window and its shaders serve them all."""
     from vtkmodules.vtkCommonDataModel import vtkPlane
     from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
@@ -160,7 +170,7 @@ def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float) -
     window.AddRenderer(renderer)
     solid = _actor(shaded, _GLASS)
     renderer.AddActor(solid)
-    for name, view in VIEWS.items():
+    for name, view in views.items():
         cut = [_actor(_cap(mesh, plane), _CUT)] if view.cut else []
         for each in cut:
             each.GetProperty().LightingOff()

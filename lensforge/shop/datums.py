@@ -65,6 +65,9 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     base = plan.base
     found = _plane(lens, plan, part), _centre(lens, base), _turn(base)
     datums, missing = [datum for datum in found if datum is not None], list[str]()
+    if lens.spec.plate is not None:
+        missing.append("The axis z of each lens, and its +x, stand where the drawing of the plate has them")
+        return DatumScheme.of(datums, missing)
     if found[1] is None:
         missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
     if found[2] is None and base.kind == "step":
@@ -84,6 +87,8 @@ def _plane(lens: Lens, plan: Plan[Surface], part: Part) -> Datum:
         faces = " and ".join(dict.fromkeys(carried))
         return Datum("A", f"plane z = 0, {faces}, as lens.step carries it", z_mm=0.0)
     base = plan.base
+    if lens.spec.plate is not None:
+        return Datum("A", "plane z = 0, the top of the plate", z_mm=0.0)
     if base.kind == "none":
         return Datum("A", f"plane z = 0, the ring {RIM} between the rims of the optical faces", z_mm=0.0)
     if base.kind == "step":

@@ -30,8 +30,11 @@ def drawing_notes(
 ) -> list[str]:
     """The notes, a paragraph each; ``words``: what the shop is told beside the design."""
     base = "; that of the base is its own file" if lens.spec.base.kind == "step" else ""
+    defined = f"{STEP_FILE} alone defines the part{base}"
+    if lens.spec.plate is not None:
+        defined = f"Faces of one lens of the plate, as in {STEP_FILE}; {PLATE_STEP_FILE} alone defines the part"
     return [
-        f"{STEP_FILE} alone defines the part{base}; sizes in parentheses are auxiliary. z = 0: the optical faces end.",
+        f"{defined}; sizes in parentheses are auxiliary. z = 0: the optical faces end.",
         *(f"{line}." for line in datums.lines),
         *([PROFILE_NOTE] if profile_rows(lens, tuple(check.faces)) else []),
         *([ASPHERE_NOTE] if any("asphere" in str(equation(face)) for face in lens.surfaces.values()) else []),
@@ -139,8 +142,12 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
     spec, signature, general = lens.spec, part.signature, words.general_tolerances or f"{_NONE}, to be agreed"
     body: Part | Plate = part
     file, name = STEP_FILE, words.part_name or spec.name
-    if of_plate and part.plate is not None:
+    pages, mass = "1 of 1", ""
+    if part.plate is not None and of_plate:
         body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
+        pages = "1 of 2"
+    elif part.plate is not None:
+        name, pages, mass = f"{name}, one lens of the plate", "2 of 2", "Mass: that of the plate, sheet 1"
     density, volume = spec.lens.density, f"Volume: {body.volume_mm3:.1f} mm³"
     return {
         "name": (name,),
@@ -148,11 +155,11 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
         "material": _cells(Material=spec.lens.material, Grade=words.material_grade),
         "mass": (
             *_cells(Density=None if density is None else f"{density.g_per_cm3:g} g/cm³"),
-            volume if body.mass_g is None else f"Mass: {body.mass_g:.3f} g; {volume}",
+            mass or (volume if body.mass_g is None else f"Mass: {body.mass_g:.3f} g; {volume}"),
         ),
         "drawn": _cells(Drawn=signature.author, Checked=words.checked_by, Organisation=signature.organisation),
         "general": (f"Sizes “general”: {general}", "Units: mm, degrees"),
-        "scale": (),  # of the sheet on which it stands
+        "scale": (f"sheet {pages}",),
         "defined": (f"Defined by: {file}, SHA-256 {part.files[file].sha256[:16]}…",),
     }
 
@@ -171,7 +178,7 @@ def draw_title_block(block: TitleBlock, corner: tuple[float, float], unit: float
     """The block, its lower right corner at ``corner``, with the scale and the size of the sheet."""
     left, bottom = corner[0] - WIDTH * unit, corner[1]
     height = ROW * unit
-    rows = {**block, "scale": (f"Scale: {scale_words(scale)}", f"First angle; {sheet}, sheet 1 of 1")}
+    rows = {**block, "scale": (f"Scale: {scale_words(scale)}", f"First angle; {sheet}, {block['scale'][0]}")}
     top = bottom + HEIGHT * unit
     marks = Marks()
     for number, each in enumerate(rows.values()):

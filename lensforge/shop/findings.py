@@ -257,7 +257,7 @@ def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
     wanted_deg = spec.lens.faces[surface].draft_deg or GOOD_DRAFT_DEG
     slanted = within(face.draft_deg, ">=", wanted_deg)  # and hidden all the same
     changes = [] if slanted else [design_again("draft_deg", wanted_deg, spec, surface)]
-    if spec.base.kind != "none" and spec.plate is None:
+    if spec.base_made.kind != "none":
         changes += ['base.kind = "none"', "a narrower base"]
     return finding_on("undercut", surface, share, 0.0, reason, changes)
 

@@ -25,7 +25,6 @@ from lensforge.cad.wall import largest_ball
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import BASE, FLANGE, PLATE, InscribedBall, Mould, MouldedFace, PartingLine
 from lensforge.shop.mould_facts import plastic_of
-from lensforge.spec import BaseSection
 
 _AZIMUTHS, _ALONG, _ON_EDGE = 192, 512, 64  # points of each face, and between two corners
 _UPRIGHT = float(np.sin(np.deg2rad(ANGLE_TOLERANCE_DEG)))
@@ -41,7 +40,7 @@ _Marks = Bool[np.ndarray, "_ _"]
 def mould_of(lens: Lens, pair: Pair[Patch]) -> Mould:
     """The mould of ``lens`` by its fitted faces, with its base, flange or plate; a base from a file is left out."""
     spec, plate = lens.spec, lens.spec.plate
-    base = base_with_room(lens) if plate is None else BaseSection(kind="none")
+    base = base_with_room(lens)
     plan = replace(lay_out(*pair, base), rim_flange=ring_of(lens, pair[1]))
     layout = layout_of(lens)
     around = [] if layout is None else _around(plan, layout, spec.constraints.max_radius_mm)

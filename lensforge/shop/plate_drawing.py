@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.boundary import lens_boundaries
-from lensforge.cad.part import Part
+from lensforge.cad.part import STEP_FILE, Part
 from lensforge.cad.plan import rim_directions, rim_radius
 from lensforge.cad.plate_layout import PlateLayout
 from lensforge.cad.plate_result import PLATE_STEP_FILE
@@ -176,7 +176,7 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
     marks.add(_whole(lines, layout, view))
     marks.add(_one_lens(lines, layout, closer))
     marks.add(draw_title_block(block, (right, bottom), unit, view.scale, name))
-    title = f"One lens in its section along x, {scale_words(closer.scale)}"
+    title = f"{len(layout.lenses)} × lens, its section along x, {scale_words(closer.scale)}; faces as in {STEP_FILE}"
     marks.words.append(Words((0.5 * (beside[0] + beside[2]), top - 2.0 * gap), title, LETTERS * unit, "center"))
     marks.add(draw_rows(drawn, right - WIDTH * unit, bottom + band, widths, unit))
     marks.words += [replace(each, at=(each.at[0], each.at[1] + bottom + high)) for each in notes]

@@ -38,6 +38,7 @@ from lensforge.shop.surface_figures import curvature_map, sag_map
 from lensforge.spec import DrawingSection
 from lensforge.spec.spec_section import rounded_up
 
+_SIZES = "lenses", "size", "volume", "mass"  # of a lens, or of the plate in which it is one of several
 _TEMPLATES = Path(__file__).with_name("templates")
 Pictures = list[tuple[str, Figure]]
 
@@ -79,8 +80,8 @@ def make_handover(
     content = _tables(part, check, drawn, tolerances, grids, hashes)
     sheets = [(sheet, PDF_FILE, DXF_FILE)]
     if plate is not None and layout is not None:
-        content[2:2] = _plate_tables(lens, layout, plate, words)
-        sheets.append((plate, PLATE_PDF_FILE, PLATE_DXF_FILE))
+        content[1:1] = _plate_tables(lens, layout, plate, words)
+        sheets.insert(0, (plate, PLATE_PDF_FILE, PLATE_DXF_FILE))
     title = f"{drawn.title}: for manufacture"
     return Handover(
         name=title,
@@ -187,11 +188,13 @@ def _page(
 
 def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
     """Facts on the part and its files, beyond those of its title block."""
-    files = part_facts(part)[0].select("form_error", "normal_error", "volume", "mass", "schema", "surfaces").facts
+    files = part_facts(part)[0].select("form_error", "normal_error", "schema", "surfaces").facts
+    sized = part_facts(part)[-1].select(*(f"{of}{size}" for of in ("", "plate_") for size in _SIZES)).facts
     groups = check_facts(check, lens.spec)
     walls = [fact for group in groups if group.key in ("walls", "edges", "mould") for fact in group.facts]
     facts = (
         *_make(lens, part),
+        *sized,
         *files,
         *walls,
         Fact("sha256", "Lens, SHA-256", lens.sha256),

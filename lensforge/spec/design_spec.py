@@ -244,6 +244,11 @@ class Spec(Section):
         return tuple(self.changed(source=each.source, sources=()) for each in self.sources)
 
     @property
+    def base_made(self) -> BaseSection:
+        """The base that is made: none where a plate holds the lenses."""
+        return self.base if self.plate is None else BaseSection(kind="none")
+
+    @property
     def all_lamps(self) -> Lamps:
         """The lamps whose light the receivers see."""
         return lamps_of(self.lamps)
@@ -257,8 +262,7 @@ class Spec(Section):
     def _lamps_have_room(self) -> None:
         if self.lamps is not None and not self.all_lamps.is_single:
             lenses, receivers = self.photometry.lenses, self.all_receivers
-            base = BaseSection(kind="none") if self.plate is not None else self.base  # the plate holds the lenses
-            require_together(self.all_lamps, self.constraints, base, receivers, lenses)
+            require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
             others = {"plate": self.plate is not None, "sources": bool(self.sources)}
             require_kinds(self.lamps, receivers, others | {"optimise.robust": self.optimise.robust})
             if self.evaluate.window_mm is not None:
@@ -273,6 +277,8 @@ class Spec(Section):
             if self.lens.flange_room_mm is not None:
                 raise ValueError("lens.flange: the plate holds the lenses; leave out one of the two")
             require_drawn_over_plate(self.lens, self.manufacture)
+            if self.base.kind == "step":
+                raise ValueError("base.file: the plate holds the lenses; leave out one of the two")
 
     @check
     def _window_is_of_a_plane(self) -> None:

@@ -65,7 +65,7 @@ class BaseSection(Section):
     """
 
     kind: Literal["cylinder", "square", "step", "none"] = "cylinder"
-    """Shape of the base; "step": the body in ``file``."""
+    """Shape of the base; "step": the body in ``file``. With ``[plate]`` no base is made."""
     file: FilePath | None = None
     """STEP file of one solid in the lens's coordinates, its top in z = 0."""
     diameter_mm: Millimetres = 25.4

@@ -4,10 +4,12 @@ import base64
 import io
 import re
 from collections import Counter
+from contextlib import closing
 
 import numpy as np
 import pytest
 import pyvista as pv
+import trimesh
 from page_text import Page
 from PIL import Image
 from result_folders import make_results
@@ -80,6 +82,19 @@ def test_the_part_is_shown_from_three_sides(tmp_path, monkeypatch):
         assert max(np.ptp(rows) / alpha.shape[0], np.ptp(columns) / alpha.shape[1]) > 0.6, "and not far away"
     assert "10 × 10 × 10 mm over all" in markup
     assert "script" in Page(markup).tags, "it can be turned"
+
+
+@pytest.mark.nightly("a renderer")
+def test_a_plate_is_shown_with_one_lens_of_it():
+    stl = [trimesh.creation.box(extents=size).export(file_type="stl") for size in ((6.0, 6.0, 6.0), (90.0, 60.0, 2.0))]
+    with closing(solid_view.Rendering(*stl[:1], 3.0, stl[1])) as rendering:
+        views = rendering.result()
+    if views.problem:
+        pytest.skip("no off-screen renderer here")
+    assert set(views.pictures) == {"above", "cut", "below", "plate"} and views.bounds_mm[1] == 3.0
+    alpha = np.asarray(Image.open(io.BytesIO(views.pictures["plate"])))[..., 3]
+    rows, columns = np.nonzero(alpha)
+    assert np.ptp(columns) > 0.6 * alpha.shape[1] and np.ptp(rows) < np.ptp(columns), "all of it, flat as it is"
 
 
 def test_without_a_renderer_the_page_says_so(tmp_path, monkeypatch):

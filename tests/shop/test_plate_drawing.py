@@ -1,6 +1,7 @@
 """The drawing of the plate: its pattern found again, its sizes read back from the DXF, and its part in the handover."""
 
 import io
+import re
 from itertools import combinations
 from typing import Any
 
@@ -13,6 +14,7 @@ from shop_lenses import small_lens
 from lensforge.cad.part import Part
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plate_layout import layout_of
+from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
 from lensforge.shop.datums import labelled, plate_datums
@@ -178,6 +180,11 @@ def test_the_handover_has_both_drawings(part: Part) -> None:
     assert {"plate.pdf", "plate.dxf"} < set(made.files) and made.files["plate.pdf"].startswith(b"%PDF")
     page = made.html.decode("utf-8")
     assert page.count('<figure class="drawing">') == 2 and made.sha256["plate.dxf"] in page
+    assert page.index("plate of 6 lenses") < page.index("sheet 1 of 2") < page.index("sheet 2 of 2"), "the plate first"
+    assert "one lens of the plate" in page and "plate.step alone defines the part" in page
+    shown = dict(re.findall(r"<th[^>]*>([^<]*)</th><td[^>]*>([^;<]*)", page))
+    assert part.plate is not None and shown["Volume of the plate"] == quantity(part.plate.volume_mm3, "mm³", digits=5)
+    assert "Volume" not in shown and "Mass" not in shown, "nobody makes the lens alone"
     for text in ("2 × 20.000 = 40.000", "hole ⌀3.000, through", "pin ⌀2.000, 1.250 below", "plate of 6 lenses"):
         assert text in page
     assert "boss ⌀5.000, 2.000 below; bore ⌀2.500, 3.000 deep" in page and "gate, 6.000 wide" in page
