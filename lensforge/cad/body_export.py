@@ -18,13 +18,13 @@ from lensforge.cad.mesh import BodyMesh, Closure, build_mesh, check_closed, mesh
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import BORE, BOTTOM, FLANGE_SIDE, FOOT_END, FOOT_SIDE, POCKET_SIDE, SIDE, Plan, make_plan
-from lensforge.cad.plate_mesh import MeshParts, prism
+from lensforge.cad.plate_layout import RoundWall
+from lensforge.cad.plate_mesh import MeshParts, add_round
 from lensforge.cad.solid import Solid, build_solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.kernels.parallel import in_parallel_map
 from lensforge.scene.body import Body
 from lensforge.spec import BaseSection
-from lensforge.surfaces.plane_loop import circle_at
 from lensforge.surfaces.surface import Surface
 
 _BARE = BaseSection(kind="none")
@@ -107,8 +107,8 @@ def _with_feet(mesh: BodyMesh, plan: Plan[Patch]) -> BodyMesh:
     outline, opening = (_loop(mesh, names) for names in ((FLANGE_SIDE, SIDE), (POCKET_SIDE, BORE)))
     tops = []
     for place in feet.places_mm:
-        circle = circle_at(place, feet.diameter_mm / 2.0)
-        top, end = prism(parts, FOOT_SIDE, circle, _FOOT_CHORD_MM, height_mm, feet.height_mm, outwards=True)
+        wall = RoundWall(place, *plan.base.foot_radii_mm, height_mm, feet.height_mm)
+        top, end = add_round(parts, FOOT_SIDE, wall, _FOOT_CHORD_MM, outwards=True)
         parts.add_plane(FOOT_END, end, [], up=False)
         tops.append(top)
     parts.add_plane(BOTTOM, outline, [opening, *tops], up=False)

@@ -18,6 +18,7 @@ from lensforge.cad.boundary import Crease
 from lensforge.cad.outline import FULL_TURN, Arc, Outline, Piece
 from lensforge.cad.patch import DEGREE, Patch
 from lensforge.cad.plan import Plan, rim_directions
+from lensforge.surfaces.step_file import parts_of
 
 # The rim curve lies in z = 0; the patch's own boundary is within its form error of it.
 _MIN_TOLERANCE_MM, _GAP_MARGIN = 1e-6, 2.0
@@ -124,6 +125,8 @@ def _tolerance_mm(gap: float) -> float:
     return max(_MIN_TOLERANCE_MM, _GAP_MARGIN * gap)
 
 
+Named = list[tuple[str, Any]]  # faces; the CAD kernel has no types
+Chain = list[Any]  # of edges
 _Ends = tuple[float, float]  # azimuths (rad)
 
 
@@ -214,6 +217,51 @@ def wire(edges: list[Any]) -> Any:
     for edge in edges:
         maker.Add(edge)
     return maker.Wire()
+
+
+def walls_below(name: str, edges: Chain, depth_mm: float, scale: float = 1.0) -> tuple[Named, Any]:
+    """Walls of one name below ``edges``, and the wire at their foot, ``scale`` times as far from the axis."""
+    faces, foot = walls_and_foot(edges, depth_mm, scale)
+    return [(name, face) for face in faces], foot
+
+
+def walls_between(edges: Chain, foot: Any) -> list[Any]:
+    """Walls from closed ``edges`` to a wire of as many, one for each: planes, cones, or ruled surfaces."""
+    from OCP.BRepFill import BRepFill_Generator
+
+    made = BRepFill_Generator()
+    made.AddWire(wire(edges))
+    made.AddWire(foot)
+    made.Perform()
+    faces = [_flattened(face) for face in parts_of(made.Shell(), "FACE")]
+    return [next(face for face in faces if any(edge.IsSame(own) for own in parts_of(face, "EDGE"))) for edge in edges]
+
+
+def _flattened(face: Any) -> Any:
+    """The face on a plane where its edges lie in one: ruled faces are splines."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+    from OCP.BRepTools import BRepTools
+
+    made = BRepBuilderAPI_MakeFace(BRepTools.OuterWire_s(face), True)
+    return made.Face() if made.IsDone() else face
+
+
+def walls_and_foot(edges: Chain, depth_mm: float, scale: float) -> tuple[list[Any], Any]:
+    """Walls down by ``depth_mm`` (up where it is negative), one for each edge, and the wire at their foot."""
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
+    from OCP.gp import gp_Pnt, gp_Trsf, gp_Vec
+    from OCP.TopoDS import TopoDS
+
+    if scale != 1.0:
+        about_apex, top = gp_Trsf(), BRep_Tool.Pnt_s(parts_of(edges[0], "VERTEX")[0]).Z()
+        about_apex.SetScale(gp_Pnt(0.0, 0.0, top + depth_mm / (scale - 1.0)), scale)
+        foot = TopoDS.Wire_s(BRepBuilderAPI_Transform(wire(edges), about_apex, True).Shape())
+        return walls_between(edges, foot), foot
+    prism = BRepPrimAPI_MakePrism(wire(edges), gp_Vec(0.0, 0.0, -depth_mm))
+    faces = [TopoDS.Face_s(prism.Generated(edge).First()) for edge in edges]
+    return faces, TopoDS.Wire_s(prism.LastShape())
 
 
 def moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:

@@ -5,6 +5,7 @@ place of the wall. What is left of the cylinder above and below it is no optical
 """
 
 from dataclasses import dataclass
+from math import radians, tan
 from typing import Any
 
 import numpy as np
@@ -31,18 +32,24 @@ def flange_heights_mm(envelope: Boundary[Any]) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class FlangeRing:
-    """The ring (mm): the radius at which it begins, its outer one, and the heights of its underside and its top."""
+    """The ring (mm): the radius at which it begins, its outer ones at top and underside, and the heights of these."""
 
     inner_mm: float
     outer_mm: float
+    foot_mm: float
     low_mm: float
     high_mm: float
 
     @property
+    def thickness_mm(self) -> float:
+        """Height of its side."""
+        return self.high_mm - self.low_mm
+
+    @property
     def corners(self) -> Curve:
         """Distance from the axis and height of the corners of its section, from the top at the lens on."""
-        inner, outer, low, high = self.inner_mm, self.outer_mm, self.low_mm, self.high_mm
-        return np.array([(inner, high), (outer, high), (outer, low), (inner, low)])
+        inner, low, high = self.inner_mm, self.low_mm, self.high_mm
+        return np.array([(inner, high), (self.outer_mm, high), (self.foot_mm, low), (inner, low)])
 
     def around(self, profile: Curve) -> Float[np.ndarray, "m 2"]:
         """The section of a lens, (position across, z) from rim to rim, with the ring on both sides of it."""
@@ -68,14 +75,20 @@ def ring_of(lens: Lens, envelope: StarShaped | None = None) -> FlangeRing | None
     low, high = flange_heights_mm(boundary)
     (cylinder,) = (face.surface for face in lens.body.faces if face.is_flange)
     radius = float(cylinder.radius(np.array([[1.0, 0.0, 0.0]]))[0])
-    return _ring(own, radius, low, high)
+    return _ring(own, radius, low, high, lens.spec.draft_deg(own.draft_deg))
 
 
-def _ring(own: FlangeSection, radius_mm: float, low_mm: float, high_mm: float) -> FlangeRing:
+def _ring(own: FlangeSection, radius_mm: float, low_mm: float, high_mm: float, draft_deg: float) -> FlangeRing:
     top = high_mm - own.setback_mm
     if not top - own.thickness_mm > low_mm:
         raise InputError(
             f"lens.flange.thickness_mm = {own.thickness_mm:g}: wall and exit leave {high_mm - low_mm:.4g} mm for it "
             f"and its setbacks, {own.room_mm:g} are needed; design again with more steps, or lower it"
         )
-    return FlangeRing(radius_mm, own.diameter_mm / 2.0, top - own.thickness_mm, top)
+    outer = own.diameter_mm / 2.0
+    foot = outer - own.thickness_mm * tan(radians(draft_deg))
+    if not foot > radius_mm:
+        raise InputError(
+            f"lens.flange.draft_deg = {draft_deg:g}: leaves nothing of its underside; take less, or raise diameter_mm"
+        )
+    return FlangeRing(radius_mm, outer, foot, top - own.thickness_mm, top)

@@ -9,6 +9,7 @@ obstacles of tools are made from them. The solid has them as edges of its faces.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Generic
 
 import numpy as np
@@ -16,7 +17,17 @@ from jaxtyping import Float
 
 from lensforge.cad.boundary import Boundary, Shape, StarShaped, TrimmedFace, as_pair, optical_name
 from lensforge.cad.flange import FlangeRing
-from lensforge.cad.outline import FULL_TURN, Arc, Outline, Radius, arcs_between, circle, outline_of, sampled_azimuths
+from lensforge.cad.outline import (
+    FULL_TURN,
+    Arc,
+    Outline,
+    Radius,
+    arcs_between,
+    circle,
+    drafted_scale,
+    outline_of,
+    sampled_azimuths,
+)
 from lensforge.errors import InputError, remedy
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.spec import BaseSection
@@ -118,6 +129,8 @@ def make_plan(
     if base.feet is not None:
         _require_feet_beside(base.feet, lay_out(cavity, envelope, base))
     plan = replace(lay_out(cavity, envelope, base), rim_flange=rim_flange)
+    if plan.has_base and base.draft_deg:
+        _require_room_for_draft(plan, base.draft_deg)
     met = len(plan.arcs) > 1 or (plan.ring is not None and plan.flush)
     if base.step_mm > 0.0 and met:
         widths = 2.0 * (rim_radius(envelope) if plan.ring is None else plan.ring.radius)(sampled_azimuths())
@@ -224,6 +237,23 @@ def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outl
         )
 
 
+def _require_room_for_draft(plan: Plan[Any], draft_deg: float) -> None:
+    """What draft takes off the ring at the bottom, at the roof of a pocket, and over a flange."""
+    turns = sampled_azimuths()
+    if plan.base.feet is not None and plan.base.foot_radii_mm[1] <= 0.0:
+        raise InputError(
+            f"base.draft_deg = {draft_deg:g}: leaves nothing at the end of base.feet; take less, or lower them"
+        )
+    for one, other in pairwise(base_corners(plan)):
+        if one.face in (BOTTOM, POCKET_TOP, FLANGE_TOP):
+            room = np.abs(one.radius(turns) - other.radius(turns)).min()
+            wrong = (other.radius(turns) < one.radius(turns)).any() != (one.face != FLANGE_TOP)
+            if wrong or room < MIN_BASE_WALL_MM:
+                raise InputError(
+                    f"base.draft_deg = {draft_deg:g}: leaves no {one.face} of the base; take less, or a wider base"
+                )
+
+
 def _require_feet_beside(feet: FeetSection, plan: Plan[Any]) -> None:
     """Feet against the opening in the bottom: the bore or its pocket."""
     opening = max((corner.radius(sampled_azimuths()).max() for corner in _bore_corners(plan)), default=0.0)
@@ -276,21 +306,44 @@ def _seat_corners(plan: Plan[Any], rim: Radius) -> list[Corner]:
 
 def _foot_corners(plan: Plan[Any]) -> list[Corner]:
     """The side and the bottom of the base, and its flange."""
-    side, height = plan.outline.radius, plan.base.height_mm
-    top = Corner(side, plan.relief_mm, SIDE)
+    side, height, way = plan.outline.radius, plan.base.height_mm, -1.0 if plan.flange is None else 1.0
+    top, foot = Corner(side, plan.relief_mm, SIDE), _drafted(plan, side, way, plan.shoulder_mm - plan.relief_mm)
     if plan.flange is None:
-        return [top, Corner(side, height, BOTTOM)]
-    wide = plan.flange.radius
-    shoulder = Corner(side, plan.shoulder_mm, FLANGE_TOP)
-    return [top, shoulder, Corner(wide, plan.shoulder_mm, FLANGE_SIDE), Corner(wide, height, BOTTOM)]
+        return [top, Corner(foot, height, BOTTOM)]
+    wide, shoulder_mm = plan.flange.radius, plan.shoulder_mm
+    end = _drafted(plan, wide, -1.0, height - shoulder_mm)
+    return [
+        top,
+        Corner(foot, shoulder_mm, FLANGE_TOP),
+        Corner(wide, shoulder_mm, FLANGE_SIDE),
+        Corner(end, height, BOTTOM),
+    ]
 
 
 def _bore_corners(plan: Plan[Any]) -> list[Corner]:
     """The pocket in the bottom, and the bore."""
     corners = []
     if plan.pocket is not None:
-        pocket = plan.pocket.radius
-        corners += [Corner(pocket, plan.base.height_mm, POCKET_SIDE), Corner(pocket, plan.bore_mm, POCKET_TOP)]
-    if plan.bore is None:
-        return [*corners, Corner(rim_radius(plan.cavity), plan.bore_mm, BORE)]
-    return [*corners, Corner(plan.bore.radius, plan.bore_mm, BORE), Corner(plan.bore.radius, 0.0, BORE_TOP)]
+        pocket, depth_mm = plan.pocket.radius, plan.base.pocket_depth_mm
+        mouth = _drafted(plan, pocket, 1.0, depth_mm)
+        corners += [Corner(mouth, plan.base.height_mm, POCKET_SIDE), Corner(pocket, plan.bore_mm, POCKET_TOP)]
+    bore = rim_radius(plan.cavity) if plan.bore is None else plan.bore.radius
+    corners.append(Corner(_drafted(plan, bore, 1.0, plan.bore_mm), plan.bore_mm, BORE))
+    return corners if plan.bore is None else [*corners, Corner(bore, 0.0, BORE_TOP)]
+
+
+def _drafted(plan: Plan[Any], top: Radius, way: float, length_mm: float) -> Radius:
+    """The foot of a wall below a closed line; ``way``: 1 where it widens downwards, else -1."""
+    azimuths = sampled_azimuths()
+    if plan.base.slope == 0.0:
+        return top
+    scale = drafted_scale(top(azimuths)[:, None] * rim_directions(azimuths)[:, :2], way * plan.base.slope, length_mm)
+    return lambda around: scale * top(around)
+
+
+def foot_scale(plan: Plan[Any], face: str) -> float:
+    """Factor from the top of the wall ``face`` to its foot."""
+    corners = [*base_corners(plan), Corner(rim_radius(plan.cavity), 0.0, "")]
+    ends = next(each for each in pairwise(corners) if each[0].face == face)
+    top, foot = (float(end.radius(np.zeros(1))[0]) for end in sorted(ends, key=lambda end: end.depth_mm))
+    return foot / top

@@ -10,10 +10,13 @@ from math import hypot, pi
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.outline import drafted_scale
 from lensforge.scene.lens import Lens
 from lensforge.spec.lamps_section import Lamps, Place
 from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateHole, PlateMark, PlatePin, PlateSection
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, area_mm2, box_of_loop, circle_at
+
+_SAME_MM = 1e-9
 
 
 @dataclass(frozen=True)
@@ -62,10 +65,26 @@ class PlateLayout:
 
     @property
     def outline(self) -> Loop:
-        """Its outline, counter-clockwise; lines of no length are left out."""
+        """Its outline in z = 0, counter-clockwise; lines of no length are left out."""
+        return self._outline(0.0)
+
+    @property
+    def foot(self) -> Loop:
+        """Its outline at the bottom."""
+        return self._outline(1.0)
+
+    @property
+    def inset_mm(self) -> float:
+        """Length by which its outline is narrower at the bottom; a drawn one stands upright."""
+        return 0.0 if isinstance(self.plate.outline, DrawnOutline) else self.plate.slope * self.plate.thickness_mm
+
+    def _outline(self, share: float) -> Loop:
+        """Its outline at a share of the thickness; the corners lose no more than half of their radius."""
         if isinstance(self.plate.outline, DrawnOutline):
             return self.plate.outline.outer
-        corner, half = self.plate.corner_radius_mm, (self.size_mm[0] / 2.0, self.size_mm[1] / 2.0)
+        radius = self.plate.corner_radius_mm
+        corner = radius - share * min(self.inset_mm, radius / 2.0)
+        half = self.size_mm[0] / 2.0 - share * self.inset_mm, self.size_mm[1] / 2.0 - share * self.inset_mm
         if self.plate.kind == "round":
             return circle_at((0.0, 0.0), half[0])
         arcs = list[LoopEdge]()
@@ -75,7 +94,9 @@ class PlateLayout:
             arcs.append(LoopEdge(*((on_side, on_end) if x * y > 0.0 else (on_end, on_side)), centre))
         lines = [LoopEdge(one.end, other.start) for one, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
         chain = [edge for pair in zip(arcs, lines, strict=True) for edge in pair]
-        return tuple(edge for edge in chain if edge.end != edge.start)
+        return tuple(
+            edge for edge in chain if hypot(edge.end[0] - edge.start[0], edge.end[1] - edge.start[1]) > _SAME_MM
+        )
 
     @property
     def slots(self) -> tuple[Loop, ...]:
@@ -107,13 +128,8 @@ class PlateLayout:
         return RoundWall(place, radius_mm, foot_mm, depth_mm, length_mm)
 
     def bore_scale(self, opening: Float[np.ndarray, "n 2"]) -> float:
-        """Factor from a cavity's rim, points (mm) around it in z = 0, to the foot of its bore: a cone about the axis.
-
-        The least of its drafts is that of the plate, where a tangent of the rim is nearest to the axis.
-        """
-        along = np.roll(opening, -1, axis=0) - np.roll(opening, 1, axis=0)
-        nearest = np.abs(opening[:, 0] * along[:, 1] - opening[:, 1] * along[:, 0]) / np.hypot(*along.T)
-        return 1.0 + self.plate.slope * self.plate.thickness_mm / float(nearest.min())
+        """Factor from a cavity's rim, points (mm) around it in z = 0, to the foot of its bore."""
+        return drafted_scale(opening, self.plate.slope, self.plate.thickness_mm)
 
     @property
     def box_mm(self) -> tuple[Place, Place]:
@@ -127,10 +143,11 @@ class PlateLayout:
         """
         scale, opening_mm2 = self.bore_scale(opening), float(pi * np.mean(np.sum(opening**2, axis=1)))
         of_one_mm3 = lens_mm3 - self.plate.thickness_mm * opening_mm2 * (1.0 + scale + scale**2) / 3.0
-        upright_mm2 = area_mm2(self.outline) - sum(map(area_mm2, self.slots))
+        top, middle, foot = (area_mm2(self._outline(share)) for share in (0.0, 0.5, 1.0))
+        mean_mm2 = (top + 4.0 * middle + foot) / 6.0 - sum(map(area_mm2, self.slots))
         pins_mm3 = sum(pin.volume_mm3 - (0.0 if bore is None else bore.volume_mm3) for pin, bore in self.standing)
         holes_mm3 = sum(hole.volume_mm3 for hole in self.holes)
-        return len(self.lenses) * of_one_mm3 + self.plate.thickness_mm * upright_mm2 + pins_mm3 - holes_mm3
+        return len(self.lenses) * of_one_mm3 + self.plate.thickness_mm * mean_mm2 + pins_mm3 - holes_mm3
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
         """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
@@ -150,7 +167,7 @@ class PlateLayout:
             away = np.hypot(*(axes - mark.place_mm).T)
             near = np.flatnonzero(away <= away.min() + 2.0 * largest)
             gaps = {"the cavity of a lens": min(self._gap_mm(opening, int(k), mark.place_mm) for k in near)}
-            gaps["the edge"] = plate.to_edge_mm(mark.place_mm, self.size_mm)
+            gaps["the edge"] = plate.to_edge_mm(mark.place_mm, self.size_mm) - self.inset_mm
             for other, one in plate.marks[:number]:
                 gaps[other] = mark.away_mm(one.place_mm) - widened[other]
             found += [PlateWall(gap - widened[name], f"{name} and {other}") for other, gap in gaps.items()]

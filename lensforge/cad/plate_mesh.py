@@ -4,7 +4,7 @@ The rims of the lenses are kept as they are: top and bottom have the same vertic
 is closed. The plane faces are triangulated by manifold3d, which adds no vertex.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -98,7 +98,8 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
     bore_scale = layout.bore_scale(rim_points(plan.cavity))
     optical = [name for name in lens.names if name != RIM]
     rim, mouth = (_rim_of(lens, boundary) for boundary in (plan.envelope, plan.cavity))
-    outline, foot = prism(parts, PLATE_SIDE, layout.outline, chord_mm, 0.0, thickness, outwards=True)
+    around = layout.outline, chord_mm, 0.0, thickness, layout.foot
+    outline, foot = _prism(parts, PLATE_SIDE, *around, outwards=True)
     tops, bottoms = [], []
     for number in range(len(layout.lenses)):
         ids = parts.add_points(layout.placed(lens.vertices, number))
@@ -108,16 +109,16 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
         parts.add_wall(PLATE_BORE, ids[mouth][::-1], below[::-1])
         tops.append(ids[rim])
         bottoms.append(below)
-    holes = [_round(parts, PLATE_HOLE, hole, chord_mm, outwards=False) for hole in layout.holes]
-    slots = [prism(parts, PLATE_HOLE, slot, chord_mm, 0.0, thickness, outwards=False) for slot in layout.slots]
+    holes = [add_round(parts, PLATE_HOLE, hole, chord_mm, outwards=False) for hole in layout.holes]
+    slots = [_prism(parts, PLATE_HOLE, slot, chord_mm, 0.0, thickness, outwards=False) for slot in layout.slots]
     for edge, below in (*holes, *slots):
         tops.append(edge)
         bottoms.append(below)
     for pin, bore in layout.standing:
-        edge, end = _round(parts, PIN_SIDE, pin, chord_mm, outwards=True)
+        edge, end = add_round(parts, PIN_SIDE, pin, chord_mm, outwards=True)
         mouths = []
         if bore is not None:
-            roof, mouth = _round(parts, BOSS_BORE, bore, chord_mm, outwards=False)
+            roof, mouth = add_round(parts, BOSS_BORE, bore, chord_mm, outwards=False)
             parts.add_plane(BOSS_ROOF, roof, [], up=False)
             mouths.append(mouth)
         parts.add_plane(PIN_END, end, mouths, up=False)
@@ -127,24 +128,40 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
     return parts.mesh(lens.rings)
 
 
-def _round(parts: MeshParts, name: str, wall: RoundWall, chord_mm: float, *, outwards: bool) -> tuple[_Ids, _Ids]:
+def add_round(parts: MeshParts, name: str, wall: RoundWall, chord_mm: float, *, outwards: bool) -> tuple[_Ids, _Ids]:
     """Add a round wall; return the numbers of its vertices at its top and at its foot."""
-    widest = max(wall.radius_mm, wall.foot_mm)
-    around = (points_on(circle_at(wall.place, widest), chord_mm) - wall.place) / widest
-    ends = (wall.radius_mm, wall.depth_mm), (wall.foot_mm, wall.depth_mm + wall.length_mm)
-    top, foot = (parts.add_points(wall.place + radius * around, -depth) for radius, depth in ends)
-    parts.add_wall(name, *((top, foot) if outwards else (top[::-1], foot[::-1])))
-    return top, foot
+    top, foot = (circle_at(wall.place, radius_mm) for radius_mm in (wall.radius_mm, wall.foot_mm))
+    return _prism(parts, name, top, chord_mm, wall.depth_mm, wall.length_mm, foot, outwards=outwards)
 
 
-def prism(
-    parts: MeshParts, name: str, loop: Loop, chord_mm: float, depth_mm: float, length_mm: float, *, outwards: bool
+def _prism(
+    parts: MeshParts,
+    name: str,
+    loop: Loop,
+    chord_mm: float,
+    depth_mm: float,
+    length_mm: float,
+    foot: Loop | None = None,
+    *,
+    outwards: bool,
 ) -> tuple[_Ids, _Ids]:
-    """Add the wall below a loop in z = -depth; return the numbers of its vertices there and at its foot."""
-    points = points_on(loop, chord_mm)
-    top, foot = (parts.add_points(points, -depth) for depth in (depth_mm, depth_mm + length_mm))
-    parts.add_wall(name, *((top, foot) if outwards else (top[::-1], foot[::-1])))
-    return top, foot
+    """Add the wall below a loop in z = -depth; return the numbers of its vertices there and at its foot.
+
+    ``foot``: the loop there, left out the same.
+    """
+    below = points_on(loop, chord_mm) if foot is None else np.concatenate(list(_at_foot(loop, foot, chord_mm)))
+    top, end = parts.add_points(points_on(loop, chord_mm), -depth_mm), parts.add_points(below, -depth_mm - length_mm)
+    parts.add_wall(name, *((top, end) if outwards else (top[::-1], end[::-1])))
+    return top, end
+
+
+def _at_foot(loop: Loop, foot: Loop, chord_mm: float) -> Iterator[Float[np.ndarray, "_ 2"]]:
+    """Points on each edge of the ``foot``, below those of the loop."""
+    for top, edge in zip(loop, foot, strict=True):
+        if top.centre is None or edge.centre is None:
+            yield np.array([edge.start])
+        else:
+            yield edge.centre + (top.points(chord_mm) - top.centre) * (edge.radius_mm / top.radius_mm)
 
 
 def _rim_of(lens: BodyMesh, boundary: Boundary[Patch]) -> _Ids:

@@ -49,13 +49,13 @@ def _cut_feet(base: BaseSection, azimuth_deg: float) -> list[Float[np.ndarray, "
     if base.feet is None:
         return []
     turn, found = np.radians(azimuth_deg), list[np.ndarray]()
-    top, end, radius = -base.height_mm, -base.seat_mm, base.feet.diameter_mm / 2.0
+    ends = [(-base.height_mm, base.foot_radii_mm[0]), (-base.seat_mm, base.foot_radii_mm[1])]
     for x, y in base.feet.places_mm:
         across, away = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
-        if abs(away) < radius:
-            half = sqrt(radius**2 - away**2)
-            left, right = across - half, across + half
-            found.append(np.array([(left, top), (right, top), (right, end), (left, end)]))
+        if abs(away) < base.foot_radii_mm[0]:
+            halves = [(z, sqrt(max(radius**2 - away**2, 0.0))) for z, radius in ends]
+            left, right = ([(across + sign * half, z) for z, half in halves] for sign in (-1.0, 1.0))
+            found.append(np.array([left[0], *right, left[1]]))
     return found
 
 

@@ -19,6 +19,8 @@ import numpy as np
 
 from lensforge.cad.boundary import Boundary, Domain, TrimmedFace
 from lensforge.cad.edges import (
+    Chain,
+    Named,
     Opening,
     circle_edge,
     crease_edges,
@@ -28,6 +30,8 @@ from lensforge.cad.edges import (
     normal_at,
     outline_edges,
     rim_edges,
+    walls_and_foot,
+    walls_below,
     wire,
     wire_at,
 )
@@ -53,15 +57,14 @@ from lensforge.cad.plan import (
     SIDE,
     TOP,
     Plan,
+    foot_scale,
 )
 from lensforge.results.brep_size import volume_and_area
 from lensforge.surfaces.step_file import parts_of
 
 FLAT = "CLOCKING_FLAT"
 
-Named = list[tuple[str, Any]]
 Shapes = dict[str, Any]  # by name; the CAD kernel has no types
-Chain = list[Any]  # of edges
 
 
 def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain], feet: Chain) -> Named:
@@ -82,16 +85,16 @@ def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain], 
 def _bore(plan: Plan[Patch], cavity_rim: Chain) -> tuple[Named, Any]:
     """The wall of the bore, with the ring above it where it is set back, and the wire at its foot."""
     if plan.bore is None:
-        return walls_below(BORE, cavity_rim, plan.bore_mm)
+        return walls_below(BORE, cavity_rim, plan.bore_mm, foot_scale(plan, BORE))
     mouth = _circle(plan.bore, 0.0)
-    walls, foot = walls_below(BORE, mouth, plan.bore_mm)
+    walls, foot = walls_below(BORE, mouth, plan.bore_mm, foot_scale(plan, BORE))
     return [(BORE_TOP, planar_face(wire(mouth), wire(cavity_rim))), *walls], foot
 
 
 def _outside(plan: Plan[Patch], envelope_rim: list[Chain], whole_rim: Chain) -> tuple[Named, Any]:
     """Faces between the outer rim and the bottom, and the wire at the bottom."""
     if plan.flush:
-        faces, foot = walls_below(SIDE, whole_rim, plan.shoulder_mm)
+        faces, foot = walls_below(SIDE, whole_rim, plan.shoulder_mm, foot_scale(plan, SIDE))
     else:
         faces, seat = [], envelope_rim
         if plan.ring is not None:
@@ -102,13 +105,13 @@ def _outside(plan: Plan[Patch], envelope_rim: list[Chain], whole_rim: Chain) -> 
             faces, seat_wire = walls_below(RELIEF, whole_rim, plan.relief_mm)
             seat = [parts_of(seat_wire, "EDGE")]
         outline = outline_edges(plan.outline, plan.relief_mm, envelope_rim, plan.arcs)
-        side_faces, foot = _prism(outline, plan.shoulder_mm - plan.relief_mm)
+        side_faces, foot = walls_and_foot(outline, plan.shoulder_mm - plan.relief_mm, foot_scale(plan, SIDE))
         faces += [(_side_name(plan, edge), face) for edge, face in zip(outline, side_faces, strict=True)]
         faces += _between_rim_and_outline(plan, seat, outline)
     if plan.flange is None:
         return faces, foot
     flange = _circle(plan.flange, plan.shoulder_mm)
-    sides, flange_foot = walls_below(FLANGE_SIDE, flange, plan.base.flange_height_mm)
+    sides, flange_foot = walls_below(FLANGE_SIDE, flange, plan.base.flange_height_mm, foot_scale(plan, FLANGE_SIDE))
     return [*faces, (FLANGE_TOP, planar_face(wire(flange), foot)), *sides], flange_foot
 
 
@@ -116,8 +119,9 @@ def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
     """The faces of the pocket in the bottom, and the wire of the opening in the bottom."""
     if plan.pocket is None:
         return [], bore_foot
-    mouth = _circle(plan.pocket, plan.base.height_mm)
-    sides, top = walls_below(POCKET_SIDE, mouth, -plan.base.pocket_depth_mm)
+    scale = foot_scale(plan, POCKET_SIDE)
+    mouth = _circle(circle(scale * plan.pocket.pieces[0].distance_mm), plan.base.height_mm)
+    sides, top = walls_below(POCKET_SIDE, mouth, -plan.base.pocket_depth_mm, 1.0 / scale)
     return [*sides, (POCKET_TOP, planar_face(top, bore_foot))], wire(mouth)
 
 
@@ -126,8 +130,9 @@ def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
     own, faces, tops = plan.base.feet, Named(), Chain()
     if own is None:
         return faces, tops
-    rim = _circle(circle(own.diameter_mm / 2.0), plan.base.height_mm)
-    sides, end = walls_below(FOOT_SIDE, rim, own.height_mm)
+    root, tip = plan.base.foot_radii_mm
+    rim = _circle(circle(root), plan.base.height_mm)
+    sides, end = walls_below(FOOT_SIDE, rim, own.height_mm, tip / root)
     made = [(name, facing(face, AWAY)) for name, face in sides] + [(FOOT_END, facing(planar_face(end), DOWN))]
     for place in own.places_mm:
         there = moved(place)  # one location: edges at equal ones are not the same
@@ -173,23 +178,6 @@ def _chain_between(rim: Chain, outline: Chain) -> Chain:
         if TopExp.LastVertex_s(side).IsSame(end):
             break
     return chain
-
-
-def walls_below(name: str, edges: Chain, depth_mm: float) -> tuple[Named, Any]:
-    """Walls of one name below ``edges``, and the wire at their foot."""
-    faces, foot = _prism(edges, depth_mm)
-    return [(name, face) for face in faces], foot
-
-
-def _prism(edges: Chain, depth_mm: float) -> tuple[list[Any], Any]:
-    """Walls extruded down by ``depth_mm`` (up where it is negative), one for each edge, and the wire at their foot."""
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
-    from OCP.gp import gp_Vec
-    from OCP.TopoDS import TopoDS
-
-    prism = BRepPrimAPI_MakePrism(wire(edges), gp_Vec(0.0, 0.0, -depth_mm))
-    faces = [TopoDS.Face_s(prism.Generated(edge).First()) for edge in edges]
-    return faces, TopoDS.Wire_s(prism.LastShape())
 
 
 def planar_face(boundary: Any, *holes: Any) -> Any:
@@ -323,7 +311,8 @@ def _with_ring(face: TrimmedFace[Patch], surface: Any, ends: tuple[Any, Any], ri
     """Faces of a flange, and the two bands of the cylinder below and above it between the wires ``ends``."""
     low, high = (circle_edge(ring.inner_mm, height, (face.shape, surface)) for height in (ring.low_mm, ring.high_mm))
     rim = [circle_edge(ring.outer_mm, ring.high_mm)]
-    sides, foot = walls_below(RIM_FLANGE_SIDE, rim, ring.high_mm - ring.low_mm)
+    scale = ring.foot_mm / ring.outer_mm
+    sides, foot = walls_below(RIM_FLANGE_SIDE, rim, ring.thickness_mm, scale)
     bands = _within(surface, ends[0], wire([low])), _within(surface, wire([high]), ends[1])
     planes = (
         (RIM_FLANGE_TOP, planar_face(wire(rim), wire([high])), UP),

@@ -267,6 +267,7 @@ def _cutting(run: Run) -> Iterator[Row]:
     if check is None:
         return
     yield from rows_of(_selected(run, (*tip_keys(check.faces), "thinnest"), Check))
+    yield from (_row(fact) for group in run.facts(check) if group.key == "mould" for fact in group.facts if fact.notice)
     groups = [group for group in run.facts(check) if group.key.startswith("findings")]
     missed = [
         f"{fact.label.lower()}: no ({group.title.partition(', ')[2]})"

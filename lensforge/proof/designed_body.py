@@ -94,14 +94,14 @@ class StandingWalls:
     """Walls over closed curves in the plane, given in short pieces by start, middle and end (mm), upright or drafted.
 
     A piece is the parabola through these, which is a line where they lie on one. ``owners``: number of each one's wall.
-    ``drafts``: of each wall the place (mm) of its axis, the height (mm) of its curve, and the growth of that downwards
+    ``drafts``: of each piece the place (mm) of its axis, the height (mm) of its curve, and the growth of that downwards
     (1/mm); left out, all are upright.
     """
 
     names: tuple[str, ...]
     pieces: Float[np.ndarray, "s 3 2"]
     owners: Int[np.ndarray, " s"]
-    drafts: Float[np.ndarray, "w 4"] | None = None
+    drafts: Float[np.ndarray, "s 4"] | None = None
 
     @cached_property
     def _tree(self) -> "cKDTree":
@@ -133,7 +133,7 @@ class StandingWalls:
         flat: Float[np.ndarray, "n 2"] = points[:, :2]
         if self.drafts is None or not self.drafts[:, 3].any():
             return flat
-        x, y, height, growth = self.drafts[self.owners[self._tree.query(flat)[1]]].T
+        x, y, height, growth = self.drafts[self._tree.query(flat)[1]].T
         axis = np.column_stack([x, y])
         at_curve: Float[np.ndarray, "n 2"] = axis + (flat - axis) / (1.0 + growth * (height - points[:, 2]))[:, None]
         return at_curve

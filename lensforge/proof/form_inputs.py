@@ -4,7 +4,7 @@ An optical face becomes a table of exact radii, with as many nodes as its measur
 planes and walls, from the spec and the exact rims: nothing of the fitted faces that are exported is used.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,7 +49,7 @@ from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, 
 from lensforge.proof.file_form import Chords, DesignedFile
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.scene.lens import Lens
-from lensforge.surfaces.plane_loop import Loop, circle_at
+from lensforge.surfaces.plane_loop import Loop, LoopEdge, circle_at
 from lensforge.surfaces.surface import Surface, scaled, to_sphere
 
 _AIM_NM, _NODES, _MOST_NODES, _TESTED = 2.0, 96, 480, 256
@@ -58,6 +58,7 @@ _BEYOND = 1.03  # of the extent of a face: a table is worst at its ends
 _PIECES = 1536  # of a closed curve, and of an edge of a plate's outline: a quarter of a circle bends by 1e-12 in one
 _EDGE_PIECES = 384
 _UPRIGHT = 0.0, 0.0, 0.0, 0.0
+_FAR = 1e6
 _NO_AREA_MM = 1e-4  # a ring this narrow is none: a base flush with the rim
 
 
@@ -122,8 +123,10 @@ def _of_ring(ring: FlangeRing, cylinder: str) -> list[Designed]:
     made = _Made()
     made.add_level(RIM_FLANGE_TOP, ring.high_mm)
     made.add_level(RIM_FLANGE_BOTTOM, ring.low_mm)
-    for name, radius_mm in ((RIM_FLANGE_SIDE, ring.outer_mm), (cylinder, ring.inner_mm)):
-        made.add_wall(name, _around(circle(radius_mm).radius, ()))
+    made.add_round(
+        RIM_FLANGE_SIDE, RoundWall((0.0, 0.0), ring.outer_mm, ring.foot_mm, -ring.high_mm, ring.thickness_mm)
+    )
+    made.add_wall(cylinder, _around(circle(ring.inner_mm).radius, ()))
     return made.faces
 
 
@@ -132,15 +135,17 @@ class _Made:
     """Levels and walls as they are collected."""
 
     levels: dict[float, str] = field(default_factory=dict)
-    walls: list[tuple[str, Float[np.ndarray, "_ 3 2"], tuple[float, ...]]] = field(default_factory=list)
+    walls: list[tuple[str, Float[np.ndarray, "_ 3 2"], Float[np.ndarray, "_ 4"]]] = field(default_factory=list)
 
     def add_level(self, name: str, height_mm: float) -> None:
         """Add a plane; two in one height are one."""
         self.levels.setdefault(round(height_mm, 9), name)
 
-    def add_wall(self, name: str, pieces: Float[np.ndarray, "s 3 2"], draft: tuple[float, ...] = _UPRIGHT) -> None:
-        """Add a wall over a closed curve in pieces; ``draft``: as of :class:`StandingWalls`."""
-        self.walls.append((name, pieces, draft))
+    def add_wall(
+        self, name: str, pieces: Float[np.ndarray, "s 3 2"], draft: Sequence[float] | np.ndarray = _UPRIGHT
+    ) -> None:
+        """Add a wall over a closed curve in pieces; ``draft``: as of :class:`StandingWalls`, or one for all of them."""
+        self.walls.append((name, pieces, np.broadcast_to(draft, (len(pieces), 4))))
 
     def add_round(self, name: str, wall: RoundWall) -> None:
         """Add a round wall of a plate."""
@@ -156,7 +161,7 @@ class _Made:
         if self.walls:
             names, pieces, drafts = zip(*self.walls, strict=True)
             owners = np.repeat(np.arange(len(names)), [len(each) for each in pieces])
-            found.append(StandingWalls(_numbered(list(names)), np.concatenate(pieces), owners, np.array(drafts)))
+            found.append(StandingWalls(_numbered(list(names)), np.concatenate(pieces), owners, np.concatenate(drafts)))
         return found
 
 
@@ -172,14 +177,16 @@ def _of_base(plan: Plan[Surface]) -> _Made:
     turns = np.linspace(0.0, 2.0 * np.pi, _PIECES, endpoint=False)
     for one, other in zip(corners, [*corners[1:], Corner(rim_radius(plan.cavity), 0.0, "")], strict=True):
         if one.depth_mm != other.depth_mm:
-            made.add_wall(one.face, _around(one.radius, plan.outline.corners if plan.has_base else ()))
+            grown = float(other.radius(turns[:1])[0] / one.radius(turns[:1])[0]) - 1.0
+            draft = 0.0, 0.0, -one.depth_mm, grown / (other.depth_mm - one.depth_mm)
+            made.add_wall(one.face, _around(one.radius, plan.outline.corners if plan.has_base else ()), draft)
         elif np.abs(one.radius(turns) - other.radius(turns)).max() > _NO_AREA_MM:
             made.add_level(one.face, -one.depth_mm)
     feet = plan.base.feet
     if feet is not None:
         made.add_level(FOOT_END, -plan.base.height_mm - feet.height_mm)
         for place in feet.places_mm:
-            made.add_wall(FOOT_SIDE, _along(circle_at(place, feet.diameter_mm / 2.0)))
+            made.add_round(FOOT_SIDE, RoundWall(place, *plan.base.foot_radii_mm, plan.base.height_mm, feet.height_mm))
     return made
 
 
@@ -192,7 +199,10 @@ def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
     growth = (layout.bore_scale(rim_points(cavity)) - 1.0) / thick
     made.add_level(PLATE_TOP, 0.0)
     made.add_level(PLATE_BOTTOM, -thick)
-    made.add_wall(PLATE_SIDE, _along(layout.outline))
+    leaning = [_UPRIGHT] * len(layout.outline)
+    if layout.inset_mm:
+        leaning = [_leaning(top, foot, thick) for top, foot in zip(layout.outline, layout.foot, strict=True)]
+    made.add_wall(PLATE_SIDE, _along(layout.outline), np.repeat(leaning, _EDGE_PIECES, axis=0))
     for number in range(len(layout.lenses)):
         around = layout.placed(mouth.reshape(-1, 2), number).reshape(mouth.shape)
         made.add_wall(PLATE_BORE, around, (*layout.lenses.places_mm[number], 0.0, growth))
@@ -207,6 +217,16 @@ def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
             made.add_round(BOSS_BORE, bore)
             made.add_level(BOSS_ROOF, -bore.depth_mm)
     return DesignedBody([PlacedFace(face, lenses) for face in designed_faces(lens)], made.faces)
+
+
+def _leaning(top: LoopEdge, foot: LoopEdge, length_mm: float) -> tuple[float, float, float, float]:
+    """The draft of a side between two edges: about the apex of a cone, for a line far away along its way inwards."""
+    if top.centre is not None and foot.centre is not None:
+        scale, start, end = foot.radius_mm / top.radius_mm, np.array(top.centre), np.array(foot.centre)
+    else:
+        scale, start, end = 1.0 - 1.0 / _FAR, np.array(top.start), np.array(foot.start)
+    x, y = ((end - scale * start) / (1.0 - scale)).tolist()
+    return x, y, 0.0, (scale - 1.0) / length_mm
 
 
 def _around(

@@ -199,7 +199,8 @@ def asked_facts(results: Results, possible: LimitBounds | None = None) -> list[F
     faces = results.lens.surfaces
     shape = _selected(groups, (*_SHAPE, *tip_keys(faces)))
     if_asked = _selected(groups, ("thickest", *(f"{name}_draft" for name in faces)))
-    return [*limits, *light, *shape, *(fact for fact in if_asked if fact.limit is not None)]
+    moulded = [fact for group in groups if group.key == "mould" for fact in group.facts if fact.notice]
+    return [*limits, *light, *shape, *(fact for fact in if_asked if fact.limit is not None), *moulded]
 
 
 def further_facts(results: Results) -> list[Fact]:

@@ -145,14 +145,16 @@ def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface])
 
 
 def _flange_dimensions(lens: Lens) -> Iterator[Dimension]:
-    """Sizes of the flange at the exit's rim, and its height over z = 0."""
+    """Sizes of the flange at the exit's rim, and its heights over z = 0 and the cavity."""
     ring, flange = ring_of(lens), lens.spec.lens.rim_flange
     if ring is None or flange is None:
         return
-    side, low, high, stated = ring.outer_mm, ring.low_mm, ring.high_mm, flange.tolerance_mm
+    side, foot, low, high, stated = ring.outer_mm, ring.foot_mm, ring.low_mm, ring.high_mm, flange.tolerance_mm
+    cap = float(lens_boundaries(lens)[0].radius(_AXIS)[0])
     for name, length_mm, ends in (
-        ("thickness of the rim's flange", high - low, ((low, -side), (high, -side))),
-        ("underside of the rim's flange above z = 0", low, ((0.0, -side), (low, -side))),
+        ("thickness of the rim's flange", high - low, ((low, -foot), (high, -side))),
+        ("underside of the rim's flange above z = 0", low, ((0.0, -foot), (low, -foot))),
+        ("apex of the cavity to the rim's flange", abs(low - cap), ((cap, 0.0), (low, -foot))),
     ):
         yield Dimension(name, length_mm, "flange", ends, tolerance_mm=stated)
     ends = (high, -side), (high, side)
@@ -279,7 +281,8 @@ def _half_width(base: BaseSection) -> float:
 
 def _widths(plan: Plan[Surface]) -> Iterator[Dimension]:
     """Widths of a built-in base."""
-    base, half, foot = plan.base, _half_width(plan.base), -plan.shoulder_mm
+    base, half, upright = plan.base, _half_width(plan.base), not plan.base.draft_deg
+    foot = -plan.shoulder_mm if upright else -plan.relief_mm  # where a drafted side is as wide as stated
     if base.kind == "square":
         yield Dimension(
             "side of the base across x", 2.0 * half, "base", ((foot, -half), (foot, half)), upright=True, sign="□"
@@ -295,9 +298,9 @@ def _widths(plan: Plan[Surface]) -> Iterator[Dimension]:
         yield Dimension("clocking flat across +x, from the axis", base.flat_mm, "base", ends, upright=True)
     for name, z, circle in (
         ("diameter of the step's wall", 0.0, plan.ring),
-        ("diameter of the bore", -plan.bore_mm, plan.bore),
-        ("diameter of the pocket", -base.height_mm, plan.pocket),
-        ("diameter of the flange", -base.height_mm, plan.flange),
+        ("diameter of the bore", -plan.bore_mm if upright else 0.0, plan.bore),
+        ("diameter of the pocket", -base.height_mm if upright else -plan.bore_mm, plan.pocket),
+        ("diameter of the flange", -base.height_mm if upright else -plan.shoulder_mm, plan.flange),
     ):
         if circle is not None:
             radius = float(circle.radius(np.zeros(1))[0])

@@ -3,26 +3,36 @@
 It has the largest of the scales of ISO 5455 at which the views fit.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Literal, get_args
 
+import numpy as np
+
+from lensforge.cad.cutter_room import lens_plan
+from lensforge.cad.flange import ring_of
 from lensforge.cad.part import STEP_FILE, Part
+from lensforge.cad.plan import SIDE, base_corners
 from lensforge.cad.plate_result import PLATE_STEP_FILE, Plate
 from lensforge.cad.section import other_section_deg
+from lensforge.errors import InputError
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_result import BODY, Check, OfLathe, OfMill
+from lensforge.shop.check_result import BASE, BODY, Check, OfLathe, OfMill
 from lensforge.shop.datums import DatumScheme, datum_scheme
 from lensforge.shop.dimensions import Dimension
+from lensforge.shop.mould_facts import mould_line
 from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
 from lensforge.shop.sheet_tables import OpticalTable, ToleranceTable, optical_table
-from lensforge.shop.view_drawing import ViewContent, draw_views, fitted
-from lensforge.shop.view_lines import dome_lines, end_lines, section_view
+from lensforge.shop.view_drawing import GATE, PARTING_LINE, PaperView, ViewContent, draw_views, fitted
+from lensforge.shop.view_lines import SectionView, dome_lines, end_lines, section_view
 from lensforge.spec import DrawingSection
+from lensforge.spec.plate_section import PlateSection
 
 
 def drawing_notes(
@@ -42,9 +52,32 @@ def drawing_notes(
         general_words(words),
         *surface_words(lens, words),
         *mould_words(lens),
+        *_draft_words(lens),
+        *([] if check.mould is None else [mould_line(check.mould, lens.spec)]),
         *_open_findings(lens, check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
     ]
+
+
+def _draft_words(lens: Lens) -> Iterator[str]:
+    """Notes on the draft of base and flange; none on what stands upright."""
+    base, flange = lens.spec.base_made, lens.spec.lens.rim_flange
+    if base.draft_deg and base.kind in ("cylinder", "square"):
+        yield f"Draft {base.draft_deg:g}° of the base: side, flange and bore are as wide as stated at their tops."
+    if flange is not None and (draft_deg := lens.spec.draft_deg(flange.draft_deg)):
+        yield f"Draft {draft_deg:g}° of the rim's flange: as wide as stated at its top, narrower towards its underside."
+
+
+def draft_words(plate: PlateSection) -> str:
+    """The note on what of a plate has draft, and what has none."""
+    if plate.draft_deg == 0.0:
+        return "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft."
+    sides = "have none" if plate.kind == "step" else "have it, too, and are as wide as stated at the top"
+    return (
+        f"Draft {plate.draft_deg:g}° of the bores of the lenses, of holes, pins and bosses, drawn downwards: a hole is "
+        "as wide as stated at the top of the plate, a pin at its root, the bore of a boss at its closed end. The sides "
+        f"{sides}."
+    )
 
 
 def _is_moulded(lens: Lens) -> bool:
@@ -99,17 +132,6 @@ def surface_words(lens: Lens, words: DrawingSection) -> list[str]:
     ]
 
 
-def draft_words(draft_deg: float) -> str:
-    """The note on what of a plate has draft, and what has none."""
-    if draft_deg == 0.0:
-        return "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft."
-    return (
-        f"Draft {draft_deg:g}° of the bores of the lenses, of holes, pins and bosses, drawn downwards: a hole is as "
-        "wide as stated at the top of the plate, a pin at its root, the bore of a boss at its closed end. The sides "
-        "have none."
-    )
-
-
 def mould_words(lens: Lens) -> list[str]:
     """A note on the sizes of a moulded part and on its shrinkage; none for parts that are cut."""
     scale = lens.spec.manufacture.scale
@@ -129,6 +151,7 @@ HEIGHT = 8.0 * ROW
 _NONE = "not stated"
 _ON_TOOLS = (*get_args(OfMill), *get_args(OfLathe))  # findings that ask for a tool
 _MOST_FINDINGS = 3
+_SAME_MM = 1e-6
 
 
 def title_of(lens: Lens, words: DrawingSection) -> str:
@@ -218,7 +241,9 @@ def drawing_content(
     if second_deg is not None:
         sections.append(section_view(lens, "T", second_deg))
     return DrawingContent(
-        views=ViewContent(sections, end_lines(lens), dome_lines(lens), dimensions, datums),
+        views=ViewContent(
+            sections, end_lines(lens), dome_lines(lens), dimensions, datums, _mould_marks(lens, check, sections[0])
+        ),
         notes=drawing_notes(lens, check, datums, tolerances, words),
         profiles=profile_rows(lens, tuple(reversed(check.faces))),
         table=optical_table(lens, part, check, words),
@@ -227,11 +252,32 @@ def drawing_content(
     )
 
 
+def _mould_marks(lens: Lens, check: Check, section: SectionView) -> dict[str, Place]:
+    """Places of parting line and gate in a section; none of a plate, whose own drawing has them."""
+    if check.mould is None or lens.spec.plate is not None:
+        return {}
+    points = np.concatenate(section.outlines)
+    widest = points[points[:, 1] > points[:, 1].max() - _SAME_MM]
+    marks, ring = {PARTING_LINE: (float(widest[:, 0].mean()), float(widest[0, 1]))}, ring_of(lens)
+    if ring is not None:
+        marks[GATE] = 0.5 * (ring.low_mm + ring.high_mm), 0.5 * (ring.foot_mm + ring.outer_mm)
+    elif check.mould.gate == BASE:
+        top, foot = next(ends for ends in pairwise(base_corners(lens_plan(lens))) if ends[0].face == SIDE)
+        across = [float(end.radius(np.zeros(1))[0]) for end in (top, foot)]
+        marks[GATE] = -0.5 * (top.depth_mm + foot.depth_mm), 0.5 * sum(across)
+    return marks
+
+
 def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
     """Draw the sheet. Raises :class:`InputError` for a part that does not fit at any scale."""
     unit, inside = unit_of(name), inside_of(name)
     fit = partial(fitted, partial(draw_views, content.views), content.views.width, unit=unit)
-    tried = [(fit(room=place.room), place) for place in _profile_places(content, name)]
+    tried, (under, *beside) = list[tuple[PaperView, ProfilePlace]](), _profile_places(content, name)
+    for place in beside:
+        with suppress(InputError):  # below the views there may be more room
+            tried.append((fit(room=place.room), place))
+    with suppress(*([InputError] if tried else [])):
+        tried.append((fit(room=under.room), under))
     view, profiles = max(tried, key=lambda each: each[0].scale)
     right, bottom = inside[2], inside[1]
     marks = Marks([frame_of(inside, "outline")])

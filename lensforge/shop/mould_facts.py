@@ -64,6 +64,13 @@ def mould_facts(mould: Mould, check: Check, spec: Spec) -> Iterator[Fact]:
     yield _cooling(mould, spec.lens.material)
 
 
+def mould_line(mould: Mould, spec: Spec) -> str:
+    """The note of a drawing on parting line and gate, by their labels there."""
+    parting, gate = _parting(mould.parting), _gate(mould, spec)
+    where = ", ".join(filter(None, (gate.text, gate.note)))
+    return f"PL, parting line: {parting.text}, {parting.note}. G, gate: {where}."
+
+
 def _parting(line: PartingLine) -> Fact:
     """The place of the parting line."""
     low, high = (quantity(round(height, 3) + 0.0, digits=4) for height in (line.low_mm, line.high_mm))

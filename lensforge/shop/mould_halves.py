@@ -229,7 +229,8 @@ def _widest_heights(
     k, low, high = int(np.argmax(across)), float(height[widest].min()), float(height[widest].max())
     near = slice(k - 1, k + 2)
     rises = np.diff(height[near])
-    if high - low > _SAME_MM or len(set(names[near])) > 1 or len(rises) < 2 or rises[0] * rises[1] <= 0.0:
+    straight = high - low > _SAME_MM or names[k] in (BASE, FLANGE)
+    if straight or len(set(names[near])) > 1 or len(rises) < 2 or rises[0] * rises[1] <= 0.0:
         return low, high
     bend, slope, _ = np.polyfit(height[near] - height[k], across[near], 2).tolist()
     place = height[k] + float(np.clip(-0.5 * slope / bend, *np.sort(height[near][[0, 2]] - height[k])))

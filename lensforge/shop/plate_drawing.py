@@ -61,7 +61,7 @@ from lensforge.shop.sheet_marks import (
     paragraphs_in,
     row_height,
 )
-from lensforge.shop.view_drawing import FIRST, HATCH, ROW, PaperView, add_centres, fitted, placed
+from lensforge.shop.view_drawing import FIRST, HATCH, PARTING_LINE, ROW, PaperView, add_centres, fitted, placed
 from lensforge.shop.view_lines import dome_radius, front_line
 from lensforge.spec import DrawingSection
 from lensforge.spec.lamps_section import Lamps
@@ -194,7 +194,7 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
         f"x and y count from the {origin}, z from the top of the plate, in which the lenses end.",
         *(f"{line}." for line in plate_datums(layout).lines),
         f"All other sizes of the plate are “general”. {general_words(words)}",
-        draft_words(layout.plate.draft_deg),
+        draft_words(layout.plate),
         *surface_words(lens, words),
         *mould_words(lens),
     ]
@@ -342,7 +342,9 @@ def _below_mm(layout: PlateLayout) -> float:
 def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     """The plate seen along +y, its top at the view's origin: thickness, heights of pins, and height over all."""
     (start, _), (end, _), low, lenses = *layout.box_mm, -layout.plate.thickness_mm, layout.lenses
-    marks = Marks([view.line([(start, 0.0), (end, 0.0), (end, low), (start, low)], closed=True)])
+    inset = layout.inset_mm
+    marks = Marks([view.line([(start, 0.0), (end, 0.0), (end - inset, low), (start + inset, low)], closed=True)])
+    marks.words.append(_label(view, PARTING_LINE, (end, 0.0), 0.0))
     (corner,) = view.at([(start, 0.0)])
     marks.strokes.append(Stroke(np.array([corner, corner - (8.0 * view.unit, 0.0)])))
     marks.add(datum_symbol((float(corner[0]) - 5.0 * view.unit, float(corner[1])), (0.0, 1.0), "A", view.unit))

@@ -149,7 +149,10 @@ def _centring(name: str, lens: Lens) -> str:
     first, *others = lens.spec.lens.names
     if name == first:
         referring = [other for other in others if _centred(other, lens)]
-        return f"4/ reference of the {' and '.join(referring)} face" if referring else f"4/ {NOTHING}"
+        reference = f"reference of the {' and '.join(referring)} face" if referring else ""
+        flange = lens.spec.lens.rim_flange
+        tied = "" if flange is None or flange.tolerance_mm is None else f"±{flange.tolerance_mm:g} mm to A and B"
+        return f"4/ {'; '.join(filter(None, (tied, reference))) or NOTHING}"
     words = _centred(name, lens)
     return f"4/ {', '.join(words)} to the {first} face" if words else f"4/ {NOTHING}"
 

@@ -15,6 +15,7 @@ from lensforge.shop.datums import DatumScheme
 from lensforge.shop.dimensions import FLANGE_WIDTH, Dimension, ViewName
 from lensforge.shop.sheet import (
     LETTERS,
+    Anchor,
     Box,
     LinearDimension,
     Marks,
@@ -30,6 +31,7 @@ from lensforge.shop.sheet import (
 from lensforge.shop.sheet_marks import (
     ARROW,
     TAIL,
+    arrow_head,
     axes_mark,
     datum_symbol,
     hatch,
@@ -42,6 +44,8 @@ from lensforge.shop.view_lines import SectionView, ViewLine
 
 FIRST, ROW, _GAP = 8.0, 7.0, 14.0  # mm on A3: to the first line of dimensions, between lines, between views
 HATCH = 3.5
+PARTING_LINE, GATE = "PL", "G"  # labels
+_ANCHORS: dict[str, Anchor] = {PARTING_LINE: "left", GATE: "right"}
 # ISO 5455, and its further steps of ten.
 SCALES = tuple(step * 10.0**power for power in (2, 1, 0, -1, -2, -3) for step in (5.0, 2.0, 1.0))
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -49,13 +53,17 @@ _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
 
 @dataclass(frozen=True)
 class ViewContent:
-    """Lines (mm, of the part) of one section or two, of the views from the base and of the dome; sizes and datums."""
+    """Lines (mm, of the part) of one section or two, of the views from the base and of the dome; sizes and datums.
+
+    ``mould``: places (z, across) in the first section of the parting line and the gate, by their labels.
+    """
 
     sections: list[SectionView]
     base: list[ViewLine]
     dome: list[ViewLine]
     dimensions: list[Dimension]
     datums: DatumScheme
+    mould: dict[str, Place]
 
     def section_box(self, section: SectionView) -> Box:
         """The box of a section in (z, across), with what lies behind and before it."""
@@ -196,11 +204,22 @@ def _section_marks(content: ViewContent, section: SectionView, view: PaperView, 
         lowest = min([each.line_mm for each in rows], default=y + bottom)
         _add_plane(marks, content.datums, view, y + bottom, lowest)
         add_centres(marks, content.datums, columns, unit)
+        for text, place in content.mould.items():
+            _add_mould_mark(marks, view, text, place)
     label = 0.5 * (low + high) + x, above + 14.0 * unit
     marks.words.append(Words(label, f"{section.letter}–{section.letter}", LETTERS * unit, "center"))
     across = {0.0: "x", 90.0: "y"}.get(section.azimuth_deg, f"{section.azimuth_deg:g}°")
     marks.add(axes_mark((label[0] + 8.0 * unit, label[1] - 2.0 * unit), "z", across, unit))
     return marks
+
+
+def _add_mould_mark(marks: Marks, view: PaperView, text: str, place: Place) -> None:
+    """An arrow onto the place from above; the parting line has its label on the right, the gate on the left."""
+    (tip,), unit, anchor = view.at([place]), view.unit, _ANCHORS[text]
+    x, y = tip.tolist()
+    end, beside = y + 6.0 * unit, x + (1.0 if anchor == "left" else -1.0) * unit
+    marks.strokes += [Stroke(np.array([tip, (x, end)])), arrow_head(tip, np.array([0.0, -1.0]), LETTERS * unit)]
+    marks.words.append(Words((beside, end), text, LETTERS * unit, anchor))
 
 
 def _rim_is_beside(dimension: Dimension, section: SectionView) -> bool:

@@ -15,7 +15,16 @@ from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
 from lensforge.cad.mesh import manifold_of
-from lensforge.cad.plan import Plan, rim_directions, rim_radius
+from lensforge.cad.plan import (
+    BORE,
+    BORE_TOP,
+    POCKET_SIDE,
+    POCKET_TOP,
+    Plan,
+    base_corners,
+    rim_directions,
+    rim_radius,
+)
 from lensforge.cad.section import body_outlines
 from lensforge.scene.lens import Lens
 from lensforge.shop.sheet import PenName, Points
@@ -60,13 +69,8 @@ def _edges(lens: Lens, azimuth: float) -> list[Points]:
     """Edges of cavity, bore and pocket behind the plane of the section, across the opening."""
     turns = azimuth + np.array([0.0, np.pi])
     plan = lens_plan(lens)
-    cavity = rim_radius(plan.cavity)
-    holes = [(0.0, cavity)]
-    if plan.has_base:
-        bore = cavity if plan.bore is None else plan.bore.radius
-        holes += [(0.0, bore), (-plan.bore_mm, bore)]
-        if plan.pocket is not None:
-            holes += [(-plan.bore_mm, plan.pocket.radius), (-plan.base.height_mm, plan.pocket.radius)]
+    of_hole = (corner for corner in base_corners(plan) if corner.face in (BORE, BORE_TOP, POCKET_SIDE, POCKET_TOP))
+    holes = [(0.0, rim_radius(plan.cavity)), *((-corner.depth_mm, corner.radius) for corner in of_hole)]
     return [np.array([(z, -left), (z, right)]) for z, hole in holes for right, left in [hole(turns).tolist()]]
 
 

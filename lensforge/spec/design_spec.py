@@ -60,6 +60,7 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
 
 
 _MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS, _MOST_BODIES = 16, 16, 1000, 8
+_MOULDED_DRAFT_DEG = 1.0  # as of plate.draft_deg
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
 
@@ -243,10 +244,18 @@ class Spec(Section):
             return (self,)
         return tuple(self.changed(source=each.source, sources=()) for each in self.sources)
 
+    def draft_deg(self, stated: float | None) -> float:
+        """Draft of a side: as ``stated``, else what the process needs."""
+        moulded_deg = _MOULDED_DRAFT_DEG if self.manufacture.process == "moulded" else 0.0
+        return moulded_deg if stated is None else stated
+
     @property
     def base_made(self) -> BaseSection:
-        """The base that is made: none where a plate holds the lenses."""
-        return self.base if self.plate is None else BaseSection(kind="none")
+        """The base that is made, with its draft: none where a plate holds the lenses."""
+        if self.plate is not None:
+            return BaseSection(kind="none")
+        draft_deg = self.draft_deg(self.base.draft_deg)
+        return self.base.changed(draft_deg=draft_deg) if draft_deg else self.base
 
     @property
     def all_lamps(self) -> Lamps:

@@ -8,7 +8,7 @@ from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, OUTSIDE, RIM_FLANGE, FaceRole, bounding
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
-from lensforge.spec.spec_section import Millimetres, Section, check
+from lensforge.spec.spec_section import DraftOrNone, Millimetres, Section, check
 from lensforge.spec.tolerances_section import FaceTolerances, lets_light_in, refuse_placement
 from lensforge.surfaces.surface import Surface
 
@@ -69,9 +69,11 @@ class FlangeSection(Section):
     setback_mm: Millimetres = 0.1
     """Height of the exit's rim over the flange's top, and the least height of its underside over the wall."""
     tolerance_mm: Millimetres | None = None
-    """Tolerance of its diameter and thickness and of the height of its underside, either way; left out, the general
-    one.
+    """Tolerance of its diameter and thickness, of the height of its underside, and of the cavity's cap against it,
+    either way; left out, the general one.
     """
+    draft_deg: DraftOrNone = None
+    """Draft of its side, which is as wide as stated at its top; left out, 1 where the part is moulded, else 0."""
 
     @property
     def room_mm(self) -> float:

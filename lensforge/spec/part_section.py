@@ -1,6 +1,6 @@
 """The part and the shop: ``[base]``, which holds the lens below z = 0, ``[manufacture]``, and ``[drawing]``."""
 
-from math import cos, pi, radians, sin, tau
+from math import cos, pi, radians, sin, tan, tau
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,6 +10,7 @@ from lensforge.errors import InputError
 from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import (
     CalendarDate,
+    DraftOrNone,
     FilePath,
     Label,
     Millimetres,
@@ -92,6 +93,10 @@ class BaseSection(Section):
     """Height of that ring."""
     feet: FeetSection | None = None
     """Feet below its bottom; by default there are none."""
+    draft_deg: DraftOrNone = None
+    """Draft of its sides, bore and feet; left out, 1 where the part is moulded, else 0. All are as wide as stated at
+    their tops, and narrower below but for bore, pocket, and a side on a flange.
+    """
 
     @check
     def _feet_stand_below(self) -> None:
@@ -154,6 +159,17 @@ class BaseSection(Section):
         if self.flange_diameter_mm is not None and self.flange_diameter_mm <= self.widest_mm:
             stated = f"flange_diameter_mm = {self.flange_diameter_mm:g}"
             raise ValueError(f"{stated}: must exceed the width of the base, {self.widest_mm:g}")
+
+    @property
+    def slope(self) -> float:
+        """Tangent of the draft."""
+        return tan(radians(self.draft_deg or 0.0))
+
+    @property
+    def foot_radii_mm(self) -> tuple[float, float]:
+        """Radii of a foot at its root and at its end."""
+        assert self.feet is not None
+        return self.feet.diameter_mm / 2.0, self.feet.diameter_mm / 2.0 - self.slope * self.feet.height_mm
 
     @property
     def step_mm(self) -> float:

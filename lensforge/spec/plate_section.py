@@ -194,8 +194,9 @@ class PlateSection(Section):
     thickness_mm: Millimetres
     """Thickness, from z = 0 downwards."""
     draft_deg: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
-    """Draft of the lenses' bores, of holes, pins and bosses, which the lower half of a mould makes: a hole is as wide
-    as stated in z = 0, a pin at its root, the bore of a boss at its closed end. Outline and slots stand upright.
+    """Draft of the lenses' bores, of sides, holes, pins and bosses, which the lower half of a mould makes: sides and
+    holes are as wide as stated in z = 0, a pin at its root, the bore of a boss at its closed end. A drawn outline and
+    its slots stand upright.
     """
     margin_mm: MillimetresOrZero | None = None
     """Distance of the edge from lenses as wide as ``constraints.max_radius_mm``; 2 where neither it nor a size is

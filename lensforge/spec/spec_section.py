@@ -173,6 +173,7 @@ def date_of(name: str, value: object) -> str | None:
 
 # From a nanometre to a kilometre, with room to spare: squares and ratios of lengths stay within floating point.
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e9)]
+DraftOrNone = Annotated[float, Field(ge=0.0, le=10.0)] | None  # degrees
 MillimetresOrZero = Annotated[float, Field(ge=0.0, le=1e9)]
 Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]  # mm
 if TYPE_CHECKING:  # in a spec it is there, derived or given; only a section by itself may still be without it

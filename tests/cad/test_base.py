@@ -2,14 +2,16 @@
 
 import re
 
+import cadquery as cq
 import numpy as np
 import pytest
-from geometry_lenses import exact_volume, plan_of, random_surface
+from geometry_lenses import exact_volume, make_lens, plan_of, random_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_shapes import sphere as sphere_at
 from nightly import first_by_day, scaled
 
+from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import build_mesh, check_closed
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.plan import lay_out, make_plan, rim_directions
@@ -77,6 +79,53 @@ def sound(plan, volume):
 # Each feature of a base by day, with a step and without; all pairs nightly.
 PAIRS = [("square, pocket, flange", 0.7), ("flat", 0.0), ("square", 0.0), ("flange", 0.0), ("pocket", 0.7)]
 PAIRS += [(name, relief) for name in BASES for relief in (0.0, 0.7) if (name, relief) not in PAIRS]
+
+
+def frustum(top, foot, height):
+    """Volume between two similar areas."""
+    return height * (top + foot + np.sqrt(top * foot)) / 3.0
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "square", "flange and pocket"])
+def test_a_drafted_base_is_of_frusta_as_wide_as_stated_at_their_tops(kind):
+    """Between concentric spheres; 3.4 mm high, the flange 0.9 and the pocket 1.1 of it, with 2.3 degrees."""
+    slope, pi = np.tan(np.radians(2.3)), np.pi
+    sizes = {"height_mm": 3.4, "draft_deg": 2.3}
+    if kind == "square":
+        sizes |= {"kind": "square", "side_mm": 7.0}
+        sides = frustum(7.0**2, (7.0 - 6.8 * slope) ** 2, 3.4)
+    elif kind == "cylinder":
+        sizes |= {"diameter_mm": 8.0}
+        sides = frustum(pi * 4.0**2, pi * (4.0 - 3.4 * slope) ** 2, 3.4)
+    else:
+        sizes |= {"diameter_mm": 8.0, "flange_diameter_mm": 10.0, "flange_height_mm": 0.9}
+        sizes |= {"pocket_diameter_mm": 3.0, "pocket_depth_mm": 1.1}
+        sides = frustum(pi * 4.0**2, pi * (4.0 + 2.5 * slope) ** 2, 2.5)
+        sides += frustum(pi * 5.0**2, pi * (5.0 - 0.9 * slope) ** 2, 0.9)
+        sides -= frustum(pi * 1.5**2, pi * (1.5 + 1.1 * slope) ** 2, 1.1)
+    bore = 2.3 if "pocket" in kind else 3.4
+    hole = frustum(pi * 0.8**2, pi * (0.8 + bore * slope) ** 2, bore)
+    plan = make_plan(*fit_lens(make_lens(0.8, 2.45, 0.0, base={"kind": "none"})), BaseSection(**sizes))
+    solid, _ = sound(plan, 2.0 / 3.0 * pi * (2.45**3 - 0.8**3) + sides - hole)
+    flat = {name for name, face in solid.faces.items() if cq.Face(face).geomType() == "PLANE"}
+    cones = {_whole(name) for name, face in solid.faces.items() if cq.Face(face).geomType() == "CONE"}
+    assert cones >= ({"FLANGE_SIDE", "POCKET_SIDE", "BASE_SIDE"} & {_whole(name) for name in set(solid.faces) - flat})
+    assert kind != "square" or {f"BASE_SIDE_{k}" for k in (1, 2, 3, 4)} < flat, "planes and cones, no splines"
+
+
+@pytest.mark.parametrize(
+    ("sizes", "lacks"),
+    [({"diameter_mm": 2.5}, "BASE_BOTTOM"), ({"diameter_mm": 8.0, "flange_diameter_mm": 8.4}, "FLANGE_TOP")],
+)
+def test_draft_that_leaves_nothing_of_a_base_is_refused(sizes, lacks):
+    pair = fit_lens(make_lens(0.8, 2.45, 0.0, base={"kind": "none"}))
+    for draft_deg in (1.0, 9.0):
+        base = BaseSection(**sizes, height_mm=2.0, draft_deg=draft_deg)
+        if draft_deg == 1.0:
+            assert make_plan(*pair, base).has_base
+        else:
+            with pytest.raises(InputError, match=rf"base\.draft_deg = 9: leaves no {lacks} of the base"):
+                make_plan(*pair, base)
 
 
 @pytest.mark.parametrize(("name", "relief"), first_by_day(2, PAIRS))

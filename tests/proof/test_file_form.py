@@ -33,9 +33,9 @@ FEET = {"number": 3, "diameter_mm": 1.0, "height_mm": 0.5, "circle_diameter_mm":
 BASES: dict[str, dict[str, Any]] = {
     "flange, pocket and feet": {
         "diameter_mm": 10.0, "height_mm": 3.0, "flange_diameter_mm": 12.0, "flange_height_mm": 1.0,
-        "pocket_diameter_mm": 5.0, "pocket_depth_mm": 1.0, "feet": FEET,
+        "pocket_diameter_mm": 5.0, "pocket_depth_mm": 1.0, "feet": FEET, "draft_deg": 2.5,
     },
-    "square that crosses the rim": {"kind": "square", "side_mm": 5.6, "relief_step_mm": 0.0},
+    "square that crosses the rim": {"kind": "square", "side_mm": 5.6, "relief_step_mm": 0.0, "draft_deg": 1.5},
     "flat, step and set-back bore": {
         "diameter_mm": 9.0, "flat_mm": 4.0, "relief_step_mm": 0.6, "relief_setback_mm": 0.1, "bore_setback_mm": 0.3,
     },
@@ -393,7 +393,7 @@ def test_distances_are_those_of_closed_forms() -> None:
     )
     assert off == pytest.approx([2.0, 0.03, 0.1, 0.2], rel=1e-5) and owners.tolist() == [0, 0, 1, 1]
     drafts = np.array([[0.5, -0.2, -1.0, 0.05], [0.0, 0.0, 0.0, 0.0]])  # of the first one, which widens downwards
-    leaning = replace(walls, pieces=walls.pieces + drafts[0, :2], drafts=drafts)
+    leaning = replace(walls, pieces=walls.pieces + drafts[0, :2], drafts=np.repeat(drafts, [720, 1], axis=0))
     radius = 3.0 * (1.0 + 0.05 * 2.0)  # 2 mm below its curve
     points = np.array([[0.5 + 0.6 * radius, 0.8 * radius - 0.2, -3.0], [0.5 + 0.6 * 3.0, 0.8 * 3.0 - 0.2, -3.0]])
     assert leaning.off_mm(points)[0] == pytest.approx([0.0, 3.0 - 3.0 / 1.1], abs=1e-5)

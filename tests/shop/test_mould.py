@@ -26,6 +26,7 @@ from lensforge.spec.feasible import base_warnings
 from lensforge.surfaces.reciprocal import ConeFace
 
 NODES, TURN = 81, np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
+PROCESSES = "milled", "turned", "moulded", "printed"
 NO_BASE, WIDE = {"kind": "none"}, {"kind": "cylinder", "diameter_mm": 14.0, "height_mm": 2.0}
 
 
@@ -64,6 +65,20 @@ def test_what_lies_over_a_base_is_undercut_below_the_equator(wide_mm: float, sha
     assert outer.upper_fraction + outer.lower_fraction == pytest.approx(1.0 - share, abs=1e-3)
     if share:
         assert outer.undercut_heights_mm == pytest.approx((0.0, 7.0 * share), abs=0.02)
+
+
+@pytest.mark.parametrize("flange", [{}, {"flange_diameter_mm": 20.0, "flange_height_mm": 0.75}])
+def test_a_drafted_base_parts_at_the_top_of_its_widest_side(flange: dict[str, Any]) -> None:
+    """In one height, where the size is as stated; upright, in all of its heights."""
+    base = {**WIDE, "diameter_mm": 16.0, "height_mm": 3.0, **flange}
+    for draft_deg in (0.0, 1.5):
+        line = dome({**base, "draft_deg": draft_deg}).parting
+        top, height = (-2.25, 0.75) if flange else (0.0, 3.0)
+        low = top if draft_deg else top - height
+        assert (line.places, line.radius_mm) == (("base",), pytest.approx(10.0 if flange else 8.0))
+        assert (line.low_mm, line.high_mm) == (pytest.approx(low), pytest.approx(top, abs=1e-9))
+    drafts = {process: small_spec(base=base, manufacture__process=process).base_made.draft_deg for process in PROCESSES}
+    assert drafts == {"milled": None, "turned": None, "moulded": 1.0, "printed": None}
 
 
 def test_a_plate_is_in_the_way_of_its_lenses_and_parts_at_its_top() -> None:

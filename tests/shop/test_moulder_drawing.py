@@ -87,7 +87,8 @@ def measured() -> dict[str, tuple[tuple[float, float], tuple[float, float]]]:
     (opening, cap), (rim, wall) = (
         (corners[f"OPTICAL_{name}"][0], corners[f"OPTICAL_{name}"][-1]) for name in ("SIDE", "WALL")
     )
-    (under, radius), (top, _) = corners["RIM_FLANGE_SIDE"][0], corners["RIM_FLANGE_SIDE"][-1]
+    (under, foot), (top, radius) = corners["RIM_FLANGE_SIDE"][0], corners["RIM_FLANGE_SIDE"][-1]
+    assert (radius - foot) / (top - under) == pytest.approx(np.tan(np.radians(1.0))), "a moulded side leans"
     exit_ = corners["OPTICAL_EXIT"][0]
 
     def across(corner: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -103,8 +104,9 @@ def measured() -> dict[str, tuple[tuple[float, float], tuple[float, float]]]:
         "crease of cap and side, along x, above z = 0": ((0.0, cap[1]), cap),
         "crease of exit and flange, along x": across(exit_),
         "crease of flange and wall, along x, above z = 0": ((0.0, wall[1]), wall),
-        "thickness of the rim's flange": ((under, -radius), (top, -radius)),
-        "underside of the rim's flange above z = 0": ((0.0, -radius), (under, -radius)),
+        "thickness of the rim's flange": ((under, -foot), (top, -radius)),
+        "underside of the rim's flange above z = 0": ((0.0, -foot), (under, -foot)),
+        "apex of the cavity to the rim's flange": ((low, 0.0), (under, -foot)),
         "diameter of the rim's flange": across((top, radius)),
     }
 
@@ -260,7 +262,8 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     assert content.block["material"] == ("Material: PMMA at 564 nm", "Grade: PMMA 8N")
     assert content.block["mass"] == ("Density: 1.19 g/cm³", "Mass: 1.469 g; Volume: 1234.5 mm³")
     assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.words}
-    assert content.notes[-4:-1] == [
+    assert content.notes[-2].startswith("Draft 1° of the rim's flange: as wide as stated at its top")
+    assert content.notes[-5:-2] == [
         "Rims and creases of the optical faces: R 0.06 at most. "
         "All other edges: radius or chamfer 0.3 at most; without flash.",
         "Optical faces: polished, without marks of gate, ejector or parting line. All other faces: VDI 3400, class 18.",
