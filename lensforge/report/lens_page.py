@@ -26,7 +26,7 @@ from lensforge.report.yield_section import yield_sections
 from lensforge.results import Group, StageResult
 from lensforge.results.numerals import number, percent
 from lensforge.search.design_result import Design
-from lensforge.shop.check_facts import finding_groups
+from lensforge.shop.check_facts import finding_groups, words_of
 from lensforge.shop.check_result import Check
 from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -71,6 +71,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "search_end": None if design is None else design.ended,
         "times": headline.times(results),
         "facts": _facts(results),
+        "left_by_tool": words_of(results.spec).left,
         "far_proof": proof is not None and any(each.far_field for each in proof.receivers),
         "first": light_section.first_picture(results),
         "photometry": _photometry_sentence(results),

@@ -1,6 +1,7 @@
 """Facts of the manufacturing check: each face, the wall, and what the shop can do with them."""
 
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 from lensforge.optics.face_roles import CAVITY
 from lensforge.results import Fact, FactState, Group
@@ -10,6 +11,7 @@ from lensforge.results.verdict import Reason
 from lensforge.shop.check_result import BODY, Check, Cutter, Edge, FaceResult, TurningTool
 from lensforge.shop.mould_facts import mould_facts
 from lensforge.spec import Spec
+from lensforge.spec.part_section import Process
 
 
 def check_facts(check: Check, spec: Spec) -> list[Group]:
@@ -24,6 +26,31 @@ def check_facts(check: Check, spec: Spec) -> list[Group]:
 def spec_of(check: Check, spec: Spec) -> Spec:
     """The ``spec`` of the lens, made by the process by which ``check`` judges it."""
     return spec if check.conditions is None else spec.made_by(check.process)
+
+
+class ProcessWords(NamedTuple):
+    """Words of a process: what has the edge of a cavity, what edges and optical faces must be without, what is left."""
+
+    hollow: str
+    burr: str
+    traces: str
+    left: str
+
+
+_WORDS: dict[Process, ProcessWords] = {
+    "milled": ProcessWords("the hollow", "burr", "marks", "what the mill leaves"),
+    "turned": ProcessWords("the hollow", "burr", "marks", "what the turning tool leaves"),
+    "moulded": ProcessWords(
+        "the mould’s core", "flash", "marks of gate, ejector or parting line", "what the tools leave of the inserts"
+    ),
+    "printed": ProcessWords("the hollow", "rests of supports", "layers or marks of supports", ""),
+}
+
+
+def words_of(spec: Spec) -> ProcessWords:
+    """The words of the process by which the part of ``spec`` is made."""
+    assert spec.manufacture.process is not None  # it is derived
+    return _WORDS[spec.manufacture.process]
 
 
 def face_title(name: str) -> str:
@@ -55,6 +82,7 @@ def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
             yield "fail", "; ".join(each.note for each in tools)
 
 
+_ANY_WAY = "radius, in the direction in which it is smallest"
 _FACE = (
     Row(
         "{name}_reached",
@@ -63,7 +91,7 @@ _FACE = (
         "of the face, by a {tip} of {cutter.radius_mm} radius",
         "%",
     ),
-    Row("{name}_concave", "Smallest hollow", "curvature.smallest_concave_radius_mm", "radius", none="none"),
+    Row("{name}_concave", "Smallest hollow", "curvature.smallest_concave_radius_mm", _ANY_WAY, none="none"),
     Row("{name}_layers", "Layer steps", "layer_step_um", "between the layers of the print"),
 )
 _MILLED = (
@@ -124,7 +152,12 @@ def tip_keys(names: Iterable[str]) -> tuple[str, ...]:
 def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:
     """The largest ball that reaches the whole face, or nose that fits its hollows, against the shop's."""
     largest, shop_mm = cutter.largest_radius_mm, cutter.radius_mm
-    does = "fits the hollows of" if isinstance(cutter, TurningTool) else "reaches all of"
+    if largest is None:
+        does = f"no hollow limits the {cutter.tip}"
+    elif isinstance(cutter, TurningTool):
+        does = "radius that still fits the hollows of the meridian"
+    else:
+        does = "radius that still reaches all of the face"
     return Fact(
         f"{name}_{cutter.tip}",
         f"Largest {cutter.tip}, {name} face",
@@ -134,7 +167,7 @@ def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:
         limit=shop_mm,
         limit_note="the shop's",
         state=state,
-        note=f"radius that still {does} the face{check.relief.beyond_shop(largest, shop_mm, name)}",
+        note=f"{does}{check.relief.beyond_shop(largest, shop_mm, name)}",
         digits=3,
     )
 
@@ -149,7 +182,7 @@ def _edge(edge: Edge, check: Check, spec: Spec) -> Fact:
     """The sharpest place of an edge."""
     one, other = edge.faces
     first = spec.lens.role(one)
-    of = "the mould’s core" if first.before == CAVITY and not first.is_open else "the lens"
+    of = words_of(spec).hollow if first.before == CAVITY and not first.is_open else "the lens"
     note = f"the sharpest of {of}, where these faces meet"
     return Fact(
         f"edge_{other if first.is_open else one}",

@@ -21,6 +21,7 @@ from lensforge.cad.section import other_section_deg
 from lensforge.errors import InputError
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
+from lensforge.shop.check_facts import words_of
 from lensforge.shop.check_result import BASE, BODY, Check, OfLathe, OfMill
 from lensforge.shop.datums import DatumScheme, datum_scheme
 from lensforge.shop.dimensions import Dimension
@@ -124,7 +125,7 @@ def surface_words(lens: Lens, words: DrawingSection) -> list[str]:
     """Notes on edges, and on the finish of optical and other faces."""
     optical, other = words.optical_edge_mm, words.edge_break_mm
     rims = "largest radius not stated" if optical is None else f"R {optical:g} at most"
-    burr, traces = ("flash", "marks of gate, ejector or parting line") if _is_moulded(lens) else ("burr", "marks")
+    _, burr, traces, _ = words_of(lens.spec)
     others = "largest break not stated" if other is None else f"radius or chamfer {other:g} at most"
     return [
         f"Rims and creases of the optical faces: {rims}. All other edges: {others}; without {burr}.",

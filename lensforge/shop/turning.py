@@ -18,12 +18,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
-from lensforge.shop.check_result import FLAT_MM, TurningTool
+from lensforge.shop.check_result import TurningTool
 from lensforge.shop.face_check import FaceCheck, bounded
 from lensforge.shop.face_samples import FaceSamples, OpticalFace
 from lensforge.spec import ManufactureSection
 
 Points = Float[np.ndarray, "_ 2"]  # distance from the axis and height (mm)
+_STRAIGHT_MM = 1e4  # a wider hollow is none: a cone has such, of the noise of its spline
 _CONTACTS, _FINE = 481, 4801  # on a meridian: for what the tool reaches; the most, for slopes and curvatures
 _OF_NOSE = 8  # obstacles in a radius of the nose: between them it enters the work by a 500th of that
 _GOUGE_MM = 1e-4  # so deep a flank may rub: it keeps its clearance beside
@@ -195,7 +196,7 @@ def turned_face(face: FaceCheck, tool: LatheTool, fixture: Points) -> TurnedFace
     record = TurningTool(
         radius_mm=tool.radius_mm,
         reachable_fraction=setup.share(reached),
-        largest_radius_mm=bounded(-1.0 / least if least < -1.0 / FLAT_MM else np.inf),
+        largest_radius_mm=bounded(-1.0 / least if least < -1.0 / _STRAIGHT_MM else np.inf),
         residual_mm=bounded(float(left_mm.max())),
         slope_deg=round(float(np.degrees(steepest)), _DIGITS),
         tilt_deg=round(float(np.degrees(tilt_rad)), _DIGITS) + 0.0,

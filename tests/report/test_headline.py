@@ -14,9 +14,11 @@ from result_folders import (
     text_target,
 )
 
+from lensforge.cli.conclusion import _cutting
 from lensforge.report.headline import asked_facts, headline
 from lensforge.report.stored import load_results
 from lensforge.results import Metric
+from lensforge.shop.check_result import InscribedBall, Mould, PartingLine
 
 
 def test_a_verdict_that_is_no_pass_comes_with_its_reason():
@@ -57,6 +59,24 @@ def test_what_was_asked_for_says_whether_it_came_out():
     }
     text = text_of(results)
     assert text.index("radius marginTry") < text.index("Farthest from the LED"), "what fails comes first"
+
+
+@pytest.mark.parametrize(
+    ("ratio", "gate", "told"), [(2.9, "base", []), (3.1, None, ["Gate", "Thickest over thinnest"])]
+)
+def test_what_a_moulder_would_ask_stands_at_the_top_and_on_the_screen(ratio, gate, told):
+    """Where it is amber; thicker than thrice the thinnest wall it may sink."""
+    results = make_results(("design", "check"))
+    line = PartingLine(places=("outer",), radius_mm=5.0, low_mm=2.0, high_mm=2.0)
+    ball = InscribedBall(diameter_mm=ratio * results.check.min_wall_mm, centre_mm=(0.0, 0.0, 1.0))
+    mould = Mould(faces={}, parting=line, thickest=ball, gate=gate, cooling_s=None)
+    found = {**results.found, "check": results.check.model_copy(update={"mould": mould})}
+    of_mould = {"Parting line", "Gate", "Thickest place", "Thickest over thinnest", "Cooling time"}
+    for labels in (
+        [fact.label for fact in asked_facts(replace(results, found=found))],
+        [label for label, _ in _cutting(replace(results, found=found))],
+    ):
+        assert [label for label in labels if label in of_mould] == told
 
 
 @pytest.mark.parametrize(("aim", "shown"), [("pattern", ["nmse", "share_in_target"]), ("share", ["share_in_target"])])

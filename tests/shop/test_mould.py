@@ -183,6 +183,8 @@ def test_a_slab_of_acrylic_cools_as_by_hand() -> None:
     """4 mm: 16 / (9.8696 x 0.11) = 14.738; 4/pi x 170/25 = 8.6580, its logarithm 2.1585; 31.81 s."""
     assert PLASTICS["pmma"].cooling_s(4.0) == pytest.approx(31.81, abs=0.005)
     assert PLASTICS["pmma"].cooling_s(8.0) == pytest.approx(4.0 * 31.81, abs=0.02)
+    low, high = PLASTICS["pmma"].cooling_range_s(4.0)  # 16 / pi^2 / 0.132 ln(4/pi 180/35), and with 0.088 and 160/15
+    assert (low, high) == (pytest.approx(23.08, abs=0.005), pytest.approx(48.06, abs=0.005))
     assert plastic_of("PMMA at 564 nm") is plastic_of("pmma") and plastic_of("PC") is PLASTICS["pc"]
     assert plastic_of("silicone") is plastic_of("a plastic") is plastic_of("") is None
 
@@ -221,6 +223,7 @@ def test_what_a_moulder_is_told() -> None:
     for ratio, sinks in ((2.999, False), (3.001, True)):
         fact = facts(spec, ratio)["thickness_ratio"]
         assert fact.value == pytest.approx(ratio) and bool(fact.notice) == sinks and "rule of thumb is 3" in fact.note
+    assert "13 to 27 s within what is typical" in plain(shown["cooling"].note)
     assert "estimate" in shown["cooling"].note and shown["cooling"].value == pytest.approx(
         PLASTICS["pmma"].cooling_s(3.0)
     )

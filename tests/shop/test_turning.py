@@ -9,8 +9,10 @@ from shop_lenses import OfSpheres
 from tir_lenses import TIR, spot
 
 from lensforge.scene.lens import Lens
+from lensforge.shop import turning
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import check_facts
+from lensforge.shop.check_result import Check
 from lensforge.shop.face_check import measured_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.shop.turning import LatheTool, Meridian, turned_face
@@ -170,6 +172,20 @@ def test_inserts_of_a_lens_of_revolution_are_turned_each_half_by_itself() -> Non
     assert all(each.holds for each in found.verdicts if each.key in ("nose", "slope", "turning"))
 
 
+def note_on_edge(found: Check, process: str) -> str:
+    spec = spot().replace({"manufacture.process": process})
+    (edge,) = (group for group in check_facts(found, spec) if group.key == "edges")
+    return next(fact.note for fact in edge.facts if fact.label.startswith("Cap"))
+
+
+@pytest.mark.parametrize(("straight_mm", "largest"), [(3.01, pytest.approx(3.0, rel=1e-5)), (2.99, None)])
+def test_a_hollow_that_is_as_good_as_straight_limits_no_nose(
+    monkeypatch: pytest.MonkeyPatch, straight_mm: float, largest: float | None
+) -> None:
+    monkeypatch.setattr(turning, "_STRAIGHT_MM", straight_mm)
+    assert turned(sphere(3.0), AirSide.INSIDE, tool(1e-3, 20.0)).largest_radius_mm == largest
+
+
 def test_a_lens_that_is_turned_says_what_its_nose_leaves() -> None:
     """Cap and side meet at 3.9 degrees less than 180: the fillet is that of a nose in so blunt a corner."""
     found = check_lens(of_spheres(manufacture={"nose_radius_mm": 0.5}), dict.fromkeys(TIR, 81))
@@ -179,7 +195,11 @@ def test_a_lens_that_is_turned_says_what_its_nose_leaves() -> None:
     assert findings["nose", "cap"].limit == pytest.approx(2.0, rel=1e-4) and findings["nose", "cap"].holds
     facts = {fact.key: fact for group in check_facts(found, spot()) for fact in group.facts}
     assert facts["cap_slope"].limit == 90.0 - 35.0 / 2.0 - 2.0 and facts["cap_slope"].state == "pass"
-    assert facts["wall_nose"].value == "any" and "cap_ball" not in facts and "cap_tilt" not in facts
+    assert facts["wall_nose"].value == "any" and facts["wall_nose"].note == "no hollow limits the nose"
+    assert facts["cap_nose"].note.endswith("the hollows of the meridian") and "smallest" in facts["cap_concave"].note
+    told = [note_on_edge(found, process) for process in ("turned", "printed", "moulded")]
+    assert ["core" in note for note in told] == [False, False, True]
+    assert "cap_ball" not in facts and "cap_tilt" not in facts
     tight = spot().replace({"manufacture.nose_radius_mm": 2.1, "manufacture.shank_width_mm": 5.0})
     nose = next(turning_findings(tight, found.faces))
     assert nose.limit == pytest.approx(2.0, rel=1e-4)
