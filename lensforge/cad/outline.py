@@ -82,10 +82,7 @@ def outline_of(base: BaseSection) -> Outline:
         return circle(radius)
     half = float(np.arccos(base.flat_mm / radius))
     return Outline(
-        (
-            Piece(half, FULL_TURN - half, radius),
-            Piece(FULL_TURN - half, FULL_TURN + half, base.flat_mm, FULL_TURN),
-        )
+        (Piece(half, FULL_TURN - half, radius), Piece(FULL_TURN - half, FULL_TURN + half, base.flat_mm, FULL_TURN))
     )
 
 

@@ -130,7 +130,7 @@ def make_plan(
         _require_feet_beside(base.feet, lay_out(cavity, envelope, base))
     plan = replace(lay_out(cavity, envelope, base), rim_flange=rim_flange)
     if plan.has_base and base.draft_deg:
-        _require_room_for_draft(plan, base.draft_deg)
+        _require_room_for_draft(plan)
     met = len(plan.arcs) > 1 or (plan.ring is not None and plan.flush)
     if base.step_mm > 0.0 and met:
         widths = 2.0 * (rim_radius(envelope) if plan.ring is None else plan.ring.radius)(sampled_azimuths())
@@ -237,21 +237,18 @@ def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outl
         )
 
 
-def _require_room_for_draft(plan: Plan[Any], draft_deg: float) -> None:
-    """What draft takes off the ring at the bottom, at the roof of a pocket, and over a flange."""
-    turns = sampled_azimuths()
-    if plan.base.feet is not None and plan.base.foot_radii_mm[1] <= 0.0:
-        raise InputError(
-            f"base.draft_deg = {draft_deg:g}: leaves nothing at the end of base.feet; take less, or lower them"
-        )
+def _require_room_for_draft(plan: Plan[Any]) -> None:
+    """What draft takes off the bottom, the roof of a pocket, the top of a flange, and the ends of feet."""
+    turns, room = (
+        sampled_azimuths(),
+        {"feet": MIN_BASE_WALL_MM if plan.base.feet is None else plan.base.foot_radii_mm[1]},
+    )
     for one, other in pairwise(base_corners(plan)):
         if one.face in (BOTTOM, POCKET_TOP, FLANGE_TOP):
-            room = np.abs(one.radius(turns) - other.radius(turns)).min()
-            wrong = (other.radius(turns) < one.radius(turns)).any() != (one.face != FLANGE_TOP)
-            if wrong or room < MIN_BASE_WALL_MM:
-                raise InputError(
-                    f"base.draft_deg = {draft_deg:g}: leaves no {one.face} of the base; take less, or a wider base"
-                )
+            inwards = one.radius(turns) - other.radius(turns)
+            room[one.face] = float((-inwards if one.face == FLANGE_TOP else inwards).min())
+    if (lacks := next((name for name, wide_mm in room.items() if wide_mm < MIN_BASE_WALL_MM), None)) is not None:
+        raise InputError(f"base.draft_deg = {plan.base.draft_deg:g}: leaves no {lacks}; take less, or a wider base")
 
 
 def _require_feet_beside(feet: FeetSection, plan: Plan[Any]) -> None:

@@ -98,8 +98,8 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
     bore_scale = layout.bore_scale(rim_points(plan.cavity))
     optical = [name for name in lens.names if name != RIM]
     rim, mouth = (_rim_of(lens, boundary) for boundary in (plan.envelope, plan.cavity))
-    around = layout.outline, chord_mm, 0.0, thickness, layout.foot
-    outline, foot = _prism(parts, PLATE_SIDE, *around, outwards=True)
+    deep, sides = (0.0, thickness), (layout.outline, layout.foot)
+    outline, foot = _wall(parts, PLATE_SIDE, sides, chord_mm, deep, outwards=True)
     tops, bottoms = [], []
     for number in range(len(layout.lenses)):
         ids = parts.add_points(layout.placed(lens.vertices, number))
@@ -110,7 +110,7 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
         tops.append(ids[rim])
         bottoms.append(below)
     holes = [add_round(parts, PLATE_HOLE, hole, chord_mm, outwards=False) for hole in layout.holes]
-    slots = [_prism(parts, PLATE_HOLE, slot, chord_mm, 0.0, thickness, outwards=False) for slot in layout.slots]
+    slots = [_wall(parts, PLATE_HOLE, (slot, slot), chord_mm, deep, outwards=False) for slot in layout.slots]
     for edge, below in (*holes, *slots):
         tops.append(edge)
         bottoms.append(below)
@@ -130,29 +130,24 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
 
 def add_round(parts: MeshParts, name: str, wall: RoundWall, chord_mm: float, *, outwards: bool) -> tuple[_Ids, _Ids]:
     """Add a round wall; return the numbers of its vertices at its top and at its foot."""
-    top, foot = (circle_at(wall.place, radius_mm) for radius_mm in (wall.radius_mm, wall.foot_mm))
-    return _prism(parts, name, top, chord_mm, wall.depth_mm, wall.length_mm, foot, outwards=outwards)
+    loops = circle_at(wall.place, wall.radius_mm), circle_at(wall.place, wall.foot_mm)
+    return _wall(parts, name, loops, chord_mm, (wall.depth_mm, wall.depth_mm + wall.length_mm), outwards=outwards)
 
 
-def _prism(
+def _wall(
     parts: MeshParts,
     name: str,
-    loop: Loop,
+    loops: tuple[Loop, Loop],
     chord_mm: float,
-    depth_mm: float,
-    length_mm: float,
-    foot: Loop | None = None,
+    ends_mm: tuple[float, float],
     *,
     outwards: bool,
 ) -> tuple[_Ids, _Ids]:
-    """Add the wall below a loop in z = -depth; return the numbers of its vertices there and at its foot.
-
-    ``foot``: the loop there, left out the same.
-    """
-    below = points_on(loop, chord_mm) if foot is None else np.concatenate(list(_at_foot(loop, foot, chord_mm)))
-    top, end = parts.add_points(points_on(loop, chord_mm), -depth_mm), parts.add_points(below, -depth_mm - length_mm)
-    parts.add_wall(name, *((top, end) if outwards else (top[::-1], end[::-1])))
-    return top, end
+    """Add the wall between two loops at depths below z = 0; return the numbers of the vertices on them."""
+    points = points_on(loops[0], chord_mm), np.concatenate(list(_at_foot(*loops, chord_mm)))
+    top, foot = (parts.add_points(each, -depth) for each, depth in zip(points, ends_mm, strict=True))
+    parts.add_wall(name, *((top, foot) if outwards else (top[::-1], foot[::-1])))
+    return top, foot
 
 
 def _at_foot(loop: Loop, foot: Loop, chord_mm: float) -> Iterator[Float[np.ndarray, "_ 2"]]:

@@ -37,12 +37,11 @@ class ProcessWords(NamedTuple):
     left: str
 
 
+_ON_OPTICS, _OF_TOOLS = "marks of gate, ejector or parting line", "what the tools leave of the inserts"
 _WORDS: dict[Process, ProcessWords] = {
     "milled": ProcessWords("the hollow", "burr", "marks", "what the mill leaves"),
     "turned": ProcessWords("the hollow", "burr", "marks", "what the turning tool leaves"),
-    "moulded": ProcessWords(
-        "the mould’s core", "flash", "marks of gate, ejector or parting line", "what the tools leave of the inserts"
-    ),
+    "moulded": ProcessWords("the mould’s core", "flash", _ON_OPTICS, _OF_TOOLS),
     "printed": ProcessWords("the hollow", "rests of supports", "layers or marks of supports", ""),
 }
 
@@ -185,9 +184,5 @@ def _edge(edge: Edge, check: Check, spec: Spec) -> Fact:
     of = words_of(spec).hollow if first.before == CAVITY and not first.is_open else "the lens"
     note = f"the sharpest of {of}, where these faces meet"
     return Fact(
-        f"edge_{other if first.is_open else one}",
-        f"{one.capitalize()} and {other}",
-        edge.angle_deg,
-        "°",
-        note=note,
+        f"edge_{other if first.is_open else one}", f"{one.capitalize()} and {other}", edge.angle_deg, "°", note=note
     ).judged_as(named(check.criteria, edge.criterion))

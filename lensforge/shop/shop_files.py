@@ -20,15 +20,7 @@ from lensforge.shop.check_facts import check_facts, finding_groups
 from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words
-from lensforge.shop.handover import (
-    DXF_FILE,
-    PDF_FILE,
-    PLATE_DXF_FILE,
-    PLATE_PDF_FILE,
-    POINTS_FILE,
-    Handover,
-    PointGrid,
-)
+from lensforge.shop.handover import DXF_FILE, PDF_FILE, PLATE_DXF_FILE, PLATE_PDF_FILE, POINTS_FILE, Handover, PointGrid
 from lensforge.shop.plate_drawing import place_rows, plate_notes, plate_sheet
 from lensforge.shop.point_tables import GridRequest, dense_tables, faces_to_cut, origin_lines, points_table
 from lensforge.shop.sheet import Sheet, shown

@@ -15,16 +15,7 @@ from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
 from lensforge.cad.mesh import manifold_of
-from lensforge.cad.plan import (
-    BORE,
-    BORE_TOP,
-    POCKET_SIDE,
-    POCKET_TOP,
-    Plan,
-    base_corners,
-    rim_directions,
-    rim_radius,
-)
+from lensforge.cad.plan import BORE, BORE_TOP, POCKET_SIDE, POCKET_TOP, Plan, base_corners, rim_directions, rim_radius
 from lensforge.cad.section import body_outlines
 from lensforge.scene.lens import Lens
 from lensforge.shop.sheet import PenName, Points

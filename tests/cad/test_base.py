@@ -124,7 +124,7 @@ def test_draft_that_leaves_nothing_of_a_base_is_refused(sizes, lacks):
         if draft_deg == 1.0:
             assert make_plan(*pair, base).has_base
         else:
-            with pytest.raises(InputError, match=rf"base\.draft_deg = 9: leaves no {lacks} of the base"):
+            with pytest.raises(InputError, match=rf"base\.draft_deg = 9: leaves no {lacks};"):
                 make_plan(*pair, base)
 
 
