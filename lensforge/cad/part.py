@@ -218,8 +218,8 @@ def part_facts(part: Part) -> list[Group]:
     words = {"source": "" if density is None else density.source, "turned": _turned(part)}
     table = facts_of(part, _FILES, judged=part.criteria, **words)
     if part.plate is not None:
-        own = "volume", "mass"
-        table = [replace(fact, label=f"{fact.label} of a lens") if fact.key in own else fact for fact in table]
+        alone = "volume", "mass"
+        table = (replace(fact, label=f"{fact.label} of a lens") if fact.key in alone else fact for fact in table)
     groups = [Group("files", "Files as read back", (*table, *_mould(part)))]
     if part.plate is not None:
         sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}

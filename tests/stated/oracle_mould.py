@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 from crooked import Expected
-from oracle_part import body_of, bore_scale, kept_of
+from oracle_part import body_of, bore_scale, kept_of, slope_of
 from page_body import directions
 from page_tracer import unit
 from scipy.spatial import cKDTree
@@ -34,8 +34,7 @@ def inside(case, q):
     low, high = (body.radius(parts, u).reshape(away.shape) for parts in (body.cavity, body.envelope))
     turn = np.arctan2(q[..., 1], q[..., 0]) / (2 * np.pi) % 1 * len(body.rim)
     bore = np.interp(turn, np.arange(len(body.rim) + 1), np.append(body.rim, body.rim[0]))
-    if case.lens["spec"]["plate"]:
-        bore = bore * (1 - (bore_scale(case) - 1) * q[..., 2] / depth)
+    bore, wide = bore * (1 - (bore_scale(case) - 1) * q[..., 2] / depth), wide + slope_of(case) * q[..., 2]
     foot = (q[..., 2] < 0) & (q[..., 2] > -depth) & (across > bore) & (across < wide)
     return ((q[..., 2] > 0) & (away > low) & (away < high)) | foot
 
@@ -100,12 +99,15 @@ def sought_ball(case):
     def within(q):
         return inside(case, q) & (np.hypot(q[..., 0], q[..., 1]) < wide)
 
-    foot = rim * (bore_scale(case) if case.lens["spec"]["plate"] else 1.0)
-    levels = [(foot, wide + 0 * rim, -depth), (np.minimum(wide, outer), np.maximum(wide, outer), 0.0)]
+    foot, narrow = (
+        rim * bore_scale(case),
+        wide + 0 * rim - (0.0 if wide < below_mm(case)[1] else slope_of(case) * depth),
+    )
+    levels = [(foot, narrow, -depth), (np.minimum(wide, outer), np.maximum(wide, outer), 0.0)]
     for low, high, z in levels:
         across = low + np.linspace(0, 1, 80)[:, None] * (high - low)
         faces.append(np.dstack([across[..., None] * axes, np.full((*across.shape, 1), z)]).reshape(-1, 3))
-    for top, end in ((rim, foot), (wide + 0 * rim, wide + 0 * rim)):
+    for top, end in ((rim, foot), (wide + 0 * rim, narrow)):
         down = np.linspace(0, 1, 40)[:, None, None]
         around = (top + down[..., 0] * (end - top))[..., None] * axes
         faces.append(np.dstack([around, np.broadcast_to(-depth * down, (40, 720, 1))]).reshape(-1, 3))

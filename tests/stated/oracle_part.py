@@ -136,7 +136,7 @@ def with_room(case):
 
 
 def base_mm3(case):
-    """Volume below z = 0: a prism, less its bore, narrower down to the step."""
+    """Volume below z = 0: a prism, or a frustum of a moulded part, less its bore, narrower down to the step."""
     base, body = base_of(case), body_of(case)
     if base["kind"] == "none":
         return 0.0
@@ -145,7 +145,8 @@ def base_mm3(case):
     if base["flat_mm"] is not None:
         half = np.arccos(base["flat_mm"] / radius)
         area -= radius**2 * (half - np.sin(half) * np.cos(half))
-    volume = (area - opening) * height
+    scale, wider = 1 - slope_of(case) * height / radius, bore_scale(case)
+    volume = height * (area * (1 + scale + scale**2) - opening * (1 + wider + wider**2)) / 3
     if base["relief_step_mm"]:
         circle = np.pi * (body.outer_rim.min() - base["relief_setback_mm"]) ** 2
         narrow = circle if base["relief_setback_mm"] else np.pi * (body.outer_rim**2).mean()
@@ -310,10 +311,10 @@ def plate_form_error(case, place):
 def plate_mm3(case):
     plate, count = case.lens["spec"]["plate"], len(lamps_of(case)[0])
     wide, high = plate_sides(case)
-    area = (
-        np.pi * wide**2 / 4 if plate["kind"] == "round" else wide * high - (4 - np.pi) * plate["corner_radius_mm"] ** 2
-    )
-    thick, scale = plate["thickness_mm"], bore_scale(case)
+    thick, scale, corner = plate["thickness_mm"], bore_scale(case), plate["corner_radius_mm"]
+    inset = slope_of(case) * thick * (np.arange(4000) + 0.5) / 4000
+    rectangle = (wide - 2 * inset) * (high - 2 * inset) - (4 - np.pi) * (corner - inset) ** 2
+    area = (np.pi * (wide / 2 - inset) ** 2 if plate["kind"] == "round" else rectangle).mean()
     bores = count * body_of(case).opening_mm2 * thick * (1 + scale + scale**2) / 3
     holes = sum(cone_mm3(case, hole["diameter_mm"] / 2, thick, 1) for hole in plate["holes"])
     pins = sum(cone_mm3(case, pin["diameter_mm"] / 2, pin["height_mm"], -1) for pin in plate["pins"])
@@ -321,7 +322,17 @@ def plate_mm3(case):
 
 
 def slope_of(case):
-    return np.tan(np.radians(case.lens["spec"]["plate"]["draft_deg"]))
+    """Tangent of the draft of plate or base; left out, that of a moulded base has one degree."""
+    spec = case.lens["spec"]
+    moulded = 1.0 if spec["manufacture"]["process"] == "moulded" else 0.0
+    stated = (spec["plate"] or spec["base"])["draft_deg"]
+    return np.tan(np.radians(moulded if stated is None else stated))
+
+
+def depth_mm(case):
+    """Length of the bore."""
+    plate, base = case.lens["spec"]["plate"], case.lens["spec"]["base"]
+    return plate["thickness_mm"] if plate else base["height_mm"]
 
 
 def cone_mm3(case, radius, length, way):
@@ -334,7 +345,7 @@ def bore_scale(case):
     """From a cavity's rim to its bore's foot: the tangent of the rim that is nearest to the axis has the draft."""
     rim, turns = body_of(case).rim, 2 * np.pi / len(body_of(case).rim)
     along = (np.roll(rim, -1) - np.roll(rim, 1)) / (2 * turns)
-    return 1 + slope_of(case) * case.lens["spec"]["plate"]["thickness_mm"] / (rim**2 / np.hypot(rim, along)).min()
+    return 1 + slope_of(case) * depth_mm(case) / (rim**2 / np.hypot(rim, along)).min()
 
 
 def plate_volume(case, place):

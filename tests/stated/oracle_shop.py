@@ -361,7 +361,7 @@ def plate_wall_mm(case):
     half, corner = np.array(plate_sides(case)) / 2, plate["corner_radius_mm"]
     for k, (mark, radius) in enumerate(marks):
         beyond = abs(mark) - (half - corner)
-        walls.append(corner - np.linalg.norm(np.maximum(beyond, 0)) - min(beyond.max(), 0) - radius)
+        walls.append(corner - np.linalg.norm(np.maximum(beyond, 0)) - min(beyond.max(), 0) - radius - wider)
         walls += [np.linalg.norm(mark - other) - radius - wide for other, wide in marks[:k]]
     return min(walls)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from crooked import Expected
-from oracle_part import base_of, body_of, bore_scale, kept_of, placed, plate_sides, slope_of
+from oracle_part import base_of, body_of, bore_scale, depth_mm, kept_of, placed, plate_sides, slope_of
 from oracle_part import lamps_of as plate_lamps
 from oracle_proof import arrays
 from page_chain import fields_behind, room_in
@@ -71,8 +71,7 @@ class Solid:
         turn = np.arctan2(q[:, 1], q[:, 0]) % (2 * np.pi)
         at = 2 * np.pi * np.arange(721) / 720
         rim = np.interp(turn, at, [*self.body.rim, self.body.rim[0]])
-        if self.spec["plate"]:  # a cone about the axis
-            rim *= 1 - (bore_scale(self.case) - 1) * q[:, 2] / self.spec["plate"]["thickness_mm"]
+        rim *= 1 - (bore_scale(self.case) - 1) * q[:, 2] / depth_mm(self.case)  # a cone about the axis
         return np.hypot(q[:, 0], q[:, 1]) - rim
 
     def below(self, p):
@@ -80,14 +79,15 @@ class Solid:
         if not self.spec["plate"]:
             base = base_of(self.case)
             assert not base["bore_setback_mm"] and not base["relief_step_mm"], "a plain base"
-            return np.min([p[:, 2] - self.low, base["diameter_mm"] / 2 - np.hypot(p[:, 0], p[:, 1]), bores], axis=0)
+            side = base["diameter_mm"] / 2 + slope_of(self.case) * p[:, 2] - np.hypot(p[:, 0], p[:, 1])
+            return np.min([p[:, 2] - self.low, side, bores], axis=0)
         plate, (wide, high) = self.spec["plate"], plate_sides(self.case)
         q = placed(p, *self.to_plate)
         corner = plate["corner_radius_mm"]
         beyond = np.maximum(abs(q[:, :2]) - [wide / 2 - corner, high / 2 - corner], 0)
         down, root = slope_of(self.case) * p[:, 2], -slope_of(self.case) * plate["thickness_mm"]
         holes = [np.hypot(*(q[:, :2] - hole["place_mm"]).T) - hole["diameter_mm"] / 2 + down for hole in plate["holes"]]
-        slab = np.min([p[:, 2] + plate["thickness_mm"], corner - np.hypot(*beyond.T), bores, *holes], axis=0)
+        slab = np.min([p[:, 2] + plate["thickness_mm"], corner + down - np.hypot(*beyond.T), bores, *holes], axis=0)
         pins = [
             pin["diameter_mm"] / 2 + down - root - np.hypot(*(q[:, :2] - pin["place_mm"]).T) for pin in plate["pins"]
         ]

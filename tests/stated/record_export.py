@@ -10,6 +10,7 @@ from oracle_part import (
     base_of,
     body_of,
     bore_mm2,
+    bore_scale,
     density_of,
     gap_mm,
     lamps_of,
@@ -19,6 +20,7 @@ from oracle_part import (
     plate_form_error,
     plate_mm3,
     schema,
+    slope_of,
     volume,
     worst_errors,
 )
@@ -37,9 +39,13 @@ def area_mm2(case):
     if base["kind"] == "none":
         total += rim - opening
     else:
-        disc = np.pi * base["diameter_mm"] ** 2 / 4
+        radius = base["diameter_mm"] / 2
+        disc = np.pi * radius**2
         around = 2 * np.sqrt(np.pi * bore_mm2(case)) if base["bore_setback_mm"] else length_mm(body.rim)
-        total += 2 * disc - rim - opening + (np.pi * base["diameter_mm"] + around) * base["height_mm"]
+        scale, wider, high = 1 - slope_of(case) * base["height_mm"] / radius, bore_scale(case), base["height_mm"]
+        slant = np.hypot(high, radius * (1 - scale))
+        total += disc * (1 + scale**2) - rim - opening * wider**2 + np.pi * radius * (1 + scale) * slant
+        total += lateral_mm2(body.rim, wider, high) if wider != 1.0 else around * high
         if base["relief_step_mm"]:
             wall = body.outer_rim.min() - base["relief_setback_mm"]
             narrow, along = (
@@ -51,6 +57,14 @@ def area_mm2(case):
         inner, outer = 0.9994 * case.lens["spec"]["constraints"]["max_radius_mm"], flange["diameter_mm"] / 2
         total += 2 * np.pi * (outer**2 - inner**2) + 2 * np.pi * (outer - inner) * flange["thickness_mm"]
     return total
+
+
+def lateral_mm2(rim, scale, high):
+    """Area of the cone about the axis from a rim to its foot, which is ``scale`` times as wide, by its heights."""
+    slope = np.fft.irfft(np.fft.rfft(rim) * 1j * np.arange(len(rim) // 2 + 1))
+    nearest = rim**2 / np.hypot(rim, slope)  # of the tangent to the axis
+    slant = np.hypot(high, (scale - 1) * nearest)
+    return 2 * np.pi * (np.hypot(rim, slope) * slant).mean() * (1 + scale) / 2
 
 
 def length_mm(rim):
