@@ -93,17 +93,6 @@ FLUSH_MM = 1e-6  # rim and outline closer than this all around are one edge
 _SAMPLES = 2048  # azimuths: 20 across the narrowest usual SRBF
 
 
-def drafted_scale(curve: Float[np.ndarray, "n 2"], slope: float, length_mm: float) -> float:
-    """Factor from a ``curve``, points (mm) around the axis, to the foot of a wall below it: a cone about the axis.
-
-    The least of its drafts is that of ``slope``, below 0 where it narrows downwards: where a tangent is nearest to the
-    axis.
-    """
-    along = np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)
-    nearest = np.abs(curve[:, 0] * along[:, 1] - curve[:, 1] * along[:, 0]) / np.hypot(*along.T)
-    return 1.0 + slope * length_mm / float(nearest.min())
-
-
 @dataclass(frozen=True)
 class Arc:
     """Azimuths from ``start`` to ``end`` (rad) over which the seat keeps its ``relation`` to the outline."""

@@ -17,21 +17,12 @@ from jaxtyping import Float
 
 from lensforge.cad.boundary import Boundary, Shape, StarShaped, TrimmedFace, as_pair, optical_name
 from lensforge.cad.flange import FlangeRing
-from lensforge.cad.outline import (
-    FULL_TURN,
-    Arc,
-    Outline,
-    Radius,
-    arcs_between,
-    circle,
-    drafted_scale,
-    outline_of,
-    sampled_azimuths,
-)
+from lensforge.cad.outline import FULL_TURN, Arc, Outline, Radius, arcs_between, circle, outline_of, sampled_azimuths
 from lensforge.errors import InputError, remedy
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.spec import BaseSection
 from lensforge.spec.part_section import FeetSection
+from lensforge.surfaces.plane_loop import drafted_scale
 from lensforge.surfaces.surface import grid, to_sphere
 
 MIN_BASE_WALL_MM = 0.01

@@ -10,11 +10,10 @@ from math import hypot, pi
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.outline import drafted_scale
 from lensforge.scene.lens import Lens
 from lensforge.spec.lamps_section import Lamps, Place
 from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateHole, PlateMark, PlatePin, PlateSection
-from lensforge.surfaces.plane_loop import Loop, LoopEdge, area_mm2, box_of_loop, circle_at
+from lensforge.surfaces.plane_loop import Loop, LoopEdge, area_mm2, box_of_loop, circle_at, drafted_scale
 
 _SAME_MM = 1e-9
 

@@ -167,3 +167,14 @@ def box_of_loop(loop: Loop) -> tuple[Place, Place]:
     """Least and largest x and y (mm) of a loop."""
     x, y = zip(*(place for edge in loop for place in edge.farthest), strict=True)
     return (min(x), min(y)), (max(x), max(y))
+
+
+def drafted_scale(curve: Float[np.ndarray, "n 2"], slope: float, length_mm: float) -> float:
+    """Factor from a ``curve``, points (mm) around the axis, to the foot of a wall below it: a cone about the axis.
+
+    The least of its drafts is that of ``slope``, below 0 where it narrows downwards: where a tangent is nearest to the
+    axis.
+    """
+    along = np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)
+    nearest = np.abs(curve[:, 0] * along[:, 1] - curve[:, 1] * along[:, 0]) / np.hypot(*along.T)
+    return 1.0 + slope * length_mm / float(nearest.min())
