@@ -229,7 +229,7 @@ def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outl
 
 
 def _require_room_for_draft(plan: Plan[Any]) -> None:
-    """What draft takes off the bottom, the roof of a pocket, the top of a flange, and the ends of feet."""
+    """Raise where draft leaves nothing of the bottom, the roof of a pocket, the top of a flange, or the ends of feet."""
     turns, room = (
         sampled_azimuths(),
         {"feet": MIN_BASE_WALL_MM if plan.base.feet is None else plan.base.foot_radii_mm[1]},
