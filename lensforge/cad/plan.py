@@ -229,17 +229,15 @@ def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outl
 
 
 def _require_room_for_draft(plan: Plan[Any]) -> None:
-    """Raise where draft leaves nothing of the bottom, the roof of a pocket, the top of a flange, or the ends of feet."""
-    turns, room = (
-        sampled_azimuths(),
-        {"feet": MIN_BASE_WALL_MM if plan.base.feet is None else plan.base.foot_radii_mm[1]},
-    )
+    """Raise where draft leaves nothing of the bottom, a pocket, the top of a flange, or the ends of feet."""
+    turns, base = sampled_azimuths(), plan.base
+    room = {"feet": MIN_BASE_WALL_MM if base.feet is None else base.foot_radii_mm[1]}
     for one, other in pairwise(base_corners(plan)):
         if one.face in (BOTTOM, POCKET_TOP, FLANGE_TOP):
             inwards = one.radius(turns) - other.radius(turns)
             room[one.face] = float((-inwards if one.face == FLANGE_TOP else inwards).min())
     if (lacks := next((name for name, wide_mm in room.items() if wide_mm < MIN_BASE_WALL_MM), None)) is not None:
-        raise InputError(f"base.draft_deg = {plan.base.draft_deg:g}: leaves no {lacks}; take less, or a wider base")
+        raise InputError(f"base.draft_deg = {base.draft_deg:g}: leaves no {lacks}; take less, or a wider base")
 
 
 def _require_feet_beside(feet: FeetSection, plan: Plan[Any]) -> None:
