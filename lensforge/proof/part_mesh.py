@@ -30,6 +30,7 @@ from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, stl_corners
 CREASE_RAD = np.deg2rad(30.0)
 LEVEL_MM = 1e-4  # what is nearer to z = 0 lies there, in single precision too
 NEIGHBOURS = 48  # for 20 terms: fewer leave an irregular mesh undetermined, more reach over the surface's own detail
+_LEANS = 1e-4  # z of the normal of a wall with draft, and less than 1 by as much
 
 
 @dataclass(eq=False)
@@ -156,9 +157,12 @@ def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> P
     """Build the part that a mesh with merged vertices bounds."""
     numbers, apart = optical.sorted(mesh.triangles_center, mesh.face_normals)
     faces = smooth_faces(mesh, None if optical.inverse_radii is None else numbers)
-    if optical.plate is not None:  # its sides turn from flat to round without a crease: what is no lens stays facets
-        flat = np.flatnonzero(numbers == NO_FACE)
-        faces[flat] = faces.max() + 1 + np.arange(len(flat))
+    flat = numbers == NO_FACE
+    if optical.plate is None:  # all neighbours on a tall wall stand on one ring: where it leans, that tells no slope
+        steep = np.abs(mesh.face_normals[:, 2])
+        flat &= (steep > _LEANS) & (steep < 1.0 - _LEANS)
+    # The sides of a plate turn from flat to round without a crease: what is no lens stays facets.
+    faces[flat] = faces.max() + 1 + np.arange(np.count_nonzero(flat))
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
     vertices, face_of = np.divmod(keys, faces.max() + 1)

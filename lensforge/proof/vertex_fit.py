@@ -20,9 +20,8 @@ _POWERS = [(degree - k, k) for degree in range(1, _DEGREE + 1) for k in range(de
 _TERMS, _SUMS = len(_POWERS), 2 * _DEGREE + 1
 _OF_X, _OF_Y = (np.array(powers) for powers in zip(*_POWERS, strict=True))
 # A term that the neighbours do not determine goes to the lower degree: the ridge grows with the degree. At a rim 48
-# neighbours are five rows deep; with 1e-7 for the fifth degree the normals there are wrong by 1 mrad. A slope is
-# no cheaper than a bend: on a tall wall that leans, all neighbours stand on one ring, whose bend would tilt it by 0.2.
-_RIDGE = np.array([(0.0, 1e-9, 1e-9, 1e-6, 1e-4, 1e-3)[i + j] for i, j in _POWERS])
+# neighbours are five rows deep; with 1e-7 for the fifth degree the normals there are wrong by 1 mrad.
+_RIDGE = np.array([(0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3)[i + j] for i, j in _POWERS])
 _LEAST_WEIGHT = 1e-3  # of the farthest neighbour: near ones count more, which takes 0.64 of the error of the normals
 _STEEPEST = 0.999  # height of the farthest neighbours over their distance: a dome's are at a tenth
 _ACROSS, _SIZE, _FITS = 6, 6, 7  # numbers of the two vectors of a frame, and rows behind them
