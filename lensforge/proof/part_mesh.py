@@ -14,7 +14,7 @@ from threading import Lock
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -31,6 +31,7 @@ CREASE_RAD = np.deg2rad(30.0)
 LEVEL_MM = 1e-4  # what is nearer to z = 0 lies there, in single precision too
 NEIGHBOURS = 48  # for 20 terms: fewer leave an irregular mesh undetermined, more reach over the surface's own detail
 _LEANS = 1e-4  # z of the normal of a wall with draft, and less than 1 by as much
+_EVEN = 4.0  # the broadest facet of a round wall over the narrowest: 1.2 of a design's, hundreds at flat sides
 
 
 @dataclass(eq=False)
@@ -39,18 +40,20 @@ class VertexFit:
 
     A quintic is fitted around a vertex when it is first asked for: of a plate a tenth is met by rays. ``normals``: of
     the facets around each, which say where the outside is. ``faces`` numbers the smooth face of each vertex; neighbours
-    are taken from the same face only.
+    are taken from the same face only. On those of ``walls`` no polynomial is fitted, and the normals stay.
     """
 
     places: Float[np.ndarray, "k 3"]
     normals: Float[np.ndarray, "k 3"]
     faces: Int[np.ndarray, " k"]
+    walls: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
         self._shapes = np.zeros((len(self.places), 13))
         order, ends = np.argsort(self.faces, kind="stable"), np.cumsum(np.bincount(self.faces))[:-1]
         # A few facets, such as those of a box, keep the mean of their normals.
-        self._members = {k: rows for k, rows in enumerate(np.split(order, ends)) if len(rows) >= NEIGHBOURS}
+        groups = {k: rows for k, rows in enumerate(np.split(order, ends)) if k not in self.walls}
+        self._members = {k: rows for k, rows in groups.items() if len(rows) >= NEIGHBOURS}
         self._left = np.isin(self.faces, list(self._members))
         self._trees, self._lock = dict[int, cKDTree](), Lock()
 
@@ -157,17 +160,18 @@ def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> P
     """Build the part that a mesh with merged vertices bounds."""
     numbers, apart = optical.sorted(mesh.triangles_center, mesh.face_normals)
     faces = smooth_faces(mesh, None if optical.inverse_radii is None else numbers)
-    flat = numbers == NO_FACE
+    bare = numbers == NO_FACE
     if optical.plate is None:  # all neighbours on a tall wall stand on one ring: where it leans, that tells no slope
         steep = np.abs(mesh.face_normals[:, 2])
-        flat &= (steep > _LEANS) & (steep < 1.0 - _LEANS)
-    # The sides of a plate turn from flat to round without a crease: what is no lens stays facets.
+        bare &= (steep > _LEANS) & (steep < 1.0 - _LEANS)
+    even = _evenly_broad(mesh, faces)
+    flat, walls = bare & ~even, frozenset(faces[bare & even].tolist())
     faces[flat] = faces.max() + 1 + np.arange(np.count_nonzero(flat))
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
     vertices, face_of = np.divmod(keys, faces.max() + 1)
     places = np.ascontiguousarray(mesh.vertices[vertices], dtype=np.float64)
-    fit = VertexFit(places, facet_average(places, corners), face_of)
+    fit = VertexFit(places, facet_average(places, corners), face_of, walls)
     return PartMesh(mesh, corners, fit, optical, numbers, int(np.sum(apart > FAR_MM)))
 
 
@@ -184,6 +188,20 @@ def smooth_faces(mesh: trimesh.Trimesh, optical: Int[np.ndarray, " t"] | None = 
     graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     numbers: Int[np.ndarray, " t"] = connected_components(graph, directed=False)[1].astype(np.int64)
     return numbers
+
+
+def _evenly_broad(mesh: trimesh.Trimesh, faces: Int[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+    """True for triangles of walls whose facets are about equally broad: the mean of two is the normal between them.
+
+    Where sides turn from flat to round without a crease, it would tilt the ends of a flat one by half of that turn.
+    """
+    x, y = mesh.face_normals[:, :2].T
+    breadths = np.ptp(np.einsum("tki,ti->tk", mesh.triangles[:, :, :2], np.column_stack([-y, x])), axis=1)
+    narrowest, broadest = np.full(faces.max() + 1, np.inf), np.zeros(faces.max() + 1)
+    np.minimum.at(narrowest, faces, breadths)
+    np.maximum.at(broadest, faces, breadths)
+    even: Bool[np.ndarray, " t"] = ((narrowest > 0.0) & (broadest < _EVEN * narrowest))[faces]
+    return even
 
 
 def facet_average(vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray, "t 3"]) -> Float[np.ndarray, "k 3"]:

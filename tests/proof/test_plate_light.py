@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from jaxtyping import Float
 from lens_meshes import lambertian
 from presets import FEW
 from scenes import small_spec
@@ -20,9 +21,9 @@ from lensforge.light.lens_light import evaluate
 from lensforge.optics.media import Media, Medium
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Base
-from lensforge.proof.optical_faces import OpticalFaces
+from lensforge.proof.optical_faces import NO_FACE, OpticalFaces
 from lensforge.proof.part_comparison import LampsApart, LampsOnPlate, light_of_lamps
-from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.proof.part_mesh import PartMesh, read_part_mesh
 from lensforge.proof.proof_facts import stray_facts
 from lensforge.proof.proof_inputs import lamps_together, plate_of, screens_of, stands_of
 from lensforge.proof.proof_result import StrayLight
@@ -36,6 +37,7 @@ from lensforge.spec import BaseSection
 from lensforge.spec.lamps_section import Lamps
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
+Floats = Float[np.ndarray, "..."]
 INNER, OUTER, APART, INDEX = 1.0, 3.0, 8.0, 1.5
 RAYS = lambertian(2000, 0.01, seed=3)
 SCREEN = Screen.square(100.0, 400.0, 16, 0.0)
@@ -93,6 +95,36 @@ def test_a_plate_of_one_sends_the_light_of_the_lens_on_a_base_of_its_shape() -> 
     assert (one.lenses, one.neighbours) == (1, 0.0)
     for name, share in other.flux.model_dump().items():
         assert getattr(one.flux, name) == pytest.approx(share, abs=3e-4), name
+
+
+def leaning_walls(part: PartMesh, slope: float) -> tuple[Floats, Floats, Floats]:
+    """Breadths of the facets of walls, curved points over them, and their normals, whose z is that of the draft."""
+    rows = np.flatnonzero((part.faces == NO_FACE) & (np.abs(part.mesh.face_normals[:, 2]) < 0.5))
+    points, normals = part.curved(rows, np.random.default_rng(4).dirichlet([1.0, 1.0, 1.0], len(rows)))
+    np.testing.assert_allclose(normals[:, 2], -slope / np.hypot(1.0, slope), atol=1e-4)
+    return np.ptp(part.mesh.triangles[rows, :, :2], axis=1).max(axis=1), points, normals
+
+
+def test_walls_with_draft_have_the_normals_of_cones_and_planes() -> None:
+    """Facets of the bore lean by 0.02 from it; they sent its stray light to other pixels."""
+    plate = lens_on({"kind": "rectangle", "corner_radius_mm": 3.0, "draft_deg": 2.0}, [[0.0, 0.0]], [])
+    layout = layout_of(plate)
+    assert layout is not None
+    optical, slope = OpticalFaces(plate=plate_of(layout.lenses)), float(np.tan(np.radians(2.0)))
+    broad, points, normals = leaning_walls(read_part_mesh(stl_of(plate, layout), optical), slope)
+    bore = np.hypot(*points.T[:2]) < 2.0 * INNER
+    assert bore.sum() > 100 and (broad > 3.0).sum() == 8
+    np.testing.assert_allclose(-normals[bore, :2] / np.cos(np.arctan(slope)), radial(points[bore]), atol=1e-3)
+    np.testing.assert_allclose(np.abs(normals[broad > 3.0, :2]).max(axis=1), np.cos(np.arctan(slope)), atol=1e-5)
+    base = BaseSection(diameter_mm=10.0, height_mm=2.0, draft_deg=2.0, relief_step_mm=0.0, bore_setback_mm=0.0)
+    part = read_part_mesh(stl_bytes(build_mesh(lay_out(*fit_lens(plate), base), 24, 2e-3)))
+    _, points, normals = leaning_walls(part, slope)
+    outwards = np.where(np.hypot(*points.T[:2]) < 4.0, -1.0, 1.0)[:, None]
+    np.testing.assert_allclose(outwards * normals[:, :2] / np.cos(np.arctan(slope)), radial(points), atol=1e-3)
+
+
+def radial(points: Floats) -> Floats:
+    return points[:, :2] / np.hypot(*points.T[:2])[:, None]
 
 
 @pytest.mark.nightly("twelve seconds")
