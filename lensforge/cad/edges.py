@@ -282,6 +282,20 @@ def face_at(face: Any, there: Any) -> Any:
     return TopoDS.Face_s(face.Moved(there))
 
 
+def copies_at(shapes: list[Any], there: Any) -> list[Any]:
+    """New shapes at a location, which share what ``shapes`` share: in STEP a cone that is moved alone has no name."""
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.TopoDS import TopoDS_Compound
+
+    builder, whole = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(whole)
+    for shape in shapes:
+        builder.Add(whole, shape)
+    made = BRepBuilderAPI_Transform(whole, there.Transformation(), True)
+    return [made.ModifiedShape(shape).Oriented(shape.Orientation()) for shape in shapes]
+
+
 def normal_at(face: Any, place: tuple[float, float] | None = None) -> tuple[Any, Any]:
     """Point (gp_Pnt) and normal (gp_Vec, of any length) of a face at its parameters, by default in their middle."""
     from OCP.BRepGProp import BRepGProp_Face

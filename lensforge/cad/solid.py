@@ -23,8 +23,8 @@ from lensforge.cad.edges import (
     Named,
     Opening,
     circle_edge,
+    copies_at,
     crease_edges,
-    face_at,
     geom_surface,
     moved,
     normal_at,
@@ -33,7 +33,6 @@ from lensforge.cad.edges import (
     walls_and_foot,
     walls_below,
     wire,
-    wire_at,
 )
 from lensforge.cad.flange import FlangeRing
 from lensforge.cad.outline import FULL_TURN, Arc, Outline, circle
@@ -127,6 +126,8 @@ def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
 
 def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
     """Faces of the feet, and the wires at their tops."""
+    from OCP.TopoDS import TopoDS
+
     own, faces, tops = plan.base.feet, Named(), Chain()
     if own is None:
         return faces, tops
@@ -135,9 +136,9 @@ def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
     sides, end = walls_below(FOOT_SIDE, rim, own.height_mm, tip / root)
     made = [(name, facing(face, AWAY)) for name, face in sides] + [(FOOT_END, facing(planar_face(end), DOWN))]
     for place in own.places_mm:
-        there = moved(place)  # one location: edges at equal ones are not the same
-        faces += [(name, face_at(face, there)) for name, face in made]
-        tops.append(wire_at(wire(rim), there))
+        *there, top = copies_at([*(face for _, face in made), wire(rim)], moved(place))
+        faces += [(name, TopoDS.Face_s(face)) for (name, _), face in zip(made, there, strict=True)]
+        tops.append(TopoDS.Wire_s(top))
     return faces, tops
 
 
