@@ -30,7 +30,7 @@ from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, stl_corners
 CREASE_RAD = np.deg2rad(30.0)
 LEVEL_MM = 1e-4  # what is nearer to z = 0 lies there, in single precision too
 NEIGHBOURS = 48  # for 20 terms: fewer leave an irregular mesh undetermined, more reach over the surface's own detail
-_LEANS = 1e-4  # z of the normal of a wall with draft, and less than 1 by as much
+_LEANS, _MOST_LEANING = 1e-4, 0.5  # z of the normals of a wall with draft; a face that is round both ways has more
 _EVEN = 4.0  # the broadest facet of a round wall over the narrowest: 1.2 of a design's, hundreds at flat sides
 
 
@@ -162,8 +162,9 @@ def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> P
     faces = smooth_faces(mesh, None if optical.inverse_radii is None else numbers)
     bare = numbers == NO_FACE
     if optical.plate is None:  # all neighbours on a tall wall stand on one ring: where it leans, that tells no slope
-        steep = np.abs(mesh.face_normals[:, 2])
-        bare &= (steep > _LEANS) & (steep < 1.0 - _LEANS)
+        highest = np.zeros(faces.max() + 1)
+        np.maximum.at(highest, faces, np.abs(mesh.face_normals[:, 2]))
+        bare &= ((highest > _LEANS) & (highest < _MOST_LEANING))[faces]
     even = _evenly_broad(mesh, faces)
     flat, walls = bare & ~even, frozenset(faces[bare & even].tolist())
     faces[flat] = faces.max() + 1 + np.arange(np.count_nonzero(flat))
