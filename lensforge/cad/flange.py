@@ -75,7 +75,7 @@ def ring_of(lens: Lens, envelope: StarShaped | None = None) -> FlangeRing | None
     low, high = flange_heights_mm(boundary)
     (cylinder,) = (face.surface for face in lens.body.faces if face.is_flange)
     radius = float(cylinder.radius(np.array([[1.0, 0.0, 0.0]]))[0])
-    return _ring(own, radius, low, high, lens.spec.draft_deg(own.draft_deg))
+    return _ring(own, radius, low, high, lens.spec.manufacture.draft_deg(own.draft_deg))
 
 
 def _ring(own: FlangeSection, radius_mm: float, low_mm: float, high_mm: float, draft_deg: float) -> FlangeRing:

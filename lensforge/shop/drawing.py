@@ -65,7 +65,7 @@ def _draft_words(lens: Lens) -> Iterator[str]:
     base, flange = lens.spec.base_made, lens.spec.lens.rim_flange
     if base.draft_deg and base.kind in ("cylinder", "square"):
         yield f"Draft {base.draft_deg:g}° of the base: side, flange and bore are as wide as stated at their tops."
-    if flange is not None and (draft_deg := lens.spec.draft_deg(flange.draft_deg)):
+    if flange is not None and (draft_deg := lens.spec.manufacture.draft_deg(flange.draft_deg)):
         yield f"Draft {draft_deg:g}° of the rim's flange: as wide as stated at its top, narrower towards its underside."
 
 

@@ -60,7 +60,6 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
 
 
 _MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS, _MOST_BODIES = 16, 16, 1000, 8
-_MOULDED_DRAFT_DEG = 1.0  # as of plate.draft_deg
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
 
@@ -161,10 +160,7 @@ class Spec(Section):
         return parse_spec(content, f"{self.name}, changed")
 
     def made_by(self, process: Process) -> "Spec":
-        """The spec of the same lens made by another process, without what goes with its own alone.
-
-        Raises :class:`InputError` for a part that the process does not make.
-        """
+        """The spec of the same lens by another process. Raises :class:`InputError` for a part that it does not make."""
         shrinkage = self.manufacture.shrinkage if process == "moulded" else 0.0
         layer_um = self.manufacture.layer_um if process == "printed" else None
         return self.replace(manufacture={"process": process, "shrinkage": shrinkage, "layer_um": layer_um})
@@ -244,17 +240,12 @@ class Spec(Section):
             return (self,)
         return tuple(self.changed(source=each.source, sources=()) for each in self.sources)
 
-    def draft_deg(self, stated: float | None) -> float:
-        """Draft of a side: as ``stated``, else what the process needs."""
-        moulded_deg = _MOULDED_DRAFT_DEG if self.manufacture.process == "moulded" else 0.0
-        return moulded_deg if stated is None else stated
-
     @property
     def base_made(self) -> BaseSection:
         """The base that is made, with its draft: none where a plate holds the lenses."""
         if self.plate is not None:
             return BaseSection(kind="none")
-        draft_deg = self.draft_deg(self.base.draft_deg)
+        draft_deg = self.manufacture.draft_deg(self.base.draft_deg)
         return self.base.changed(draft_deg=draft_deg) if draft_deg else self.base
 
     @property

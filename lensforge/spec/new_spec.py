@@ -80,7 +80,7 @@ def target_in(words: str) -> dict[str, Any]:
     return {"kind": kind, "text": text, **_sizes("--target", words, width, ("width_mm",)), **away}
 
 
-def receiver_beside(target: Mapping[str, Any], off_axis_deg: float = 0.0, tilt_deg: float = 0.0) -> dict[str, Any]:
+def receiver_beside(target: Mapping[str, Any], off_axis_deg: float = 0.0, tilt_deg: float = 0.0) -> Mapping[str, Any]:
     """Table of ``[[receivers]]`` with ``target`` on a plane whose centre is off the axis, towards +x, at its distance.
 
     ``tilt_deg``: of the plane's normal from the axis, about y. Raises :class:`InputError` for a target on no plane.

@@ -203,6 +203,9 @@ class Tool(Section):
     """Half angle of the holder's cone."""
 
 
+_MOULDED_DRAFT_DEG = 1.0  # as of plate.draft_deg
+
+
 class ManufactureSection(Section):
     """Process by which the lens is made, and the equipment of the shop: a ball cutter, further mills with shank and
     holder, and a turning tool.
@@ -273,6 +276,11 @@ class ManufactureSection(Section):
                 f"included_angle_deg = {self.included_angle_deg:g} and clearance_deg = {self.clearance_deg:g}: the "
                 "clearance and half the angle must together be below 90"
             )
+
+    def draft_deg(self, stated: float | None) -> float:
+        """Draft of a side: as ``stated``, else what the process needs."""
+        moulded_deg = _MOULDED_DRAFT_DEG if self.process == "moulded" else 0.0
+        return moulded_deg if stated is None else stated
 
     @property
     def steepest_deg(self) -> float:

@@ -9,7 +9,6 @@ from shop_lenses import OfSpheres
 from tir_lenses import TIR, spot
 
 from lensforge.scene.lens import Lens
-from lensforge.shop import turning
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import check_facts
 from lensforge.shop.check_result import Check
@@ -178,12 +177,9 @@ def note_on_edge(found: Check, process: str) -> str:
     return next(fact.note for fact in edge.facts if fact.label.startswith("Cap"))
 
 
-@pytest.mark.parametrize(("straight_mm", "largest"), [(3.01, pytest.approx(3.0, rel=1e-5)), (2.99, None)])
-def test_a_hollow_that_is_as_good_as_straight_limits_no_nose(
-    monkeypatch: pytest.MonkeyPatch, straight_mm: float, largest: float | None
-) -> None:
-    monkeypatch.setattr(turning, "_STRAIGHT_MM", straight_mm)
-    assert turned(sphere(3.0), AirSide.INSIDE, tool(1e-3, 20.0)).largest_radius_mm == largest
+@pytest.mark.parametrize(("radius_mm", "largest"), [(9_900.0, pytest.approx(9_900.0, rel=1e-5)), (10_100.0, None)])
+def test_a_hollow_that_is_as_good_as_straight_limits_no_nose(radius_mm: float, largest: float | None) -> None:
+    assert turned(sphere(radius_mm), AirSide.INSIDE, tool(1e-3, 20.0)).largest_radius_mm == largest
 
 
 def test_a_lens_that_is_turned_says_what_its_nose_leaves() -> None:
