@@ -43,7 +43,7 @@ def spot_lens(spec: Spec | None = None, **changes: Any) -> Lens:
 def wall_not_measured() -> Iterator[None]:
     """The thinnest wall of a lens is 9 mm, and takes no second to find."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.search.feasibility.thinnest_of", lambda _: Span(9.0, np.zeros(3), np.ones(3)))
+        patch.setattr("lensforge.cad.wall.thinnest_of", lambda _: Span(9.0, np.zeros(3), np.ones(3)))
         yield
 
 

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.cad.boundary import WHOLE, Boundary, Domain, TrimmedFace, as_pair, lens_boundaries, of_shapes
-from lensforge.cad.patch import Patch, fit_patch
+from lensforge.cad.boundary import WHOLE, Boundary, Domain, TrimmedFace, as_pair, lens_boundaries
+from lensforge.cad.face_tolerance import FaceTolerance
+from lensforge.cad.form_error import fit_boundaries
+from lensforge.cad.patch import Patch
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.surfaces import surface
@@ -57,10 +59,8 @@ def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
 
 
 def thinnest_of(lens: Lens) -> Span:
-    """The shortest line through the wall of ``lens``, between the splines that an export would write."""
-    pair = lens_boundaries(lens)
-    fits = {face.name: fit_patch(face.shape, extent=face.domain.extent) for each in pair for face in each.of_material}
-    return thinnest(*of_shapes(pair, fits))
+    """The shortest line through the wall of ``lens``, between the splines that an export writes by default."""
+    return thinnest(*fit_boundaries(lens_boundaries(lens), {}, tolerance=FaceTolerance()))
 
 
 def thickest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch]) -> Span:

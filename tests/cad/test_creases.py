@@ -120,7 +120,8 @@ def test_bodies_of_four_faces_are_joined_by_a_plate(free_body: BuiltBody) -> Non
     opening = rim_points(free_body.plan.cavity)
     around, scale = float(np.pi * np.mean(np.sum(opening**2, axis=1))), layout.bore_scale(opening)
     bore = 1.5 * around * (1.0 + scale + scale**2) / 3.0
-    expected = 2.0 * (free_body.solid.volume_mm3 - bore) + 1.5 * np.pi * 15.0**2
+    foot = 15.0 - 1.5 * np.tan(np.radians(plate.draft_deg))
+    expected = 2.0 * (free_body.solid.volume_mm3 - bore) + 0.5 * np.pi * (15.0**2 + 15.0 * foot + foot**2)
     assert read.volume_mm3 == pytest.approx(expected, rel=1e-8)
     assert volume_of_mm3(read.faces, layout, free_body.solid.volume_mm3) == pytest.approx(expected, rel=1e-8)
     mesh = build_plate_mesh(free_body.plan, layout, *lens_mesh(free_body.plan, 2))

@@ -66,6 +66,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
     "export": {
         "--schema": ("AP242", "schema", "AP242"),
         "--extension": ("2.5", "extension_deg", 2.5), "--nodes": ("77", "nodes", 77), "--rings": ("30", "rings", 30),
+        "--form-nm": ("33", "form_nm", 33.0), "--normal-mrad": ("0.11", "normal_mrad", 0.11),
         "--date": ("2025-03-04", "date", "2025-03-04"),
     },
     "handover": {
@@ -121,7 +122,7 @@ def calls(monkeypatch: pytest.MonkeyPatch, small_run: lf.Run) -> Calls:
     hear("lensforge.report.sweep_runs.run_sweep", none)
     hear("lensforge.report.tradeoff_study.run_tradeoff", none)
     hear("lensforge.search.searches.design", small_run.design)
-    hear("lensforge.cli.design.evaluate", small_run.light)
+    hear("lensforge.cli.design.evaluate_to_picture", small_run.light)
     hear("lensforge.light.evaluation_result.Light.save")
     hear("lensforge.cli.design.Output.show")
     hear("click.launch")

@@ -104,6 +104,6 @@ def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(
 
 @pytest.mark.usefixtures("undrawn")
 def test_files_that_fail_exit_with_1(folder: Path) -> None:
-    code, _, stderr = lensforge("export", folder, "--nodes", 18)  # of splines far off their faces
+    code, _, stderr = lensforge("export", folder, "--nodes", 18, "--form-nm", 0.1)  # of splines far off their faces
     assert code == 1 and "form_error = " in stderr.splitlines()[-1], stderr
     assert verdict_in(folder)["files"] == "fail"

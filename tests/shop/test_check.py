@@ -10,6 +10,7 @@ from scenes import hemisphere_directions, sphere
 from scipy.spatial import cKDTree
 from shop_lenses import small_lens
 
+import lensforge as lf
 from lensforge.cad.face_tolerance import CHECKED
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import INNER, OUTER, lay_out

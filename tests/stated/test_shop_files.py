@@ -54,6 +54,7 @@ def dimensions_of(lens: dict) -> Iterator[tuple[str, float]]:
         low = (exit_.exact(u)[0] * u[:, 2]).min() - flange["setback_mm"] - flange["thickness_mm"]
         yield "thickness of the rim's flange", flange["thickness_mm"]
         yield "underside of the rim's flange above z = 0", low
+        yield "apex of the cavity to the rim's flange", abs(low - inner)
         yield "diameter of the rim's flange", flange["diameter_mm"]
         wide = max(wide, flange["diameter_mm"])
     yield from (("overall length", top + height), ("largest width", wide))
