@@ -77,9 +77,9 @@ def plot_file(draw: Callable[..., Any], kind: str) -> bytes:
 
     style = {"svg.hashsalt": "lensforge"}  # else each file has ids of its own
     with matplotlib.style.context(["default", style]):  # whatever a matplotlibrc says
-        figure, file = Figure(figsize=(5.0, 4.0), layout="constrained"), io.BytesIO()
+        # "constrained" takes axes of a fixed aspect for wider than they become, and cuts the label beside them
+        figure, file = Figure(figsize=(5.0, 4.0), layout="compressed"), io.BytesIO()
         draw(axes=figure.add_subplot())
-        figure.draw_without_rendering()  # the layout's first pass has other ticks, and cuts the label beside them
         figure.savefig(file, format=kind, dpi=150, metadata={_DATE[kind]: None})
         return file.getvalue()
 

@@ -117,5 +117,5 @@ def new_axes(axes: Axes | None) -> Axes:
         raise InputError(f"axes: is of type {kind}, must be a matplotlib Axes; say what to plot by name, as in which=")
     import matplotlib.pyplot as plt
 
-    created: Axes = plt.subplots(layout="constrained")[1]
+    created: Axes = plt.subplots(layout="compressed")[1]
     return created

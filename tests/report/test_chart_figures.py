@@ -1,11 +1,16 @@
 """Figures of receivers that are no squares: rectangles, the far field in degrees, and regions of uniform light."""
 
+import io
+from functools import partial
+
 import numpy as np
 import pytest
 from matplotlib.patches import Circle
+from PIL import Image
 
 from lensforge.report import light_figures
 from lensforge.results.chart import Chart, light_unit
+from lensforge.results.notebook_html import plot_file
 from lensforge.results.plots import plot_map
 
 WIDE = Chart(300.0, 150.0)
@@ -134,3 +139,9 @@ def test_the_border_of_a_turned_mask_off_the_centre_lies_where_the_mask_is():
 def test_a_mask_as_large_as_the_receiver_has_its_border_at_the_edge():
     line = border(np.ones((16, 16), dtype=bool), WIDE)
     assert np.abs(line).max(axis=0) == pytest.approx([150.0, 75.0])
+
+
+def test_a_map_in_a_file_has_room_for_its_labels():
+    content = plot_file(partial(plot_map, slope(WIDE, 8, 8) / 2500.0, Chart(1650.0, 1650.0)), "png")
+    drawn = np.asarray(Image.open(io.BytesIO(content)).convert("L"))
+    assert drawn.min() < 50 and all((edge == 255).all() for edge in (drawn[0], drawn[-1], drawn[:, 0], drawn[:, -1]))
