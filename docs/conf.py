@@ -29,7 +29,7 @@ html_theme_options = {"navigation_with_keys": True}
 
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist", "attrs_inline"]
 myst_heading_anchors = 4
-suppress_warnings = ["myst.header"]  # pages that include a part of README.md begin with its second level
+suppress_warnings = ["myst.header"]  # a gallery of one level, and pages that include others
 nb_execution_mode = "off"  # notebooks are executed in the nightly run, and stored with their results
 nb_merge_streams = True
 

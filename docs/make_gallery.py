@@ -2,6 +2,7 @@
 
 python docs/make_gallery.py            # the drafts that are not drawn yet, then the page: a minute each
 python docs/make_gallery.py --page     # the page alone
+python docs/make_gallery.py --small    # docs/gallery/thumb_NAME.png, the pictures of README's table
 """
 
 import argparse
@@ -10,50 +11,85 @@ import tomllib
 from io import BytesIO
 from pathlib import Path
 
-from PIL import Image
+import numpy as np
+from matplotlib import colormaps
+from PIL import Image, ImageChops
 
 DOCS = Path(__file__).parent
 EXAMPLES = DOCS.parent / "examples"
 PICTURES, FIGURES, PAGE = DOCS / "gallery", DOCS / "gallery.json", DOCS / "gallery.md"
 RAYS = 2**20
-GROUPS = {
-    "The first ones": ("quickstart", "cross", "rectangle", "text", "image"),
-    "The paper's": ("flat_top", "flat_top_compact", "pi", "plus"),
-    "For the shop": ("flat_top_milled", "robust_pi", "fixed_inner", "fixed_outer", "fixed_step_face"),
-    "Real LEDs": ("led_rayfile", "led_colours", "osram_pi", "chip_array", "second_source"),
-    "Colours": ("rgbw", "white_two_files"),
-    "Other receivers": ("wall_washer", "curved_screen", "two_distances"),
-    "Beams and lamps": ("batwing", "elliptical_beam", "from_ies", "signal", "street_lamp"),
-    "Roads": ("road_m3", "road_wide", "road_luminance", "pedestrian"),
-    "Lamps together": (
-        "backlight", "backlight_plate", "backlight_rim", "high_bay", "panel", "street_module", "floodlights",
+SIDE = 96  # of a small picture of README, in pixels
+SMALL = (
+    "spot", "oval", "rectangle", "quickstart", "reflector", "backlight_plate", "floodlights", "road_m3", "rgbw",
+)  # fmt: skip
+GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "Pictures": (
+        "Two freeform faces draw a picture: letters, a logo, numbers on a grid ([the target](targets.md)).",
+        ("quickstart", "cross", "text", "image", "two_distances", "curved_screen"),
     ),
-    "Total internal reflection": ("spot", "spot_10", "oval", "flashlight", "desk_spot", "collimating_mirror"),
-    "Reflectors": ("reflector", "ellipsoidal_reflector"),
-    "Materials": ("silicone", "coated_cover_glass", "domed_cover"),
-    "Designs of published papers": (
-        "published/rectangle_2mm", "published/rectangle_3mm", "published/compact_rectangle",
-        "published/compact_one_axis", "published/circle", "published/street", "published/two_numerals",
+    "Fields and wide beams": (
+        "Two freeform faces make an even field, a beam, or the light of a file ([the target](targets.md),"
+        " [limits](limits.md)).",
+        ("rectangle", "wall_washer", "batwing", "elliptical_beam", "from_ies", "signal"),
+    ),
+    "Spots and ovals": (
+        "A lens for total internal reflection sends more light into a narrow beam ([spots](beams.md)).",
+        ("spot", "spot_10", "oval", "flashlight", "desk_spot", "collimating_mirror"),
+    ),
+    "Reflectors": (
+        "A mirror in place of a lens ([reflectors](beams.md#reflectors)).",
+        ("reflector", "ellipsoidal_reflector"),
+    ),
+    "Roads": (
+        "A road is stated by its class; the lens is designed for what drivers see ([roads](roads.md)).",
+        ("road_m3", "road_wide", "road_luminance", "pedestrian", "street_lamp"),
+    ),
+    "Lamps and plates": (
+        "Many LEDs with lenses, whose light adds up, and the one part that holds them ([lamps and plates](plates.md)).",
+        ("backlight", "backlight_plate", "backlight_rim", "high_bay", "panel", "street_module", "floodlights"),
+    ),
+    "LEDs and colours": (
+        "Ray files, chips, interchangeable LEDs, and one colour ([the LED](sources.md), [several LEDs](leds.md)).",
+        ("led_rayfile", "osram_pi", "chip_array", "second_source", "led_colours", "rgbw", "white_two_files"),
+    ),
+    "For the shop": (
+        "Cutters, moulds that exist, and tolerances ([to the shop](shop.md)).",
+        ("flat_top_milled", "robust_pi", "fixed_inner", "fixed_outer", "fixed_step_face"),
+    ),
+    "Materials and covers": (
+        "Other materials, coatings, given optics around the lens ([materials](sources.md#materials-and-temperature)).",
+        ("silicone", "coated_cover_glass", "domed_cover"),
+    ),
+    "The paper's designs": (
+        "Designs of the paper whose method this is ([results](results.md)).",
+        ("flat_top", "flat_top_compact", "pi", "plus"),
+    ),
+    "Designs of other papers": (
+        "Repeated with their own LED, size and target as far as they are stated ([compared](published.md)).",
+        (
+            "published/rectangle_2mm", "published/rectangle_3mm", "published/compact_rectangle",
+            "published/compact_one_axis", "published/circle", "published/street", "published/two_numerals",
+        ),
     ),
 }  # fmt: skip
 HEAD = """# Gallery
 
-Every shipped spec and its light. The pictures are of drafts, {rays:,} rays, made in a minute each by
-`python docs/make_gallery.py`; the figures of the finished lenses are in [Results](results.md) and
-[Against what is published](published.md). `lensforge examples NAME` copies a spec, with the files that it names, into
-the folder that you are in.
+Every shipped spec, its light, and what it shows. `lensforge examples NAME` copies a spec, with the files that it
+names, into the folder that you are in.
 
-Beside the specs there are two scripts, `examples/design_to_step.py` and `examples/faces_to_step.py`, and three
-notebooks:
-[A first lens and its light](notebooks/first_light.ipynb),
-[Size against efficiency](notebooks/size_against_efficiency.ipynb),
-[A target of your own](notebooks/own_target.ipynb).
+The pictures are of drafts, {rays:,} rays (`python docs/make_gallery.py`, a minute each). Finished lenses are better:
+[results](results.md), [against what is published](published.md).
+
+Scripts: `examples/design_to_step.py`, from objects to a STEP file; `examples/faces_to_step.py`, a TIR lens from four
+given faces, traced, exported and proven. Notebooks: [a first lens and its light](notebooks/first_light.ipynb), [size
+against efficiency](notebooks/size_against_efficiency.ipynb), [a target of your own](notebooks/own_target.ipynb).
 """
 
 
 def names() -> list[str]:
     """All specs of the gallery, as paths in examples/ without their suffix."""
-    return [name for group in GROUPS.values() for name in group]
+    return [name for _, group in GROUPS.values() for name in group]
 
 
 def sentence(name: str) -> str:
@@ -96,6 +132,41 @@ def draw(name: str) -> dict[str, object]:
     }
 
 
+def square(picture: Image.Image) -> Image.Image:
+    """A picture without its white border, in the middle of a white square."""
+    whole = Image.new("RGBA", picture.size, "white")
+    whole.alpha_composite(picture.convert("RGBA"))
+    plain = whole.convert("RGB")
+    plain = plain.crop(ImageChops.difference(plain, Image.new("RGB", plain.size, "white")).getbbox())
+    plain.thumbnail((SIDE, SIDE), Image.Resampling.LANCZOS)
+    found = Image.new("RGB", (SIDE, SIDE), "white")
+    found.paste(plain, ((SIDE - plain.width) // 2, (SIDE - plain.height) // 2))
+    return found
+
+
+def save_small(name: str, cut: bytes, light: np.ndarray) -> None:
+    """Put the lens, cut open, beside its light, row 0 of which is at the bottom."""
+    colours = colormaps["inferno"](light[::-1] / np.quantile(light, 0.995), bytes=True)
+    sheet = Image.new("RGB", (2 * SIDE + 8, SIDE), "white")
+    for place, picture in enumerate((Image.open(BytesIO(cut)), Image.fromarray(colours))):
+        sheet.paste(square(picture), (place * (SIDE + 8), 0))
+    sheet.quantize(64).save(PICTURES / f"thumb_{name}.png", optimize=True)
+
+
+def draw_small(name: str) -> None:
+    """Design a draft, and save its small picture."""
+    import lensforge as lf
+    from lensforge.report.solid_view import Rendering
+
+    spec = lf.load_spec(EXAMPLES / f"{name}.toml").replace({"optimise.seconds": None})
+    lens = lf.design(spec, accuracy="draft", force=True).lens
+    part = lf.build(lens)
+    rendering = Rendering(part.stl, spec.constraints.max_radius_mm, part.plate_stl)
+    pictures = rendering.result().pictures
+    rendering.close()
+    save_small(name, pictures.get("plate", pictures["cut"]), lf.evaluate(lens, rays=RAYS).receivers[0].map)
+
+
 def figures_of(found: dict[str, list[float]]) -> str:
     """The figures of a design in words; where only the share of the light counts, an error of its pattern is none."""
     shares = ", ".join(f"{value:.3f}" for value in found["efficiency"])
@@ -107,8 +178,8 @@ def figures_of(found: dict[str, list[float]]) -> str:
 def page(figures: dict[str, dict[str, list[float]]]) -> str:
     """The page: a group for each heading, a spec for each row."""
     lines = [HEAD.format(rays=RAYS)]
-    for title, group in GROUPS.items():
-        lines += [f"## {title}", "", "| spec | its light |", "|---|---|"]
+    for title, (words, group) in GROUPS.items():
+        lines += [f"## {title}", "", words, "", "| spec | its light |", "|---|---|"]
         for name in group:
             found = figures.get(name)
             drawn = f"![The light of {Path(name).name}](gallery/{Path(name).name}.png)" if found else ""
@@ -127,7 +198,12 @@ def main() -> None:
     """Draw what is missing, and write the page."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--page", action="store_true", help="write the page alone")
-    if not parser.parse_args().page:
+    parser.add_argument("--small", action="store_true", help="draw the small pictures of README alone")
+    options = parser.parse_args()
+    if options.small:
+        for name in SMALL:
+            draw_small(name)
+    elif not options.page:
         for name in names():
             figures = _stored()
             source = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")).get("source", {})

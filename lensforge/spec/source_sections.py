@@ -216,13 +216,13 @@ class LuminanceSource(PlanarSource):
 
 
 class RadianceSource(EmitterSection):
-    """Radiance by position and direction, from a NumPy archive (docs/rayfiles.md); a given flux replaces its own."""
+    """Radiance by position and direction, from a NumPy archive (docs/sources.md); a given flux replaces its own."""
 
     words: ClassVar[str] = "source of the radiance table {0.file.name}"
 
     kind: Literal["radiance"] = "radiance"
     file: FilePath
-    """NumPy archive (docs/rayfiles.md)."""
+    """NumPy archive (docs/sources.md)."""
 
 
 class RaySource(Placement):
