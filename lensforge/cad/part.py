@@ -217,10 +217,10 @@ def part_facts(part: Part) -> list[Group]:
     density = part.lens.spec.lens.density
     words = {"source": "" if density is None else density.source, "turned": _turned(part)}
     table = facts_of(part, _FILES, judged=part.criteria, **words)
-    if part.plate is not None:
+    if part.lens.spec.plate is not None:
         alone = "volume", "mass"
         table = (replace(fact, label=f"{fact.label} of a lens") if fact.key in alone else fact for fact in table)
-    groups = [Group("files", "Files as read back", (*table, *_mould(part)))]
+    groups = [Group("files", "Files as read back", (*table, *_mould(part), *_plate_elsewhere(part.lens)))]
     if part.plate is not None:
         sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}
         groups.append(plate_facts(part.plate, part.criteria, sizes))
@@ -257,6 +257,12 @@ _FILES = (
     Row("mesh", "Mesh", "closed_or_not", "{triangulation.triangles} facets, genus {genus}"),
     Row("schema", "STEP schema", "step_schema"),
 )
+
+
+def _plate_elsewhere(lens: Lens) -> Iterator[Fact]:
+    """The plate that has this lens, where it is made with that of another kind."""
+    if lens.spec.plate is not None and not lens.makes_plate:
+        yield Fact("plate_files", "Plate", f"in the folder of the lens {lens.kinds[0].kind}, above this one")
 
 
 def _turned(part: Part) -> str:

@@ -37,7 +37,7 @@ from lensforge.cad.part_limits import (
 )
 from lensforge.cad.patch import Patch, fit_extended
 from lensforge.cad.plan import Plan
-from lensforge.cad.plate_export import build_plate
+from lensforge.cad.plate_export import LensOfPlate, build_plate
 from lensforge.cad.plate_result import PLATE_STEP_FILE, PLATE_STL_FILE, PLATE_THREEMF_FILE
 from lensforge.cad.solid import untrimmed_faces
 from lensforge.cad.step import (
@@ -93,7 +93,8 @@ def build_part(
     proof = prove(body, step, stl, threemf)
     form = worst(list(proof.form.values()))
     keep_out = _keep_out(lens, body)
-    plate = build_plate(lens, body.plan, proof.solid, form.form_max_nm, tolerance, schema, date)
+    own = LensOfPlate(body.plan, form.form_max_nm, proof.solid.volume_mm3)
+    plate = build_plate(lens, own, nodes, tolerance, schema, date)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf} | ({} if plate is None else dict(plate.files))
     if surfaces_step is not None:
         files[SURFACES_FILE] = surfaces_step

@@ -1,11 +1,11 @@
-"""The plate from the faces of one lens: STEP, STL and 3MF, and their errors, measured by reading them back.
+"""The plate from the faces of a lens of each kind: STEP, STL and 3MF, and their errors, measured by reading them back.
 
-Each lens in the solid as read back is compared with the one whose form error is known: two splines of the same knots
-are no farther apart than their poles. The volume is compared with its closed form.
+Each lens in the solid as read back is compared with the one of its kind, whose form error is known: two splines of the
+same knots are no farther apart than their poles. The volume is compared with its closed form.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,13 +15,14 @@ from jaxtyping import Float
 from lensforge.cad.body_export import figures_as_read
 from lensforge.cad.boundary import Pair
 from lensforge.cad.face_tolerance import FaceTolerance
+from lensforge.cad.form_error import face_error, fit_lens, worst
 from lensforge.cad.mesh import BodyMesh, check_closed, manifold_of, mesh_error
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.part_limits import mass_g, mesh_volume_limit, plate_criteria
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_points
 from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
-from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
+from lensforge.cad.plate_mesh import build_plate_mesh, lens_meshes
 from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate
 from lensforge.cad.plate_solid import (
     BOSS_BORE,
@@ -34,7 +35,7 @@ from lensforge.cad.plate_solid import (
     PLATE_SIDE,
     build_plate_solid,
 )
-from lensforge.cad.solid import Shapes, Solid, build_solid
+from lensforge.cad.solid import Shapes, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
 from lensforge.results.brep_size import spline_poles
@@ -43,13 +44,33 @@ from lensforge.results.files import MIB
 from lensforge.results.record import MOST_FILE_BYTES
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
-from lensforge.spec.lamps_section import Lamps
+from lensforge.spec.lamps_section import Lamps, Place
 from lensforge.surfaces.step_file import Schema, parts_of
 
 _BARE = BaseSection(kind="none")
 _NEIGHBOURS = 1.5  # of the distance of the nearest two axes: lenses this close may be the closest two
 _CLOSEST = 64  # vertices, and facets of each, among which the closest are found
 _NM_PER_MM = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class LensOfPlate:
+    """The lens of one kind: its fitted faces, their form error, and the volume of its solid, without a base."""
+
+    plan: Plan[Patch]
+    form_error_nm: float
+    volume_mm3: float
+
+    @staticmethod
+    def fitted(lens: Lens, nodes: int | None, tolerance: FaceTolerance) -> "LensOfPlate":
+        """Fit the faces of ``lens``, with so many ``nodes`` or as its ``tolerance`` asks."""
+        pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)), tolerance=tolerance)
+        plan = lay_out(*pair, _BARE)
+        solid = build_solid(plan)
+        errors = [
+            face_error(lens.surfaces[face.name], solid.faces[face.label], domain=face.domain) for face in plan.faces
+        ]
+        return LensOfPlate(plan, worst(errors).form_max_nm, solid.volume_mm3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,42 +83,40 @@ class BuiltPlate:
 
 
 def build_plate(
-    lens: Lens,
-    plan: Plan[Patch],
-    one: Solid,
-    form_error_nm: float,
-    tolerance: FaceTolerance,
-    schema: Schema,
-    date: str | None,
+    lens: Lens, own: LensOfPlate, nodes: int | None, tolerance: FaceTolerance, schema: Schema, date: str | None
 ) -> BuiltPlate | None:
-    """Make the plate of the spec from the fitted faces of one lens; None where the spec has no ``[plate]``.
+    """Make the plate of the spec; None where no plate is made with ``lens``.
 
-    ``plan``, ``one``, ``form_error_nm``, ``tolerance``: of the lens as exported by itself. Raises
-    :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
+    ``own``: ``lens`` as exported by itself; ``nodes``, ``tolerance``: of its faces and of those of further kinds.
+    Raises :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
     """
     start, layout = time.perf_counter(), layout_of(lens)
-    if layout is None:
+    if layout is None or not lens.makes_plate:
         return None
-    bare, product = lay_out(plan.cavity, plan.envelope, _BARE), f"{lens.spec.name} plate"
-    opening = rim_points(bare.cavity)
-    _require_walls(layout, opening)
-    facets, chord_mm = lens_mesh(bare, len(layout.lenses))
+    kinds = [own, *(LensOfPlate.fitted(each, nodes, tolerance) for each in lens.kinds[1:])]
+    plans, volumes, product = (
+        [each.plan for each in kinds],
+        [each.volume_mm3 for each in kinds],
+        f"{lens.spec.name} plate",
+    )
+    openings = [rim_points(plan.cavity) for plan in plans]
+    _require_walls(layout, openings)
+    facets, chord_mm = lens_meshes(tuple(plans), layout.lenses.kind_of_each)
     gap_mm = least_gap_mm(facets, layout)
-    solid = build_plate_solid(bare, layout)
+    solid = build_plate_solid(plans, layout)
     step = signed_step(solid, lens.spec, product, schema, date).content
     _require_readable(step, len(layout.lenses))
-    mesh = build_plate_mesh(bare, layout, facets, chord_mm)
+    mesh = build_plate_mesh(plans, layout, facets, chord_mm)
     stl, threemf = stl_bytes(mesh), threemf_bytes(mesh, product)
     files = dict(zip(PLATE_FILES, (step, stl, threemf), strict=True))
-    lens_mm3 = (one if plan.base.kind == "none" else build_solid(bare)).volume_mm3
-    volume = layout.volume_mm3(lens_mm3, opening)
+    volume = layout.volume_mm3(volumes, openings)
     read, closed = parse_step(step), check_closed(*parse_stl(stl, PLATE_FILES[1]))
     in_3mf = check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
-    form_nm = form_error_nm + copies_off_mm(read.faces, bare, layout) * _NM_PER_MM
+    form_nm = max(each.form_error_nm for each in kinds) + copies_off_mm(read.faces, plans, layout) * _NM_PER_MM
     measured = {
         "form_error": form_nm,
         "step_volume_change": abs(read.default_volume_mm3 / solid.default_volume_mm3 - 1.0),
-        "volume_error": abs(volume_of_mm3(read.faces, layout, lens_mm3) / volume - 1.0),
+        "volume_error": abs(volume_of_mm3(read.faces, layout, volumes) / volume - 1.0),
     }
     figures = Plate(
         lenses=len(layout.lenses),
@@ -111,7 +130,7 @@ def build_plate(
         genus=closed.genus,
         faces=len(parts_of(read.shape, "FACE")),
         triangles=len(mesh.triangles),
-        chord_error_um=1e3 * mesh_error(facets, bare),
+        chord_error_um=1e3 * max(mesh_error(*each) for each in zip(facets, plans, strict=True)),
         seconds=round(time.perf_counter() - start, 3),
     )
     limit = mesh_volume_limit(mesh.area(), chord_mm, volume)
@@ -120,8 +139,8 @@ def build_plate(
     return BuiltPlate(figures, criteria, files)
 
 
-def _require_walls(layout: PlateLayout, opening: Float[np.ndarray, "n 2"]) -> None:
-    wall = layout.thinnest_wall(opening)
+def _require_walls(layout: PlateLayout, openings: Sequence[Float[np.ndarray, "n 2"]]) -> None:
+    wall = layout.thinnest_wall(openings)
     if wall is not None and wall.thickness_mm < MIN_BASE_WALL_MM:
         raise InputError(
             f"plate: the wall between {wall.between} is {wall.thickness_mm:.4g} mm; allowed: at least "
@@ -138,21 +157,24 @@ def _require_readable(step: bytes, lenses: int) -> None:
 
 
 def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWall | None]:
-    """Least gap (mm) between two lenses, and the thinnest wall at holes and pins; None for what there is not."""
+    """Least gap (mm) between two lenses of the plate that is made with ``lens``, whose fitted faces are ``pair``, and
+    the thinnest wall at holes and pins; None for what there is not.
+    """
     layout = layout_of(lens)
-    if layout is None:
+    if layout is None or not lens.makes_plate:
         return None, None
-    one, _ = lens_mesh(lay_out(*pair, _BARE), len(layout.lenses))
-    return least_gap_mm(one, layout), layout.thinnest_wall(rim_points(pair[0]))
+    plans = tuple(lay_out(*each, _BARE) for each in (pair, *map(fit_lens, lens.kinds[1:])))
+    facets, _ = lens_meshes(plans, layout.lenses.kind_of_each)
+    return least_gap_mm(facets, layout), layout.thinnest_wall([rim_points(plan.cavity) for plan in plans])
 
 
-def volume_of_mm3(faces: Shapes, layout: PlateLayout, lens_mm3: float) -> float:
+def volume_of_mm3(faces: Shapes, layout: PlateLayout, lenses_mm3: Sequence[float]) -> float:
     """Volume (mm^3) within ``faces``, by a third of the flux of the place through them.
 
-    ``lens_mm3``: through the faces of one lens, the same at each place, since they close a body with a level. A level
-    is taken by its area. There is no flux through z = 0.
+    ``lenses_mm3``: through the faces of a lens of each kind, the same at each place, since they close a body with a
+    level. A level is taken by its area. There is no flux through z = 0.
     """
-    found = len(layout.lenses) * lens_mm3
+    found = sum(layout.of_each(lenses_mm3))
     for name, face in faces.items():
         if name.startswith((PLATE_BOTTOM, PIN_END, BOSS_ROOF)):
             found -= _down_to_zero_mm3(face) / 3.0
@@ -180,15 +202,15 @@ def _down_to_zero_mm3(level: Any) -> float:
     return float(area.Mass() * BRep_Tool.Pnt_s(parts_of(level, "VERTEX")[0]).Z())
 
 
-def copies_off_mm(faces: Shapes, plan: Plan[Patch], layout: PlateLayout) -> float:
-    """Largest distance (mm) of the optical ``faces`` of a plate's solid from those of the lens at its places.
+def copies_off_mm(faces: Shapes, plans: Sequence[Plan[Patch]], layout: PlateLayout) -> float:
+    """Largest distance (mm) of the optical ``faces`` of a plate's solid from those of the lens of each place.
 
     Infinite where a face is missing, or is no spline of as many poles.
     """
     count, off = len(layout.lenses), 0.0
-    for face in plan.faces:
-        poles = face.shape.bounded(face.domain.extent[1]).control
-        for number in range(count):
+    for number, plan in enumerate(layout.of_each(plans)):
+        for face in plan.faces:
+            poles = face.shape.bounded(face.domain.extent[1]).control
             found = faces.get(face.label if count == 1 else f"{face.label}_{number + 1}")
             read = None if found is None else _poles_of(found)
             if read is None or read.shape != poles.shape:
@@ -207,21 +229,21 @@ def _poles_of(face: Any) -> Float[np.ndarray, "n n 3"] | None:
     return spline_poles(surface) if isinstance(surface, Geom_BSplineSurface) else None
 
 
-def least_gap_mm(lens: BodyMesh, layout: PlateLayout) -> float | None:
+def least_gap_mm(kinds: Sequence[BodyMesh], layout: PlateLayout) -> float | None:
     """Least distance (mm) between two lenses: from a vertex of one to the facets of the other; None for one lens.
 
-    Raises :class:`InputError` where two overlap.
+    ``kinds``: a lens of each. Raises :class:`InputError` where two overlap.
     """
-    body, gaps = manifold_of(lens.vertices, lens.triangles), list[float]()
-    for way, turn in _neighbours(layout):
+    bodies, gaps = [manifold_of(lens.vertices, lens.triangles) for lens in kinds], list[float]()
+    for way, turn, (own, other) in _neighbours(layout):
         beside = replace(layout, lenses=Lamps.level([way], [turn]))
-        vertices = beside.placed(lens.vertices, 0)
-        if (body ^ manifold_of(vertices, lens.triangles)).volume() > 0.0:
+        vertices = beside.placed(kinds[other].vertices, 0)
+        if (bodies[own] ^ manifold_of(vertices, kinds[other].triangles)).volume() > 0.0:
             raise InputError(
                 f"plate: two lenses, {np.hypot(*way):.4g} mm apart, overlap; raise the pitch of lamps, or lower "
                 "constraints.max_radius_mm and design again"
             )
-        gaps.append(_between_mm(vertices, lens))
+        gaps.append(_between_mm(vertices, kinds[own]))
     return min(gaps, default=None)
 
 
@@ -237,15 +259,20 @@ def _between_mm(points: Float[np.ndarray, "n 3"], lens: BodyMesh) -> float:
     return float(np.linalg.norm(trimesh.triangles.closest_point(facets, repeated) - repeated, axis=1).min())
 
 
-def _neighbours(layout: PlateLayout) -> Iterator[tuple[tuple[float, float], float]]:
-    """Places (mm) and turns (degrees) of lenses as near ones see them in their own coordinates, each once."""
-    lenses, seen = layout.lenses, set[tuple[float, float, float]]()
+def _neighbours(layout: PlateLayout) -> Iterator[tuple[Place, float, tuple[int, int]]]:
+    """Places (mm) and turns (degrees) of lenses as near ones see them in their own coordinates, each once.
+
+    With the kinds of both, that of the near one first.
+    """
+    lenses, kinds = layout.lenses, layout.lenses.kind_of_each
+    seen = set[tuple[float, float, float, int, int]]()
     places, turns = np.array([lens.place_mm for lens in lenses.lamps]), np.array(lenses.turns_deg)
     for one, lens in enumerate(lenses.lamps):
         ways = lens.pose.own_points(places)
         near = np.flatnonzero(np.hypot(*ways.T[:2]) <= _NEIGHBOURS * lenses.nearest_mm())
         for other in near[near != one]:
             x, y, turned = np.round((*ways[other, :2], (turns[other] - lens.turn_deg) % 360.0), 6).tolist()
-            if (x, y, turned) not in seen:
-                seen.add((x, y, turned))
-                yield (x, y), turned
+            found = x, y, turned, kinds[one], kinds[other]
+            if found not in seen:
+                seen.add(found)
+                yield (x, y), turned, found[3:]

@@ -4,8 +4,10 @@ Solid and mesh of the plate are both made from the same loops, and its
 volume follows from them in closed form.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, pi
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +18,8 @@ from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateHole, Pla
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, area_mm2, box_of_loop, circle_at, drafted_scale
 
 _SAME_MM = 1e-9
+_Around = Float[np.ndarray, "n 2"]
+_Value = TypeVar("_Value")
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ class RoundWall:
 
 @dataclass(frozen=True)
 class PlateLayout:
-    """A plate of the spec, its width and height (mm), and the places and turns of its lenses."""
+    """A plate of the spec, its width and height (mm), and the places, turns and kinds of its lenses."""
 
     plate: PlateSection
     size_mm: tuple[float, float]
@@ -126,7 +130,7 @@ class PlateLayout:
         foot_mm = radius_mm + way * self.plate.slope * length_mm
         return RoundWall(place, radius_mm, foot_mm, depth_mm, length_mm)
 
-    def bore_scale(self, opening: Float[np.ndarray, "n 2"]) -> float:
+    def bore_scale(self, opening: _Around) -> float:
         """Factor from a cavity's rim, points (mm) around it in z = 0, to the foot of its bore."""
         return drafted_scale(opening, self.plate.slope, self.plate.thickness_mm)
 
@@ -135,37 +139,54 @@ class PlateLayout:
         """Least and largest x and y of its outline."""
         return box_of_loop(self.outline)
 
-    def volume_mm3(self, lens_mm3: float, opening: Float[np.ndarray, "n 2"]) -> float:
-        """Volume of the plate in closed form.
+    @property
+    def counted(self) -> list[str]:
+        """Number of its lenses in words, of each kind."""
+        lenses = self.lenses
+        return [f"{len(kind.numbers)} × lens {kind.name}" for kind in lenses.kinds] or [f"{len(lenses)} × lens"]
 
-        ``lens_mm3``: of one lens above z = 0 without a base. ``opening``: points (mm) at equal azimuths around its rim.
+    def of_each(self, values: Sequence[_Value]) -> list[_Value]:
+        """The value of its kind, for each lens."""
+        return [values[kind] for kind in self.lenses.kind_of_each]
+
+    def volume_mm3(self, lenses_mm3: Sequence[float], openings: Sequence[_Around]) -> float:
+        """Volume of the plate in closed form, from those of a lens of each kind.
+
+        ``lenses_mm3``: above z = 0 without a base. ``openings``: points (mm) at equal azimuths around their rims.
         """
-        scale, opening_mm2 = self.bore_scale(opening), float(pi * np.mean(np.sum(opening**2, axis=1)))
-        of_one_mm3 = lens_mm3 - self.plate.thickness_mm * opening_mm2 * (1.0 + scale + scale**2) / 3.0
+        thickness = self.plate.thickness_mm
+        bores_mm3 = [thickness * self._mean_bore_mm2(opening) for opening in openings]
+        of_lenses_mm3 = sum(self.of_each(lenses_mm3)) - sum(self.of_each(bores_mm3))
         top, middle, foot = (area_mm2(self._outline(share)) for share in (0.0, 0.5, 1.0))
         mean_mm2 = (top + 4.0 * middle + foot) / 6.0 - sum(map(area_mm2, self.slots))
         pins_mm3 = sum(pin.volume_mm3 - (0.0 if bore is None else bore.volume_mm3) for pin, bore in self.standing)
         holes_mm3 = sum(hole.volume_mm3 for hole in self.holes)
-        return len(self.lenses) * of_one_mm3 + self.plate.thickness_mm * mean_mm2 + pins_mm3 - holes_mm3
+        return of_lenses_mm3 + thickness * mean_mm2 + pins_mm3 - holes_mm3
+
+    def _mean_bore_mm2(self, opening: _Around) -> float:
+        """Mean section of the bore below an opening."""
+        scale = self.bore_scale(opening)
+        return float(pi * np.mean(np.sum(opening**2, axis=1)) * (1.0 + scale + scale**2) / 3.0)
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
         """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
         pose, width = self.lenses.lamps[number].pose, points.shape[1]
         return np.asarray(points @ pose.rotation[:width, :width].T + pose.origin_mm[:width])
 
-    def thinnest_wall(self, opening: Float[np.ndarray, "n 2"]) -> PlateWall | None:
-        """The thinnest wall at its holes, pins and bosses; ``opening``: points (mm) around a cavity in z = 0.
+    def thinnest_wall(self, openings: Sequence[_Around]) -> PlateWall | None:
+        """The thinnest wall at its holes, pins and bosses; ``openings``: points (mm) around cavities of each kind.
 
         None where it has none of them.
         """
-        opening = self.bore_scale(opening) * opening  # at the bottom, where bores and holes are widest
-        plate, axes, largest = self.plate, np.array(self.lenses.places_mm), float(np.hypot(*opening.T).max())
+        bores = self.of_each([self.bore_scale(each) * each for each in openings])  # at the bottom, where all is widest
+        plate, axes = self.plate, np.array(self.lenses.places_mm)
+        largest = max(float(np.hypot(*each.T).max()) for each in bores)
         widened = {name: self._at_bottom_mm(mark) for name, mark in plate.marks}
         found = list[PlateWall]()
         for number, (name, mark) in enumerate(plate.marks):
             away = np.hypot(*(axes - mark.place_mm).T)
             near = np.flatnonzero(away <= away.min() + 2.0 * largest)
-            gaps = {"the cavity of a lens": min(self._gap_mm(opening, int(k), mark.place_mm) for k in near)}
+            gaps = {"the cavity of a lens": min(self._gap_mm(bores[k], int(k), mark.place_mm) for k in near)}
             gaps["the edge"] = plate.to_edge_mm(mark.place_mm, self.size_mm) - self.inset_mm
             for other, one in plate.marks[:number]:
                 gaps[other] = mark.away_mm(one.place_mm) - widened[other]
@@ -182,7 +203,7 @@ class PlateLayout:
         """Radius of a mark at the bottom of the plate."""
         return mark.radius_mm + (self.plate.slope * self.plate.thickness_mm if isinstance(mark, PlateHole) else 0.0)
 
-    def _gap_mm(self, opening: Float[np.ndarray, "n 2"], number: int, place: Place) -> float:
+    def _gap_mm(self, opening: _Around, number: int, place: Place) -> float:
         """Distance (mm) of a place from the opening of a lens, below 0 within its smallest radius."""
         nearest = float(np.hypot(*(self.placed(opening, number) - place).T).min())
         axis = self.lenses.places_mm[number]

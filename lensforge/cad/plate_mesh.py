@@ -1,4 +1,4 @@
-"""The closed mesh of the plate: the facets of one lens, placed for every lens, and the plane faces cut out around them.
+"""The closed mesh of the plate: the facets of a lens of each kind, placed for every lens, and the faces around them.
 
 The rims of the lenses are kept as they are: top and bottom have the same vertices on them, so by construction the mesh
 is closed. The plane faces are triangulated by manifold3d, which adds no vertex.
@@ -79,32 +79,36 @@ class MeshParts:
 
 
 @lru_cache(maxsize=1)  # export and check ask for it
-def lens_mesh(plan: Plan[Patch], count: int) -> tuple[BodyMesh, float]:
-    """The mesh of one lens without a base, and the largest distance (mm) that was allowed of its facets.
+def lens_meshes(plans: tuple[Plan[Patch], ...], kinds: tuple[int, ...]) -> tuple[list[BodyMesh], float]:
+    """The meshes of lenses without a base, one of each kind, and the largest distance (mm) allowed of their facets.
 
-    That is 2 um, or as much as ``count`` lenses of a file that is still read may have.
+    That is 2 um, or as much as lenses of these ``kinds`` of a file that is still read may have.
     """
     chord_mm = CHORD_MM
     while True:
-        mesh = build_mesh(plan, _RINGS, chord_mm)
-        if count * len(mesh.triangles) <= MOST_TRIANGLES:
-            return mesh, chord_mm
+        meshes = [build_mesh(plan, _RINGS, chord_mm) for plan in plans]
+        if sum(len(meshes[kind].triangles) for kind in kinds) <= MOST_TRIANGLES:
+            return meshes, chord_mm
         chord_mm *= 2.0
 
 
-def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, chord_mm: float) -> BodyMesh:
-    """Mesh the plate; ``lens``: one lens without a base, ``chord_mm``: of the round edges of the plate."""
+def build_plate_mesh(
+    plans: Sequence[Plan[Patch]], layout: PlateLayout, meshes: Sequence[BodyMesh], chord_mm: float
+) -> BodyMesh:
+    """Mesh the plate; ``meshes``: of a lens of each kind without a base, ``chord_mm``: of the plate's round edges."""
     parts, thickness = MeshParts(), layout.plate.thickness_mm
-    bore_scale = layout.bore_scale(rim_points(plan.cavity))
-    optical = [name for name in lens.names if name != RIM]
-    rim, mouth = (_rim_of(lens, boundary) for boundary in (plan.envelope, plan.cavity))
+    each = [
+        (mesh, layout.bore_scale(rim_points(plan.cavity)), _rim_of(mesh, plan.envelope), _rim_of(mesh, plan.cavity))
+        for plan, mesh in zip(plans, meshes, strict=True)
+    ]
     deep, sides = (0.0, thickness), (layout.outline, layout.foot)
     outline, foot = _wall(parts, PLATE_SIDE, sides, chord_mm, deep, outwards=True)
     tops, bottoms = [], []
-    for number in range(len(layout.lenses)):
+    for number, (lens, bore_scale, rim, mouth) in enumerate(layout.of_each(each)):
         ids = parts.add_points(layout.placed(lens.vertices, number))
-        for name in optical:
-            parts.add_facets(name, ids[lens.part(name)])
+        for name in lens.names:
+            if name != RIM:
+                parts.add_facets(name, ids[lens.part(name)])
         below = parts.add_points(layout.placed(bore_scale * lens.vertices[mouth, :2], number), -thickness)
         parts.add_wall(PLATE_BORE, ids[mouth][::-1], below[::-1])
         tops.append(ids[rim])
@@ -125,7 +129,7 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
         bottoms.append(edge)
     parts.add_plane(PLATE_TOP, outline, tops, up=True)
     parts.add_plane(PLATE_BOTTOM, foot, bottoms, up=False)
-    return parts.mesh(lens.rings)
+    return parts.mesh(meshes[0].rings)
 
 
 def add_round(parts: MeshParts, name: str, wall: RoundWall, chord_mm: float, *, outwards: bool) -> tuple[_Ids, _Ids]:

@@ -1,9 +1,10 @@
-"""The plate as one B-rep solid: the faces of one lens, placed for every lens, and the faces of the plate around them.
+"""The plate as one B-rep solid: the faces of a lens of each kind, placed for every lens, and the plate around them.
 
 The faces of each lens are the same surfaces at other places, and their rims are the edges of the plate's top: the shell
 is closed as it is made, without a boolean operation, whatever the number of lenses.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 from lensforge.cad.edges import Named, face_at, moved, normal_at, walls_below, walls_between, wire, wire_at
@@ -29,18 +30,15 @@ PLATE_TOP, PLATE_BOTTOM, PLATE_SIDE, PLATE_BORE = "PLATE_TOP", "PLATE_BOTTOM", "
 PLATE_HOLE, PIN_SIDE, PIN_END, BOSS_BORE, BOSS_ROOF = "PLATE_HOLE", "PIN_SIDE", "PIN_END", "BOSS_BORE", "BOSS_ROOF"
 
 
-def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
-    """Build the closed solid; ``plan``: of one lens without a base. Names of faces that stand often end in a number."""
-    whole = (Arc(0.0, FULL_TURN, "bare"),)
-    envelope, rims = optical_faces(plan.envelope, whole, True, FROM_ORIGIN)
-    cavity, (mouth,) = optical_faces(plan.cavity, whole, True, TO_ORIGIN)
-    scale = layout.bore_scale(rim_points(plan.cavity))
-    bore, foot = walls_below(PLATE_BORE, mouth, layout.plate.thickness_mm, scale)
-    lens = [*envelope, *cavity, *((name, facing(face, TOWARDS)) for name, face in bore)]
-    rim = wire([edge for chain in rims for edge in chain])
+def build_plate_solid(plans: Sequence[Plan[Patch]], layout: PlateLayout) -> Solid:
+    """Build the closed solid; ``plans``: of a lens of each kind without a base.
+
+    Names of faces that stand often end in a number.
+    """
     faces, openings, feet = Named(), list[Any](), list[Any]()
-    for place, turn in zip(layout.lenses.places_mm, layout.lenses.turns_deg, strict=True):
-        there = moved(place, turn)
+    lenses = layout.of_each([_lens_with_bore(plan, layout) for plan in plans])
+    for (lens, rim, foot), lamp in zip(lenses, layout.lenses.lamps, strict=True):
+        there = moved(lamp.place_mm[:2], lamp.turn_deg)
         faces += [(name, face_at(face, there)) for name, face in lens]
         openings.append(wire_at(rim, there))
         feet.append(wire_at(foot, there))
@@ -66,6 +64,17 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
     faces.append((PLATE_TOP, facing(planar_face(outline, *openings), UP)))
     faces.append((PLATE_BOTTOM, facing(planar_face(bottom, *feet), DOWN)))
     return assembled(faces)
+
+
+def _lens_with_bore(plan: Plan[Patch], layout: PlateLayout) -> tuple[Named, Any, Any]:
+    """Faces of a lens and of its bore, its rim, and the foot of the bore."""
+    whole = (Arc(0.0, FULL_TURN, "bare"),)
+    envelope, rims = optical_faces(plan.envelope, whole, True, FROM_ORIGIN)
+    cavity, (mouth,) = optical_faces(plan.cavity, whole, True, TO_ORIGIN)
+    scale = layout.bore_scale(rim_points(plan.cavity))
+    bore, foot = walls_below(PLATE_BORE, mouth, layout.plate.thickness_mm, scale)
+    lens = [*envelope, *cavity, *((name, facing(face, TOWARDS)) for name, face in bore)]
+    return lens, wire([edge for chain in rims for edge in chain]), foot
 
 
 def _round(name: str, wall: RoundWall, *, outwards: bool) -> tuple[Named, Any, Any]:

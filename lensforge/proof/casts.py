@@ -78,7 +78,7 @@ def _verified(
     files = FilesOfPart(
         part.stl,
         part.step,
-        lamps_together(part.plate_stl, _of_own_lamps(lens, light), bundle, optical),
+        lamps_together(part.plate_stl, (lens, light) if lens.lamps_on_plate else _of_own_lamps(lens, light), bundle),
         designed=list(designed_files(part)) if measured else (),
         exported=part.size if measured else None,
         chord_mm=1e-3 * part.triangulation.chord_error_um,
@@ -139,7 +139,7 @@ def stray_light(
     """Follow rays through the part with reflections and the base, which the sequential design leaves out.
 
     Of a lens for several LEDs the rays of each; of several lamps the light of all that have the lens, each with the
-    rays of one. Where the part has a plate they go through all of it, from the lamp nearest to its middle.
+    rays of one. Where the part has a plate they go through all of it, from the lamp that is nearest to its middle.
     """
     lens, rays = require(part, Part, "stray_light").lens, count_of("rays", rays)
     with threads_of_torch(threads):
@@ -150,13 +150,13 @@ def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polish
     """Stray light of one LED of ``lens``."""
     import torch
 
-    from lensforge.proof.proof_inputs import optical_of, plate_of, screens_of, stands_of
+    from lensforge.proof.proof_inputs import optical_of, optical_on, plate_of, screens_of, stands_of
 
     spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(lens.spec)
     count, conditions = rays_of(rays, min(preset.verify_rays, preset.stray_rays), source)
     optical, stl = optical_of(lens.body, lens.events), part.stl
     if spec.plate is not None and part.plate_stl is not None:
-        optical, stl = replace(optical, plate=plate_of(spec.plate.lenses(spec.lamps))), part.plate_stl
+        optical, stl = optical_on(plate_of(spec.plate.lenses(spec.lamps)), lens), part.plate_stl
     return stray_in_sandbox(
         stl,
         rays=source.sample(count, seeds.of_verification(lens.seed)),

@@ -141,21 +141,41 @@ class StandingWalls:
 
 @dataclass(frozen=True, eq=False)
 class PlacedFace:
-    """The same optical face of all ``lenses`` of a plate; a point belongs to the lens whose axis is nearest."""
+    """The same optical face of all ``lenses`` of a plate; a point belongs to the lens whose axis is nearest.
 
-    face: DesignedFace
+    ``faces``: of the lens of each kind.
+    """
+
+    faces: Sequence[DesignedFace]
     lenses: PlateOfLenses
 
     @property
     def names(self) -> tuple[str, ...]:
         """Its name with the number of each lens, where there are several."""
         count = len(self.lenses.places)
-        return tuple(f"{self.face.name}_{k + 1}" for k in range(count)) if count > 1 else self.face.names
+        name = self.faces[0].name
+        return tuple(f"{name}_{k + 1}" for k in range(count)) if count > 1 else (name,)
+
+    def of_lens(self, number: int) -> DesignedFace:
+        """The face of the lens of a number."""
+        ((kind, _),) = self.lenses.of_kinds(np.array([number]))
+        return self.faces[kind]
 
     def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
         """Distance (mm) as of the face, in the coordinates of the nearest lens, and its number."""
         own, numbers = self.lenses.at_own(points)
-        return self.face.off_mm(own, small_mm)[0], numbers
+        off = np.zeros(len(points))
+        for kind, rows in self.lenses.of_kinds(numbers):
+            off[rows] = self.faces[kind].off_mm(own[rows], small_mm)[0]
+        return off, numbers
+
+    def known(self, points: _Points) -> Bool[np.ndarray, " n"]:
+        """True for points in whose direction the face of the nearest lens is known."""
+        own, numbers = self.lenses.at_own(points)
+        found = np.zeros(len(points), dtype=bool)
+        for kind, rows in self.lenses.of_kinds(numbers):
+            found[rows] = self.faces[kind].within(self.faces[kind].known, own[rows])
+        return found
 
     def own(self, points: _Points, lens: int | None = None) -> _Points:
         """Points in the coordinates of a lens, by its number, or of the nearest one."""

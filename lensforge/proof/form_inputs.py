@@ -192,20 +192,20 @@ def _of_base(plan: Plan[Surface]) -> _Made:
 
 def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
     """The plate with all its lenses."""
-    cavity, _ = lens_boundaries(lens)
-    thick = layout.plate.thickness_mm
-    lenses = PlateOfLenses(np.array(layout.lenses.places_mm), np.radians(layout.lenses.turns_deg), None)
-    made, mouth = _Made(), _around(rim_radius(cavity), ())
-    growth = (layout.bore_scale(rim_points(cavity)) - 1.0) / thick
+    made, thick, lamps = _Made(), layout.plate.thickness_mm, layout.lenses
+    lenses = PlateOfLenses(np.array(lamps.places_mm), np.radians(lamps.turns_deg), None, lamps.kind_of_each)
+    cavities = [lens_boundaries(each)[0] for each in lens.kinds]
+    growths = [(layout.bore_scale(rim_points(cavity)) - 1.0) / thick for cavity in cavities]
+    mouths = [_around(rim_radius(cavity), ()) for cavity in cavities]
     made.add_level(PLATE_TOP, 0.0)
     made.add_level(PLATE_BOTTOM, -thick)
     leaning = [_UPRIGHT] * len(layout.outline)
     if layout.inset_mm:
         leaning = [_leaning(top, foot, thick) for top, foot in zip(layout.outline, layout.foot, strict=True)]
     made.add_wall(PLATE_SIDE, _along(layout.outline), np.repeat(leaning, _EDGE_PIECES, axis=0))
-    for number in range(len(layout.lenses)):
-        around = layout.placed(mouth.reshape(-1, 2), number).reshape(mouth.shape)
-        made.add_wall(PLATE_BORE, around, (*layout.lenses.places_mm[number], 0.0, growth))
+    for number, kind in enumerate(lamps.kind_of_each):
+        around = layout.placed(mouths[kind].reshape(-1, 2), number).reshape(mouths[kind].shape)
+        made.add_wall(PLATE_BORE, around, (*lamps.places_mm[number], 0.0, growths[kind]))
     for hole in layout.holes:
         made.add_round(PLATE_HOLE, hole)
     for slot in layout.slots:
@@ -216,7 +216,8 @@ def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
         if bore is not None:
             made.add_round(BOSS_BORE, bore)
             made.add_level(BOSS_ROOF, -bore.depth_mm)
-    return DesignedBody([PlacedFace(face, lenses) for face in designed_faces(lens)], made.faces)
+    faces = zip(*map(designed_faces, lens.kinds), strict=True)
+    return DesignedBody([PlacedFace(of_kinds, lenses) for of_kinds in faces], made.faces)
 
 
 def _leaning(top: LoopEdge, foot: LoopEdge, length_mm: float) -> tuple[float, float, float, float]:

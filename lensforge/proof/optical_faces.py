@@ -4,8 +4,8 @@ A file is cast by its own geometry. Of the design come no more than the name of 
 which its coating depends, and the number of events that the light has on its way.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, sin
 
@@ -36,12 +36,19 @@ def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3
 class PlateOfLenses:
     """Lenses of a plate: places (mm) of their axes, turns (rad), and the number of the one that is lit.
 
-    None: all are, and all is in the coordinates of the plate.
+    None: all are, and all is in the coordinates of the plate. ``kinds``: number of the kind of each lens; by default
+    all are of one.
     """
 
     places: Float[np.ndarray, "k 2"]
     turns: Float[np.ndarray, " k"]
     lit: int | None
+    kinds: tuple[int, ...] = ()
+
+    def of_kinds(self, numbers: Int[np.ndarray, " n"]) -> Iterator[tuple[int, Int[np.ndarray, " m"]]]:
+        """Each kind, and the rows of the lenses of these ``numbers`` that are of it."""
+        own = np.array(self.kinds or [0] * len(self.places))[numbers]
+        return ((int(kind), np.flatnonzero(own == kind)) for kind in np.unique(own))
 
     def nearest(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
         """Number of the lens whose axis is nearest to points in the coordinates of the lit one."""
@@ -123,10 +130,10 @@ class OpticalFaces:
     is followed. ``inverse_radii``: of the design, by which a place is sorted where several faces lie on one side: 1
     over the distance from the origin (1/mm), on a square grid of the stereographic chart up to +-1, first index X. By
     default None, and the usual lens: in through one face and out through the other. ``plate``: of a part with several
-    such bodies, seen from the one that is lit; None for one. ``opening``: number of a face at which there is no
-    material: light that rises and meets the part no more has left by it. ``flange_face``: number of the face at which a
-    flange begins, ``flange_mm``: its radius; all of the part that is farther from the axis above z = 0 counts as it;
-    None without one.
+    such bodies, seen from the one that is lit; None for one. ``of_kinds``: of the body of each kind; by default all are
+    like these. ``opening``: number of a face at which there is no material: light that rises and meets the part no more
+    has left by it. ``flange_face``: number of the face at which a flange begins, ``flange_mm``: its radius; all of the
+    part that is farther from the axis above z = 0 counts as it; None without one.
     """
 
     names: tuple[str, ...] = DOUBLE
@@ -134,6 +141,7 @@ class OpticalFaces:
     events: int = _CROSSINGS
     inverse_radii: Float[np.ndarray, "f m m"] | None = None
     plate: PlateOfLenses | None = None
+    of_kinds: tuple["OpticalFaces", ...] = ()
     opening: int | None = None
     flange_face: int | None = None
     flange_mm: float | None = None
@@ -174,7 +182,7 @@ class OpticalFaces:
         It is the nearest of its side; NO_FACE at or below z = 0. Of a face alone on its side the distance is left at 0.
         """
         if self.plate is not None:
-            points, normals = self.plate.from_own(points, normals)
+            return self._sorted_on(self.plate, points, normals)
         above, away = points[:, 2] > 0.0, faces_away(points, normals)
         numbers, apart = np.full(len(points), NO_FACE), np.zeros(len(points))
         for side in (False, True):
@@ -189,6 +197,17 @@ class OpticalFaces:
         if self.flange_mm is not None:
             beyond = above & (np.hypot(points[:, 0], points[:, 1]) > self.flange_mm + _AT_FLANGE_MM)
             numbers[beyond], apart[beyond] = self.flange, 0.0
+        return numbers, apart
+
+    def _sorted_on(
+        self, plate: PlateOfLenses, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+    ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """The same on a plate: by the faces of the lens to which each point is nearest."""
+        kinds, nearest = self.of_kinds or (replace(self, plate=None),), plate.nearest(points)
+        points, normals = plate.from_own(points, normals)
+        numbers, apart = np.full(len(points), NO_FACE), np.zeros(len(points))
+        for kind, rows in plate.of_kinds(nearest):
+            numbers[rows], apart[rows] = kinds[kind].sorted(points[rows], normals[rows])
         return numbers, apart
 
     def _gaps(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "f n"]:

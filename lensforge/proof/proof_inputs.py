@@ -65,18 +65,23 @@ def optical_of(body: Body, events: int = 2) -> OpticalFaces:
 
 
 def plate_of(lamps: Lamps) -> PlateOfLenses:
-    """The lenses of a plate; the one nearest to the origin is lit."""
-    places = np.array(lamps.places_mm)
-    return PlateOfLenses(places, np.radians(lamps.turns_deg), int(np.hypot(*places.T).argmin()))
+    """The lenses of a plate; of those of the first kind the one nearest to the origin is lit."""
+    places, first = np.array(lamps.places_mm), np.array(lamps.kind_of_each) == 0
+    lit = int(np.where(first, np.hypot(*places.T), np.inf).argmin())
+    return PlateOfLenses(places, np.radians(lamps.turns_deg), lit, lamps.kind_of_each)
 
 
-def lamps_together(
-    stl: bytes | None, lit: tuple[Lens, Light], rays: RayBundle, optical: OpticalFaces
-) -> LampsOnPlate | LampsApart | None:
+def optical_on(plate: PlateOfLenses, lens: Lens) -> OpticalFaces:
+    """The faces of a ``plate`` that is made with ``lens``."""
+    kinds = tuple(optical_of(each.body, each.events) for each in lens.kinds)
+    return replace(kinds[0], plate=plate, of_kinds=kinds)
+
+
+def lamps_together(stl: bytes | None, lit: tuple[Lens, Light], rays: RayBundle) -> LampsOnPlate | LampsApart | None:
     """The cast of all lamps; None for one alone.
 
-    ``stl``: of their plate, where there is one. ``lit``: the lens with all lamps that have it, and their light;
-    ``rays``, ``optical``: of one.
+    ``stl``: of their plate, where there is one. ``lit``: the lens with all lamps on the plate, else with all that have
+    it, and their light; ``rays``: of one.
     """
     lens, light = lit
     spec, lamps = lens.spec, lens.spec.all_lamps
@@ -89,8 +94,8 @@ def lamps_together(
     ]
     if stl is None or not lens.lamps_on_plate:
         return LampsApart(stands_of(lamps), drawn, designed)
-    plate = PlateOfLenses(np.array(lamps.places_mm), np.radians(lamps.turns_deg), None)
-    return LampsOnPlate(stl, plate.placed(rays, drawn), replace(optical, plate=plate), designed)
+    plate = replace(plate_of(lamps), lit=None)
+    return LampsOnPlate(stl, plate.placed(rays, drawn), optical_on(plate, lens), designed)
 
 
 def stands_of(lamps: Lamps) -> LampStands:

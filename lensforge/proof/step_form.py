@@ -190,11 +190,11 @@ class _Spline:
 
 @dataclass(eq=False)
 class _Seen:
-    """Points seen of a file so far; ``known``: splines of a plate's lenses, in the coordinates of one, by the face."""
+    """Points seen of a file so far; ``known``: splines of a plate's lenses, in their own coordinates, by the face."""
 
     file: DesignedFile
     farthest: Farthest = field(default_factory=Farthest)
-    known: dict[str, _Spline] = field(default_factory=dict)
+    known: dict[DesignedFace, _Spline] = field(default_factory=dict)
 
     def see(self, read: ReadFace) -> None:
         """Look at all of one face, as the face of the design that most of it is next to."""
@@ -234,18 +234,18 @@ class _Seen:
         self.farthest.see(face, np.maximum(off - beyond, 0.0), points, numbers)
 
     def _is_copy(self, read: ReadFace, face: Designed, lens: int) -> bool:
-        """True where another lens of the plate has the same spline at its place."""
+        """True where another lens of its kind has the same spline at its place."""
         if not isinstance(face, PlacedFace) or read.spline is None:
             return False
         poles = face.own(read.spline.poles.reshape(-1, 3), lens).reshape(read.spline.poles.shape)
-        own = replace(read.spline, poles=poles)
-        return self.known.setdefault(face.face.name, own) is not own and self.known[face.face.name].is_same(own)
+        own, of_kind = replace(read.spline, poles=poles), face.of_lens(lens)
+        return self.known.setdefault(of_kind, own) is not own and self.known[of_kind].is_same(own)
 
 
 def _known(face: Any, points: _Points) -> Bool[np.ndarray, " n"]:
     """True for points in whose direction a face, or that of the nearest lens, is known."""
     if isinstance(face, PlacedFace):
-        return face.face.within(face.face.known, face.own(points))
+        return face.known(points)
     return np.asarray(face.within(face.known, points))
 
 

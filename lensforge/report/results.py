@@ -159,8 +159,9 @@ class Results:
                 by_led = {} if light is None else light.by_led
                 pairs = [(led, each) for led, of_led in by_led.items() for each in of_led.receivers]
                 designed = {(led, each.name): each.efficiency.value for led, each in pairs}
-                words = self.lens.lamp_words, self.lens.own_lamps_words
-                return proof_facts(result, designed, *words, on_plate=self.lens.lamps_on_plate)
+                on_plate, own = self.lens.lamps_on_plate, self.lens.own_lamps_words
+                lamps = self.spec.all_lamps.whole if on_plate else own
+                return proof_facts(result, designed, self.lens.lamp_words, lamps, on_plate=on_plate)
             case StrayLight():
                 return stray_facts(result, self.lens.own_lamps_words)
             case Photometry():

@@ -108,9 +108,14 @@ class Lens:
         return self.of_own_lamps.spec.all_lamps.whole + (f" with the lens {self.kind}" if self.kind else "")
 
     @property
+    def makes_plate(self) -> bool:
+        """True where a plate is made with this lens: with the first of several kinds, whose lenses it has all."""
+        return self.spec.plate is not None and self.kinds[0] is self
+
+    @property
     def lamps_on_plate(self) -> bool:
-        """True where one plate has all lamps; of an endless lattice it has some."""
-        return self.spec.plate is not None and self.spec.all_lamps.period_mm is None
+        """True where the plate that is made with it has all lamps; of an endless lattice it has some."""
+        return self.makes_plate and self.spec.all_lamps.period_mm is None
 
     @property
     def of_own_lamps(self) -> "Lens":
@@ -118,7 +123,8 @@ class Lens:
         own = next((each for each in self.spec.all_lamps.kinds if each.name == self.kind), None)
         if own is None or self.spec.lamps is None:
             return self
-        return replace(self, spec=self.spec.changed(lamps=self.spec.lamps.of_numbers(own.numbers)), others={})
+        apart = {"lamps": self.spec.lamps.of_numbers(own.numbers), "plate": None, "base": self.spec.base_made}
+        return replace(self, spec=self.spec.changed(**apart), others={})
 
     @cached_property
     def body(self) -> Body:

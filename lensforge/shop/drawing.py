@@ -166,12 +166,14 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
     spec, signature, general = lens.spec, part.signature, words.general_tolerances or f"{_NONE}, to be agreed"
     body: Part | Plate = part
     file, name = STEP_FILE, words.part_name or spec.name
-    pages, mass = "1 of 1", ""
+    pages, mass, kinds = "1 of 1", "", [each.kind for each in lens.kinds]
     if part.plate is not None and of_plate:
         body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
-        pages = "1 of 2"
-    elif part.plate is not None:
-        name, pages, mass = f"{name}, one lens of the plate", "2 of 2", "Mass: that of the plate, sheet 1"
+        pages = f"1 of {1 + len(kinds)}"
+    elif spec.plate is not None:
+        one = f"lens {lens.kind} of the plate" if lens.kind else "one lens of the plate"
+        name, mass = f"{name}, {one}", "Mass: that of the plate, sheet 1"
+        pages = f"{2 + kinds.index(lens.kind)} of {1 + len(kinds)}"
     density, volume = spec.lens.density, f"Volume: {body.volume_mm3:.1f} mm³"
     return {
         "name": (name,),

@@ -1,10 +1,10 @@
 """The drawing of the plate: seen from above and from the front, one lens in a larger section, and where its marks are.
 
-The lenses are equal, so that their pattern is dimensioned once: as pitch times count along rows and columns, as a ring,
-or else by a table of places. All sizes are of the design in the plate's own axes, from the middle of its outline.
+The pattern of the lenses is dimensioned once, as pitch times count along rows and columns, or as a ring; other places,
+turns and kinds stand in a table. All sizes are of the design in the plate's own axes, from the middle of its outline.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -163,20 +163,20 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
         rows if len(rows) <= _MOST_ROWS else [*rows[: _MOST_ROWS - 1], PlaceRow("…", what="more on manufacturing.html")]
     )
     band = (HEIGHT + 4.0) * unit + sum(row_height(each, widths, unit) for each in drawn)
-    middle, lines = right - (WIDTH + 4.0) * unit, LensLines.of(lens, layout.lenses.turns_deg)
+    lines, middle = [LensLines.of(each, layout.lenses.turns_deg) for each in lens.kinds], right - (WIDTH + 4.0) * unit
     notes = paragraphs_in((left + gap, bottom - top, middle, 0.0), plate_notes(lens, layout, words), unit)
     high = gap - min(box_of(each)[1] for each in notes)
     room = left + gap, bottom + high + gap, middle, top - gap
     beside = middle + 3.0 * gap, bottom + band + gap, right - gap, top - 4.0 * gap
-    wide = [layout.box_mm[1][0] - layout.box_mm[0][0], 2.0 * lines.reach_mm]
+    wide = [layout.box_mm[1][0] - layout.box_mm[0][0], 2.0 * lines[0].reach_mm]
     view = fitted(partial(_whole, lines, layout), wide[0], room, unit)
-    closer = fitted(partial(_one_lens, lines, layout), wide[1], beside, unit)
+    closer = fitted(partial(_one_lens, lines[0], layout), wide[1], beside, unit)
     block = title_block(lens, part, words, of_plate=True)
     marks = Marks([frame_of(inside_of(name), "outline")])
     marks.add(_whole(lines, layout, view))
-    marks.add(_one_lens(lines, layout, closer))
+    marks.add(_one_lens(lines[0], layout, closer))
     marks.add(draw_title_block(block, (right, bottom), unit, view.scale, name))
-    title = f"{len(layout.lenses)} × lens, its section along x, {scale_words(closer.scale)}; faces as in {STEP_FILE}"
+    title = f"{layout.counted[0]}, its section along x, {scale_words(closer.scale)}; faces as in {STEP_FILE}"
     marks.words.append(Words((0.5 * (beside[0] + beside[2]), top - 2.0 * gap), title, LETTERS * unit, "center"))
     marks.add(draw_rows(drawn, right - WIDTH * unit, bottom + band, widths, unit))
     marks.words += [replace(each, at=(each.at[0], each.at[1] + bottom + high)) for each in notes]
@@ -187,9 +187,11 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
     """The notes, a paragraph each."""
     count, drawn = len(layout.lenses), layout.plate.outline
     origin = f"origin of {drawn.origin}" if isinstance(drawn, DrawnOutline) else "middle of the outline"
-    equal = f"{quantity(count, 'lenses')}, all equal" if count > 1 else "One lens"
+    lenses = f"{quantity(count, 'lenses')}, all equal" if count > 1 else "One lens"
+    if layout.lenses.kinds:
+        lenses = f"{', '.join(layout.counted)}, each kind with a folder of its own"
     return [
-        f"{equal}: their faces, with tolerances, tools and points, are those of drawing.dxf and manufacturing.html. "
+        f"{lenses}: their faces, with tolerances, tools and points, are those of drawing.dxf and manufacturing.html. "
         f"{PLATE_STEP_FILE} alone defines them; sizes in parentheses are auxiliary.",
         f"x and y count from the {origin}, z from the top of the plate, in which the lenses end.",
         *(f"{line}." for line in plate_datums(layout).lines),
@@ -216,11 +218,12 @@ class PlaceRow(NamedTuple):
 
 
 def place_rows(layout: PlateLayout) -> list[PlaceRow]:
-    """Rows of the table; lenses only where they have no pattern or are turned."""
+    """Rows of the table; lenses only where they have no pattern, or some are turned or of another kind."""
     rows, lenses = list[PlaceRow](), layout.lenses
     if _listed(layout):
-        for number, (place, turn) in enumerate(zip(lenses.places_mm, lenses.turns_deg, strict=True), 1):
-            rows.append(PlaceRow.at(f"L{number}", place, f"lens, turned by {turn:.3f}°" if turn else "lens"))
+        names = layout.of_each([f"lens {kind.name}" for kind in lenses.kinds] or ["lens"])
+        for number, (name, (place, _, turn)) in enumerate(zip(names, lenses.lamps, strict=True), 1):
+            rows.append(PlaceRow.at(f"L{number}", place[:2], f"{name}, turned by {turn:.3f}°" if turn else name))
     datums = plate_datums(layout)
     rows += [
         PlaceRow.at(label, mark.place_mm, f"{_words(mark)}{_place_words(label, mark, datums)}")
@@ -232,7 +235,7 @@ def place_rows(layout: PlateLayout) -> list[PlaceRow]:
 
 def _listed(layout: PlateLayout) -> bool:
     """True where the table has the lenses."""
-    return pattern_of(layout.lenses) is None or any(layout.lenses.turns_deg)
+    return pattern_of(layout.lenses) is None or any(layout.lenses.turns_deg) or layout.lenses.kinds != ()
 
 
 def _words(mark: PlateMark) -> str:
@@ -256,16 +259,16 @@ def _place_words(label: str, mark: PlateMark, datums: DatumScheme) -> str:
     return f"{position}{f'; datum {own[0]}' if own else ''}"
 
 
-def _whole(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
+def _whole(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> Marks:
     """The plate from the front, and below it, in first angle, from above; the view's origin: of the latter."""
     marks, (low, high), unit = Marks(), layout.box_mm, view.unit
     loops = layout.outline, *layout.slots
     marks.strokes += [view.line(points_on(loop, _CHORD_MM), closed=True) for loop in loops]
-    lens_mm = float(np.hypot(*lines.dome.T).max())
-    for number, place in enumerate(layout.lenses.places_mm):
+    for number, (own, place) in enumerate(zip(layout.of_each(lines), layout.lenses.places_mm, strict=True)):
+        lens_mm = float(np.hypot(*own.dome.T).max())
         marks.strokes += [
-            view.line(layout.placed(lines.dome, number), closed=True),
-            view.line(layout.placed(lines.opening, number), "hidden", closed=True),
+            view.line(layout.placed(own.dome, number), closed=True),
+            view.line(layout.placed(own.opening, number), "hidden", closed=True),
             *_cross(view, place, lens_mm),
         ]
         if _listed(layout):
@@ -339,7 +342,7 @@ def _below_mm(layout: PlateLayout) -> float:
     return layout.plate.thickness_mm + max((pin.height_mm for pin in layout.plate.standing), default=0.0)
 
 
-def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
+def _front(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> Marks:
     """The plate seen along +y, its top at the view's origin: thickness, heights of pins, and height over all."""
     (start, _), (end, _), low, lenses = *layout.box_mm, -layout.plate.thickness_mm, layout.lenses
     inset = layout.inset_mm
@@ -348,8 +351,9 @@ def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     (corner,) = view.at([(start, 0.0)])
     marks.strokes.append(Stroke(np.array([corner, corner - (8.0 * view.unit, 0.0)])))
     marks.add(datum_symbol((float(corner[0]) - 5.0 * view.unit, float(corner[1])), (0.0, 1.0), "A", view.unit))
-    seen = {(round(x, 6), turn) for (x, _), turn in zip(lenses.places_mm, lenses.turns_deg, strict=True)}
-    marks.strokes += [view.line(lines.fronts[turn] + np.array([x, 0.0])) for x, turn in sorted(seen)]
+    every = zip(lenses.places_mm, lenses.turns_deg, lenses.kind_of_each, strict=True)
+    seen = {(round(x, 6), turn, kind) for (x, _), turn, kind in every}
+    marks.strokes += [view.line(lines[kind].fronts[turn] + np.array([x, 0.0])) for x, turn, kind in sorted(seen)]
     columns, heights = [view.dimension("thickness of the plate", (end, low), (end, 0.0), 90)], dict[float, float]()
     for pin, bore in layout.standing:
         marks.strokes.append(view.line(pin.corners))
@@ -362,7 +366,7 @@ def _front(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     columns += [
         view.dimension("height below the plate", (x, foot), (x, low), 90) for foot, x in sorted(heights.items())
     ]
-    over_all = (end, -_below_mm(layout)), (end, lines.top_mm)
+    over_all = (end, -_below_mm(layout)), (end, max(own.top_mm for own in lines))
     columns.append(view.dimension("height over all", *over_all, 90, "(", ")"))
     marks.dimensions += placed(columns, float(view.at((end, 0.0))[0]) + FIRST * view.unit, ROW * view.unit)
     return marks

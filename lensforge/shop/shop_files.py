@@ -64,7 +64,8 @@ def make_handover(
     tolerances, words = tolerance_table(lens, studied), words or lens.spec.drawing
     drawn = drawing_content(lens, part, check, dimensions(lens), tolerances, words)
     sheet, layout = make_sheet(drawn, words.sheet or "A3"), layout_of(lens)
-    plate = None if layout is None else plate_sheet(lens, part, layout, words, words.sheet or "A3")
+    made = layout is not None and lens.makes_plate
+    plate = plate_sheet(lens, part, layout, words, words.sheet or "A3") if made and layout is not None else None
     dxf, figures, plate_dxf = sheet_dxf(sheet), _pictures(check), None if plate is None else sheet_dxf(plate)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
     hashed = {**tables, DXF_FILE: dxf, **({} if plate_dxf is None else {PLATE_DXF_FILE: plate_dxf})}

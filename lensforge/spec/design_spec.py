@@ -263,8 +263,8 @@ class Spec(Section):
         if self.lamps is not None and not self.all_lamps.is_single:
             lenses, receivers = self.photometry.lenses, self.all_receivers
             require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
-            others = {"plate": self.plate is not None, "sources": bool(self.sources)}
-            require_kinds(self.lamps, receivers, others | {"optimise.robust": self.optimise.robust})
+            others = {"sources": bool(self.sources), "optimise.robust": self.optimise.robust}
+            require_kinds(self.lamps, receivers, others)
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
 

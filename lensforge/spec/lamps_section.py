@@ -109,6 +109,12 @@ class Lamps:
         return Lamps(tuple(self.lamps[number] for number in kind.numbers))
 
     @property
+    def kind_of_each(self) -> tuple[int, ...]:
+        """Number of its kind, of each lamp; 0 where all have the same lens."""
+        numbers = {number: k for k, kind in enumerate(self.kinds) for number in kind.numbers}
+        return tuple(numbers.get(number, 0) for number in range(len(self)))
+
+    @property
     def shares_of_rays(self) -> tuple[float, ...]:
         """Share of the rays for each kind: by the root of its lamps, which all see each ray: the least noise."""
         roots = [sqrt(len(kind.numbers)) for kind in self.kinds]

@@ -1,6 +1,6 @@
 """Demands of lamps together on the rest of a spec: room beside each other, receivers that all of them light.
 
-Where their lenses are of several kinds, there is one LED, and no plate.
+Where their lenses are of several kinds, there is one LED.
 """
 
 from collections.abc import Mapping, Sequence

@@ -17,7 +17,7 @@ from lensforge.cad.mesh import build_mesh, check_closed, mesh_error
 from lensforge.cad.plan import rim_points
 from lensforge.cad.plate_export import copies_off_mm, volume_of_mm3
 from lensforge.cad.plate_layout import PlateLayout
-from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
+from lensforge.cad.plate_mesh import build_plate_mesh, lens_meshes
 from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.section import profile
 from lensforge.cad.step import parse_step, step_bytes
@@ -115,16 +115,16 @@ def proof(free_body: BuiltBody) -> BodyProof:
 def test_bodies_of_four_faces_are_joined_by_a_plate(free_body: BuiltBody) -> None:
     plate = PlateSection(thickness_mm=1.5, kind="round", diameter_mm=30.0)
     layout = PlateLayout(plate, (30.0, 30.0), Lamps.level(((-7.0, 0.0), (7.0, 1.0)), (20.0, 250.0)))
-    read = parse_step(step_bytes(build_plate_solid(free_body.plan, layout), "two bodies"))
-    assert read.valid and copies_off_mm(read.faces, free_body.plan, layout) < 1e-9
+    read = parse_step(step_bytes(build_plate_solid([free_body.plan], layout), "two bodies"))
+    assert read.valid and copies_off_mm(read.faces, [free_body.plan], layout) < 1e-9
     opening = rim_points(free_body.plan.cavity)
     around, scale = float(np.pi * np.mean(np.sum(opening**2, axis=1))), layout.bore_scale(opening)
     bore = 1.5 * around * (1.0 + scale + scale**2) / 3.0
     foot = 15.0 - 1.5 * np.tan(np.radians(plate.draft_deg))
     expected = 2.0 * (free_body.solid.volume_mm3 - bore) + 0.5 * np.pi * (15.0**2 + 15.0 * foot + foot**2)
     assert read.volume_mm3 == pytest.approx(expected, rel=1e-8)
-    assert volume_of_mm3(read.faces, layout, free_body.solid.volume_mm3) == pytest.approx(expected, rel=1e-8)
-    mesh = build_plate_mesh(free_body.plan, layout, *lens_mesh(free_body.plan, 2))
+    assert volume_of_mm3(read.faces, layout, [free_body.solid.volume_mm3]) == pytest.approx(expected, rel=1e-8)
+    mesh = build_plate_mesh([free_body.plan], layout, *lens_meshes((free_body.plan,), (0, 0)))
     closure = check_closed(mesh.vertices, mesh.triangles)
     assert closure.watertight and closure.volume_mm3 == pytest.approx(expected, rel=1e-3)
 

@@ -19,7 +19,7 @@ from lensforge.cad.mesh_files import parse_3mf, parse_stl
 from lensforge.cad.part import Part, part_facts
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import make_plan
-from lensforge.cad.plate_export import BuiltPlate, build_plate, room_on_plate
+from lensforge.cad.plate_export import BuiltPlate, LensOfPlate, build_plate, room_on_plate
 from lensforge.cad.plate_layout import layout_of
 from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.solid import build_solid
@@ -64,7 +64,8 @@ def fitted(relative: float = 0.0) -> Any:
 def plate_alone(lens: Lens, relative: float = 0.0) -> BuiltPlate:
     """The plate of ``lens`` without the files of one lens, which take twice as long."""
     plan = make_plan(*fitted(relative), BaseSection(kind="none"))
-    plate = build_plate(lens, plan, build_solid(plan), 0.5, FINEST, "AP214", None)
+    own = LensOfPlate(plan, 0.5, build_solid(plan).volume_mm3)
+    plate = build_plate(lens, own, None, FINEST, "AP214", None)
     assert plate is not None
     return plate
 
@@ -193,18 +194,18 @@ def test_the_least_gap_of_turned_freeform_lenses_is_that_of_their_points() -> No
 
 
 def test_a_lens_beside_its_place_fails(ring: Part, monkeypatch: pytest.MonkeyPatch) -> None:
-    def shifted(plan: Any, layout: Any) -> Any:
+    def shifted(plans: Any, layout: Any) -> Any:
         (x, y), *others = layout.lenses.places_mm
         moved = Lamps.level([(x + 2e-6, y), *others])
-        return build_plate_solid(plan, replace(layout, lenses=moved))
+        return build_plate_solid(plans, replace(layout, lenses=moved))
 
     monkeypatch.setattr(plate_export, "build_plate_solid", shifted)
     assert failed(plate_alone(ring.lens, 0.02)) == ["plate_form_error"]
 
 
 def test_a_hole_that_the_solid_lacks_fails(ring: Part, monkeypatch: pytest.MonkeyPatch) -> None:
-    def without(plan: Any, layout: Any) -> Any:
-        return build_plate_solid(plan, replace(layout, plate=layout.plate.model_copy(update={"holes": ()})))
+    def without(plans: Any, layout: Any) -> Any:
+        return build_plate_solid(plans, replace(layout, plate=layout.plate.model_copy(update={"holes": ()})))
 
     monkeypatch.setattr(plate_export, "build_plate_solid", without)
     assert {"plate_volume_error", "plate_genus_difference"} <= set(failed(plate_alone(ring.lens, 0.02)))
@@ -286,7 +287,7 @@ def test_walls_are_those_at_turned_cavities_and_at_the_nearer_edge(
     layout = layout_of(on_plate({"thickness_mm": 1.0, "width_mm": 40.0, "height_mm": 30.0, "pins": [pin]}, lamps))
     turn = np.linspace(0.0, 2.0 * np.pi, 3601)
     assert layout is not None
-    found = layout.thinnest_wall(np.column_stack([2.0 * np.cos(turn), 0.8 * np.sin(turn)]))
+    found = layout.thinnest_wall([np.column_stack([2.0 * np.cos(turn), 0.8 * np.sin(turn)])])
     assert found is not None and found.thickness_mm == pytest.approx(wall, abs=1e-6)
     assert found.between == f"plate.pins.0 and {between}"
 
@@ -318,7 +319,7 @@ def test_walls_are_judged_at_the_bottom_where_drafts_have_widened_bores_and_hole
         assert layout is not None
         layout = replace(layout, plate=layout.plate.model_validate(plate))
         turn = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
-        found = layout.thinnest_wall(INNER * np.column_stack([np.cos(turn), np.sin(turn)]))
+        found = layout.thinnest_wall([INNER * np.column_stack([np.cos(turn), np.sin(turn)])])
         assert found is not None
         assert found.thickness_mm == pytest.approx(gap - 3.0 * widened * SLOPE, abs=1e-6)
 

@@ -16,7 +16,7 @@ from lensforge.cad.mesh import build_mesh
 from lensforge.cad.mesh_files import stl_bytes
 from lensforge.cad.plan import lay_out
 from lensforge.cad.plate_layout import PlateLayout, layout_of
-from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
+from lensforge.cad.plate_mesh import build_plate_mesh, lens_meshes
 from lensforge.light.lens_light import evaluate
 from lensforge.optics.media import Media, Medium
 from lensforge.proof.facet_casting import Grid
@@ -56,7 +56,7 @@ WIDE = {"constraints__max_radius_mm": 4.0, "lens__inner__offset_mm": 1.5, "lens_
 
 def stl_of(lens: Lens, layout: PlateLayout) -> bytes:
     plan = lay_out(*fit_lens(lens), BaseSection(kind="none"))
-    return stl_bytes(build_plate_mesh(plan, layout, *lens_mesh(plan, len(layout.lenses))))
+    return stl_bytes(build_plate_mesh([plan], layout, *lens_meshes((plan,), layout.lenses.kind_of_each)))
 
 
 def cast(lens: Lens, rays: RayBundle = RAYS, base: Base = "polished") -> StrayLight:
@@ -160,11 +160,11 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
     lens = lens_on({}, places, turns, 0.03)
     layout, light, rays = layout_of(lens), evaluate(lens, rays=1024), lambertian(6000, 1.0, seed=5)
     assert layout is not None
-    lamps = lamps_together(stl_of(lens, layout), (lens, light), rays, OpticalFaces())
+    lamps = lamps_together(stl_of(lens, layout), (lens, light), rays)
     assert isinstance(lamps, LampsOnPlate)
     screen = replace(SCREEN, facing=(0.3, 0.0, 1.0))
     plan = lay_out(*fit_lens(lens), BaseSection(kind="none"))
-    part = read_part_mesh(stl_bytes(lens_mesh(plan, 3)[0]))
+    part = read_part_mesh(stl_bytes(*lens_meshes((plan,), (0, 0, 0))[0]))
     passage = send_through(part, Grid(part.mesh), rays, Media(Medium(INDEX)))
     drawn = np.random.default_rng(seeds.of_verification(0)).permutation(len(rays)) % 3
     total = np.zeros((16, 16))
@@ -191,10 +191,10 @@ def test_the_part_makes_the_light_of_an_endless_lattice() -> None:
     lens = Lens(alone.surfaces, spec, 0, FEW)
     light, rays = evaluate(lens, rays=2**15), build_source(spec.source).sample(2**12, 5)
     plan = lay_out(*fit_lens(alone), BaseSection(kind="none"))
-    stl = stl_bytes(lens_mesh(plan, 1)[0])
+    stl = stl_bytes(*lens_meshes((plan,), (0,))[0])
     part = read_part_mesh(stl)
     passage = send_through(part, Grid(part.mesh), rays, lens.media)
-    together = lamps_together(None, (lens, light), rays, OpticalFaces())
+    together = lamps_together(None, (lens, light), rays)
     assert isinstance(together, LampsApart) and together.count == 2
     (found,) = light_of_lamps(together, passage, rays, lens.media, 1)
     assert found.nmse_vs_sum < 1.5 * found.noise_floor_nmse
