@@ -62,6 +62,11 @@ SCENES: dict[str, dict[str, Any]] = {
     "receiver cylinder": on(kind="cylinder", **ROUND, width_mm=200.0, height_mm=150.0, targets=DISC),
     "receiver sphere": on(kind="sphere", **ROUND, half_angle_deg=30.0, targets=DISC),
     "plate": {"lamps": LAMPS, "plate": {"thickness_mm": 2.0}, "base": {"kind": "none"}},
+    "plate with lenses of several kinds": {
+        "lamps": LAMPS | {"kinds": ["wide", "narrow"]},
+        "plate": {"thickness_mm": 2.0},
+        "base": {"kind": "none"},
+    },
     "roads": on(**FAR) | {"roads": [ROAD]},
     "several LEDs": {
         "source": None,

@@ -51,6 +51,7 @@ _BARE = BaseSection(kind="none")
 _NEIGHBOURS = 1.5  # of the distance of the nearest two axes: lenses this close may be the closest two
 _CLOSEST = 64  # vertices, and facets of each, among which the closest are found
 _NM_PER_MM = 1e6
+_WALL_ERROR = 1e-5  # relative, as the kernel estimates it; it is a hundred times less
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,11 +185,15 @@ def volume_of_mm3(faces: Shapes, layout: PlateLayout, lenses_mm3: Sequence[float
 
 
 def _to_origin_mm3(wall: Any) -> float:
-    """Volume between a wall of few spans and the origin, negative where its normal points there."""
+    """Volume between a wall and the origin, negative where its normal points there.
+
+    The plain formula without a bound of its error would take too few points, and what it lacks grows with the distance.
+    """
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
     from OCP.gp import gp_Pnt
 
-    return float(BRepGProp_Vinert(BRepGProp_Face(wall), BRepGProp_Domain(wall), gp_Pnt(0.0, 0.0, 0.0)).Mass())
+    faced, trim = BRepGProp_Face(wall), BRepGProp_Domain(wall)
+    return float(BRepGProp_Vinert(faced, trim, gp_Pnt(0.0, 0.0, 0.0), _WALL_ERROR).Mass())
 
 
 def _down_to_zero_mm3(level: Any) -> float:

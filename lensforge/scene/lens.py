@@ -105,7 +105,8 @@ class Lens:
     @property
     def own_lamps_words(self) -> str:
         """Words on all lamps that have this lens, whose light is told together; empty where there is one alone."""
-        return self.of_own_lamps.spec.all_lamps.whole + (f" with the lens {self.kind}" if self.kind else "")
+        apart = ", each apart from its plate" if self.spec.plate is not None and not self.makes_plate else ""
+        return self.of_own_lamps.spec.all_lamps.whole + (f" with the lens {self.kind}" if self.kind else "") + apart
 
     @property
     def makes_plate(self) -> bool:

@@ -376,6 +376,7 @@ def _one_lens(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     """A lens with the plate around it, cut along its x: heights, and its widths in z = 0 and at its widest."""
     inner, outer, low = lines.inner, lines.outer, -layout.plate.thickness_mm
     wide, top = lines.reach_mm, float(outer[:, 1].max())
+    one = next((f"lens {kind.name}" for kind in layout.lenses.kinds), "a lens")
     foot = layout.bore_scale(lines.opening[:-1]) * inner[[0, -1], 0]
     hollow = np.array([(foot[1], low), *inner[::-1], (foot[0], low)])
     cut = view.at(np.concatenate([[(-wide, low), (-wide, 0.0)], outer, [(wide, 0.0), (wide, low)], hollow]))
@@ -383,12 +384,12 @@ def _one_lens(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     marks.strokes.append(view.line([(0.0, 1.3 * low), (0.0, 1.1 * top)], "axis"))
     left, right = outer[np.argmin(outer[:, 0])], outer[np.argmax(outer[:, 0])]
     widths: list[tuple[str, Points, Points]] = [
-        ("rim of a lens in z = 0", outer[0], outer[-1]),
-        ("opening of a lens in z = 0", inner[0], inner[-1]),
+        (f"rim of {one} in z = 0", outer[0], outer[-1]),
+        (f"opening of {one} in z = 0", inner[0], inner[-1]),
     ]
     if right[0] - left[0] > outer[-1, 0] - outer[0, 0] + _SHOWN_MM:
-        widths.append(("width of a lens", left, right))
-    heights = [("height of a lens", outer), ("height of a cavity", inner)]
+        widths.append((f"width of {one}", left, right))
+    heights = [(f"height of {one}", outer), ("height of a cavity", inner)]
     rows = [view.dimension(name, (a[0], a[1]), (b[0], b[1]), 0, "(", ")") for name, a, b in widths]
     tops = [(name, line[np.argmax(line[:, 1])]) for name, line in heights]
     columns = [view.dimension(name, (-wide, 0.0), (at[0], at[1]), 90, "(", ")") for name, at in tops]

@@ -34,6 +34,7 @@ from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import BaseSection
+from lensforge.spec.lamp_places import kinds_of
 from lensforge.spec.lamps_section import Lamps
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
@@ -43,20 +44,25 @@ RAYS = lambertian(2000, 0.01, seed=3)
 SCREEN = Screen.square(100.0, 400.0, 16, 0.0)
 
 
-def lens_on(plate: dict[str, Any], places: list[list[float]], turns: list[float], relative: float = 0.0) -> Lens:
-    lamps = {"kind": "table", "places_mm": places, "turns_deg": turns}
+def lens_on(
+    plate: dict[str, Any], places: list[list[float]], turns: list[float], relative: float = 0.0, kinds: Any = ()
+) -> Lens:
+    """Lenses on a plate; those of a second kind are smaller and otherwise rough."""
+    lamps = {"kind": "table", "places_mm": places, "turns_deg": turns, "kinds": kinds}
     spec = small_spec(lamps=lamps, base={"kind": "none"}, plate={"thickness_mm": 2.0, **plate}, **WIDE)
     basis = SrbfBasis((9, 25), 1.75, "none")
     noise = np.random.default_rng(1).normal(size=basis.size) * basis.sigmas / basis.sigmas.max()
-    return Lens.double(*(SrbfSurface(basis, h * relative * noise, h) for h in (INNER, OUTER)), spec, 0, FEW)
+    first = Lens.double(*(SrbfSurface(basis, h * relative * noise, h) for h in (INNER, OUTER)), spec, 0, FEW)
+    faces = {"inner": SrbfSurface(basis, -relative * noise, 1.2), "outer": SrbfSurface(basis, -relative * noise, 2.6)}
+    return replace(first, others={kind.name: faces for kind in spec.all_lamps.kinds[1:]})
 
 
 WIDE = {"constraints__max_radius_mm": 4.0, "lens__inner__offset_mm": 1.5, "lens__outer__offset_mm": 3.0}
 
 
 def stl_of(lens: Lens, layout: PlateLayout) -> bytes:
-    plan = lay_out(*fit_lens(lens), BaseSection(kind="none"))
-    return stl_bytes(build_plate_mesh([plan], layout, *lens_meshes((plan,), layout.lenses.kind_of_each)))
+    plans = tuple(lay_out(*fit_lens(each), BaseSection(kind="none")) for each in lens.kinds)
+    return stl_bytes(build_plate_mesh(plans, layout, *lens_meshes(plans, layout.lenses.kind_of_each)))
 
 
 def cast(lens: Lens, rays: RayBundle = RAYS, base: Base = "polished") -> StrayLight:
@@ -155,29 +161,47 @@ def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
 
 
 def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
-    """The same rays through the lens alone, its light turned and moved with each lamp, added on a tilted plane."""
+    """The same rays through the lens of each kind, its light turned and moved with its lamp, on a tilted plane."""
     places, turns = [[-5.0, 1.0], [4.0, -2.0], [3.0, 7.0]], [0.0, 70.0, 200.0]
-    lens = lens_on({}, places, turns, 0.03)
+    lens = lens_on({}, places, turns, 0.03, ["small", "large", "small"])
     layout, light, rays = layout_of(lens), evaluate(lens, rays=1024), lambertian(6000, 1.0, seed=5)
     assert layout is not None
     lamps = lamps_together(stl_of(lens, layout), (lens, light), rays)
     assert isinstance(lamps, LampsOnPlate)
     screen = replace(SCREEN, facing=(0.3, 0.0, 1.0))
-    plan = lay_out(*fit_lens(lens), BaseSection(kind="none"))
-    part = read_part_mesh(stl_bytes(*lens_meshes((plan,), (0, 0, 0))[0]))
-    passage = send_through(part, Grid(part.mesh), rays, Media(Medium(INDEX)))
+    plans = tuple(lay_out(*fit_lens(each), BaseSection(kind="none")) for each in lens.kinds)
+    parts = [read_part_mesh(stl_bytes(mesh)) for mesh in lens_meshes(plans, (1, 0, 1))[0]]
+    passages = [send_through(part, Grid(part.mesh), rays, Media(Medium(INDEX))) for part in parts]
     drawn = np.random.default_rng(seeds.of_verification(0)).permutation(len(rays)) % 3
     total = np.zeros((16, 16))
     for number, ((x, y), turn) in enumerate(zip(places, np.radians(turns), strict=True)):
         around = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+        passage = passages[number % 2 == 0]
         points, ways = passage.points @ around + [x, y, 0.0], passage.directions @ around
         own = replace(passage, points=points, directions=ways)
         landed = own.landed(screen)
         total += screen.irradiance(landed.landings, np.where(drawn == number, 3.0, 0.0) * landed.flux)
     lamps = replace(lamps, designed=[("light", screen, total)])
-    (found,) = light_of_lamps(lamps, passage, rays, Media(Medium(INDEX)), 1)
+    (found,) = light_of_lamps(lamps, passages[0], rays, Media(Medium(INDEX)), 1)
     assert (found.lamps, found.rays) == (3, 6000) and found.nmse_vs_sum < 1e-4 < found.noise_floor_nmse
     assert found.efficiency == pytest.approx(total.sum() * screen.pixel_measure / 3.0, rel=1e-3)
+
+
+def test_the_faces_of_a_place_are_sorted_by_those_of_its_kind() -> None:
+    """Two faces outwards, of a lens at 3 and 5 mm from its origin, and of the other kind at 5 and 3 mm."""
+    radii = [(1.0, 3.0, 5.0), (1.0, 5.0, 3.0)]
+    names, away = ("inner", "lower", "upper"), (False, True, True)
+    tables = [np.tile(1.0 / np.array(each)[:, None, None], (1, 9, 9)) for each in radii]
+    kinds = tuple(OpticalFaces(names, away, inverse_radii=table) for table in tables)
+    plate = plate_of(replace(Lamps.level([(0.0, 0.0), (20.0, 0.0)], (0.0, 40.0)), kinds=kinds_of(*PLACED)))
+    points = np.array([[0.0, 3.0, 0.1], [20.0, 3.0, 0.1], [0.0, 0.5, 0.8]])
+    numbers, apart = replace(kinds[0], plate=plate, of_kinds=kinds).sorted(
+        points, points - [[0, 0, 0], [20, 0, 0], [0, 3, 3]]
+    )
+    assert numbers.tolist() == [1, 2, 0] and apart.max() < 1e-2
+
+
+PLACED = [(0.0, 0.0), (20.0, 0.0)], ("one", "two"), ("", "")
 
 
 def test_the_part_makes_the_light_of_an_endless_lattice() -> None:

@@ -2,6 +2,7 @@
 
 import io
 import re
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -18,6 +19,7 @@ from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
 from lensforge.shop.datums import labelled, plate_datums
+from lensforge.shop.drawing import title_block
 from lensforge.shop.plate_drawing import _below_mm, pattern_of, place_rows, plate_sheet
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.sheet import Sheet, box_of
@@ -61,13 +63,18 @@ KINDS: dict[str, tuple[dict[str, Any] | None, dict[str, Any]]] = {
     "ring": ({"kind": "ring", "count": 5, "diameter_mm": 60.0}, {**PLATE, "kind": "round"}),
     "table": ({"kind": "table", "places_mm": [[0.0, 0.0], [17.0, 3.0], [30.0, -14.0]]}, PLATE),
     "one": (None, PLATE),
+    "kinds": ({"kind": "grid", "columns": 3, "rows": 1, "pitch_mm": 20.0, "kinds": "place"}, PLATE),
     "drawn": ({"kind": "table", "places_mm": [[0.0, 0.0], [30.0, -2.0], [0.0, 20.0]]}, DRAWN),
 }
 
 
+OTHER = {"inner": sphere(2.5), "outer": sphere(5.5)}
+
+
 def lens_on(kind: str) -> Lens:
     lamps, plate = KINDS[kind]
-    return small_lens({"kind": "none"}, lamps=lamps, plate=plate)
+    lens = small_lens({"kind": "none"}, lamps=lamps, plate=plate)
+    return replace(lens, others={each.name: OTHER for each in lens.spec.all_lamps.kinds[1:]})
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +99,30 @@ def test_patterns_are_found_again() -> None:
     assert ring is not None and ring.ring_mm == pytest.approx(50.0)
     assert pattern_of(TableLamps(places_mm=((0.0, 0.0), (20.0, 0.0), (45.0, 0.0))).lamps) is None
     assert pattern_of(TableLamps(places_mm=((0.0, 0.0), (20.0, 1.0), (45.0, 3.0))).lamps) is None
+
+
+def test_each_place_has_its_kind_and_each_lens_its_sheet() -> None:
+    """The ends of a row have one lens, turned; from above each dome and opening is that of its kind."""
+    lens = lens_on("kinds")
+    layout, one = layout_of(lens), build_part(lens_on("one"), rings=16)
+    assert layout is not None
+    rows = [(row.label, row.what) for row in place_rows(layout)]
+    assert rows == [("L1", "lens edge, turned by 180.000°"), ("L2", "lens middle"), ("L3", "lens edge")]
+    part = one.changed(plate=None)
+    sheets = [title_block(each, part, lens.spec.drawing)["scale"] for each in lens.kinds]
+    assert sheets == [("sheet 2 of 3",), ("sheet 3 of 3",)]
+    assert title_block(lens.kinds[1], part, lens.spec.drawing)["name"] == ("shop, lens edge of the plate",)
+    sheet = plate_sheet(lens, one, layout, lens.spec.drawing)
+    round_ones = [each.points for each in sheet.marks.strokes if each.closed and len(each.points) == 181]
+    widths = [np.ptp(each[:, 0]) / sheet.scale for each in round_ones]
+    assert widths[0] == widths[4] == pytest.approx(11.0, abs=1e-3) and widths[1] == widths[5] == pytest.approx(
+        5.0, abs=1e-3
+    )
+    assert widths[3] == pytest.approx(np.ptp(lens.inner.radius(AROUND) * AROUND[:, 0].T), abs=1e-3)
+
+
+TURN = np.linspace(0.0, 2.0 * np.pi, 181)
+AROUND = np.stack([np.cos(TURN), np.sin(TURN), 0.0 * TURN], axis=1)
 
 
 @pytest.mark.parametrize("name", ["A3", "A4"])
@@ -150,7 +181,7 @@ def test_no_text_meets_another_or_the_frame(part: Part, kind: str) -> None:
     rows = place_rows(layout_of(lens_on(kind)))  # type: ignore[arg-type]
     assert [row.label for row in rows] == {
         "grid": ["H1", "P1", "B1", "G"], "ring": ["L1", "L2", "L3", "L4", "L5"], "table": ["L1", "L2", "L3"],
-        "drawn": ["L1", "L2", "L3", "H1"]
+        "kinds": ["L1", "L2", "L3"], "drawn": ["L1", "L2", "L3", "H1"]
     }.get(kind, [])  # fmt: skip
 
 

@@ -203,8 +203,7 @@ def test_kinds_that_cannot_be(lamps: dict[str, Any], words: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"plate": {"thickness_mm": 2.0}}, "plate goes with lamps of one lens"),
-        ({"optimise__robust": True}, "optimise.robust goes with"),
+        ({"optimise__robust": True, "plate": {"thickness_mm": 2.0}}, "optimise.robust goes with"),
         (
             {"target": None, "receivers": [{"kind": "far_field", "half_angle_deg": 60.0, "targets": [
                 {"kind": "disc", "diameter_deg": 40.0}]}]},
