@@ -16,11 +16,7 @@ from lensforge.cli.interrupts import Interrupts
 
 _interrupts = Interrupts().install()
 
-from lensforge.results.worker import (  # noqa: E402
-    collect_garbage_seldom,
-    ignore_settings_of_libraries,
-    keep_freed_memory,
-)
+from lensforge.results.worker import collect_garbage_seldom, ignore_settings_of_libraries, keep_freed_memory  # noqa: E402
 
 ignore_settings_of_libraries()
 collect_garbage_seldom()

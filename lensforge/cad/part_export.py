@@ -17,16 +17,7 @@ from lensforge.cad.form_error import FormError, face_error, fit_lens, rounded_to
 from lensforge.cad.keep_out import keep_out_distance, mesh_error_mm, read_keep_out
 from lensforge.cad.keep_out_distance import KeepOutDistance, keep_out_criteria
 from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
-from lensforge.cad.part import (
-    STEP_FILE,
-    STL_FILE,
-    SURFACES_FILE,
-    THREEMF_FILE,
-    Faces,
-    Part,
-    Triangulation,
-    stamp_of,
-)
+from lensforge.cad.part import STEP_FILE, STL_FILE, SURFACES_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
 from lensforge.cad.part_limits import (
     Signature,
     UntrimmedSurfaces,
@@ -40,12 +31,7 @@ from lensforge.cad.plan import Plan
 from lensforge.cad.plate_export import LensOfPlate, build_plate
 from lensforge.cad.plate_result import PLATE_STEP_FILE, PLATE_STL_FILE, PLATE_THREEMF_FILE
 from lensforge.cad.solid import untrimmed_faces
-from lensforge.cad.step import (
-    parse_surfaces,
-    require_schema,
-    signed_step,
-    surfaces_bytes,
-)
+from lensforge.cad.step import parse_surfaces, require_schema, signed_step, surfaces_bytes
 from lensforge.results import Extent
 from lensforge.results.criteria import Criteria
 from lensforge.scene.lens import Lens
@@ -182,10 +168,7 @@ def _untrimmed(
     each = [(face.label, face.domain) for face in optical]
     form = worst([face_error(surfaces[label], faces[label], domain=domain) for label, domain in each])
     untrimmed = UntrimmedSurfaces(
-        extension_deg=extension_deg,
-        scale=scale,
-        form_error_nm=form.form_max_nm,
-        normal_error_mrad=form.normal_max_mrad,
+        extension_deg=extension_deg, scale=scale, form_error_nm=form.form_max_nm, normal_error_mrad=form.normal_max_mrad
     )
     return untrimmed, content
 

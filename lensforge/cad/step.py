@@ -249,12 +249,7 @@ def surfaces_bytes(faces: Shapes, product: str, schema: Schema = "AP214", *, hea
 
 
 def _bytes(
-    parts: Shapes,
-    faces: Shapes,
-    product: str,
-    schema: Schema,
-    header: Signature,
-    tolerances: tuple[FormTolerance, ...],
+    parts: Shapes, faces: Shapes, product: str, schema: Schema, header: Signature, tolerances: tuple[FormTolerance, ...]
 ) -> bytes:
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.STEPCAFControl import STEPCAFControl_Writer

@@ -140,15 +140,7 @@ def evaluate_lens(
     limits = light_limits(lens.spec, receivers_of(lens.spec, side), lumens_per_watt, source.flux_w)
     seed, judging = lens.seed if seed is None else seed, held_back(source) if searched_with else source
     light = evaluate_traced(
-        traced,
-        lens.spec,
-        judging,
-        count,
-        seed,
-        pixels=side,
-        limits=limits,
-        bounds_by=source,
-        colour=lens.spec.colour,
+        traced, lens.spec, judging, count, seed, pixels=side, limits=limits, bounds_by=source, colour=lens.spec.colour
     )
     error = None
     if preset.table_error:

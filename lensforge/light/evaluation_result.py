@@ -7,18 +7,7 @@ from pydantic import Field
 
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
-from lensforge.results import (
-    Count,
-    Fact,
-    Image,
-    Metric,
-    NotNegative,
-    Positive,
-    Record,
-    ResultByLed,
-    Text,
-    stated,
-)
+from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criteria, at_most

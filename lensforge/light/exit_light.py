@@ -110,13 +110,7 @@ class ExitLight:
 
 
 def trace_exit_light(
-    lens: TracedLens,
-    source: Source,
-    meter: Goniophotometer,
-    *,
-    rays: int | None,
-    by_itself: tuple[int, int],
-    seed: int,
+    lens: TracedLens, source: Source, meter: Goniophotometer, *, rays: int | None, by_itself: tuple[int, int], seed: int
 ) -> ExitLight:
     """Trace ``rays`` rays, or more and more, until the nodes are known to 2 % rms.
 

@@ -119,10 +119,7 @@ def _power_density(lamp_w: float | None, mean_lx: Metric, area_m2: float) -> Met
 
 
 def _reached(
-    road: RoadSection,
-    drivers: tuple[SeenRoad, ...],
-    edges: tuple[Metric, Metric],
-    lux: tuple[Metric, Metric, Metric],
+    road: RoadSection, drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric], lux: tuple[Metric, Metric, Metric]
 ) -> str:
     """The best class of the kind that ``road`` asks for; ``lux``: mean, least and uniformity of the illuminance."""
     if road.by_rp8:

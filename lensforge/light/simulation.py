@@ -274,10 +274,7 @@ class ReplicateMetrics:
 
     @staticmethod
     def of(
-        images: Images,
-        target: Image,
-        mask: Bool[np.ndarray, "h w"] | None,
-        efficiency: Float[np.ndarray, " r"],
+        images: Images, target: Image, mask: Bool[np.ndarray, "h w"] | None, efficiency: Float[np.ndarray, " r"]
     ) -> "ReplicateMetrics":
         """Metrics of filtered ``images`` against ``target``, uniformity and RSD in ``mask``."""
         return ReplicateMetrics(

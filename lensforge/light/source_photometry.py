@@ -21,13 +21,7 @@ from lensforge.sources.source_spectrum import Spectrum, spectrum_of
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.light_limits import PhotometrySection
-from lensforge.spec.source_sections import (
-    ChipsSource,
-    RayfilePart,
-    RayfileSource,
-    RayfilesSource,
-    RaySource,
-)
+from lensforge.spec.source_sections import ChipsSource, RayfilePart, RayfileSource, RayfilesSource, RaySource
 
 _RELATIVE_LM = 1000.0  # of the source where its flux is not known: cd/klm, as relative photometry has it
 

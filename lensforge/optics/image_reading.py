@@ -145,9 +145,7 @@ def _opened(kind: type[ImageFile], content: bytes, most_pixels: int = MOST_PIXEL
     return file
 
 
-def _separate(
-    samples: UInt[np.ndarray, "h w c"],
-) -> tuple[UInt[np.ndarray, "h w d"], UInt[np.ndarray, "h w"] | None]:
+def _separate(samples: UInt[np.ndarray, "h w c"]) -> tuple[UInt[np.ndarray, "h w d"], UInt[np.ndarray, "h w"] | None]:
     """Grey or colours, and the opacity where a last channel has it."""
     if samples.shape[2] in (2, 4):
         return samples[:, :, :-1], samples[:, :, -1]

@@ -23,16 +23,7 @@ from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.proof_result import Gaps, MitsubaCast
 from lensforge.proof.receiver_screen import nmse
 from lensforge.proof.refraction import LitRays
-from lensforge.proof.sequential_cast import (
-    CastFate,
-    Passage,
-    SurfaceHits,
-    absorb,
-    at_faces,
-    behind_lens,
-    dim,
-    mirrors,
-)
+from lensforge.proof.sequential_cast import CastFate, Passage, SurfaceHits, absorb, at_faces, behind_lens, dim, mirrors
 from lensforge.sources.ray_bundle import RayBundle
 
 RAYS = 2**16

@@ -17,13 +17,7 @@ from lensforge.optics.media import Media
 from lensforge.proof.facet_casting import Leg
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.refraction import AtFace, LitRays
-from lensforge.proof.sequential_cast import (
-    SKIN_MM,
-    MeshBody,
-    SurfaceHits,
-    at_faces,
-    outside_leg,
-)
+from lensforge.proof.sequential_cast import SKIN_MM, MeshBody, SurfaceHits, at_faces, outside_leg
 from lensforge.sources.ray_bundle import RayBundle
 
 # A polished base is as clear as the lens; a black one absorbs all light that meets it, as a holder may.

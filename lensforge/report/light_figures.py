@@ -138,12 +138,7 @@ def drawn(image: Image) -> Float[np.ndarray, "q s"]:
 
 
 def show(
-    axes: Axes,
-    image: np.ndarray,
-    chart: Chart,
-    circles: tuple[str, float],
-    frame: Chart | None = None,
-    **colours: Any,
+    axes: Axes, image: np.ndarray, chart: Chart, circles: tuple[str, float], frame: Chart | None = None, **colours: Any
 ) -> AxesImage:
     """Show ``image`` over ``chart``; ``circles``: style of those of constant angle. ``colours``: as imshow takes them.
 

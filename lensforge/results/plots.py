@@ -12,11 +12,7 @@ from lensforge.results.chart import WATTS, Chart, LightUnit
 
 
 def plot_map(
-    image: Image,
-    chart: Chart,
-    unit: LightUnit = WATTS,
-    axes: Axes | None = None,
-    outline: Image | None = None,
+    image: Image, chart: Chart, unit: LightUnit = WATTS, axes: Axes | None = None, outline: Image | None = None
 ) -> Axes:
     """Light (W/m^2 or W/sr, [row y, column x]) on a receiver in false colour, with its scale in ``unit``.
 

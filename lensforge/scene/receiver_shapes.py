@@ -29,13 +29,7 @@ from lensforge.kernels.landing import (
 from lensforge.optics.arrays import Array, lengths, module_of
 from lensforge.optics.pose import Pose
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.scene.receiver import (
-    Kernel,
-    PosedReceiver,
-    equal_area,
-    from_equal_area,
-    posed_receiver,
-)
+from lensforge.scene.receiver import Kernel, PosedReceiver, equal_area, from_equal_area, posed_receiver
 from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.receiver_fields import OF_RECEIVER

@@ -264,12 +264,7 @@ _LIMITS = (
     (FLANGE_ROOM, ON_ENVELOPE, "lens.flange_room_mm", "lower lens.flange.thickness_mm or take more steps"),
     ("largest_wall_margin_mm", ON_BOTH, "constraints.max_wall_mm", "raise {field} or lens.{0}.offset_mm"),
     ("height_margin_mm", ON_ENVELOPE, "constraints.max_height_mm", "raise {field} or lower lens.{0}.offset_mm"),
-    (
-        "keep_out_clearance_mm",
-        ON_CAVITY,
-        "constraints.keep_out",
-        "raise lens.{0}.offset_mm or lower {field}_margin_mm",
-    ),
+    ("keep_out_clearance_mm", ON_CAVITY, "constraints.keep_out", "raise lens.{0}.offset_mm or lower {field}_margin_mm"),
 )
 
 
@@ -326,10 +321,7 @@ def constraint_criteria(spec: Spec, measured: Margins) -> Criteria:
 
 def design_facts(design: Design) -> list[Group]:
     """Groups of the lens, of the search, and of its starts where there were several."""
-    groups = [
-        Group("lens", "Lens", tuple(_size(design))),
-        Group("search", "Search", tuple(_search(design))),
-    ]
+    groups = [Group("lens", "Lens", tuple(_size(design))), Group("search", "Search", tuple(_search(design)))]
     return groups if design.spread is None else [*groups, Group("starts", "Starts", tuple(_starts(design)))]
 
 

@@ -114,12 +114,7 @@ class LightPath:
         """The receivers of one lamp's light: of all pictures."""
         return tuple(each for own in self.lamps for each in own.receivers)
 
-    def through(
-        self,
-        tables: Float[Tensor, "f side side"],
-        rays: RayBundle,
-        part: MadePart,
-    ) -> tuple[Collected, ...]:
+    def through(self, tables: Float[Tensor, "f side side"], rays: RayBundle, part: MadePart) -> tuple[Collected, ...]:
         """Light through one part of the lens with these tables; its source has a flux of its own."""
         scene = replace(self.scene, media=part.media(self.scene.media), made=part.made)
         own = replace(rays, flux=part.flux * rays.flux)

@@ -355,12 +355,7 @@ def _levels_of(levels: tuple[int, ...], weights: int) -> tuple[int, ...]:
 
 
 def _design(
-    lens: Lens,
-    margins: Margins,
-    source: Source,
-    state: SearchState,
-    rays_per_step: int,
-    warnings: tuple[str, ...],
+    lens: Lens, margins: Margins, source: Source, state: SearchState, rays_per_step: int, warnings: tuple[str, ...]
 ) -> Design:
     """The record of a finished search; ``warnings`` on its scene go with those on its source."""
     source = each_of(source)[0]

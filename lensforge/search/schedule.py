@@ -326,15 +326,7 @@ class AutomaticStages:
         levels = counts[: max(level, self.start_level) + 1]
         rate = _FIRST_RATE * self.effort.learning_rate * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
         rays = min(first * 2 ** (level // _TWICE_FROM + doublings), most)
-        return Stage(
-            level,
-            levels,
-            sum(counts[: level + 1]),
-            steps,
-            rays,
-            rate,
-            least_gradient=_LEAST_GRADIENT,
-        )
+        return Stage(level, levels, sum(counts[: level + 1]), steps, rays, rate, least_gradient=_LEAST_GRADIENT)
 
 
 def _cut(steps: int, most: int | None) -> int:

@@ -16,15 +16,7 @@ from pydantic import Field
 
 from lensforge.optics.pose import ALONG_Z, ORIGIN, Vector
 from lensforge.spec.emitter_section import Turn
-from lensforge.spec.lamp_places import (
-    KindOfPlace,
-    Lamp,
-    LampKind,
-    aimed_from,
-    in_grid,
-    in_hexagon,
-    kinds_of,
-)
+from lensforge.spec.lamp_places import KindOfPlace, Lamp, LampKind, aimed_from, in_grid, in_hexagon, kinds_of
 from lensforge.spec.spec_section import Coordinate, Millimetres, Section, check
 from lensforge.spec.target_sections import Side
 from lensforge.surfaces.mirror_group import generators

@@ -7,14 +7,7 @@ from jaxtyping import Bool
 from pydantic import Field
 
 from lensforge.spec.spec_section import Coordinate, Millimetres, check
-from lensforge.spec.target_sections import (
-    DegreesOff,
-    DegreesWide,
-    Places,
-    SizedTarget,
-    SoftTarget,
-    TargetSection,
-)
+from lensforge.spec.target_sections import DegreesOff, DegreesWide, Places, SizedTarget, SoftTarget, TargetSection
 
 Lit = Bool[np.ndarray, "..."]
 _MOST_CORNERS, _MOST_SPOTS = 1000, 1000

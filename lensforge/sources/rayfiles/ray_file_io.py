@@ -14,13 +14,7 @@ from lensforge.sources.photometric.photometric_io import photometric_format
 from lensforge.sources.rayfiles.formats import FORMATS, format_of
 from lensforge.sources.rayfiles.formats.zemax import NM_PER_MICRON
 from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile, column_product
-from lensforge.sources.rayfiles.ray_file_rows import (
-    FileImage,
-    as_float64,
-    as_plain_text,
-    release_pages,
-    scaled,
-)
+from lensforge.sources.rayfiles.ray_file_rows import FileImage, as_float64, as_plain_text, release_pages, scaled
 
 _MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
 _COPIED = 2**24  # bytes copied at a time
