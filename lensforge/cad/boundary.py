@@ -114,8 +114,7 @@ class Domain:
             return directions
         azimuths, radius = _polar(to_chart(directions))
         low, high = self.radii(azimuths)
-        found: Float[np.ndarray, "k 3"] = directions[(radius >= low) & (radius <= high)]
-        return found
+        return directions[(radius >= low) & (radius <= high)]
 
     def within(self, places: Places) -> Places:
         """Chart points, those outside moved along their meridian to its edge."""

@@ -310,8 +310,7 @@ def _overhangs(plan: Plan[Patch], azimuths: Float[np.ndarray, " n"]) -> np.ndarr
     """True at azimuths where the dome overhangs the base, by the plan's arcs."""
     starts = np.array([arc.start for arc in plan.arcs])
     relation = np.array([arc.relation == "overhang" for arc in plan.arcs])
-    overhangs: np.ndarray = relation[np.searchsorted(starts, azimuths, side="right") - 1]
-    return overhangs
+    return relation[np.searchsorted(starts, azimuths, side="right") - 1]
 
 
 def _ledge_or_overhang(

@@ -251,8 +251,7 @@ def _filled(surface: Surface, chart: Float[np.ndarray, "n n 2"], hole: float) ->
     turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
     around = 0.5 * _FILLED * hole * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     mean = surface.radius(to_sphere(around)).mean()
-    filled: Float[np.ndarray, "n n"] = np.where(share < 1.0, mean + step * (radius - mean), radius)
-    return filled
+    return np.where(share < 1.0, mean + step * (radius - mean), radius)
 
 
 def _within_square(wide: BSpline, half_width: float) -> BSpline:

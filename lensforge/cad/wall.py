@@ -153,8 +153,7 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
 
     def figure(places: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
         radii = (np.linalg.norm(points(each, places), axis=1) for each in (envelope, cavity))
-        signed: Float[np.ndarray, " m"] = np.where(cavity.closed(to_sphere(places)), sign * np.subtract(*radii), -_FAR)
-        return signed
+        return np.where(cavity.closed(to_sphere(places)), sign * np.subtract(*radii), -_FAR)
 
     turn = np.linspace(0.0, 2.0 * np.pi, _RIM, endpoint=False)
     creases = [each for side in (cavity, envelope) for each in side.creases if each is not side.opening]

@@ -55,8 +55,7 @@ class WholeNumber(click.IntRange):
             if not number.is_finite() or number.adjusted() > _MOST_DIGITS or number != number.to_integral_value():
                 self.fail(f"{value!r} is not a whole number {self._describe_range()}", param, ctx)
             value = int(number)
-        count: int = super().convert(value, param, ctx)
-        return count
+        return super().convert(value, param, ctx)
 
     def _describe_range(self) -> str:
         return f"from {self.min:,} to {self.max:,}"

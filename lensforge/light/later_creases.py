@@ -105,8 +105,7 @@ class Fans:
 
 def _directions(angle: _Values, azimuth: _Values) -> _Vectors:
     sine = np.sin(angle)
-    along: _Vectors = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(angle)], axis=1)
-    return along
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(angle)], axis=1)
 
 
 @dataclass(frozen=True)

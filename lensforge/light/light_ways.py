@@ -96,8 +96,7 @@ def _numbers(met: Int8[np.ndarray, "n e"], faces: int) -> Int[np.ndarray, " n"]:
     last = last_face(met).astype(int)
     digits = met[:, :_LONGEST].astype(int) + 1
     whole = digits @ (faces + 1) ** np.arange(digits.shape[1])
-    found: Int[np.ndarray, " n"] = np.where(last < faces - 1, last + 1, np.where(count <= _LONGEST, whole, 0))
-    return found
+    return np.where(last < faces - 1, last + 1, np.where(count <= _LONGEST, whole, 0))
 
 
 # Of the LED's flux, above which a leak is said: an evaluation knows it to a few thousandths of that.

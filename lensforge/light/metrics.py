@@ -376,8 +376,7 @@ def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarr
     block, pixel = np.divmod(np.flatnonzero(light == light.min(axis=1, keepdims=True)), images.shape[1])
     first = np.searchsorted(block, np.arange(len(blocks)))
     sums = np.add.reduceat(images.T[pixel], first)
-    values: Float[np.ndarray, "b r"] = sums / np.diff(first, append=len(block))[:, None]
-    return values
+    return sums / np.diff(first, append=len(block))[:, None]
 
 
 def _slope(halves: _Choices, quarters: _Choices) -> float:

@@ -245,8 +245,7 @@ def _lamp(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLig
 
 def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
     """Values at equal steps of C, closed at 360 degrees and turned over as their table is."""
-    closed: Float[np.ndarray, "d g"] = np.concatenate([values, values[:1]])[::-1]
-    return closed
+    return np.concatenate([values, values[:1]])[::-1]
 
 
 def _warnings(bright: SourceLumens, source: Source, light: ExitLight, spec: Spec) -> Iterator[str]:

@@ -180,8 +180,7 @@ class ExactFace(TracedFace):
 
     def _before(self, rays: Approach, paths_mm: Float[Tensor, " n"]) -> Bool[Tensor, " n"]:
         """True where the rays are still on their side of the face."""
-        before: Bool[Tensor, " n"] = rays.sense * self.gap(rays.at(paths_mm)) >= 0.0
-        return before
+        return rays.sense * self.gap(rays.at(paths_mm)) >= 0.0
 
 
 def _in_torch(function: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n *k"]]) -> OfDirections:

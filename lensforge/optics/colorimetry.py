@@ -31,8 +31,7 @@ def tristimulus_at(wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray,
     """X, Y, Z (lm) of 1 W of monochromatic light, linear between whole nm; 0 outside the visible range."""
     nodes, functions = _observer()
     columns = [np.interp(wavelengths_nm, nodes, column, left=0.0, right=0.0) for column in functions.T]
-    tristimulus: Float[np.ndarray, "n 3"] = LARGEST_LM_PER_W * np.stack(columns, axis=1)
-    return tristimulus
+    return LARGEST_LM_PER_W * np.stack(columns, axis=1)
 
 
 def tristimulus_of(

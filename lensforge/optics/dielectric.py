@@ -115,8 +115,7 @@ def fields_behind(
     xp, (across, more) = module_of(fields), amplitudes
 
     def onto(vectors: Float[Array, "n 3"]) -> Inexact[Array, "n 2"]:
-        components: Inexact[Array, "n 2"] = xp.einsum("nfi,ni->nf", fields, like(fields, vectors))
-        return components
+        return xp.einsum("nfi,ni->nf", fields, like(fields, vectors))
 
     cosine, inside = ((each * normals).sum(1)[:, None] for each in (before, behind))
     one, other = normals - cosine * before, normals - inside * behind  # in the plane, as long as the sines

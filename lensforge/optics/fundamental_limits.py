@@ -57,8 +57,7 @@ def best_transmittance(
         one = _at_most(k / _SPLITS * turns, first, least[0])
         other = _at_most((1.0 - (k + 1) / _SPLITS) * turns, second, least[1])
         bound = np.maximum(bound, one * other)
-    found: Turns = bound[places.ravel()].reshape(turn.shape)
-    return found
+    return bound[places.ravel()].reshape(turn.shape)
 
 
 def least_by_way(media: Media, span_nm: Span | None) -> Least:
@@ -103,8 +102,7 @@ def _is_turned(deviation_rad: Turns, ratio: float | Turns) -> Bool[np.ndarray, "
 def _ratio(refractive_index: Turns, around: float) -> Turns:
     """Ratio of the indices at a face, 1 at least: light takes the same way back, and as much of it passes."""
     ratio = refractive_index / around
-    larger: Turns = np.maximum(ratio, 1.0 / ratio)
-    return larger
+    return np.maximum(ratio, 1.0 / ratio)
 
 
 def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) -> Turns:
@@ -121,8 +119,7 @@ def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) ->
         r_s = (cosine - index * inside) / (cosine + index * inside)
         r_p = (index * cosine - inside) / (index * cosine + inside)
         transmitted: Turns = np.sqrt(0.5 * ((1.0 - r_s**2) ** 2 + (1.0 - r_p**2) ** 2))
-    turned: Turns = np.where(_is_turned(deviation_rad, refractive_index), transmitted, 0.0)
-    return turned
+    return np.where(_is_turned(deviation_rad, refractive_index), transmitted, 0.0)
 
 
 def transmittance_of(media: Media) -> float:

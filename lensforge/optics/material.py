@@ -205,8 +205,7 @@ def air_index(wavelengths_nm: Waves, celsius: float) -> Waves:
     """Index of dry air at one atmosphere and ``celsius``: F. Kohlrausch, Praktische Physik 1 (1968), p. 408."""
     squared = (1e-3 * wavelengths_nm) ** 2
     at_15 = 6432.8 + 2949810.0 * squared / (146.0 * squared - 1.0) + 25540.0 * squared / (41.0 * squared - 1.0)
-    index: Waves = 1.0 + 1e-8 * at_15 / (1.0 + (celsius - 15.0) * _AIR_PER_K)
-    return index
+    return 1.0 + 1e-8 * at_15 / (1.0 + (celsius - 15.0) * _AIR_PER_K)
 
 
 D_LINE_NM, F_LINE_NM, C_LINE_NM = 587.5618, 486.1327, 656.2725  # He d, H F, H C: where n_d and V_d are defined

@@ -22,8 +22,7 @@ def efficacy_at(wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " 
     """Luminous efficacy (lm/W) of monochromatic light: 683.002 V, V interpolated in its logarithm; 0 beyond V."""
     sensitivity = np.exp(np.interp(wavelengths_nm, _V_NM, np.log(_V)))
     seen = (wavelengths_nm >= _V_NM[0]) & (wavelengths_nm <= _V_NM[-1])
-    efficacy: Float[np.ndarray, " n"] = np.where(seen, LARGEST_LM_PER_W * sensitivity, 0.0)
-    return efficacy
+    return np.where(seen, LARGEST_LM_PER_W * sensitivity, 0.0)
 
 
 def luminous_efficacy(wavelengths_nm: Float[np.ndarray, " n"], power_density: Float[np.ndarray, " n"]) -> float | None:

@@ -149,8 +149,7 @@ def wavelengths(
     sums = (density[1:] + density[:-1]) * np.diff(nodes_nm)
     cell, both = random.choice(len(sums), count, p=sums / sums.sum()), np.sort(random.random((2, count)), axis=0)
     falls = random.random(count) * (density[cell] + density[cell + 1]) < density[cell]
-    drawn: Float[np.ndarray, " n"] = nodes_nm[cell] + np.where(falls, *both) * np.diff(nodes_nm)[cell]
-    return drawn
+    return nodes_nm[cell] + np.where(falls, *both) * np.diff(nodes_nm)[cell]
 
 
 def _accepted(count: int, draw: Callable[[int], tuple[np.ndarray, np.ndarray]]) -> np.ndarray:

@@ -82,8 +82,7 @@ class Screen(ABC):
         half_turn = np.array([0.0, np.pi, 0.0])
         tilt = np.arctan2(sine, z[2]) * about / sine if sine > 0.0 else half_turn * float(z[2] < 0.0)
         turn = Rotation.from_rotvec(np.radians(self.rotation_deg) * z) * Rotation.from_rotvec(tilt)
-        axes: Float[np.ndarray, "3 3"] = turn.apply(np.eye(3))
-        return axes
+        return turn.apply(np.eye(3))
 
     def reach_mm(self, light: Float[np.ndarray, "rows columns"]) -> float:
         """Millimetres on the screen of a radian at the lens: rms over its ``light``; of directions those at 1 m.
@@ -118,8 +117,7 @@ class Screen(ABC):
 
     def on_pixels(self, landings: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for landings on any pixel; False for NaN."""
-        inside: Bool[np.ndarray, " n"] = (np.abs(landings) <= [0.5 * self.width, 0.5 * self.height]).all(axis=1)
-        return inside
+        return (np.abs(landings) <= [0.5 * self.width, 0.5 * self.height]).all(axis=1)
 
     def in_window(self, landings: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for landings in the window; False for NaN."""
@@ -258,8 +256,7 @@ def _smoothing(count: int, variance: float) -> Float[np.ndarray, "n n"]:
     if variance == 0.0:
         return unit
     taps = np.exp(-0.5 * np.array([1.0, 0.0, 1.0]) / variance)
-    filtered: Float[np.ndarray, "n n"] = convolve1d(unit, taps / taps.sum(), axis=0, mode="nearest")
-    return filtered
+    return convolve1d(unit, taps / taps.sum(), axis=0, mode="nearest")
 
 
 def squared_norm(reference: Float[np.ndarray, "h w"]) -> float:

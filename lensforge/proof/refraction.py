@@ -226,5 +226,4 @@ def through_glass(
 
 def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    unit: Float[np.ndarray, "n 3"] = vectors / np.where(lengths > 0.0, lengths, 1.0)
-    return unit
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)

@@ -337,5 +337,4 @@ def _fates(hits: SurfaceHits, inside: Bool[np.ndarray, " n"], back: bool, flange
     leaving = [~hits.found, hits.base, hits.faces == flange, ~(hits.away | back)]
     lost = [CastFate.NO_HIT, CastFate.BASE, CastFate.FLANGE, CastFate.BACK_INTO_CAVITY]
     from_body, from_cavity = np.select(leaving, lost, CastFate.LANDED), np.select(entering, none, CastFate.LANDED)
-    fates: Int[np.ndarray, " n"] = np.where(inside, from_body, from_cavity)
-    return fates
+    return np.where(inside, from_body, from_cavity)

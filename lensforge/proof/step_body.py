@@ -161,8 +161,7 @@ class _Pieces:
         slopes = np.where(np.abs(direction) < _FLAT, _FLAT, direction)
         ends = (self.boxes - origin) / slopes
         enters, leaves = ends.min(axis=1).max(axis=1), ends.max(axis=1).min(axis=1)
-        numbers: list[int] = np.flatnonzero(leaves >= np.maximum(enters, 0.0)).tolist()
-        return numbers
+        return np.flatnonzero(leaves >= np.maximum(enters, 0.0)).tolist()
 
     def trimmed(self, face: int, u: float, v: float) -> bool:
         """True where a place on a face lies outside of its trim."""

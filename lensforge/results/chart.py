@@ -123,5 +123,4 @@ def _angle(distance: float) -> float:
 
 
 def _centres(length: float, count: int) -> Float[np.ndarray, " k"]:
-    centres: Float[np.ndarray, " k"] = ((np.arange(count) + 0.5) / count - 0.5) * length
-    return centres
+    return ((np.arange(count) + 0.5) / count - 0.5) * length

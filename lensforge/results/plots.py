@@ -113,5 +113,4 @@ def new_axes(axes: Axes | None) -> Axes:
         raise InputError(f"axes: is of type {kind}, must be a matplotlib Axes; say what to plot by name, as in which=")
     import matplotlib.pyplot as plt
 
-    created: Axes = plt.subplots(layout="compressed")[1]
-    return created
+    return plt.subplots(layout="compressed")[1]

@@ -18,8 +18,7 @@ Places = Float[np.ndarray, "*m 2"]
 
 def in_disc(places: Places) -> Places:
     """Places outside of the unit disc moved to its rim."""
-    moved: Places = places / np.maximum(1.0, np.linalg.norm(places, axis=-1, keepdims=True))
-    return moved
+    return places / np.maximum(1.0, np.linalg.norm(places, axis=-1, keepdims=True))
 
 
 def refined_maximum(

@@ -43,8 +43,7 @@ def _alone(kind: type[BaseModel], name: str) -> type[BaseModel]:
     """A model that has one field of ``kind`` alone."""
     field, config = kind.model_fields[name], ConfigDict(**{**kind.model_config, "frozen": False})
     definition: Any = (field.annotation, field)
-    alone: type[BaseModel] = create_model(kind.__name__, __config__=config, **{name: definition})
-    return alone
+    return create_model(kind.__name__, __config__=config, **{name: definition})
 
 
 def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions: Collection[str] = ()) -> InputError:

@@ -33,8 +33,7 @@ def loss_names(chain: Chain | None) -> tuple[str, ...]:
 def last_face(met: Int[Array, "n e"]) -> Int[Array, " n"]:
     """Number of the face that each ray met last; -1 where it met none."""
     count = (met >= 0).sum(1)
-    last: Int[Array, " n"] = met[module_of(met).arange(len(met)), count - 1]
-    return last
+    return met[module_of(met).arange(len(met)), count - 1]
 
 
 def cause_numbers(rays: ExitRays, chain: Chain | None) -> Int[Array, " n"]:

@@ -68,8 +68,7 @@ class PixelGrid:
 
 
 def _centres(length: float, count: int) -> Float[np.ndarray, " k"]:
-    centres: Float[np.ndarray, " k"] = (np.arange(count) + 0.5) * (length / count) - length / 2.0
-    return centres
+    return (np.arange(count) + 0.5) * (length / count) - length / 2.0
 
 
 @dataclass(frozen=True)

@@ -259,8 +259,7 @@ class PossibleLight:
     @cached_property
     def on_pixels(self) -> Image:
         """Largest share of the source's flux on each pixel, by étendue: the brightness theorem."""
-        caps: Image = self.light.transmittance * self.light.curve.shares_within(self._etendues.max(axis=0))
-        return caps
+        return self.light.transmittance * self.light.curve.shares_within(self._etendues.max(axis=0))
 
     def by_etendue(self, pixels: Region) -> float:
         """Largest share in ``pixels`` [row y, column x], or in a part of each, by étendue alone."""
@@ -382,5 +381,4 @@ def _filled(target: Float[np.ndarray, "*n"], caps: Float[np.ndarray, "*n"], tota
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if np.clip(target + middle, 0.0, caps).sum() < total else (low, middle)
-    found: Float[np.ndarray, "*n"] = np.clip(target + high, 0.0, caps)
-    return found
+    return np.clip(target + high, 0.0, caps)

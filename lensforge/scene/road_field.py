@@ -42,14 +42,12 @@ def _veil(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
 
 def _veil_of_2000(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
     """Law of RP-8-00 for the same."""
-    veil: Float[np.ndarray, "*k"] = 10.0 / (theta**2 + 1.5 * theta)
-    return veil
+    return 10.0 / (theta**2 + 1.5 * theta)
 
 
 def _veil_of_2014(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
     """Law of RP-8-14 and after for the same: a power of the angle, steeper within 2 degrees."""
-    veil: Float[np.ndarray, "*k"] = 10.0 / theta ** np.where(theta < 2.0, 2.3 - 0.7 * np.log10(theta), 2.0)
-    return veil
+    return 10.0 / theta ** np.where(theta < 2.0, 2.3 - 0.7 * np.log10(theta), 2.0)
 
 
 @dataclass(frozen=True)
@@ -309,15 +307,13 @@ class DriverView:
 def steps_along(road: RoadSection) -> Points:
     """Places of the points along the road."""
     count = max(_LEAST_ALONG, ceil(road.pole_spacing_m / _STANDARDS[road.standard].step_m - 1e-9))
-    steps: Points = (np.arange(count) + 0.5) * (road.pole_spacing_m / count)
-    return steps
+    return (np.arange(count) + 0.5) * (road.pole_spacing_m / count)
 
 
 def steps_across(road: RoadSection) -> Points:
     """Places of the points of the luminance across the road."""
     count = _STANDARDS[road.standard].across_of_lane * road.lanes
-    steps: Points = (np.arange(count) + 0.5) * (road.width_m / count)
-    return steps
+    return (np.arange(count) + 0.5) * (road.width_m / count)
 
 
 def _views(road: RoadSection) -> tuple[list[DriverView], tuple[Points, ...]]:
@@ -336,8 +332,7 @@ def _views(road: RoadSection) -> tuple[list[DriverView], tuple[Points, ...]]:
 def lux_across(low_m: float, high_m: float) -> Points:
     """Places of the points of the illuminance between two places across the road."""
     count = max(_LEAST_ACROSS, ceil((high_m - low_m) / _ACROSS_M - 1e-9))
-    steps: Points = low_m + (np.arange(count) + 0.5) * ((high_m - low_m) / count)
-    return steps
+    return low_m + (np.arange(count) + 0.5) * ((high_m - low_m) / count)
 
 
 def _luminance(

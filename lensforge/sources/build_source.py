@@ -175,10 +175,7 @@ def _file_warnings(source: Source) -> tuple[str, ...]:
     """Warnings on the file of an intensity profile; none for a source without one."""
     if isinstance(source, PlacedSource):
         return _file_warnings(source.source)
-    warnings: tuple[str, ...] = getattr(
-        source, "warnings", ()
-    )  # of a planar emitter; its module is loaded for it alone
-    return warnings
+    return getattr(source, "warnings", ())  # of a planar emitter; its module is loaded for it alone
 
 
 _RAYS, _SEED = 2**16, 0

@@ -84,8 +84,7 @@ class Rectangles:
 
     def numbers(self, numbers: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
         """Number of the rectangle that :meth:`place` chooses by each first number."""
-        index: Int[np.ndarray, " n"] = choose(np.cumsum(self.shares), numbers)[0]
-        return index
+        return choose(np.cumsum(self.shares), numbers)[0]
 
     def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Sum over the rectangles in which a point lies."""

@@ -216,8 +216,7 @@ def _largest_lens(lens: LensShape, limits: ConstraintsSection) -> _Points:
     """Points of the largest lens that the limits allow: a hemisphere, or a cylinder where that is its radius."""
     u, most = fibonacci_hemisphere(_DIRECTIONS), limits.max_radius_mm
     if not lens.radius_about_axis:
-        points: _Points = most * u
-        return points
+        return most * u
     height = lens.height_mm(limits)
     across = u[:, :2] / np.linalg.norm(u[:, :2], axis=1, keepdims=True)
     side = np.column_stack([most * across, height * u[:, 2]])

@@ -82,8 +82,7 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
         gamma, to = np.hypot(x, y), self.size("to")
         lit = gamma <= to if self.edge == 0.0 else 0.5 * erfc((gamma - to) / (np.sqrt(2.0) * self.edge))
         within = gamma < _HORIZON
-        light: Places = np.where(within, lit / np.cos(np.radians(np.where(within, gamma, 0.0))) ** 3, 0.0)
-        return light
+        return np.where(within, lit / np.cos(np.radians(np.where(within, gamma, 0.0))) ** 3, 0.0)
 
 
 class PhotometricTarget(FarFieldTarget):

@@ -140,8 +140,7 @@ class Lamps:
         if self.period_mm is not None:
             places = np.column_stack([np.round(places[:, :2] / self.period_mm, 6) % 1.0 * self.period_mm, places[:, 2]])
         rows = np.round(np.column_stack([places, np.round(turns_deg, 6) % 360.0, axes]), 6) + 0.0
-        ordered: Float[np.ndarray, "n 7"] = rows[np.lexsort(rows.T)]
-        return ordered
+        return rows[np.lexsort(rows.T)]
 
     def _between(self) -> Float[np.ndarray, "m 3"]:
         """Ways (mm) from each lamp to every other one; in a lattice also to those around."""

@@ -47,8 +47,7 @@ class FlatTopTarget(SizedTarget):
         with np.errstate(over="ignore"):  # far outside a narrow pattern: exp(-inf) is the 0 that is meant
             along_x = np.exp(-(np.abs(x / half_width) ** self.exponent))
             along_y = np.exp(-(np.abs(y / half_height) ** self.exponent))
-        light: Places = along_y * along_x
-        return light
+        return along_y * along_x
 
 
 class RectangleTarget(SizedTarget, ShapeTarget):
@@ -232,12 +231,10 @@ def _in_rectangle(x: Places, y: Places, width: float, height: float) -> Lit:
 
 
 def _in_ellipse(x: Places, y: Places, width: float, height: float) -> Lit:
-    inside: Lit = (2.0 * x / width) ** 2 + (2.0 * y / height) ** 2 <= 1.0
-    return inside
+    return (2.0 * x / width) ** 2 + (2.0 * y / height) ** 2 <= 1.0
 
 
 def _from_spot(x: Places, pitch: float, count: int) -> Places:
     """Coordinate from the nearest of ``count`` centres."""
     place = x / pitch + 0.5 * (count - 1)
-    off: Places = pitch * (place - np.clip(np.round(place), 0, count - 1))
-    return off
+    return pitch * (place - np.clip(np.round(place), 0, count - 1))

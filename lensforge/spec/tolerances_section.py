@@ -292,8 +292,7 @@ class PartTolerances(TolerancesSection):
         """The tolerance of the factor ``name`` where it is given; None for that of the preset."""
         cause = _causes(self.roles)[name]
         holder = self if cause.face is None else self.faces.get(cause.face)
-        found: ToleranceSpec | None = getattr(holder, cause.field or name, None)
-        return found
+        return getattr(holder, cause.field or name, None)
 
     def tolerance(self, name: str) -> ToleranceSpec:
         """The tolerance of the factor ``name``: as given, or that of the preset."""

@@ -60,8 +60,7 @@ class ReciprocalSurface(Surface):
 
     def radius(self, directions: _Vectors) -> _Values:
         """``rho`` (mm) at unit ``directions``."""
-        radius: _Values = 1.0 / self._bent(self.reciprocal(directions)[0])[0]
-        return radius
+        return 1.0 / self._bent(self.reciprocal(directions)[0])[0]
 
     def gradient(self, directions: _Vectors) -> _Vectors:
         """Tangential gradient of ``rho`` on the unit sphere (mm/rad)."""

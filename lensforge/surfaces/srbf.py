@@ -191,8 +191,7 @@ def _as_neighbours(directions: Float[np.ndarray, "n 3"], together: int) -> Int[n
     """An order in which directions of one place follow one another: by the cells of a grid, ``together`` in each."""
     across = max(1, int(np.sqrt(len(directions) / together)))
     column, row = (np.floor((0.5 + 0.5 * directions[:, axis]) * across) for axis in (0, 1))
-    order: Int[np.ndarray, " n"] = np.argsort(column * across + row, kind="stable")
-    return order
+    return np.argsort(column * across + row, kind="stable")
 
 
 Levels = Annotated[tuple[Annotated[int, Field(strict=True, ge=1)], ...], Field(min_length=1)]
