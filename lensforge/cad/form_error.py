@@ -79,6 +79,12 @@ def fit_lens(lens: Lens, *nodes: int, tolerance: FaceTolerance | None = None) ->
     return known[nodes, wanted]
 
 
+def remember_fit(lens: Lens, nodes: Mapping[str, int]) -> None:
+    """Take the faces of ``lens`` by ``nodes``, by name, as an export found them: searching for these takes a second."""
+    if nodes.keys() == lens.surfaces.keys():
+        _fits(lens)[(), face_tolerance(lens)] = fit_lens(lens, *(nodes[name] for name in lens.surfaces))
+
+
 @lru_cache(maxsize=4)  # of one lens in several stages: a second each
 def _fits(_: Lens) -> dict[tuple[tuple[int, ...], FaceTolerance], Pair[Patch]]:
     """Fits of a lens that are known, by the nodes that were asked for and by those that they have."""

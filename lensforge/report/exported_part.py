@@ -11,6 +11,7 @@ from urllib.parse import quote
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.form_error import remember_fit
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
@@ -83,7 +84,9 @@ def history_pictures(results: Results) -> list[PagePicture]:
 
 def section_pictures(results: Results) -> list[PagePicture]:
     """The lens in two sections."""
-    lens, outline, traced = results.lens, source_outline(results), fan_tables(results.lens)
+    lens, outline, traced, part = results.lens, source_outline(results), fan_tables(results.lens), results.find(Part)
+    if part is not None:
+        remember_fit(lens, part.nodes)
     reach = lens_figures.reach_mm(lens)
     figures = {at: lens_figures.lens_section(lens, at, outline, reach, traced) for at in (0.0, 90.0)}
     return [picture(f"section{at:.0f}", figure, f"Section at φ = {at:.0f}°") for at, figure in figures.items()]

@@ -34,6 +34,7 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)
 _CUT_NODES = 401  # along a side of the raster on which further bodies are cut
+_PLACE = (0.11, 0.13, 0.87, 0.78)  # of the axes of a section: left, bottom, width and height; the legend is above
 _MARGIN = 1.3  # half the width of the drawing over the largest radius
 
 
@@ -50,7 +51,8 @@ def lens_section(
     ``reach``: half the width of the drawing (mm), by default from the size of the lens. Also drawn: the paraboloid that
     must fit into the cavity, the maximum radius, and rays, through ``traced`` where their tables are made already.
     """
-    figure, axes = new_figure(WIDE, 3.3)
+    figure = Figure(figsize=(WIDE, 3.3))
+    axes = figure.add_axes(_PLACE)
     across = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
     outlines = body_outlines(lens, azimuth_deg)
     reach = reach or reach_mm(lens)
@@ -65,8 +67,7 @@ def lens_section(
     axes.set(xlim=(-reach, reach), ylim=(lowest - 0.08 * reach, reach), aspect="equal", anchor="N")
     name = {0.0: "x", 90.0: "y"}.get(azimuth_deg, f"across, at {azimuth_deg:g}°")
     axes.set(xlabel=f"{name} (mm)", ylabel="z (mm)")
-    figure.legend(loc="outside upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
-    figure.draw_without_rendering()  # the layout's first pass has other ticks, and cuts the label below a high base
+    figure.legend(loc="upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
     return figure
 
 

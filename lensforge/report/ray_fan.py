@@ -16,7 +16,7 @@ from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.surface import Surface
 
-_NODES_PER_SIGMA = 8.0  # of the tables: hits lie within a nanometre of the faces
+_NODES_PER_SIGMA = 4.0  # of the tables: hits lie within some micrometres of the faces
 _STEPS = 192  # along a ray between two faces: far finer than a lens's features
 _CAVITY_MM = 1e-9  # a point is in the cavity from this depth on
 

@@ -27,7 +27,7 @@ _MESH, _RADIUS, _PLATE = "part.stl", "radius.json", "plate.stl"
 # A mesh of 200,000 triangles takes 0.5 GiB, 1.3 million take 1 GiB and, on a busy machine, 54 s by software.
 _LIMITS = ChildLimits(memory_mib=4096, seconds=60.0)
 _AGAIN = "run `lensforge export` again"
-_PIXELS = (880, 640)
+_PIXELS, _FINER = (880, 640), 2  # of a picture, and how many times as fine it is drawn, whose means they are
 _GLASS, _CUT = "#a3bfd8", "#e8b27a"
 _ON_PLANE = 1e-7  # of the part's size: cells of the cut have all of their corners in it
 _WHOLE, _CLOSE = 0.37, 1.45  # half the height of a picture, in the part's diagonal and in the optics' radius
@@ -158,6 +158,7 @@ def _output(step: Any, mesh: Any) -> Any:
 
 def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float, views: Mapping[str, _Viewpoint]) -> None:
     """One PNG for each of ``views`` of ``mesh``, ``shaded`` by its normals: a window and its shaders serve them all."""
+    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  by which there is a window
     from vtkmodules.vtkCommonDataModel import vtkPlane
     from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
@@ -166,7 +167,7 @@ def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float, v
     window.SetMultiSamples(0)
     window.SetAlphaBitPlanes(1)
     window.SetOffScreenRendering(1)
-    window.SetSize(*_PIXELS)
+    window.SetSize(*(_FINER * side for side in _PIXELS))
     window.AddRenderer(renderer)
     solid = _actor(shaded, _GLASS)
     renderer.AddActor(solid)
@@ -195,16 +196,16 @@ def _save(window: Any, path: Path) -> None:
     shown.ReadFrontBufferOff()
     shown.SetInput(window)
     shown.Update()
-    pixels = _array(shown.GetOutput().GetPointData().GetScalars()).reshape(*_PIXELS[::-1], 4)
-    Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(path)
+    pixels = _array(shown.GetOutput().GetPointData().GetScalars()).reshape(*window.GetSize()[::-1], 4)
+    fine = Image.fromarray(np.ascontiguousarray(pixels[::-1])).convert("RGBa")  # by which edges keep their colour
+    fine.reduce(_FINER).convert("RGBA").save(path)
 
 
 def _renderer() -> Any:
-    """A renderer with a transparent ground, a kit of lights and a parallel projection, averaging 4 x 4 per pixel."""
+    """A renderer with a transparent ground, a kit of lights and a parallel projection."""
     from vtkmodules.vtkRenderingCore import vtkLight, vtkLightKit, vtkRenderer
-    from vtkmodules.vtkRenderingOpenGL2 import vtkRenderStepsPass, vtkSSAAPass
 
-    renderer, smooth, light = vtkRenderer(), vtkSSAAPass(), vtkLight()
+    renderer, light = vtkRenderer(), vtkLight()
     vtkLightKit().AddLightsToRenderer(renderer)
     light.SetLightTypeToHeadlight()
     light.SetIntensity(0.15)  # else the underside is dark
@@ -212,8 +213,6 @@ def _renderer() -> Any:
     renderer.SetBackground(1.0, 1.0, 1.0)
     renderer.SetBackgroundAlpha(0.0)
     renderer.GetActiveCamera().ParallelProjectionOn()
-    smooth.SetDelegatePass(vtkRenderStepsPass())
-    renderer.SetPass(smooth)
     return renderer
 
 
