@@ -28,7 +28,6 @@ from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import Surface
 
 _BARE = BaseSection(kind="none")
-_FOOT_CHORD_MM = 2e-3  # of the circles of feet
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +107,7 @@ def _with_feet(mesh: BodyMesh, plan: Plan[Patch]) -> BodyMesh:
     tops = []
     for place in feet.places_mm:
         wall = RoundWall(place, *plan.base.foot_radii_mm, height_mm, feet.height_mm)
-        top, end = add_round(parts, FOOT_SIDE, wall, _FOOT_CHORD_MM, outwards=True)
+        top, end = add_round(parts, FOOT_SIDE, wall, CHORD_MM, outwards=True)
         parts.add_plane(FOOT_END, end, [], up=False)
         tops.append(top)
     parts.add_plane(BOTTOM, outline, [opening, *tops], up=False)

@@ -58,8 +58,7 @@ class Crease:
     def radius(self, azimuths: _Values) -> _Values:
         """Distance from the chart's centre at azimuths (rad) of any turn."""
         start, slope = self.table(np.mod(azimuths, FULL_TURN)).T
-        radius: _Values = start - _gap(self.one, self.other, azimuths, start) / slope
-        return radius
+        return start - _gap(self.one, self.other, azimuths, start) / slope
 
     def tabulated(self, azimuths: _Values) -> _Values:
         """The same by its table alone, as good as that is, in a fiftieth of the time."""
@@ -72,8 +71,7 @@ class Crease:
     def points(self, azimuths: _Values) -> Float[np.ndarray, "n 3"]:
         """Its points (mm)."""
         directions = to_sphere(self.chart(azimuths))
-        points: Float[np.ndarray, "n 3"] = self.one.radius(directions)[:, None] * directions
-        return points
+        return self.one.radius(directions)[:, None] * directions
 
     @cached_property
     def extent(self) -> tuple[float, float]:
@@ -377,8 +375,7 @@ def _crease(names: Sequence[str], one: StarShaped, other: StarShaped, low: _Valu
 def _gap(one: StarShaped, other: StarShaped, azimuths: _Values, radius: _Values) -> _Values:
     """Distance (mm) by which ``one`` is farther than ``other`` at chart points."""
     directions = to_sphere(_on_chart(azimuths, radius))
-    gap: _Values = one.radius(directions) - other.radius(directions)
-    return gap
+    return one.radius(directions) - other.radius(directions)
 
 
 def _azimuths() -> _Values:
@@ -386,8 +383,7 @@ def _azimuths() -> _Values:
 
 
 def _on_chart(azimuths: _Values, radius: _Values) -> Float[np.ndarray, "n 2"]:
-    chart: Float[np.ndarray, "n 2"] = radius[:, None] * np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
-    return chart
+    return radius[:, None] * np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
 
 
 def _polar(chart: Float[np.ndarray, "n 2"]) -> tuple[_Values, _Values]:

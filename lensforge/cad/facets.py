@@ -56,8 +56,7 @@ def largest_distance(patch: Patch, corners: Float[np.ndarray, "t 3 3"], away: Fl
 def _in_triangle(places: Places) -> Places:
     """Places by their first two barycentric coordinates, moved into the triangle."""
     inside = np.maximum(places, 0.0)
-    moved: Places = inside / np.maximum(1.0, inside.sum(axis=-1, keepdims=True))
-    return moved
+    return inside / np.maximum(1.0, inside.sum(axis=-1, keepdims=True))
 
 
 def distances(
@@ -67,8 +66,7 @@ def distances(
     from_corner = patch.points(to_chart(barycentric @ corners)) - corners[:, :1]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = across / np.linalg.norm(across, axis=1, keepdims=True)
-    distance: Float[np.ndarray, "t m"] = np.abs(from_corner @ normals[:, :, None])[..., 0]
-    return distance
+    return np.abs(from_corner @ normals[:, :, None])[..., 0]
 
 
 CHORD_MM = 2e-3  # of any face that is milled or moulded a fifth of the form; light sees the normals between vertices
@@ -109,8 +107,7 @@ def refined_azimuths(
 
 def points_in(shape: StarShaped, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Points (mm) of a surface in unit ``directions``."""
-    points: Float[np.ndarray, "n 3"] = shape.radius(directions)[:, None] * directions
-    return points
+    return shape.radius(directions)[:, None] * directions
 
 
 def refined_dome(

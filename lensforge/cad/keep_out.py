@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.cad.custom_base import solids_in, tessellated
-from lensforge.cad.keep_out_distance import KeepOutDistance
 from lensforge.cad.mesh import BodyMesh, manifold_of
+from lensforge.cad.part_limits import KeepOutDistance
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import MOST_STEP_MIB
 from lensforge.results.files import MIB, read_file
@@ -48,8 +48,7 @@ class KeepOutSolid:
     @property
     def corners(self) -> Float[np.ndarray, "t 3 3"]:
         """Corners (mm) of every triangle."""
-        corners: Float[np.ndarray, "t 3 3"] = self.vertices[self.triangles]
-        return corners
+        return self.vertices[self.triangles]
 
 
 @dataclass(frozen=True, eq=False)

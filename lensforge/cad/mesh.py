@@ -171,8 +171,7 @@ def zip_rings(
 
 
 def _midpoints(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    midpoints: Float[np.ndarray, " n"] = (azimuths + np.append(azimuths[1:], azimuths[0] + FULL_TURN)) / 2.0
-    return midpoints
+    return (azimuths + np.append(azimuths[1:], azimuths[0] + FULL_TURN)) / 2.0
 
 
 def _cone(polar: Float[np.ndarray, " n"], azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
@@ -206,8 +205,7 @@ class BodyMesh:
 
     def part(self, name: str) -> Int[np.ndarray, "k 3"]:
         """The triangles of the face ``name``."""
-        triangles: Int[np.ndarray, "k 3"] = self.triangles[self.face == self.names.index(name)]
-        return triangles
+        return self.triangles[self.face == self.names.index(name)]
 
     @property
     def bounds_mm(self) -> Box:
@@ -267,7 +265,6 @@ def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> float:
 
 
 def _line(patch: Patch, crease: Crease | None) -> Curve:
-    """The points of ``crease``, or of the rim, on a face."""
 
     def points(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
         return points_in(patch, rim_directions(azimuths) if crease is None else to_sphere(crease.chart(azimuths)))

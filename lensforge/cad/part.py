@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from lensforge.cad.face_tolerance import FaceTolerance
-from lensforge.cad.keep_out_distance import KeepOutDistance
-from lensforge.cad.part_limits import FormTolerance, Signature, UntrimmedSurfaces
+from lensforge.cad.part_limits import FormTolerance, KeepOutDistance, Signature, UntrimmedSurfaces
 from lensforge.cad.plate_result import (
     PLATE_FILES,
     PLATE_STEP_FILE,

@@ -15,12 +15,13 @@ from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import FormError, face_error, fit_lens, rounded_to, worst
 from lensforge.cad.keep_out import keep_out_distance, mesh_error_mm, read_keep_out
-from lensforge.cad.keep_out_distance import KeepOutDistance, keep_out_criteria
 from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
 from lensforge.cad.part import STEP_FILE, STL_FILE, SURFACES_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
 from lensforge.cad.part_limits import (
+    KeepOutDistance,
     Signature,
     UntrimmedSurfaces,
+    keep_out_criteria,
     mass_g,
     mesh_volume_limit,
     part_criteria,

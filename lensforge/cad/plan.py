@@ -155,8 +155,7 @@ def rim_radius(face: StarShaped) -> Radius:
 def rim_points(face: StarShaped) -> Float[np.ndarray, "n 2"]:
     """Points (mm) of a face's rim at equal azimuths."""
     azimuths = sampled_azimuths()
-    points: Float[np.ndarray, "n 2"] = rim_radius(face)(azimuths)[:, None] * rim_directions(azimuths)[:, :2]
-    return points
+    return rim_radius(face)(azimuths)[:, None] * rim_directions(azimuths)[:, :2]
 
 
 def _bore(cavity: StarShaped, base: BaseSection, outline: Outline) -> Outline | None:
@@ -281,7 +280,6 @@ def base_corners(plan: Plan[Any]) -> list[Corner]:
 
 
 def _seat_corners(plan: Plan[Any], rim: Radius) -> list[Corner]:
-    """The outer rim, and the wall of a step below it."""
     if plan.ring is not None:
         wall = plan.ring.radius
         return [Corner(rim, 0.0, RIM), Corner(wall, 0.0, RELIEF), Corner(wall, plan.relief_mm, TOP)]
@@ -307,7 +305,6 @@ def _foot_corners(plan: Plan[Any]) -> list[Corner]:
 
 
 def _bore_corners(plan: Plan[Any]) -> list[Corner]:
-    """The pocket in the bottom, and the bore."""
     corners = []
     if plan.pocket is not None:
         pocket, depth_mm = plan.pocket.radius, plan.base.pocket_depth_mm

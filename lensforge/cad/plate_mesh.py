@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.cad.boundary import Boundary
-from lensforge.cad.facets import MOST_TRIANGLES
+from lensforge.cad.facets import CHORD_MM, MOST_TRIANGLES
 from lensforge.cad.mesh import BodyMesh, build_mesh
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import RIM, Plan, rim_points
@@ -31,7 +31,6 @@ from lensforge.cad.plate_solid import (
 from lensforge.surfaces.plane_loop import Loop, circle_at, points_on
 
 _RINGS = 24  # of a lens to begin with: its facets are split where they are too far from their faces
-CHORD_MM = 2e-3
 
 _Ids = Int[np.ndarray, " n"]
 

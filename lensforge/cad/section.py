@@ -74,8 +74,7 @@ def _from_opening(boundary: Boundary[Surface], azimuth: float, count: int = 181)
     plane = np.column_stack([np.sin(polar), np.cos(polar)])
     plane[-1, 1] = 0.0  # the rim lies in z = 0 exactly
     directions = np.column_stack([plane[:, :1] * rim_directions(turn)[:, :2], plane[:, 1]])
-    curve: Curve = boundary.radius(directions)[:, None] * plane
-    return curve
+    return boundary.radius(directions)[:, None] * plane
 
 
 def other_section_deg(lens: Lens) -> float | None:
@@ -108,8 +107,7 @@ def profile(boundary: Boundary[Surface], across: Float[np.ndarray, " 3"], count:
     polar = np.column_stack([np.sin(theta), np.cos(theta)])
     polar[[0, -1], 1] = 0.0  # the rim lies in z = 0 exactly
     directions = polar[:, :1] * across + polar[:, 1:] * np.array([0.0, 0.0, 1.0])
-    curve: Curve = boundary.radius(directions)[:, None] * polar
-    return curve
+    return boundary.radius(directions)[:, None] * polar
 
 
 def _cut_of_file(base: BaseSection, across: Float[np.ndarray, " 3"]) -> list[Curve]:

@@ -125,7 +125,6 @@ def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
 
 
 def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
-    """Faces of the feet, and the wires at their tops."""
     from OCP.TopoDS import TopoDS
 
     own, faces, tops = plan.base.feet, Named(), Chain()

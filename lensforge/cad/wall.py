@@ -135,7 +135,6 @@ def _thickness(span: Span) -> float:
 
 
 def _samples(domain: Domain = WHOLE) -> Float[np.ndarray, "k 2"]:
-    """Chart points of a domain, and of its edges."""
     grid = surface.grid(_NODES, 1.0)
     azimuth = 2.0 * np.pi / _RIM * np.arange(_RIM)
     around = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)

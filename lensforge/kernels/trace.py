@@ -9,16 +9,7 @@ from lensforge.kernels.bicubic import bounds_of
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.entry import enter
 from lensforge.kernels.first_hit import FOUND, first_hits, start_all
-from lensforge.kernels.nearest_face import (
-    FACE,
-    MEDIUM,
-    NEXT,
-    NEXT_STATUS,
-    NEXT_X,
-    NEXT_Y,
-    SIDE,
-    meet_nearest,
-)
+from lensforge.kernels.nearest_face import FACE, MEDIUM, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, SIDE, meet_nearest
 from lensforge.kernels.next_event import pass_on
 from lensforge.kernels.polarised_event import refract_all
 from lensforge.kernels.ray_packet import LENGTH, RATIO, RAY, RHO_X, RHO_Y, SIZE, STATUS

@@ -87,8 +87,7 @@ def _in_beam(pictures: Pictures, level: float) -> Light | None:
 def _away(light: Light) -> Float[np.ndarray, "r n 2"]:
     """Distances in u', v' of pixels from the colour of all their light mixed."""
     mean = uv_of(light.sum(axis=1).mean(axis=0))
-    away: Float[np.ndarray, "r n 2"] = away_from(mean, light) / denominator(light.mean(axis=0))[:, None]
-    return away
+    return away_from(mean, light) / denominator(light.mean(axis=0))[:, None]
 
 
 def _of_temperature(totals: Float[np.ndarray, "r 3"], known: ColourTemperature, index: int, unit: str) -> Metric:

@@ -87,8 +87,7 @@ def _seen_from_source(scene: Scene, points: _Vectors) -> _Vectors:
     if scene.made is None:
         return points
     placed = scene.made.placed
-    seen: _Vectors = placed.into.own_points(points) / placed.factor_in
-    return seen
+    return placed.into.own_points(points) / placed.factor_in
 
 
 def adjoint_on(
@@ -156,14 +155,12 @@ class OnFaces:
     @property
     def points(self) -> _Vectors:
         """The places in space (mm)."""
-        points: _Vectors = self.radius[:, None] * to_sphere(self.chart)
-        return points
+        return self.radius[:, None] * to_sphere(self.chart)
 
     @property
     def normals(self) -> _Vectors:
         """Normals away from the origin, of such lengths that their part along the radius is 1."""
-        normals: _Vectors = to_sphere(self.chart) - gradient_on_sphere(self.chart, self.slopes) / self.radius[:, None]
-        return normals
+        return to_sphere(self.chart) - gradient_on_sphere(self.chart, self.slopes) / self.radius[:, None]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "OnFaces":
         """Select some of the places."""
@@ -203,8 +200,7 @@ class CreasePoints:
         """Change of the azimuth along the tangent (rad/mm)."""
         x, y, _ = self.one.points.T
         along_x, along_y, _ = self.tangents.T
-        rate: _Values = (x * along_y - y * along_x) / (x**2 + y**2)
-        return rate
+        return (x * along_y - y * along_x) / (x**2 + y**2)
 
     def __len__(self) -> int:
         return len(self.one.face)
@@ -216,8 +212,7 @@ class CreasePoints:
     def across(self, directions: _Vectors) -> _Vectors:
         """Unit vectors across the crease and rays that pass it in ``directions``."""
         across = np.cross(directions, self.tangents) * np.sign(self.rate)[:, None]
-        unit: _Vectors = across / np.linalg.norm(across, axis=1, keepdims=True)
-        return unit
+        return across / np.linalg.norm(across, axis=1, keepdims=True)
 
     def flows(self, rays: RayBundle) -> tuple[_Values, _Values]:
         """Solid angle (sr per radian of azimuth) that goes over where either radius grows by 1 mm, for each ray.

@@ -152,7 +152,6 @@ def evaluate_lens(
 
 
 def _fitted(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> FittedLight:
-    """Figures by the rays of the search."""
     found = traced_light(traced, spec, source, rays, seed).metrics
     return FittedLight(rays=min(rays, source.ray_count or rays), nmse=found.nmse, efficiency=found.efficiency)
 
@@ -298,7 +297,6 @@ def _possible(physics: PossibleLight, target: DrawnTarget, arriving: float) -> P
 def _raw(
     mean: Float[np.ndarray, "h w"], target: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"] | None
 ) -> RawMetrics:
-    """Metrics of the mean image, with its noise."""
     return RawMetrics(
         nmse=nmse(mean, target),
         uniformity=None if mask is None else uniformity(mean, mask),

@@ -82,8 +82,7 @@ def _on_sphere(
     along = np.sum(points * directions, axis=1)
     closest = points - along[:, None] * directions
     half_chord = np.sqrt(np.maximum(radius_mm**2 - np.sum(closest**2, axis=1), 0.0))
-    left: Float[np.ndarray, "n 3"] = closest + half_chord[:, None] * directions
-    return left
+    return closest + half_chord[:, None] * directions
 
 
 PARTS = 16  # independent samples: their spread is the standard error

@@ -99,8 +99,7 @@ class Fans:
         """Flux (W/rad) of some fans at angles between those at which it is known."""
         place = np.interp(angle, self.angles, np.arange(len(self.angles)))
         low = np.minimum(place.astype(int), len(self.angles) - 2)
-        flux: _Values = self.known[low, fan] + (place - low) * (self.known[low + 1, fan] - self.known[low, fan])
-        return flux
+        return self.known[low, fan] + (place - low) * (self.known[low + 1, fan] - self.known[low, fan])
 
 
 def _directions(angle: _Values, azimuth: _Values) -> _Vectors:
@@ -121,14 +120,12 @@ class _Changes:
     @property
     def middle(self) -> _Values:
         """Angle in the middle of each."""
-        middle: _Values = 0.5 * (self.low + self.high)
-        return middle
+        return 0.5 * (self.low + self.high)
 
     @property
     def event(self) -> _Numbers:
         """The first event that differs."""
-        event: _Numbers = np.argmax(self.met_low != self.met_high, axis=1)
-        return event
+        return np.argmax(self.met_low != self.met_high, axis=1)
 
     @property
     def codes(self) -> tuple[_Numbers, _Numbers]:
@@ -140,8 +137,7 @@ class _Changes:
     def later(self) -> Bool[np.ndarray, " k"]:
         """True where other faces are met, and not first."""
         one, other = self.codes
-        later: Bool[np.ndarray, " k"] = (self.event > 0) & (one >= 0) & (other >= 0) & (one >> 2 != other >> 2)
-        return later
+        return (self.event > 0) & (one >= 0) & (other >= 0) & (one >> 2 != other >> 2)
 
     def take(self, rows: np.ndarray) -> "_Changes":
         """Select some."""
@@ -201,8 +197,7 @@ def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Boo
 def _reflects_nothing(scene: Scene) -> Bool[np.ndarray, " f"]:
     """True for the faces that end all light: a flange, which rays along the axis meet at grazing angles."""
     assert scene.chain is not None
-    found: Bool[np.ndarray, " f"] = scene.chain.packed(scene.media).mirrors == 0.0
-    return found
+    return scene.chain.packed(scene.media).mirrors == 0.0
 
 
 @dataclass(frozen=True)
@@ -216,8 +211,7 @@ class _Lines:
     @property
     def hits(self) -> _Vectors:
         """Points (mm) where they meet it."""
-        hits: _Vectors = self.points + self.paths[:, None] * self.directions
-        return hits
+        return self.points + self.paths[:, None] * self.directions
 
     @staticmethod
     def of(traced: TracedBundle, event: _Numbers, rows: _Numbers) -> "_Lines":
@@ -249,8 +243,7 @@ def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vecto
     root = np.sqrt(np.maximum(1.0 - ratio**2 * (1.0 - cosine**2), 0.0))
     reflected = (code & REFLECTED)[:, None] > 0
     refracted = ratio * along + (root - ratio * cosine) * normals
-    bent: _Vectors = np.where(reflected, along - 2.0 * cosine * normals, refracted)
-    return bent
+    return np.where(reflected, along - 2.0 * cosine * normals, refracted)
 
 
 def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _Values) -> Tables:

@@ -84,7 +84,6 @@ class FluxByWay:
 
 
 def _faces(number: int, names: Sequence[str]) -> Iterator[str]:
-    """Names of the faces of a way."""
     while number:
         number, digit = divmod(number, len(names) + 1)
         yield names[digit - 1]

@@ -50,8 +50,7 @@ class LampLight:
     def intensities(self, lateral_deg: Degrees, gamma_deg: Degrees) -> Float[np.ndarray, "p k"]:
         """Intensity (cd) in each direction, by each sample."""
         matrix = self.grid.readings(lateral_deg + self.street_deg, gamma_deg)
-        read: Float[np.ndarray, "p k"] = (matrix @ self.samples.reshape(len(self.samples), -1).T).T
-        return read
+        return (matrix @ self.samples.reshape(len(self.samples), -1).T).T
 
 
 Lateral = Literal["I", "II", "III", "IV", "V"]

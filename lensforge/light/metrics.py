@@ -366,8 +366,7 @@ class _Choices:
         minimum = self.least @ without / without.sum(axis=0)
         readings = self.readings.sum(axis=1)[:, None] - self.readings
         read = (readings * without).sum(axis=0) / ((without.sum(axis=1) - 1.0) @ without)
-        left_out: Float[np.ndarray, " r"] = minimum + slope * (read - minimum)
-        return left_out
+        return minimum + slope * (read - minimum)
 
 
 def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarray, "b r"]:

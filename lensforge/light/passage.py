@@ -96,8 +96,7 @@ class BodyPassage:
             in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)
         else:
             self._back(by, totals, None)
-        total: Float[np.ndarray, "f side side"] = totals.sum(axis=0)
-        return total
+        return totals.sum(axis=0)
 
     def back(self, by: ByRaysOut) -> ByRaysIn:
         """Sensitivities to the rays that came from those to the rays behind a body in polarised light."""

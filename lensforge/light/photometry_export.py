@@ -236,7 +236,6 @@ def _opening(lamps: Lamps, lens_mm: float) -> LuminousOpening:
 
 
 def _lamp(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLight:
-    """Light of the lens as that of a lamp."""
     finer = light.finer
     grid = AngularGrid(len(finer.c_deg) - 1, finer.gamma_deg)
     fine = LampLight(grid, per_watt * finer.values[None, :-1], street_deg)

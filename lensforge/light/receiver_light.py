@@ -77,8 +77,7 @@ class RegionLight(Record):
 
 def bright_region(target: Image) -> Bool[np.ndarray, "h w"]:
     """Pixels where the target is above half of its maximum; those on its edge, which often have just half, are not."""
-    inside: Bool[np.ndarray, "h w"] = target > _BRIGHT * (1.0 + 1e-9) * target.max()
-    return inside
+    return target > _BRIGHT * (1.0 + 1e-9) * target.max()
 
 
 _FLUX_ADDS_UP = 1e-9

@@ -302,7 +302,6 @@ class _Passage:
         return unit
 
     def _ratio(self, numbers: Int[Tensor, " n"], before: str, behind: str) -> Float[Tensor, " n"]:
-        """Index before over index behind a face."""
         own, media = self.indices[numbers], self.body.media
         one, other = (own if medium == BODY else media.around(medium) + 0.0 * own for medium in (before, behind))
         return one / other
@@ -330,7 +329,6 @@ class _Passage:
         return passing_amplitudes(self._transmittances(self.body.chain.names[number], at, numbers), at.ratio)
 
     def _transmittances(self, face: str, at: Incidence, numbers: Int[Tensor, " n"]) -> Transmittances:
-        """Transmitted shares of rays at a face, coated or not."""
         table, rows = self.coatings.faces.get(face), self.coatings.rows
         if table is None:
             return fresnel_transmittances(at.cosine, at.ratio)

@@ -143,7 +143,6 @@ def c_class(mean_lx: float, uniformity: float) -> str:
 
 
 def _least_seen(drivers: tuple[SeenRoad, ...]) -> tuple[float, float, float]:
-    """Least mean luminance, uniformity, and uniformity along, of all ``drivers``."""
     names = "mean_cd_per_m2", "uniformity", "uniformity_along"
     mean, uniformity, along = (min(getattr(driver, name).value for driver in drivers) for name in names)
     return mean, uniformity, along

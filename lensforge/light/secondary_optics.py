@@ -79,7 +79,6 @@ def through_optics(
 
 
 def _passage(optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBundle, fresnel: bool) -> BodyPassage:
-    """Rays through one optic."""
     if exits.fields is None or exits.carried is None:
         raise ValueError("light that comes to an optic has its polarisation")
     media, place, waves = optic.media(around), tabled(optic), rays.waves

@@ -128,8 +128,7 @@ class TracedLens:
 
 def _is_nearest(faces: tuple[Face, ...], number: int, directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
     """True in directions in which the face of this number bounds its medium."""
-    found: Bool[np.ndarray, " n"] = nearest(faces, directions) == number
-    return found
+    return nearest(faces, directions) == number
 
 
 @dataclass(frozen=True)

@@ -170,7 +170,6 @@ class TracedBundle:
 
 
 def _at_lens(lens: BodyPassage, scene: Scene) -> ExitRays:
-    """The rays as they leave the lens."""
     out, met = lens.exits, lens.ways.met
     exits = ExitRays(
         out.points,

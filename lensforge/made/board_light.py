@@ -220,7 +220,6 @@ class BoardLight(PartLight):
             yield replace(received, losses=losses)
 
     def _designed(self, receiver: int, fluxes: Float[np.ndarray, " n"]) -> Channels:
-        """Light on a receiver of lamps with these fluxes behind the lenses as designed."""
         found = []
         for kind, designed in zip(self.kinds, self.designed, strict=True):
             own = kind.boards[receiver].added(designed[receiver], fluxes[list(kind.numbers)])

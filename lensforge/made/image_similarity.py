@@ -240,7 +240,6 @@ def _read(
 
 
 def _blocks(grid: PixelGrid) -> list[Bool[np.ndarray, " n"]]:
-    """Pixels of each block of the picture."""
     rows, columns = np.indices(grid.shape)
     number = (rows * _BLOCKS // grid.rows) * _BLOCKS + columns * _BLOCKS // grid.columns
     return [number.ravel() == block for block in range(_BLOCKS**2)]

@@ -130,7 +130,6 @@ def _lights(by_led: Mapping[str, MeasuredLight], how: str) -> Iterator[Fact]:
 
 
 def _against(light: LightMetrics, design: LightMetrics, how: str) -> Iterator[Fact]:
-    """Metrics of a light beside those as designed."""
     designed = {fact.key: fact.text for fact in metric_facts(design)}
     for fact in metric_facts(light):
         if fact.key != "rsd":

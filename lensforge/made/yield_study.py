@@ -317,7 +317,6 @@ def _of_lamps(study: PartStudy) -> str:
 
 
 def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:
-    """Remarks on how the study was made."""
     found = [] if study.lamps.is_single else [_of_lamps(study)]
     if len(study.leds) > 1:
         names = ", ".join(led.led for led in study.leds)

@@ -47,8 +47,7 @@ def best_transmittance(
     index = np.broadcast_to(refractive_index, turn.shape)
     if cavity_index == outside_index and {*least[0], *least[1]} == {None}:
         once = _of_bare(0.5 * turn, _ratio(index, cavity_index))
-        both: Turns = once * once
-        return both
+        return once * once
     # once for all rays of one index that need not turn: in a scene they are most of all
     pairs, places = np.unique(np.stack([turn.ravel(), index.ravel()]), axis=1, return_inverse=True)
     turns, first, second = pairs[0], *(_ratio(pairs[1], each) for each in (cavity_index, outside_index))
@@ -95,8 +94,7 @@ def _of_bare(deviation_rad: Turns, ratio: Turns) -> Turns:
 
 def _is_turned(deviation_rad: Turns, ratio: float | Turns) -> Bool[np.ndarray, "*n"]:
     """True where a face can turn light so far."""
-    turned: Bool[np.ndarray, "*n"] = (ratio * np.cos(deviation_rad) > 1.0) | (deviation_rad == 0.0)
-    return turned
+    return (ratio * np.cos(deviation_rad) > 1.0) | (deviation_rad == 0.0)
 
 
 def _ratio(refractive_index: Turns, around: float) -> Turns:
@@ -145,8 +143,7 @@ def cell_solid_angles(corners: Float[np.ndarray, "m n 3"]) -> Float[np.ndarray, 
     """
     units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
     a, b, c, d = units[:-1, :-1], units[:-1, 1:], units[1:, 1:], units[1:, :-1]
-    cells: Float[np.ndarray, "k l"] = _triangles(a, b, c) + _triangles(a, c, d)
-    return cells
+    return _triangles(a, b, c) + _triangles(a, c, d)
 
 
 def _triangles(
@@ -155,8 +152,7 @@ def _triangles(
     """Solid angles of triangles of unit vectors; the volume from differences keeps the digits of small ones."""
     volume = np.abs(np.sum(a * np.cross(b - a, c - a), axis=-1))
     cosines = 1.0 + np.sum(a * b, axis=-1) + np.sum(b * c, axis=-1) + np.sum(c * a, axis=-1)
-    angles: Float[np.ndarray, "k l"] = 2.0 * np.arctan2(volume, cosines)
-    return angles
+    return 2.0 * np.arctan2(volume, cosines)
 
 
 def etendue_from_ball(radius_mm: float, solid_angle_sr: float) -> float:

@@ -50,8 +50,7 @@ def _powers(*powers: float) -> Callable[[Sequence[float], Waves], Waves]:
 
 def _herzberger(c: Sequence[float], um: Waves) -> Waves:
     pole: Waves = 1.0 / (um**2 - 0.028)
-    near: Waves = _series(c[:3], (0.0, 1.0, 2.0), pole) + _series(c[3:], (2.0, 4.0, 6.0), um)
-    return near
+    return _series(c[:3], (0.0, 1.0, 2.0), pole) + _series(c[3:], (2.0, 4.0, 6.0), um)
 
 
 def _general(c: Sequence[float], um: Waves) -> Waves:
@@ -141,8 +140,7 @@ class IndexTable:
 
     def index(self, wavelengths_nm: Waves) -> Waves:
         """The refractive index at each wavelength; beyond the table that at its end."""
-        indices: Waves = np.interp(wavelengths_nm, self.wavelengths_nm, self.indices)
-        return indices
+        return np.interp(wavelengths_nm, self.wavelengths_nm, self.indices)
 
 
 REFERENCE_C = 20.0  # of catalogues, and of a drawing's lengths (ISO 1)
@@ -182,8 +180,7 @@ class TemperatureLaw:
         near_pole = (e0 * kelvin + e1 * kelvin**2) / ((1e-3 * wavelengths_nm) ** 2 - pole_um**2)
         change = d0 * kelvin + d1 * kelvin**2 + d2 * kelvin**3 + near_pole
         warm = absolute + (absolute**2 - 1.0) / (2.0 * absolute) * change
-        relative: Waves = warm / air_index(wavelengths_nm, celsius)
-        return relative
+        return warm / air_index(wavelengths_nm, celsius)
 
     def scale(self, celsius: float) -> float:
         """Factor of every length at ``celsius``, of a known expansion."""
@@ -230,8 +227,7 @@ class Absorption:
 
     def at(self, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Absorption (1/mm) at each wavelength."""
-        absorption: Float[np.ndarray, " n"] = np.interp(wavelengths_nm, self.wavelengths_nm, self.per_mm)
-        return absorption
+        return np.interp(wavelengths_nm, self.wavelengths_nm, self.per_mm)
 
 
 @dataclass(frozen=True)
@@ -242,8 +238,7 @@ class AgainstVacuum:
 
     def index(self, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """The refractive index at each wavelength."""
-        relative: Waves = self.absolute.index(wavelengths_nm) / air_index(wavelengths_nm, REFERENCE_C)
-        return relative
+        return self.absolute.index(wavelengths_nm) / air_index(wavelengths_nm, REFERENCE_C)
 
 
 @dataclass(frozen=True)

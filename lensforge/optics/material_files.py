@@ -301,8 +301,7 @@ def _absorption(blocks: dict[str, dict[str, Any]], path: Path) -> list[list[floa
         if kind in blocks:
             table = _table(blocks[kind], path, columns)
             per_mm = 4.0 * pi * table[:, columns - 1] / (1e-3 * table[:, 0])
-            rows: list[list[float]] = np.column_stack([1e3 * table[:, 0], per_mm]).tolist()
-            return rows
+            return np.column_stack([1e3 * table[:, 0], per_mm]).tolist()
     return []
 
 

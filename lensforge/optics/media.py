@@ -27,8 +27,7 @@ class IndexCurve:
         """Index at each wavelength; beyond the curve that at its end."""
         if not self.wavelengths_nm:
             return np.full(len(wavelengths_nm), self.refractive_index[0])
-        indices: Float[np.ndarray, " n"] = np.interp(wavelengths_nm, self.wavelengths_nm, self.refractive_index)
-        return indices
+        return np.interp(wavelengths_nm, self.wavelengths_nm, self.refractive_index)
 
 
 @dataclass(frozen=True)
@@ -220,8 +219,7 @@ class Surface(Protocol):
     def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Unit normals pointing away from the origin: ``u - grad(rho)/rho``, normalised."""
         outward = directions - self.gradient(directions) / self.radius(directions)[:, None]
-        unit: Float[np.ndarray, "n 3"] = outward / np.linalg.norm(outward, axis=1, keepdims=True)
-        return unit
+        return outward / np.linalg.norm(outward, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True)

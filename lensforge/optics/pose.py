@@ -187,5 +187,4 @@ def _shortest(z: Float[np.ndarray, " 3"]) -> _Matrix:
     if z[2] <= _STRAIGHT_BACK:
         return np.diag([-1.0, 1.0, -1.0])
     cross = np.array([[0.0, 0.0, z[0]], [0.0, 0.0, z[1]], [-z[0], -z[1], 0.0]])
-    rotation: _Matrix = np.eye(3) + cross + cross @ cross / (1.0 + z[2])
-    return rotation
+    return np.eye(3) + cross + cross @ cross / (1.0 + z[2])

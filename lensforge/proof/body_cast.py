@@ -154,5 +154,4 @@ def _depths(shape: Surface, points: _Vectors) -> _Values:
     """Radius of the face in the direction of each point, less the distance of that from the origin (mm)."""
     distances = np.linalg.norm(points, axis=1)
     ways = np.where(distances[:, None] > 0.0, points, [0.0, 0.0, 1.0])
-    depths: _Values = shape.radius(ways / np.linalg.norm(ways, axis=1, keepdims=True)) - distances
-    return depths
+    return shape.radius(ways / np.linalg.norm(ways, axis=1, keepdims=True)) - distances

@@ -147,7 +147,6 @@ def stray_light(
 
 
 def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polished", "black"]) -> StrayLight:
-    """Stray light of one LED of ``lens``."""
     import torch
 
     from lensforge.proof.proof_inputs import optical_of, optical_on, plate_of, screens_of, stands_of

@@ -135,8 +135,7 @@ class StandingWalls:
             return flat
         x, y, height, growth = self.drafts[self._tree.query(flat)[1]].T
         axis = np.column_stack([x, y])
-        at_curve: Float[np.ndarray, "n 2"] = axis + (flat - axis) / (1.0 + growth * (height - points[:, 2]))[:, None]
-        return at_curve
+        return axis + (flat - axis) / (1.0 + growth * (height - points[:, 2]))[:, None]
 
 
 @dataclass(frozen=True, eq=False)

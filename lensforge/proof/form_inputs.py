@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from lensforge.cad.boundary import TrimmedFace, lens_boundaries
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import FlangeRing, ring_of
 from lensforge.cad.form_error import chart_samples
 from lensforge.cad.keep_out import mesh_error_mm
@@ -32,7 +33,6 @@ from lensforge.cad.plan import (
     rim_radius,
 )
 from lensforge.cad.plate_layout import PlateLayout, RoundWall, layout_of
-from lensforge.cad.plate_mesh import CHORD_MM as PLATE_CHORD_MM
 from lensforge.cad.plate_result import PLATE_FILES
 from lensforge.cad.plate_solid import (
     BOSS_BORE,
@@ -77,7 +77,7 @@ def designed_files(part: Part) -> Iterator[DesignedFile]:
             )
         elif name in PLATE_FILES and plate is not None and part.plate is not None:
             stated_mm = 1e-3 * part.plate.chord_error_um
-            allowed_mm = PLATE_CHORD_MM * 2.0 ** max(0.0, np.ceil(np.log2(stated_mm / PLATE_CHORD_MM)))
+            allowed_mm = CHORD_MM * 2.0 ** max(0.0, np.ceil(np.log2(stated_mm / CHORD_MM)))
             yield DesignedFile(name, content, designed_plate(lens, plate), Chords(stated_mm, allowed_mm), tolerance_um)
         else:
             cut_mm = 0.0 if body.below is not None else chord_mm

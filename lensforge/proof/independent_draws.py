@@ -28,8 +28,7 @@ def in_rectangles(
 ) -> Points:
     """Points (mm) uniform in rectangles, each of which has its share of the flux."""
     chosen = random.choice(len(shares), count, p=shares / shares.sum())
-    placed: Points = centres[chosen] + random.uniform(-0.5, 0.5, (count, 2)) * sides[chosen]
-    return placed
+    return centres[chosen] + random.uniform(-0.5, 0.5, (count, 2)) * sides[chosen]
 
 
 def in_disc(random: Generator, count: int, radius_mm: float) -> Points:
@@ -48,8 +47,7 @@ def in_picture(random: Generator, count: int, values: Float[np.ndarray, "h w"], 
     chosen = random.choice(values.size, count, p=values.ravel() / values.sum())
     row, column = np.divmod(chosen, width)
     x, y = column - 0.5 * width + random.random(count), 0.5 * height - row - random.random(count)
-    placed: Points = np.stack([x, y], axis=1) * (width_mm / width)
-    return placed
+    return np.stack([x, y], axis=1) * (width_mm / width)
 
 
 def along_cosine(random: Generator, count: int, power: float) -> Directions:
@@ -133,8 +131,7 @@ def stand(axis: tuple[float, float, float], turn_deg: float) -> Float[np.ndarray
     across = hypot(axis[0], axis[1])
     tilt = Rotation.from_euler("y", atan2(across, axis[2]))
     pan = Rotation.from_euler("z", atan2(axis[1], axis[0]) if across > 0.0 else 0.0)
-    turned: Float[np.ndarray, "3 3"] = (pan * tilt * pan.inv() * Rotation.from_euler("z", turn_deg, True)).as_matrix()
-    return turned
+    return (pan * tilt * pan.inv() * Rotation.from_euler("z", turn_deg, True)).as_matrix()
 
 
 def wavelengths(
@@ -174,8 +171,7 @@ def _whole_turn(
 def _cell_bounds(values: Float[np.ndarray, "k c g"]) -> Float[np.ndarray, "k _ _"]:
     """Largest value in each cell of (C, gamma): one of its corners'."""
     along = np.maximum(values[:, 1:], values[:, :-1])
-    bounds: Float[np.ndarray, "k _ _"] = np.maximum(along[:, :, 1:], along[:, :, :-1])
-    return bounds
+    return np.maximum(along[:, :, 1:], along[:, :, :-1])
 
 
 def _in_cells(
@@ -196,8 +192,7 @@ def _blend(
 ) -> Float[np.ndarray, " n"]:
     """Bilinear interpolation in cells."""
     near, far = ((1.0 - up) * values[first, each, step] + up * values[first, each, step + 1] for each in (low, low + 1))
-    blended: Float[np.ndarray, " n"] = (1.0 - along) * near + along * far
-    return blended
+    return (1.0 - along) * near + along * far
 
 
 def _directions(cosine: Float[np.ndarray, " n"], azimuth: Float[np.ndarray, " n"]) -> Directions:

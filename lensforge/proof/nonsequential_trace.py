@@ -55,8 +55,7 @@ class SplitRays(LitRays):
     @property
     def stray(self) -> Bool[np.ndarray, " n"]:
         """True for light off the sequential path."""
-        stray: Bool[np.ndarray, " n"] = self.causes != Cause.SEQUENTIAL
-        return stray
+        return self.causes != Cause.SEQUENTIAL
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,6 @@ class _Followed:
 
 
 def _joined(parts: Sequence[SplitRays]) -> SplitRays:
-    """The rays of all parts, one after the other."""
     return SplitRays(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
 

@@ -127,8 +127,7 @@ def landing_gaps(
 
 def gap_quantiles(landed: LandedRays, expected: Expected) -> Float[np.ndarray, " q"]:
     """Quantiles of the landing gaps (mm) at 0, 0.2 ... 100 % of the rays: enough to draw their distribution."""
-    gaps: Float[np.ndarray, " q"] = np.quantile(landing_gaps(landed, expected)[2], np.linspace(0.0, 1.0, 501))
-    return gaps
+    return np.quantile(landing_gaps(landed, expected)[2], np.linspace(0.0, 1.0, 501))
 
 
 def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> PartFlux:

@@ -187,8 +187,7 @@ def smooth_faces(mesh: trimesh.Trimesh, optical: Int[np.ndarray, " t"] | None = 
     first, second = pairs[joined].T
     count = len(mesh.faces)
     graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
-    numbers: Int[np.ndarray, " t"] = connected_components(graph, directed=False)[1].astype(np.int64)
-    return numbers
+    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _evenly_broad(mesh: trimesh.Trimesh, faces: Int[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
@@ -201,8 +200,7 @@ def _evenly_broad(mesh: trimesh.Trimesh, faces: Int[np.ndarray, " t"]) -> Bool[n
     narrowest, broadest = np.full(faces.max() + 1, np.inf), np.zeros(faces.max() + 1)
     np.minimum.at(narrowest, faces, breadths)
     np.maximum.at(broadest, faces, breadths)
-    even: Bool[np.ndarray, " t"] = ((narrowest > 0.0) & (broadest < _EVEN * narrowest))[faces]
-    return even
+    return ((narrowest > 0.0) & (broadest < _EVEN * narrowest))[faces]
 
 
 def facet_average(vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray, "t 3"]) -> Float[np.ndarray, "k 3"]:
@@ -220,8 +218,7 @@ def facet_average(vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray,
     columns, rows = weighted.transpose(2, 1, 0).reshape(3, -1), triangles.T.ravel()
     total = np.stack([np.bincount(rows, column, len(vertices)) for column in columns], axis=1)
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
-    average: Float[np.ndarray, "k 3"] = total / np.maximum(lengths, np.finfo(float).tiny)
-    return average
+    return total / np.maximum(lengths, np.finfo(float).tiny)
 
 
 def as_box(corners: Float[np.ndarray, "2 3"]) -> Box:

@@ -229,7 +229,6 @@ def _(section: LuminanceSource, random: Generator, count: int) -> _Points:
 
 
 def _aimed(random: Generator, count: int, profile: IntensitySpec) -> Float[np.ndarray, "n 3"]:
-    """Directions of an intensity profile."""
     if isinstance(profile, CosineIntensity):
         return independent_draws.along_cosine(random, count, profile.power)
     if isinstance(profile, TableIntensity):

@@ -101,8 +101,7 @@ class RefractingFace:
 
 def _step(one: Complex[np.ndarray, " n"], other: Complex[np.ndarray, " n"]) -> Complex[np.ndarray, " n"]:
     """Amplitude reflected between two media."""
-    step: Complex[np.ndarray, " n"] = (one - other) / (one + other)
-    return step
+    return (one - other) / (one + other)
 
 
 def _of_table(table: ReflectanceTable, cosines: PerRay, wavelengths_nm: PerRay) -> PerRay:

@@ -118,8 +118,7 @@ class LandedRays(Passage):
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
         """Name of the fate of each ray."""
-        names: Shaped[np.ndarray, " n"] = np.array([fate.name.lower() for fate in CastFate])[self.fates]
-        return names
+        return np.array([fate.name.lower() for fate in CastFate])[self.fates]
 
 
 @dataclass(frozen=True)
@@ -143,8 +142,7 @@ class SurfaceHits(RayRows):
     @property
     def base(self) -> Bool[np.ndarray, " n"]:
         """True for hits at or below z = 0."""
-        base: Bool[np.ndarray, " n"] = self.faces == NO_FACE
-        return base
+        return self.faces == NO_FACE
 
 
 @runtime_checkable

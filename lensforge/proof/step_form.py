@@ -5,7 +5,7 @@ other faces along their parameters. Every edge is looked at as the curve that th
 beside it. Points beyond the trim of a face do not count.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 
 from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, StandingWalls
 from lensforge.proof.file_form import DesignedFile, Farthest, FileForm
-from lensforge.results.brep_size import spline_poles
+from lensforge.results.brep_size import explored, spline_poles
 
 _OF_SPAN = np.array([0.25, 0.75])  # no node of an interpolation lies there, and a wave of two knots does not vanish
 _PROBES = 6  # along each parameter: which face of the design it is
@@ -156,8 +156,7 @@ class ReadFace:
 
 def _even(curve: Any, count: int) -> list[float]:
     """Parameters of the kernel's curve from end to end."""
-    ends: list[float] = np.linspace(curve.FirstParameter(), curve.LastParameter(), count).tolist()
-    return ends
+    return np.linspace(curve.FirstParameter(), curve.LastParameter(), count).tolist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,8 +177,7 @@ class _Spline:
         by_v = BSpline.design_matrix(v, self.knots_v, self.degree_v)
         along_u = by_u @ self.poles.reshape(len(self.poles), -1)
         across = along_u.reshape(len(u), -1, 3).transpose(1, 0, 2).reshape(self.poles.shape[1], -1)
-        points: Float[np.ndarray, "p q 3"] = (by_v @ across).reshape(len(v), len(u), 3).transpose(1, 0, 2)
-        return points
+        return (by_v @ across).reshape(len(v), len(u), 3).transpose(1, 0, 2)
 
     def is_same(self, other: "_Spline") -> bool:
         """True where both are one surface: splines of the same knots are no farther apart than their poles."""
@@ -279,13 +277,3 @@ def _open_edges(faces: Sequence[Any]) -> int:
             if not BRep_Tool.Degenerated_s(edge):
                 uses.append(edges.Add(edge))
     return int(np.sum(np.bincount(uses, minlength=2)[1:] != 2))
-
-
-def explored(shape: Any, kind: Any) -> Iterator[Any]:
-    """Parts of a shape that are of a kind, as often as they occur."""
-    from OCP.TopExp import TopExp_Explorer
-
-    explorer = TopExp_Explorer(shape, kind)
-    while explorer.More():
-        yield explorer.Current()
-        explorer.Next()

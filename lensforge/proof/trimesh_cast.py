@@ -48,7 +48,6 @@ def cast_plain(
 
 
 def _distances(mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> list[Float[np.ndarray, " n"]]:
-    """Distances of the first hits of each leg."""
     plain = PlainCaster(mesh)
     return [plain.distances(leg) for leg in legs]
 
@@ -101,8 +100,7 @@ class PlainCaster:
         """True for the balls that a line goes through."""
         away = centres - origin
         most = (_BALLS * reach) ** 2 + _ROUNDING * float(np.sum((self._bounds[1] - self._bounds[0]) ** 2))
-        met: Bool[np.ndarray, " k"] = np.einsum("ti,ti->t", away, away) - (away @ direction[0]) ** 2 <= most
-        return met
+        return np.einsum("ti,ti->t", away, away) - (away @ direction[0]) ** 2 <= most
 
 
 @dataclass(frozen=True)

@@ -191,7 +191,6 @@ def _own_light(
 
 
 def _sizes(part: PartMesh, cast: StepCast | None, exported: BodySize, chord_mm: float) -> Sizes:
-    """Size of the part in its files, beside that of the export."""
     step = None if cast is None or cast.size is None else SizedFile(size=cast.size)
     return Sizes(exported=exported, chord_mm=chord_mm, mesh=sized_mesh(part.mesh), step=step)
 

@@ -79,5 +79,4 @@ def _drawn(tristimulus: Tristimulus) -> Tristimulus:
 
 
 def _beam(tristimulus: Tristimulus, colour: BeamColour) -> Bool[np.ndarray, "h w"]:
-    inside: Bool[np.ndarray, "h w"] = tristimulus[1] >= colour.level * tristimulus[1].max()
-    return inside
+    return tristimulus[1] >= colour.level * tristimulus[1].max()

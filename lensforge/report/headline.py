@@ -212,7 +212,6 @@ def further_facts(results: Results) -> list[Fact]:
 
 
 def _selected(groups: list[Group], keys: tuple[str, ...]) -> list[Fact]:
-    """The facts called ``keys``, in that order."""
     return [fact for key in keys for group in groups for fact in group.select(key).facts]
 
 

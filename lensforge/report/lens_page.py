@@ -95,7 +95,6 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
 
 
 def _own_files(results: Results) -> set[str]:
-    """Names of the files that hold ``results``."""
     every = {**results.found, **results.others}.items()
     return {LENS_FILE, RUN_FILE}.union(*(result.file_names(stem) for stem, result in every))
 

@@ -154,7 +154,6 @@ def show(
 
 
 def _show_all_of(axes: Axes, chart: Chart) -> None:
-    """Show the chart, no more and no less."""
     left, right, lower, upper = chart.extent
     axes.set(xlim=(left, right), ylim=(lower, upper))
 
@@ -275,8 +274,7 @@ def along(
     rows, columns = image.shape
     x, y = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, _samples(image))
     places = np.stack([y / chart.height * rows + 0.5 * rows - 0.5, x / chart.width * columns + 0.5 * columns - 0.5])
-    values: Float[np.ndarray, " k"] = map_coordinates(image, places, order=1, mode="nearest")
-    return values
+    return map_coordinates(image, places, order=1, mode="nearest")
 
 
 def profile_lines(target: Image, chart: Chart) -> list[tuple[str, Ends]]:

@@ -197,7 +197,6 @@ def _colours(shown: ShownReceiver, colour: BeamColour, tristimulus: Float[np.nda
 
 
 def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:
-    """Target, simulated light and their difference."""
     light, chart, unit = shown.light, shown.light.chart, shown.unit
     target, reached, draw = light.target_map, light.map, light_figures.irradiance_map
     top, mask = top_of([target, reached]), shown.mask(light_figures.MOST_DRAWN)
@@ -268,7 +267,6 @@ def photometry_pictures(results: Results) -> list[PagePicture]:
 
 
 def _photometry_of_led(found: Photometry, results: Results, led: int) -> list[PagePicture]:
-    """The pictures with LED number ``led``."""
     section = results.spec.photometry
     polar, isocandela = study_figures.polar_diagram(found), study_figures.isocandela_diagram(found)
     drawn = [

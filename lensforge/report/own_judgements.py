@@ -11,9 +11,14 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from lensforge.cad.keep_out_distance import keep_out_criteria
 from lensforge.cad.part import Part
-from lensforge.cad.part_limits import mesh_volume_limit, part_criteria, plate_criteria, untrimmed_criteria
+from lensforge.cad.part_limits import (
+    keep_out_criteria,
+    mesh_volume_limit,
+    part_criteria,
+    plate_criteria,
+    untrimmed_criteria,
+)
 from lensforge.cad.plate_layout import PlateWall
 from lensforge.cad.plate_result import Plate
 from lensforge.errors import InputError

@@ -108,5 +108,4 @@ def _at_distance(points: Points, directions: Points, reach_mm: float) -> Points:
     """Points where rays leave the sphere of ``reach_mm`` around the origin."""
     along = np.sum(points * directions, axis=1)
     length = np.sqrt(along**2 + reach_mm**2 - np.sum(points**2, axis=1)) - along
-    ends: Points = points + length[:, None] * directions
-    return ends
+    return points + length[:, None] * directions

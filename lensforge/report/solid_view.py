@@ -150,7 +150,6 @@ def _triangle_mesh(points: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, 
 
 
 def _output(step: Any, mesh: Any) -> Any:
-    """The output of a VTK filter for ``mesh``."""
     step.SetInputData(mesh)
     step.Update()
     return step.GetOutput()
@@ -273,7 +272,6 @@ def _framed(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float
 
 
 def _aim(renderer: Any, mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> None:
-    """Point the camera from the direction of ``view``."""
     half_height, centre = _framed(mesh, view, optics_radius_mm)
     distance, camera = 3.0 * mesh.GetLength(), renderer.GetActiveCamera()
     camera.SetPosition(*(c + distance * d for c, d in zip(centre, view.camera, strict=True)))

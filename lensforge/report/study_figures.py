@@ -154,7 +154,6 @@ def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
 
 
 def _kept_candela(found: Photometry, road: RoadSection, spec: Spec) -> Candela:
-    """Intensities of a lamp of ``road``, with its maintenance factor."""
     factor = lenses_in(road, spec, found.source_lm) * road.maintenance_factor
     return of_table(_table(found), -spec.photometry.street_side_deg, factor)
 
@@ -245,8 +244,7 @@ def _at(
     from scipy.interpolate import RegularGridInterpolator
 
     read = RegularGridInterpolator((table.c_deg, table.gamma_deg), table.values, bounds_error=False, fill_value=0.0)
-    found: Float[np.ndarray, "n n"] = read(np.stack([c_deg % 360.0, gamma_deg], axis=-1))
-    return found
+    return read(np.stack([c_deg % 360.0, gamma_deg], axis=-1))
 
 
 def _reach(found: Photometry) -> float:

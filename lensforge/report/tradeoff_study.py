@@ -21,9 +21,8 @@ from lensforge.results.folder_lock import locked
 from lensforge.results.numerals import number
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, Progress
-from lensforge.search.kinds_search import search_kinds
 from lensforge.search.parameters import settled_symmetry
-from lensforge.search.searches import design
+from lensforge.search.searches import design, search_kinds
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import each_of

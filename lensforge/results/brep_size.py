@@ -33,7 +33,7 @@ def volume_and_area(shape: Any) -> tuple[float, float]:
     from OCP.TopoDS import TopoDS
 
     volume = area = 0.0
-    for face in map(TopoDS.Face_s, _parts(shape, TopAbs_ShapeEnum.TopAbs_FACE)):
+    for face in map(TopoDS.Face_s, explored(shape, TopAbs_ShapeEnum.TopAbs_FACE)):
         spline = BRepAdaptor_Surface(face, False).GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
         own_volume, own_area = _Sectors(face).sums() if spline else _by_the_kernel(face)
         volume, area = volume + own_volume, area + abs(own_area)
@@ -133,7 +133,7 @@ class _Sectors:
         from OCP.TopAbs import TopAbs_ShapeEnum
         from OCP.TopoDS import TopoDS
 
-        edges = list(map(TopoDS.Edge_s, _parts(self.face, TopAbs_ShapeEnum.TopAbs_EDGE)))
+        edges = list(map(TopoDS.Edge_s, explored(self.face, TopAbs_ShapeEnum.TopAbs_EDGE)))
         return [(edge, BRepAdaptor_Curve2d(edge, self.face)) for edge in edges]
 
     @cached_property
@@ -179,7 +179,8 @@ def _legendre() -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     return np.polynomial.legendre.leggauss(_POINTS)
 
 
-def _parts(shape: Any, kind: Any) -> Iterator[Any]:
+def explored(shape: Any, kind: Any) -> Iterator[Any]:
+    """Parts of a shape that are of a kind, as often as they occur."""
     from OCP.TopExp import TopExp_Explorer
 
     explorer = TopExp_Explorer(shape, kind)

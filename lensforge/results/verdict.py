@@ -83,8 +83,7 @@ class Verdict(Record):
 
     def reasons_of(self, name: str) -> tuple[str, ...]:
         """Reasons why ``name``, one of the three, does not pass."""
-        reasons: tuple[str, ...] = getattr(self.reasons, name)
-        return reasons
+        return getattr(self.reasons, name)
 
     def require(self, *, cutting: bool, parts: Sequence[str] = ()) -> None:
         """Raise :class:`CriterionMissed` where light, files or, if asked, ``cutting`` fails; ``parts``: only these."""

@@ -157,8 +157,7 @@ def radii(faces: tuple[Face, ...], directions: Float[np.ndarray, "*n 3"]) -> Flo
 
 def nearest(faces: tuple[Face, ...], directions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n"]:
     """Number of the face that bounds the medium in each direction."""
-    found: Int[np.ndarray, "*n"] = np.argmin(radii(faces, directions), axis=0)
-    return found
+    return np.argmin(radii(faces, directions), axis=0)
 
 
 def _hemisphere() -> tuple[Float[np.ndarray, "n n 3"], np.ndarray]:

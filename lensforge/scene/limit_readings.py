@@ -75,8 +75,7 @@ class LightLimit:
 
     def of(self, images: Float[np.ndarray, "r *_"]) -> Float[np.ndarray, "r k"]:
         """Readings of pictures of flux (W), or of flux (W) by cause."""
-        read: Float[np.ndarray, "r k"] = (self.readings @ images.reshape(len(images), -1).T).T
-        return read
+        return (self.readings @ images.reshape(len(images), -1).T).T
 
     @property
     def light_per_flux(self) -> float:
@@ -135,7 +134,6 @@ def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float)
 def _bounds_of(
     limit: LimitSection, where: str, index: int, receiver: PosedReceiver, lumens_per_watt: float | None, flux_w: float
 ) -> Iterator[LightLimit]:
-    """One limit for each bound."""
     readings = _readings(limit, receiver, where) / receiver.pixel_measure
     name = limit.name or where
     for quantity in limit.quantities():

@@ -102,8 +102,7 @@ def bin_flux(
     hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], grid: PixelGrid
 ) -> Float[np.ndarray, "h w"]:
     """Flux (W) in each pixel [row y, column x]; rays outside the grid are left out, as they are in a camera."""
-    image: Float[np.ndarray, "h w"] = bin_replicates(hits, flux, grid, np.zeros(1, dtype=np.int64), 1)[0]
-    return image
+    return bin_replicates(hits, flux, grid, np.zeros(1, dtype=np.int64), 1)[0]
 
 
 def bin_replicates(
@@ -140,8 +139,7 @@ def splat_flux(
     """Flux (W) in each pixel by the splat of the paper's Fig. 3; ``optimisation.collect`` has the gradient."""
     images = np.zeros((CHUNKS, *grid.shape))
     in_chunks(lambda chunk, part: splat(hits[part], flux[part], grid.size, images[chunk]), len(flux))
-    image: Float[np.ndarray, "h w"] = images.sum(axis=0)
-    return image
+    return images.sum(axis=0)
 
 
 def gaussian3(image: Float[np.ndarray, "*r h w"], variance: float) -> Float[np.ndarray, "*r h w"]:

@@ -136,8 +136,7 @@ class PosedReceiver(ABC):
 
     def places(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
         """Points (mm) of the lens's space at places on the chart; of a far field unit directions."""
-        points: Float[np.ndarray, "*n 3"] = self.pose.points(self._local(x, y))
-        return points
+        return self.pose.points(self._local(x, y))
 
     @abstractmethod
     def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:

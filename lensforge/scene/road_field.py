@@ -87,8 +87,7 @@ class CandelaSum:
 
     def of(self, candela: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p k"]:
         """The light by each sample of intensities in these directions."""
-        light: Float[np.ndarray, "p k"] = (self.weights @ candela.T).T
-        return light
+        return (self.weights @ candela.T).T
 
     def directions(self, street_deg: float) -> Float[np.ndarray, "n 3"]:
         """Unit vectors in the frame of a lens whose street is at the azimuth ``street_deg``."""
@@ -380,7 +379,6 @@ def _veiling_of_points(view: DriverView, x: Points, y: Points) -> CandelaSum:
 
 
 def _veiling(view: DriverView, x: Points, y: Points) -> CandelaSum:
-    """Veiling luminance for eyes at these places."""
     road, standard = view.road, _STANDARDS[view.road.standard]
     back, far = (_SEEN_M, 0.0) if view.oncoming else (0.0, _SEEN_M)
     lamps = _Lamps.between(road, float(x.min()) - back, float(x.max()) + far)

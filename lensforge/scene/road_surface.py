@@ -83,8 +83,7 @@ class RoadSurface:
         left, right = _place(beta_deg, self.beta_deg)
         nearer = (1.0 - right) * self.r[low, left] + right * self.r[low, left + 1]
         farther = (1.0 - right) * self.r[low + 1, left] + right * self.r[low + 1, left + 1]
-        read: Float[np.ndarray, "*n"] = ((1.0 - more) * nearer + more * farther) * (tan_gamma <= self.tan_gamma[-1])
-        return read
+        return ((1.0 - more) * nearer + more * farther) * (tan_gamma <= self.tan_gamma[-1])
 
     def integrated_q0(self) -> float:
         """Average luminance coefficient: q = r / cos^3(gamma) over the solid angle of the field of integration."""

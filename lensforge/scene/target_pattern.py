@@ -152,8 +152,7 @@ def _softened(image: TargetImage, edge: tuple[float, float], times: int) -> tupl
 
 def _block_means(image: TargetImage, times: int) -> Means:
     rows, columns = (size // times for size in image.shape)
-    means: Means = image.reshape(rows, times, columns, times).mean(axis=(1, 3))
-    return means
+    return image.reshape(rows, times, columns, times).mean(axis=(1, 3))
 
 
 def uniform_region(
@@ -178,5 +177,4 @@ def uniform_region(
 
 def in_target(light: Float[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """Pixels in the target: where it is above a tenth of its maximum."""
-    inside: Bool[np.ndarray, "h w"] = light > IN_TARGET * light.max()
-    return inside
+    return light > IN_TARGET * light.max()

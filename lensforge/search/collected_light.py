@@ -65,7 +65,6 @@ class Collected:
 
 
 def _more_beside(losses: Float[Tensor, " c"], flux: Float[Tensor, ""]) -> Float[Tensor, " c"]:
-    """Losses with more ``flux`` beside the window."""
     return torch.cat([(losses[0] + flux)[None], losses[1:]])
 
 
@@ -115,10 +114,9 @@ def collected(
     """Collect rays that left the source with ``emitted`` (W); ``weights``: of the colours. Float64, CPU."""
 
     def summed(flux: Tensor) -> tuple[Tensor, Tensor]:
-        sums: tuple[Tensor, Tensor] = _Collect.apply(  # type: ignore[no-untyped-call]  # as torch has it
+        return _Collect.apply(  # type: ignore[no-untyped-call]  # as torch has it
             landings.hits, flux, sin2_exit, landings.landed, emitted, grid, window
         )
-        return sums
 
     image, sums = summed(landings.flux)
     colours = None if weights is None else torch.stack([summed(landings.flux * each)[0] for each in weights])
@@ -204,5 +202,4 @@ def mean_of_lamps(lamps: LampPictures, by_raster: Sequence[Collected]) -> Collec
 
 
 def _added(lamps: LampPictures, pictures: Sequence[Tensor]) -> Tensor:
-    image: Tensor = _Added.apply(lamps, *pictures)  # type: ignore[no-untyped-call]  # as torch has it
-    return image
+    return _Added.apply(lamps, *pictures)  # type: ignore[no-untyped-call]  # as torch has it

@@ -133,8 +133,7 @@ def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None 
     azimuth = np.linspace(0.0, 2.0 * np.pi, 8 * int(np.ceil(0.25 * np.pi / grid.step)), endpoint=False)
     rim = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     points = np.concatenate([both[np.sum(both**2, axis=1) < 1.0], rim])
-    kept: Float[np.ndarray, "k 2"] = points[first_images(points, symmetry)]
-    return kept
+    return points[first_images(points, symmetry)]
 
 
 def meridian_points(grid: TableGrid, detail_rad: float | None, symmetry: str) -> Float[np.ndarray, "k 2"]:
@@ -150,8 +149,7 @@ def meridian_points(grid: TableGrid, detail_rad: float | None, symmetry: str) ->
     azimuth = 2.0 * np.pi * np.arange(count) / count
     across = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     points = np.concatenate([np.zeros((1, 2)), (along[1:, None, None] * across).reshape(-1, 2)])
-    kept: Float[np.ndarray, "k 2"] = points[first_images(points, symmetry)]
-    return kept
+    return points[first_images(points, symmetry)]
 
 
 def _evaluation(grid: TableGrid, points: Float[np.ndarray, "k 2"], order: tuple[int, int]) -> csr_matrix:

@@ -104,7 +104,6 @@ def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
 
 
 def _constraint(spec: Spec, limit: Limit) -> Constraint:
-    """``limit`` as a constraint on lenses of ``spec``."""
     largest_mm, sigma = spec.constraints.max_radius_mm, spec.lens.basis.detail_rad
     field: Field
     if limit.kind == CURVATURE:

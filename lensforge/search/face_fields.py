@@ -48,8 +48,7 @@ def meridian_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[T
     first = (x * by_x + y * by_y) / points.scale
     second = (x * x * xx + 2.0 * x * y * xy + y * y * yy) / points.scale**2 + radius * first
     speed = jet.rho**2 + first**2
-    curvature: Tensor = air * (speed + first**2 - jet.rho * second) * speed ** (-1.5)
-    return curvature
+    return air * (speed + first**2 - jet.rho * second) * speed ** (-1.5)
 
 
 def draft_sine(jet: RadiusJet, points: ChartPoints, sense: int = 1) -> Float[Tensor, " k"]:
@@ -62,10 +61,9 @@ def draft_sine(jet: RadiusJet, points: ChartPoints, sense: int = 1) -> Float[Ten
 
 
 def _of_jet(kernels: Any, jet: RadiusJet, points: ChartPoints, sign: int) -> Float[Tensor, " k"]:
-    found: Tensor = _OfJet.apply(  # type: ignore[no-untyped-call]  # as torch has it
+    return _OfJet.apply(  # type: ignore[no-untyped-call]  # as torch has it
         jet.rho, jet.derivatives, kernels, points, float(sign)
     )
-    return found
 
 
 class _OfJet(torch.autograd.Function):
@@ -141,8 +139,7 @@ def _places(grid: TableGrid, table: Float[np.ndarray, "side side"]) -> Float[np.
     """Points (mm) at every second node of a table; the last node may lie beyond them."""
     along = (table[:-2] + 4.0 * table[1:-1] + table[2:])[::_EVERY] / 6.0
     rho = (along[:, :-2] + 4.0 * along[:, 1:-1] + along[:, 2:])[:, ::_EVERY] / 6.0
-    points: Float[np.ndarray, "n n 3"] = rho[:, :, None] * _directions(grid)
-    return points
+    return rho[:, :, None] * _directions(grid)
 
 
 @lru_cache(maxsize=4)

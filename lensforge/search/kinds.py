@@ -75,7 +75,6 @@ class KindsParameters(Parametrisation):
     def _of_each(
         self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]
     ) -> list[tuple[Parametrisation, Float[Tensor, "k g"], Float[Tensor, " g"]]]:
-        """Each kind's parametrisation, with its own columns."""
         count = len(self.members)
         return list(zip(self.members, weights.chunk(count, dim=1), offsets.chunk(count), strict=True))
 
@@ -147,6 +146,5 @@ class LightOfKinds:
 
 
 def _sum(parts: Sequence[Collected]) -> Collected:
-    """The light of all parts on one receiver."""
     fields = (name for name, value in vars(parts[0]).items() if value is not None)
     return Collected(**{name: torch.stack([getattr(each, name) for each in parts]).sum(dim=0) for name in fields})

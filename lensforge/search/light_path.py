@@ -184,8 +184,7 @@ class LightPath:
                 sums += (each for each in vars(self._with_losses(found, ended)).values() if each is not None)
             return tuple(sums)
 
-        parts: tuple[Tensor, ...] = checkpoint(light, use_reentrant=False, preserve_rng_state=False)
-        return parts
+        return checkpoint(light, use_reentrant=False, preserve_rng_state=False)
 
 
 def landed_through(

@@ -241,7 +241,6 @@ class MeritFunction(Merit[SampledLight]):
         return float(error + of_flux) + of_colours, float(of_images) + of_colours
 
     def _judged(self, first: Images, second: Images, uniform: bool, losses: Losses) -> Float[Tensor, ""]:
-        """The error of the images of one part by two samples."""
         parts = zip(self.terms, first, second, strict=True)
         error = torch.stack([terms.share * terms.judge(one, other, uniform) for terms, one, other in parts]).sum()
         joined = tuple(0.5 * (one + other) for one, other in zip(first, second, strict=True))
@@ -265,7 +264,6 @@ class MeritFunction(Merit[SampledLight]):
         return tuple(terms.mirrored(each.image) for terms, each in zip(self.terms, light, strict=True))
 
     def _colours(self, parts: Sequence[tuple[Collected, ...]]) -> Colours:
-        """Mean colours over parts; none where they do not count."""
         colours = []
         for terms, *same in zip(self.terms, *parts, strict=True):
             own = [each.colours for each in same if each.colours is not None]

@@ -344,7 +344,6 @@ def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> Search
 
 
 def _parameters_of(problem: Problem, start: Lens | None) -> Parameters:
-    """The parameters with which a search begins."""
     own = problem.parametrisation
     return Parameters(*(own.start() if start is None else own.parameters_of(start)))
 

@@ -60,8 +60,7 @@ class _Tables(torch.autograd.Function):
 
 def sums_of(weights: Float[Tensor, "k f"], tables: BasisTables) -> Float[Tensor, "f side side"]:
     """The sums of a basis by its first ``k`` functions, a table for each column of ``weights``; differentiable."""
-    sums: Tensor = _Tables.apply(weights, tables)  # type: ignore[no-untyped-call]  # as torch has it
-    return sums
+    return _Tables.apply(weights, tables)  # type: ignore[no-untyped-call]  # as torch has it
 
 
 _FIT_DIRECTIONS, _FIT_CHUNK = 8, 4096  # for each function; at a time
@@ -339,8 +338,7 @@ class _MirrorMean(torch.autograd.Function):
 def _mirror_mean(values: Float[Tensor, "h w"], turns: _Turns) -> Float[Tensor, "h w"]:
     if not turns:
         return values
-    mean: Tensor = _MirrorMean.apply(values, turns)  # type: ignore[no-untyped-call]  # as torch has it
-    return mean
+    return _MirrorMean.apply(values, turns)  # type: ignore[no-untyped-call]  # as torch has it
 
 
 def mirrored_light(image: Float[Tensor, "h w"], mirrors: ChartMirrors) -> Float[Tensor, "h w"]:

@@ -34,8 +34,7 @@ def pixel_angles_rad(receiver: PosedReceiver) -> Image:
     """Angle from the axis of the lens, as seen from its origin, under which each pixel's centre lies."""
     x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
     points = receiver.places(x.ravel(), y.ravel())
-    angles: Image = np.arccos(np.clip(points[:, 2] / np.linalg.norm(points, axis=1), -1.0, 1.0)).reshape(x.shape)
-    return angles
+    return np.arccos(np.clip(points[:, 2] / np.linalg.norm(points, axis=1), -1.0, 1.0)).reshape(x.shape)
 
 
 def beam_of(spec: Spec) -> Beam:

@@ -69,7 +69,7 @@ def nearest_points(
     """
     parts = [points[start : start + _QUERIES] for start in range(0, len(points), _QUERIES)]
     if len(parts) < 2:
-        return tree.query(points)  # type: ignore[no-any-return]
+        return tree.query(points)
     answers = in_parallel_map(tree.query, parts)
     return np.concatenate([distance for distance, _ in answers]), np.concatenate([index for _, index in answers])
 

@@ -178,7 +178,6 @@ _WALLS = (
 
 
 def _edge(edge: Edge, check: Check, spec: Spec) -> Fact:
-    """The sharpest place of an edge."""
     one, other = edge.faces
     first = spec.lens.role(one)
     of = words_of(spec).hollow if first.before == CAVITY and not first.is_open else "the lens"

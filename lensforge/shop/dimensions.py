@@ -262,7 +262,6 @@ def _depths(plan: Plan[Surface]) -> Iterator[Dimension]:
 
 
 def _feet(base: BaseSection) -> Iterator[Dimension]:
-    """Sizes of the feet below a base, and of the circle on which they stand."""
     if (feet := base.feet) is None:
         return
     x, y = feet.places_mm[0]
@@ -280,7 +279,6 @@ def _half_width(base: BaseSection) -> float:
 
 
 def _widths(plan: Plan[Surface]) -> Iterator[Dimension]:
-    """Widths of a built-in base."""
     base, half, upright = plan.base, _half_width(plan.base), not plan.base.draft_deg
     foot = -plan.shoulder_mm if upright else -plan.relief_mm  # where a drafted side is as wide as stated
     if base.kind == "square":

@@ -82,7 +82,6 @@ def mould_line(mould: Mould, spec: Spec) -> str:
 
 
 def _parting(line: PartingLine) -> Fact:
-    """The place of the parting line."""
     low, high = (quantity(round(height, 3) + 0.0, digits=4) for height in (line.low_mm, line.high_mm))
     if line.radius_mm is None:
         note = f"z = {low} mm; all below it is of the lower half"
@@ -95,7 +94,6 @@ def _parting(line: PartingLine) -> Fact:
 
 
 def _gate(mould: Mould, spec: Spec) -> Fact:
-    """Place of the gate; what the part lacks for one."""
     if mould.gate is None:
         holders = "a base, a flange or a plate" if spec.lens.drawn_from_below is None else "a flange"
         lacks = f"give it {holders}: there is no side to fill it at but that of optical faces"

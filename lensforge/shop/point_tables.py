@@ -119,8 +119,7 @@ class FaceToCut:
         if self.domain is None:
             return angles
         radius, (low, high) = np.tan(0.5 * np.radians(angles[:, 0])), self.domain.radii(np.radians(angles[:, 1]))
-        inside: Float[np.ndarray, "n 2"] = angles[(radius >= low) & (radius <= high + 1e-12)]
-        return inside
+        return angles[(radius >= low) & (radius <= high + 1e-12)]
 
     def at(self, angles_deg: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Points (mm) and unit air-side normals at polar angles and azimuths (degrees); the rim lies in z = 0."""

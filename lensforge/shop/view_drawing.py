@@ -127,8 +127,7 @@ class PaperView:
 
     def at(self, points: ArrayLike) -> Points:
         """Points on paper of points (mm) of the part."""
-        found: Points = self.scale * np.asarray(points, dtype=np.float64) + np.array(self.origin)
-        return found
+        return self.scale * np.asarray(points, dtype=np.float64) + np.array(self.origin)
 
     def line(self, points: ArrayLike, pen: PenName = "outline", *, closed: bool = False) -> Stroke:
         """A line through points (mm)."""

@@ -103,8 +103,7 @@ class PlacedSource(ChangedSource):
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Outline (mm) of the source itself, moved."""
-        outline: Float[np.ndarray, "k 3"] = self.pose.points(self.source.outline())
-        return outline
+        return self.pose.points(self.source.outline())
 
 
 def build_source(spec: EmitterSection, material: Material | None = None, *, coloured: bool = False) -> Source:

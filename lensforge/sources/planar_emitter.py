@@ -127,7 +127,6 @@ def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple
 
 
 def _profile(spec: IntensitySpec) -> tuple[CosinePower | TabulatedIntensity, tuple[str, ...]]:
-    """The profile, and warnings on its file."""
     if isinstance(spec, CosineIntensity):
         return CosinePower(spec.power), ()
     if isinstance(spec, TableIntensity):

@@ -97,8 +97,7 @@ class RadianceTable:
             for node, by_rise in _beside(squared, self.squares):
                 radiance += by_turn * by_rise * self.radiance[(*cells, plane, node)]
         lit = (along[:, 2] > 0.0) & (squared >= self.squares[0]) & (squared <= self.squares[-1])
-        share: Float[np.ndarray, " n"] = lit * radiance * along[:, 2] / self.sectors.sum(axis=2)[cells]
-        return share
+        return lit * radiance * along[:, 2] / self.sectors.sum(axis=2)[cells]
 
     def _unchanged(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
         """True where the mirror image has the same edges, and the same radiance in each cell and direction."""
@@ -277,7 +276,6 @@ class RadianceEmitter:
 
     @cached_property
     def _columns(self) -> Float[np.ndarray, "y x1"]:
-        """Flux before each column of a row."""
         return np.pad(np.cumsum(self.table.cell_fluxes, axis=1), ((0, 0), (1, 0)))
 
     @cached_property

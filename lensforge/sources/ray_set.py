@@ -35,8 +35,7 @@ def outline_of(rays: Rays, pose: Pose) -> Float[np.ndarray, "k 3"]:
 
     forward = any(bool((block.directions[:, 2] > 0.0).any()) for block in blocks())
     corners = _around(lambda: (_crossings(block, forward) for block in blocks()))
-    outline: Float[np.ndarray, "k 3"] = pose.points(np.column_stack([corners, np.zeros(len(corners))]))
-    return outline
+    return pose.points(np.column_stack([corners, np.zeros(len(corners))]))
 
 
 def _crossings(rays: RayBundle, forward: bool) -> _Crossings:

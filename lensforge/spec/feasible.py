@@ -78,8 +78,7 @@ def smallest_cavity_mm(lens: LensShape, limits: ConstraintsSection) -> _Meridian
     """
     cavity = [lens.faces[role.name].fixed for role in lens.roles if (role.before, role.behind) == (CAVITY, BODY)]
     if all(fixed is not None for fixed in cavity):
-        least_mm: _Meridian = np.min([fixed.shape.least_mm(_POLAR) for fixed in cavity if fixed is not None], axis=0)
-        return least_mm
+        return np.min([fixed.shape.least_mm(_POLAR) for fixed in cavity if fixed is not None], axis=0)
     height, radius = limits.cavity_height_mm, limits.cavity_radius_mm
     sine, cosine = np.sin(_POLAR), np.cos(_POLAR)
     paraboloid: _Meridian = 2.0 * height / (cosine + np.sqrt(cosine**2 + (2.0 * height / radius * sine) ** 2))

@@ -98,7 +98,6 @@ class TirSection(ProfiledShape):
         return {name: fixed.get(name) or faces[name] for name in self.body_names}
 
     def _of_a_point(self, conditions: StartConditions, beam: Beam) -> Collimator:
-        """The lens for a point, at first order."""
         limits, size = conditions.limits, conditions.side_mm
         radius_mm, margin_mm = limits.rim_radius_mm, 2.0 * limits.margin_mm
         narrowest_rad = float(np.arcsin(min(0.5, size / radius_mm / np.sqrt(np.pi))))

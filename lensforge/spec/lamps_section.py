@@ -151,8 +151,7 @@ class Lamps:
             return np.asarray(ways)
         periods = np.array([(i, j, 0.0) for i in (-1, 0, 1) for j in (-1, 0, 1)]) * np.array([*self.period_mm, 0.0])
         beside = (np.concatenate([ways, np.zeros((1, 3))])[:, None] + periods).reshape(-1, 3)
-        apart: Float[np.ndarray, "m 3"] = beside[beside.any(axis=1)]
-        return apart
+        return beside[beside.any(axis=1)]
 
     def nearest_mm(self, square: bool = False) -> float:
         """Distance of the nearest two lamps; along x or y, the larger of both, for ``square`` bases side by side."""

@@ -102,8 +102,7 @@ class PointsLimit(LimitSection):
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
         """The points."""
-        points: tuple[tuple[float, float], ...] = self.length("at")
-        return points
+        return self.length("at")
 
 
 class LineLimit(LimitSection):

@@ -48,8 +48,7 @@ class PictureTarget(SizedTarget, SoftTarget):
         # clipped to the frame: far from a narrow picture the index would overflow
         column = np.clip(np.floor(x * (width / size[0]) + width / 2.0) + 1.0, 0.0, width + 1.0).astype(int)
         row = np.clip(np.floor(-y * (height / size[1]) + height / 2.0) + 1.0, 0.0, height + 1.0).astype(int)
-        light: Places = framed[row, column]
-        return light
+        return framed[row, column]
 
 
 class TextTarget(PictureTarget):

@@ -226,8 +226,7 @@ class SpotsTarget(ShapeTarget):
 
 
 def _in_rectangle(x: Places, y: Places, width: float, height: float) -> Lit:
-    inside: Lit = (np.abs(y) <= height / 2.0) & (np.abs(x) <= width / 2.0)
-    return inside
+    return (np.abs(y) <= height / 2.0) & (np.abs(x) <= width / 2.0)
 
 
 def _in_ellipse(x: Places, y: Places, width: float, height: float) -> Lit:

@@ -271,7 +271,6 @@ def _date(text: str) -> Cure | None:
 
 
 def _words(text: str) -> Cure | None:
-    """The cure of words without quotes."""
     text = text.rstrip("\"'")
     if not re.match(r"[^\W\d_]|[/.~_]", text) or '"' in text:
         return None

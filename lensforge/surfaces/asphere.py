@@ -82,8 +82,7 @@ class ImplicitSurface(Surface):
         down, across = _tangents(directions)
         own_down, _ = _tangents(raised)
         by_polar = np.sum(tangential * own_down, axis=1) * along_meridian
-        gradient: _Vectors = by_polar[:, None] * down + (np.sum(tangential * across, axis=1) * around)[:, None] * across
-        return gradient
+        return by_polar[:, None] * down + (np.sum(tangential * across, axis=1) * around)[:, None] * across
 
     def _at(self, directions: _Vectors) -> _Values:
         """``rho`` by Newton steps from the profile."""
@@ -104,8 +103,7 @@ class ImplicitSurface(Surface):
         first = turn.astype(int) % self.meridians
         each = np.arange(len(directions))
         one, next_one = along[each, first], along[each, (first + 1) % self.meridians]
-        rho: _Values = one + (turn - np.floor(turn)) * (next_one - one)
-        return rho
+        return one + (turn - np.floor(turn)) * (next_one - one)
 
     @cached_property
     def _profile(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
@@ -307,13 +305,11 @@ class SurfaceShape:
 
     def least_mm(self, polar_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Least distance from the origin all around at each angle from the axis."""
-        least: Float[np.ndarray, " n"] = np.interp(polar_rad, self.polar_rad, self.radii_mm.min(axis=1))
-        return least
+        return np.interp(polar_rad, self.polar_rad, self.radii_mm.min(axis=1))
 
     def largest_mm(self, polar_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Largest distance from the origin all around at each angle from the axis."""
-        largest: Float[np.ndarray, " n"] = np.interp(polar_rad, self.polar_rad, self.radii_mm.max(axis=1))
-        return largest
+        return np.interp(polar_rad, self.polar_rad, self.radii_mm.max(axis=1))
 
     def clearance_mm(self, height_mm: float, radius_mm: float) -> float:
         """Least height above the paraboloid of that height and radius, Eq. (12); below 0 where it cuts in."""

@@ -161,8 +161,7 @@ class LevelPatches:
     def starts(self) -> Int[np.ndarray, " m"]:
         """Index at which each patch begins in ``values``."""
         sizes = self.boxes[:, 2] * self.boxes[:, 3]
-        first: Int[np.ndarray, " m"] = np.cumsum(sizes) - sizes
-        return first
+        return np.cumsum(sizes) - sizes
 
 
 def dyadic_grid(details_rad: Sequence[float], nodes_per_sigma: float) -> tuple[TableGrid, list[int]]:

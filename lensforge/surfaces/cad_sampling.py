@@ -202,8 +202,7 @@ class FaceCast:
 
 
 def _unit(directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    unit: Float[np.ndarray, "n 3"] = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    return unit
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
 def _apart(crossings: list[tuple[float, float, float, int]]) -> list[float]:

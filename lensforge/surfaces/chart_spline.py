@@ -64,8 +64,7 @@ class ChartSpline(Surface):
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) in unit ``directions``."""
-        values: Float[np.ndarray, " n"] = self._spline(_bent(to_chart(directions))[0])
-        return values
+        return self._spline(_bent(to_chart(directions))[0])
 
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Tangential gradient of ``rho`` on the unit sphere (mm/rad)."""

@@ -82,8 +82,7 @@ class Collimator:
     def wall(self, polar_rad: _Angles) -> _Meridian:
         """Points (r, z) of the wall, mm, that turn the light of these angles from the axis."""
         starts, ways, _ = self._at_side(polar_rad)
-        points: _Meridian = starts + self._in_body(polar_rad)[:, None] * ways
-        return points
+        return starts + self._in_body(polar_rad)[:, None] * ways
 
     @cached_property
     def faces(self) -> dict[str, ReciprocalSurface]:
@@ -130,8 +129,7 @@ class Collimator:
         starts, ways, lengths = self._at_side(np.append(polar_rad, self.crease_rad))
         paths = lengths - self.index * starts[:, 1]
         rim = (self.radius_mm - starts[-1, 0]) / ways[-1, 0] * self.index * (1.0 - ways[-1, 1]) + paths[-1]
-        found: Float[np.ndarray, " n"] = ((rim - paths) / (self.index * (1.0 - ways[:, 1])))[:-1]
-        return found
+        return ((rim - paths) / (self.index * (1.0 - ways[:, 1])))[:-1]
 
     def _wall_face(self, reach_mm: float) -> ProfileFace:
         points = self.wall(np.linspace(self.crease_rad - _BEYOND_RAD, 0.5 * np.pi + _BEYOND_RAD, 16 * _RAYS))

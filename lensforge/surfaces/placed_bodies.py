@@ -31,8 +31,7 @@ def depths(body: SecondaryOptic, points: _Points, *, inner: bool) -> Float[np.nd
 def outside_of(body: SecondaryOptic) -> _Points:
     """Points of the outer face of a body, in the coordinates of the lens."""
     u = fibonacci_hemisphere(_DIRECTIONS)
-    outside: _Points = body.pose.points(body.outer.radius(u)[:, None] * u)
-    return outside
+    return body.pose.points(body.outer.radius(u)[:, None] * u)
 
 
 def has_mirrors(body: SecondaryOptic, symmetry: str) -> bool:

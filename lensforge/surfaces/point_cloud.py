@@ -93,8 +93,7 @@ def _from_polar(rows: Float[np.ndarray, "n 3"], path: Path) -> Float[np.ndarray,
             "must be 0 to 180, azimuths -360 to 360; in each line: angle from the axis, azimuth, distance in mm"
         )
     unit = [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)]
-    points: Float[np.ndarray, "n 3"] = radius[:, None] * np.stack(unit, axis=1)
-    return points
+    return radius[:, None] * np.stack(unit, axis=1)
 
 
 def _require_covered(directions: Float[np.ndarray, "n 3"], path: Path) -> None:

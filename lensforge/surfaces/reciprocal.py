@@ -67,8 +67,7 @@ class ReciprocalSurface(Surface):
         value, slope = self.reciprocal(directions)
         bent, by_value = self._bent(value)
         tangential = slope - np.sum(slope * directions, axis=1, keepdims=True) * directions
-        gradient: _Vectors = -(by_value / bent**2)[:, None] * tangential
-        return gradient
+        return -(by_value / bent**2)[:, None] * tangential
 
     @cached_property
     def detail_rad(self) -> float:

@@ -81,8 +81,7 @@ class SrbfBasis:
     def reaches(self) -> Float[np.ndarray, " m"]:
         """Squared chord from each centre beyond which the function is left out of a sum."""
         angle = np.minimum(self.sigmas * np.sqrt(-np.log(_NEGLIGIBLE)), np.pi)
-        squared: Float[np.ndarray, " m"] = (2.0 * np.sin(0.5 * angle)) ** 2
-        return squared
+        return (2.0 * np.sin(0.5 * angle)) ** 2
 
     @property
     def detail_rad(self) -> float:
@@ -102,8 +101,7 @@ def _chord_squared(directions: Float[np.ndarray, "n 3"], centres: Float[np.ndarr
     chord_squared = np.maximum(2.0 - 2.0 * directions @ centres.T, 0.0)
     rows, columns = np.nonzero(chord_squared < 1e-4)  # the dot product cancels here; the difference does not
     chord_squared[rows, columns] = np.sum((directions[rows] - centres[columns]) ** 2, axis=-1)
-    clipped: Float[np.ndarray, "n m"] = np.minimum(chord_squared, 4.0)
-    return clipped
+    return np.minimum(chord_squared, 4.0)
 
 
 def gaussians(
@@ -115,8 +113,7 @@ def gaussians(
     near the centre.
     """
     angle = 2.0 * np.arcsin(0.5 * np.sqrt(_chord_squared(directions, centres)))
-    values: Float[np.ndarray, "n m"] = np.exp(-((angle / sigmas) ** 2))
-    return values
+    return np.exp(-((angle / sigmas) ** 2))
 
 
 @dataclass(frozen=True)

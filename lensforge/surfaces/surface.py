@@ -29,15 +29,13 @@ HALF_WIDTH = 1.02
 def to_sphere(chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
     """Unit directions of chart points: ``u = (2X, 2Y, 1 - R^2) / (1 + R^2)``."""
     squared = np.sum(chart * chart, axis=-1, keepdims=True)
-    unit: Float[np.ndarray, "*n 3"] = np.concatenate([2.0 * chart, 1.0 - squared], axis=-1) / (1.0 + squared)
-    return unit
+    return np.concatenate([2.0 * chart, 1.0 - squared], axis=-1) / (1.0 + squared)
 
 
 def to_chart(directions: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2"]:
     """Chart points of directions of any length: ``(X, Y) = (x, y) / (r + z)``; singular at -z only."""
     radius = np.linalg.norm(directions, axis=-1, keepdims=True)
-    projected: Float[np.ndarray, "*n 2"] = directions[..., :2] / (radius + directions[..., 2:])
-    return projected
+    return directions[..., :2] / (radius + directions[..., 2:])
 
 
 def gradient_on_sphere(chart: Float[np.ndarray, "n 2"], slopes: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
@@ -51,8 +49,7 @@ def gradient_on_sphere(chart: Float[np.ndarray, "n 2"], slopes: Float[np.ndarray
     along_x = np.stack([1.0 - x**2 + y**2, -2.0 * x * y, -2.0 * x], axis=1) / squared[:, None]
     along_y = np.stack([-2.0 * x * y, 1.0 + x**2 - y**2, -2.0 * y], axis=1) / squared[:, None]
     by_angle = 0.5 * squared[:, None] * slopes
-    gradient: Float[np.ndarray, "n 3"] = by_angle[:, :1] * along_x + by_angle[:, 1:] * along_y
-    return gradient
+    return by_angle[:, :1] * along_x + by_angle[:, 1:] * along_y
 
 
 def grid(nodes: int, half_width: float = HALF_WIDTH) -> Float[np.ndarray, "n n 2"]:

@@ -14,11 +14,10 @@ from lensforge.cad import part_export
 from lensforge.cad.body_export import BuiltBody
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.keep_out import FACET_MM, keep_out_distance, mesh_error_mm, read_keep_out
-from lensforge.cad.keep_out_distance import KeepOutDistance, keep_out_criteria
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.part import Part, part_facts
 from lensforge.cad.part_export import build_part
-from lensforge.cad.part_limits import mass_g
+from lensforge.cad.part_limits import KeepOutDistance, keep_out_criteria, mass_g
 from lensforge.cad.plan import make_plan
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens

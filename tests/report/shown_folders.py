@@ -9,7 +9,7 @@ from made_yield import make_yield
 from part_files import EXTRAS, make_correction, make_surface, verified
 from result_folders import STAGES, criterion, finding, make_light, make_proof, make_results, small_lens, text_target
 
-from lensforge.cad.keep_out_distance import KeepOutDistance
+from lensforge.cad.part_limits import KeepOutDistance
 from lensforge.light.evaluation_result import FittedLight, LightMetrics, PresetError, TableError
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, RegionLight

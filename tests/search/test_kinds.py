@@ -15,10 +15,10 @@ from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Progress
 from lensforge.search.feasibility import measure_constraints
-from lensforge.search.kinds_search import search_kinds
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problem, Problems
+from lensforge.search.searches import search_kinds
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 

@@ -120,7 +120,6 @@ def decode(text: str, name: str) -> PhotometricFile:
 
 
 def _lamps(lines: list[str], name: str) -> LampSet:
-    """A set of lamps by its six lines."""
     return LampSet(
         lumens=stated_or_none(_number(lines[_LUMENS], name)),
         watts=stated_or_none(_number_or_0(lines[_WATTS])) or 0.0,

@@ -239,7 +239,6 @@ def _intensity(emitter: ElementTree.Element, name: str) -> tuple[TabulatedIntens
 
 
 def _datum(element: ElementTree.Element, name: str) -> tuple[float, float, float]:
-    """Angles h and v of one intensity, and its value."""
     h, v = (finite_number(element.get(angle, ""), f"angle {angle} of IntData", name) for angle in ("h", "v"))
     return h, v, finite_number((element.text or "").strip(), "IntData", name)
 
