@@ -287,7 +287,7 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
 
 def search_kinds(
     spec: Spec,
-    source: Source,
+    source: "Source",
     *,
     start: Lens | None = None,
     checkpoint: Path | None = None,
