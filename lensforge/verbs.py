@@ -195,8 +195,8 @@ EVALUATE = FolderStage(
     evaluate,
     """Simulate the finished lens in DIR again.
 
-    With other --rays, --pixels, --source or --temperature than the lens's own the result is written to
-    evaluate_NAME.json beside evaluate.json, and decides nothing; the report shows it under other conditions.
+    With other --rays, --pixels, --source or --temperature than in the design the result is written to
+    evaluate_NAME.json beside evaluate.json. It does not change the verdict; the report shows it under other conditions.
     """,
     options=("rays", "threads", "pixels", "source", "temperature_c", "name"),
     decides="light",
@@ -214,11 +214,11 @@ EXPORT = FolderStage(
 CHECK = FolderStage(
     "check",
     check,
-    """Say if the lens in DIR can be cut, and what to change.
+    """Say if the lens in DIR can be made, and what to change.
 
     Each face, each tool, how much of the face it reaches, and the fields of the spec that change it. --json has all
     measurements: best-fit sphere, curvature, walls, draft. By another --process than the spec's the result is written
-    to check_PROCESS.json beside check.json, and decides nothing.
+    to check_PROCESS.json beside check.json. It does not change the verdict.
     """,
     options=("process",),
     inputs=lambda run, _: (run.part_or_lens,),
@@ -239,7 +239,7 @@ VERIFY = FolderStage(
 STRAY = FolderStage(
     "stray",
     stray_light,
-    "Follow rays through the exported part with reflections, base and absorption: verify --stray.",
+    "Trace rays through the exported part with reflections, base and absorption: verify --stray.",
     options=("rays", "threads", "base"),
     inputs=lambda run, _: (run.part,),
 )
@@ -254,7 +254,7 @@ SENSITIVITY = FolderStage(
     sensitivity,
     """Change each tolerance of the lens in DIR, one at a time.
 
-    Each is set to its end; the change of the light goes to sensitivity.json.
+    Each is set to its amount; the change of the light goes to sensitivity.json.
     """,
     options=("rays", "threads"),
     counts="lenses",
@@ -264,8 +264,8 @@ YIELD = FolderStage(
     tolerance,
     """Draw parts of the lens in DIR from its tolerances.
 
-    The share that passes, which tolerance decides, and how large each may be; writes yield.json and
-    yield.csv, and the report shows them. An interrupted study goes on where it was.
+    Yield, main causes, and the largest tolerances; writes yield.json and yield.csv, and the report shows them. An
+    interrupted study goes on where it was.
     """,
     options=("parts", "rays", "seed", "tolerances", "budget", "threads", "scheduler"),
     settings=lambda here, _: {"checkpoint": here.path / YIELD_PARTS},

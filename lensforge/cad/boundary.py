@@ -250,7 +250,7 @@ def _normals(shape: Surface | Patch, chart: Float[np.ndarray, "n 2"]) -> Float[n
 
 
 def as_pair(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape]) -> Pair[Shape]:
-    """Boundaries of cavity and body; a face alone, which bounds all of it, has its name in the usual lens."""
+    """Boundaries of cavity and body; a face alone, which bounds all of it, has its name in a double-freeform lens."""
     inwards, outwards = (
         each if isinstance(each, Boundary) else Boundary((TrimmedFace(name, each),))
         for name, each in zip(DOUBLE, (cavity, envelope), strict=True)

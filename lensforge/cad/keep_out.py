@@ -76,7 +76,7 @@ def _meshed(content: bytes, path: Path) -> KeepOut:
     for number, solid in enumerate(solids, start=1):
         if not solid.valid:
             raise InputError(
-                f"{path}: its solid {number} of {len(solids)} is not valid (open, hollow, or self-intersecting); "
+                f"{path}: its solid {number} of {len(solids)} is not valid (open, with a void, or self-intersecting); "
                 "repair it in CAD"
             )
     return KeepOut(path, tuple(KeepOutSolid(*tessellated(solid, _CHORD_MM)) for solid in solids))

@@ -133,7 +133,7 @@ def make_plan(
 
 
 def lay_out(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape], base: BaseSection) -> Plan[Shape]:
-    """The plan of a body that need not be possible, for a drawing; a face alone is that of the usual lens.
+    """The plan of a body that need not be possible, for a drawing; a face alone is that of a double-freeform lens.
 
     Raises :class:`InputError` where a setback leaves nothing of the base.
     """

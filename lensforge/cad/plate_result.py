@@ -49,7 +49,7 @@ class Plate(Record):
 
 _TABLE = (
     Row("plate_lenses", "Lenses of the plate", "lenses", "in one solid of {faces} faces"),
-    Row("plate_gap", "Least gap", "gap_mm", "between two lenses of the plate"),
+    Row("plate_gap", "Min. gap of lenses", "gap_mm"),
     Row("plate_size", "Size of the plate", "size_words"),
     Row(
         "plate_form_error",

@@ -46,8 +46,8 @@ Presets:  --accuracy draft, standard (default) or reference: more rays, finer
           tables and more functions of the surfaces; each takes longer.
 Output:   stdout has one screen; --json all digits, --quiet nothing.
           Progress, warnings and errors go to stderr.
-Exit:     0 done; 1 light or files failed (cutting, where the spec requires
-          it); 2 bad input. lensforge COMMAND --help has the options.
+Exit:     0 done; 1 photometry or CAD files fail (manufacture, where the spec
+          requires it); 2 bad input. lensforge COMMAND --help has the options.
 Shell:    completion by eval "$(_LENSFORGE_COMPLETE=bash_source lensforge)"
           in ~/.bashrc; zsh_source for zsh, fish_source for fish."""
 

@@ -22,7 +22,7 @@ from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Fact, Group, ResultByLed, StageResult
 from lensforge.results.criteria import criteria_of, require
 from lensforge.results.record import State
-from lensforge.results.verdict import Verdict
+from lensforge.results.verdict import TITLES, Verdict
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import tip_keys
 from lensforge.shop.check_result import Check
@@ -51,8 +51,8 @@ def finish(
     """Print the ``results`` of a stage, the first one the stage's own, and refresh the report if there is one.
 
     ``renewed``: the lens made for another LED, whose light stands beside. Raises :class:`CriterionMissed` where a
-    criterion is missed, or the part of the verdict that the stage ``decides``. A result under other conditions than the
-    lens's own decides nothing.
+    criterion is missed, or the part of the verdict that the stage ``decides``. A result under other than nominal
+    conditions does not change the verdict.
     """
     run = here.run
     here.refresh_report()  # first: the reader of the screen may leave
@@ -115,7 +115,7 @@ def document(run: Run, *results: StageResult) -> dict[str, object]:
 
 
 def _tell_conditions(result: StageResult) -> None:
-    """Say on stderr where ``result`` is under other conditions than the lens's own, and warn on its source."""
+    """Say on stderr where ``result`` is under other than nominal conditions, and warn on its source."""
     conditions = conditions_of(result)
     if conditions is None:
         return
@@ -123,8 +123,8 @@ def _tell_conditions(result: StageResult) -> None:
         click.echo(warning_line(words), err=True)
     own = stem_of(result.changed(conditions=None))
     click.echo(
-        f"{stem_of(result)}.json: other conditions than the lens's own ({conditions}); {own}.json and the verdict rest "
-        "on the lens's own",
+        f"{stem_of(result)}.json: not at nominal conditions ({conditions}), so {own}.json and the verdict stay as "
+        "they are",
         err=True,
     )
 
@@ -166,7 +166,7 @@ def rows_of(groups: Sequence[Group]) -> Iterator[Row]:
 
 
 def summary(run: Run) -> list[Block]:
-    """The end of a whole run: verdict, light, lens, files, cutting, and the folder, in 30 lines at most."""
+    """The end of a whole run: verdict, light, lens, files, manufacture, and the folder, in 30 lines at most."""
     head, verdict = headline(run), run.verdict
     light, lens = _selected(run, _LIGHT, Light), _selected(run, _LENS, Design)
     design = run.find(Design)
@@ -175,22 +175,19 @@ def summary(run: Run) -> list[Block]:
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
     return [
         Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
-        Block(
-            f"Light: {verdict.light}{_to_look_at(verdict.light, light)}", [*rows_of(light), *rows_of(far_field), *why]
-        ),
+        Block(_title("light", verdict.light, light), [*rows_of(light), *rows_of(far_field), *why]),
         Block(f"Lens{search}", [*rows_of(lens), *_kinds(run)]),
-        Block(f"Files: {verdict.files}", [*rows_of(files), *_because(verdict, "files")[:1]]),
-        Block(f"Cutting: {verdict.cutting}", list(_cutting(run))),
-        Block(f"Written: {run.folder / REPORT_FILE}", [("Beside it", _written(run))]),
+        Block(_title("files", verdict.files), [*rows_of(files), *_because(verdict, "files")[:1]]),
+        Block(_title("cutting", verdict.cutting), list(_manufacture(run))),
+        Block(f"Written: {run.folder / REPORT_FILE}", [("Files", _written(run))]),
     ]
 
 
-def _to_look_at(state: State, groups: Sequence[Group]) -> str:
-    """Names of the facts that deserve a look though no limit judges them, after a verdict that nothing is wrong."""
-    if state != "pass":
-        return ""
+def _title(part: str, state: State, groups: Sequence[Group] = (), under: str = "") -> str:
+    """A part of the verdict; where it passes with the names of those facts that deserve a look all the same."""
     labels = dict.fromkeys(fact.label.lower() for group in groups for fact in group.facts if fact.notice)
-    return f"; look at: {', '.join(labels)}" if labels else ""
+    look = f"; look at: {', '.join(labels)}" if labels and state == "pass" else ""
+    return f"{TITLES[part]}{under}: {state}{look}"
 
 
 def _kinds(run: Run) -> Iterator[Row]:
@@ -213,9 +210,9 @@ def _row(fact: Fact) -> Row:
 
 
 def _limit_rows(group: Group) -> Iterator[Row]:
-    """The number of limits that are held, and the first of the others."""
+    """The number of limits that are met, and the first of the others."""
     others = [fact for fact in group.facts if not fact.holds]
-    yield "Limits", f"{len(group.facts) - len(others)} of {len(group.facts)} held"
+    yield "Limits", f"{len(group.facts) - len(others)} of {len(group.facts)} met"
     for fact in others[:_MOST_LIMITS]:
         yield f"  {fact.outcome}", "; ".join(filter(None, (f"{fact.label}: {fact.sentence}", fact.remedy)))
     if len(others) > _MOST_LIMITS:
@@ -223,7 +220,7 @@ def _limit_rows(group: Group) -> Iterator[Row]:
 
 
 def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
-    """Title with the verdict, and reasons, of light and files; under other conditions than the lens's own by itself."""
+    """Title with the verdict, and reasons, of light and files; under other than nominal conditions by itself."""
     if not isinstance(result, Light | Part | Proof):
         return "", []
     judged, under = run.verdict, ""
@@ -231,22 +228,22 @@ def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
         part = {stem: each for stem, each in run.found.items() if stem == Part.stage}
         judged, under = Results(run.lens, {**part, result.stage: result}).verdict, " under other conditions"
     if isinstance(result, Light):
-        return f"Light{under}: {judged.light}{_to_look_at(judged.light, run.facts(result))}", _because(judged, "light")
-    return f"Files{under}: {judged.files}", _because(judged, "files")
+        return _title("light", judged.light, run.facts(result), under), _because(judged, "light")
+    return _title("files", judged.files, under=under), _because(judged, "files")
 
 
 def _titled(groups: Sequence[Group]) -> list[Block]:
     """A block for each group, those of one kind together."""
     kinds = dict.fromkeys(group.key for group in groups)
     by_kind = [[group for group in groups if group.key == key] for key in kinds]
-    titles = {"bound": "A part passes if", "spread": "The parts", "causes": "Causes", "budget": "At most"}
+    titles = {"bound": "Limits", "spread": "Over all parts", "causes": "Share of the variance", "budget": "Tolerances"}
     titles["road_yield"] = "Roads"
-    titles["error"] = "Change by each tolerance at its end"
+    titles["error"] = "Change at the end of each tolerance"
     return [Block(titles.get(same[0].key, same[0].title), list(rows_of(same))) for same in by_kind]
 
 
 def _because(verdict: Verdict, name: str) -> list[Row]:
-    return [("Because", reason) for reason in verdict.reasons_of(name)]
+    return [("Reason", reason) for reason in verdict.reasons_of(name)]
 
 
 def _selected(run: Run, keys: tuple[str, ...], *kinds: type[StageResult]) -> list[Group]:
@@ -262,7 +259,7 @@ def _search(run: Run, design: Design) -> str:
     return f"{search.fact('steps').text} steps in {search.fact('levels').text} levels"
 
 
-def _cutting(run: Run) -> Iterator[Row]:
+def _manufacture(run: Run) -> Iterator[Row]:
     check = run.find(Check)
     if check is None:
         return
@@ -276,9 +273,9 @@ def _cutting(run: Run) -> Iterator[Row]:
         if fact.state == "fail" and fact.key not in ("cutter", "nose")
     ]
     if missed:
-        yield "Also", "; ".join(missed)
+        yield "Not met", "; ".join(missed)
     if run.verdict.cutting != "pass":
-        yield "Change", "`lensforge check` on this folder says what, in the spec"
+        yield "Remedy", "see `lensforge check`"
 
 
 def _written(run: Run) -> str:

@@ -139,7 +139,7 @@ class NewScene:
             if "file" in content.get(section, {}):
                 content[section]["file"] = _relative(getattr(made, section).file.resolve(), folder)
         title = f"{made.source.title}, target {made.all_receivers[0].targets[0].kind}"
-        possible = f"The target: {scene.targets[0].possible_words} through the largest {made.lens.title}.{examples}"
+        possible = f"Target: {scene.targets[0].possible_words}, {made.lens.title} of largest radius.{examples}"
         return new_text(content, reasons, title[:1].upper() + title[1:], possible)
 
     def _spec(self, content: Tables) -> Spec:

@@ -153,7 +153,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         "--normal-mrad",
         type=click.FloatRange(1e-3, 10.0),
         metavar="MRAD",
-        help="Largest error of their normals; default: the spec's, or 0.2, or what the LED's image asks.",
+        help="Largest error of their normals; default: the spec's, or 0.2, or as the LED's image requires.",
     ),
     "rings": click.option(
         "--rings",
@@ -214,7 +214,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
 
 
 with_force = click.option(
-    "--force", is_flag=True, help="Go on even where less than half of what a target asks is possible."
+    "--force", is_flag=True, help="Go on even where the upper bound is below half of what a target requires."
 )
 
 

@@ -48,7 +48,7 @@ def rays(
         if path is not None:
             require_writable(path)
         if path is not None and path.exists() and path.samefile(file):
-            raise InputError(f"{option} {path}: is the file itself, which stays as it is; give another name")
+            raise InputError(f"{option} {path}: is the input file; give another name")
     if format_name and not to:
         raise InputError(f"--format {format_name}: give --to FILE with it")
     if ies_version and (to is None or to.suffix.lower() != ".ies"):

@@ -71,9 +71,9 @@ def new(
     force: bool,
     **beside: float | None,
 ) -> None:
-    """Write a commented SPEC.toml; what is not given is asked for in a terminal. Without SPEC.toml: to stdout."""
+    """Write a commented SPEC.toml; in a terminal it prompts for what is missing. Without SPEC.toml: to stdout."""
     if spec is not None and spec.exists():
-        raise InputError(f"{spec}: is there already and stays as it is; give another name")
+        raise InputError(f"{spec}: exists and is not overwritten; give another name")
     wanted = target_in(target) if target else _asked("--target", f"light ({TARGETS})", target_in)
     plane = {name: angle for name, angle in beside.items() if angle is not None}
     scene = NewScene.of(
@@ -113,7 +113,7 @@ def _suitable(advice: "LensAdvice") -> tuple[str, str]:
 
     if _at_terminal():
         return _asked("--lens", f"kind of lens, one of {kinds} ({advice.words})", chosen, advice.advised), ""
-    return advice.advised, f"lensforge: lens: {advice.words}; {advice.advised} is taken, --lens takes another"
+    return advice.advised, f"lensforge: lens: {advice.words}; {advice.advised} is used; --lens selects another"
 
 
 def _asked(option: str, words: str, read: Callable[[str], Any], default: str | None = None) -> Any:
@@ -174,11 +174,11 @@ def examples(name: str | None) -> None:
         return
     stem = name.removesuffix(".toml")
     if stem not in specs:
-        raise InputError(f"examples {name}: there is none of that name; known: {', '.join(specs)}")
+        raise InputError(f"examples {name}: not found; known: {', '.join(specs)}")
     wanted = [specs[stem], *_named_files(specs[stem])]
     here = [path.name for path in wanted if Path(path.name).exists()]
     if here:
-        raise InputError(f"{here[0]}: is there already and stays as it is; copy {stem} into another folder")
+        raise InputError(f"{here[0]}: exists and is not overwritten; copy {stem} into another folder")
     for path in wanted:
         with replacing(Path(path.name)) as temporary:
             temporary.write_bytes(path.read_bytes())

@@ -1,6 +1,6 @@
 """Adjoint of ``trace``: a packet of rays again, forward by the paths that were kept, and backward event by event.
 
-Rays of the usual lens in unpolarised light all meet the inner face and then the outer one. Of other bodies those that
+Rays of a double lens in unpolarised light all meet the inner face and then the outer one. Of other bodies those that
 have taken the same way go together in a packet, so that here too each step is one of vectors. A ray that would meet
 another face, were a face moved, has no derivative: light that so crosses a crease is left out. A ray that ends at a
 tangent adds nothing: its squared sine is at its largest there.
@@ -155,7 +155,7 @@ def load(packet, lane, k, fate, rays, body, by):
 
 @inline
 def load_pairs(packet, first, last, rays, body, ways, fates, by):
-    """Put those of the rays ``first`` to ``last`` of the usual lens into a packet that matter. Returns their number."""
+    """Put those of the rays ``first`` to ``last`` of a double lens into a packet that matter. Returns their number."""
     count = 0
     for k in range(first, last):
         left = fates[k] == Fate.LEFT_LENS
@@ -173,7 +173,7 @@ def load_pairs(packet, first, last, rays, body, ways, fates, by):
 
 @kernel
 def adjoint_of_pairs(rays, body, ways, fates, by, gradients, packet):
-    """Add every ray's contribution to the ``gradients`` by the tables of the usual lens in unpolarised light.
+    """Add every ray's contribution to the ``gradients`` by the tables of a double-freeform lens in unpolarised light.
 
     Arguments as in :func:`adjoint_of_ways`.
     """

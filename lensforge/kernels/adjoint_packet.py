@@ -1,7 +1,7 @@
 """A packet of rays of the adjoint: what is kept of each, at each of its events and behind the last; shared steps.
 
 Fields of the packet have room for ``SIZE`` rays each, as in ``kernels.ray_packet``. What belongs to an event lies in a
-block of its own, so that both events of the usual lens are at hand without a copy.
+block of its own, so that both events of a double-freeform lens are at hand without a copy.
 
 Differentiating ``|p| = rho`` at a hit gives Eq. (9) of the paper; the change of the normal with the hit needs the
 Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.

@@ -1,4 +1,4 @@
-"""The adjoint at both faces of the usual lens in unpolarised light, whose polarisation has a closed form."""
+"""The adjoint at both faces of a double-freeform lens in unpolarised light, whose polarisation has a closed form."""
 
 from math import exp, sqrt
 

@@ -1,6 +1,6 @@
 """Rays of a packet at the faces that they have found: moved there, refracted, and their polarisation behind.
 
-Of the usual lens in unpolarised light the polarisation has a closed form, all in vector instructions; else each ray
+Of a double lens in unpolarised light the polarisation has a closed form, all in vector instructions; else each ray
 carries its fields (``kernels.fields``).
 """
 
@@ -48,7 +48,7 @@ from lensforge.kernels.vectors import add_scaled, dot, scaled, unit
 
 @inline
 def refract_in_order(packet, count, face, film, rays, body, axis):
-    """Move all rays of a packet to a ``face`` of the usual lens, 0 or 1, which they have found, and refract them there.
+    """Move all rays of a packet to a ``face`` of a double lens, 0 or 1, which they have found, and refract them there.
 
     Those that have found none only move. Fills the cosine before, the squared one behind, and the transmittance; at the
     inner face what the outer one needs to know of the polarisation, at the outer one the share along ``axis``.
@@ -94,7 +94,7 @@ def refract_at(packet, count, face, films, rays, body, axis):
 
 @inline
 def refract_second(packet, count, axial, rays, body):
-    """:func:`refract_at` at the outer face of the usual lens."""
+    """:func:`refract_at` at the outer face of a double-freeform lens."""
     if axial is None:
         refract_at(packet, count, 1, body.films, rays, body, None)
     else:

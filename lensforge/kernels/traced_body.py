@@ -64,7 +64,7 @@ class TracedBody(NamedTuple):
     """A body between the tables of its faces, and what surrounds it.
 
     Without ``fresnel`` faces let all light through that they do not reflect totally, and none has a film. ``sides``
-    None: of the usual lens in unpolarised light, two faces that are met in their order, whose polarisation has a closed
+    None: of a double lens in unpolarised light, two faces that are met in their order, whose polarisation has a closed
     form. Else polarised light is followed by its fields. Its faces are met in their order, once each, and light that
     is reflected is lost; or, where the ``bounds`` have balls, in any order, as ``kernels.nearest_face`` finds them.
     ``slopes``: rms slope of each rough face along any line on it; None where all are polished.
@@ -86,7 +86,7 @@ class Ways(NamedTuple):
     """Path (mm) of each ray to each of its events, and what it met there.
 
     ``met``: four times the number of the face; 2 more where the ray was reflected, 1 more where it came from behind the
-    face; below 0 where there was none. None for the usual lens in unpolarised light.
+    face; below 0 where there was none. None for a double-freeform lens in unpolarised light.
     """
 
     lengths: Float[np.ndarray, "n e"]

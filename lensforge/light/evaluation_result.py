@@ -76,7 +76,7 @@ class Light(ResultByLed):
 
     Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
     that the search has not used; ``fitted``: by the rays that it has. ``pixels``: along the longer side of a map as
-    asked, of which lamps together may need somewhat more or fewer. ``ways``: shares of the emitted flux by way, of a
+    required, of which lamps together may need somewhat more or fewer. ``ways``: shares of the emitted flux by way, of a
     lens of more than two faces. ``place``: of the LED, where it is from a ray file or is moved. Of a lens for several
     LEDs they are those of the first.
     """

@@ -47,27 +47,27 @@ def judged_limits(
 
 _QUANTITIES = {
     "light": "light",
-    "relative": "light over its maximum",
-    "min_over_mean": "least over mean light",
-    "min_over_max": "least over largest light",
+    "relative": "light relative to its maximum",
+    "min_over_mean": "min/mean of the light",
+    "min_over_max": "min/max of the light",
     "share": "share of the flux",
     "loss": "lost share of the flux",
     "beam_angle": "beam angle",
     "threshold_increment": "threshold increment",
     "ratio": "ratio of means",
-    "mean_over_min": "mean over least light",
-    "max_over_min": "largest over least light",
-    "veiling_ratio": "veiling over mean luminance",
+    "mean_over_min": "mean/min of the light",
+    "max_over_min": "max/min of the light",
+    "veiling_ratio": "veiling/mean luminance",
 }
 
 
 def judged(limit: LightLimit | Ask, receiver: str, value: Metric) -> Fact:
-    """The limit judged on ``receiver``, or what the class of a road of this name asks for.
+    """The limit judged on ``receiver``, or what the class of a road of this name requires.
 
     ``value``: of the place that decides, that with the least light or the most.
     """
-    asked, quantity = {"sense": limit.sense, "limit": float(limit.bound)}, _QUANTITIES[limit.quantity]
-    return replace(Fact.measured(limit.name, limit.name, value, quantity, place=receiver, **asked), unit=limit.unit)
+    given, quantity = {"sense": limit.sense, "limit": float(limit.bound)}, _QUANTITIES[limit.quantity]
+    return replace(Fact.measured(limit.name, limit.name, value, quantity, place=receiver, **given), unit=limit.unit)
 
 
 def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -> Iterator[Fact]:
@@ -87,7 +87,7 @@ def colours_left_out(
 ) -> Iterator[Float[np.ndarray, " v"]]:
     """Each limited figure of the colour on one receiver: by all replicates, then with one after the other left out.
 
-    ``pictures``: X, Y and Z; none where nobody asks for colour.
+    ``pictures``: X, Y and Z; none where colour is not required.
     """
     if section is None:
         return

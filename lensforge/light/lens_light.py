@@ -124,7 +124,7 @@ def _conditions(
         **{field: unless_own(value, own[field]) for field, value in asked.items()},
     )
     if conditions is None and name is not None:
-        raise InputError(f"name = {name!r}: these are the lens's own conditions; give it with another source or rays")
+        raise InputError(f"name = {name!r}: these are the nominal conditions; give it with another source or rays")
     if conditions is None:
         return None
     warned = () if conditions.source is None else warnings

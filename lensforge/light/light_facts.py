@@ -58,7 +58,7 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
             leaks = () if index else leak_facts(lens.spec.lens, led_light.ways, *lost)
             groups.append(Group("light", f"{title}{end}", (*_figures(led_light, index, lens), *leaks)))
         if led_light.ways:
-            groups.append(replace(way_facts(led_light.ways), title=f"Light by way{end}"))
+            groups.append(replace(way_facts(led_light.ways), title=f"Flux by path{end}"))
         if led_light.limits:
             groups.append(Group("limits", f"Limits{end}", tuple(limit_facts(led_light, possible or {}, end))))
     groups += place_groups(light)
@@ -164,17 +164,17 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
         f"share of the {f'flux {whole}' if whole else 'LED’s flux'} {window_words(receiver)}",
         sense=">=",
         possible=most,
-        notice=f"below {_OF_POSSIBLE:g} of what is possible" if receiver.efficiency.value < _OF_POSSIBLE * most else "",
-        possible_note="the mirror reflects no more"
+        notice=f"below {_OF_POSSIBLE:g} of the upper bound" if receiver.efficiency.value < _OF_POSSIBLE * most else "",
+        possible_note="reflectance of the mirror"
         if lens.spec.lens.is_opaque
-        else "two faces transmit no more, and turn no further",
+        else "transmittance and largest deflection of two faces",
     )
     if receiver.uniformity is not None:
         yield Fact.measured(
             "uniformity", METRICS["uniformity"], receiver.uniformity, f"{receiver.evenness_words} {mask}"
         )
     if receiver.rsd is not None:
-        yield Fact.measured("rsd", METRICS["rsd"], receiver.rsd, f"standard deviation over mean {mask}")
+        yield Fact.measured("rsd", METRICS["rsd"], receiver.rsd, f"standard deviation/mean {mask}")
     yield from _in_region(receiver, unit_on(light, receiver))
     if receiver.tristimulus_map is not None:
         yield from _colour(receiver.colour)
@@ -199,7 +199,7 @@ def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
     fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], receiver.share_in_target, sense=">=")
     return replace(
         fact,
-        note="share of the LED’s flux that lands where the target is bright",
+        note="share of the LED’s flux in the bright part of the target",
         possible=possible.share_in_target,
         possible_note=f"{_estimate(receiver)}{possible.law}",
         remedy=_remedy(receiver, "a wider target"),
@@ -234,15 +234,13 @@ def _in_region(receiver: ReceiverLight, unit: LightUnit) -> Iterator[Fact]:
         return
     where, mean = REGIONS[region.region], scaled(region.mean, unit.per_watt, unit.symbol)
     yield Fact.measured("level", f"Mean {unit.quantity}", mean, where)
-    yield Fact.measured("u0", "U0", region.u0, f"least over mean light {where}")
-    yield Fact.measured("u1", "U1", region.u1, f"least over largest light {where}")
-    yield Fact.measured(
-        "peak", "Peak to target", region.peak, "largest light over the target’s largest, both with the same flux"
-    )
+    yield Fact.measured("u0", "U0", region.u0, f"min/mean of the light {where}")
+    yield Fact.measured("u1", "U1", region.u1, f"min/max of the light {where}")
+    yield Fact.measured("peak", "Peak/target peak", region.peak, "max. light/max. of the target, at equal flux")
 
 
 _COLOUR = (
-    Row("colour_u", "Colour u′", "u", "of all light {beam}, mixed"),
+    Row("colour_u", "Colour u′", "u", "mean {beam}"),
     Row("colour_v", "Colour v′", "v"),
     Row("cct", "Colour temperature", "cct", "{temperature}", none="none"),
     Row("duv", "Duv", "duv", "distance from Planck’s locus, positive towards green"),
@@ -267,19 +265,17 @@ def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
     yield Fact("rays", "Rays", light.rays, note=unused)
     yield Fact("pixels", "Pixels", f"{columns} × {rows}", note=light.filter.replace("pixel^2", "pixel²"))
     if light.first.nmse.standard_error is not None:
-        yield Fact(
-            "raw_nmse", "NMSE with ray noise", light.raw.nmse, note="of the picture, before the noise is taken off"
-        )
+        yield Fact("raw_nmse", "NMSE with ray noise", light.raw.nmse, note="before the noise is subtracted")
     if (fitted := light.fitted) is not None:
         note = f"by the {number(fitted.rays)} rays of the search, to which the lens is fitted"
         yield Fact.measured("fitted_nmse", "NMSE of fitted rays", fitted.nmse, note)
         yield Fact.share("fitted_efficiency", "Efficiency, fitted rays", fitted.efficiency, note)
     if light.preset_error is not None:
         left, chart = light.preset_error.evaluation, light.first.chart
-        note = f"NMSE that the tables of --accuracy {lens.accuracy} add to the light of the exact surfaces"
+        note = f"NMSE of the tables of --accuracy {lens.accuracy} against the exact surfaces"
         yield Fact.measured("table_nmse", "Simulation error", left.irradiance_nmse, note)
         off = chart.labelled(left.hit_mm.value)
-        yield Fact("table_hits", "Hits off by", off, chart.unit, note="rms, by the same tables", digits=2)
+        yield Fact("table_hits", "Error of hit points", off, chart.unit, note="rms, of the same tables", digits=2)
         if light.first.nmse_of_noise is not None:
             yield Fact("noise_nmse", "NMSE of the ray noise", light.first.nmse_of_noise, digits=2)
 
@@ -332,8 +328,8 @@ def _judged_planes(spec: Spec) -> Iterator[float]:
 def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]:
     """Facts of the files; ``whose`` light they have, of several lenses or lamps."""
     direction, start = photometry.peak_direction, f"{whose}; " if whose else ""
-    source = f"{start}of {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
-    taken = ", which states no flux: all figures are for these" if photometry.per_1000_lm else ""
+    source = f"{start}for {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
+    taken = ", whose flux is not stated" if photometry.per_1000_lm else ""
     yield Fact.measured("exit_lm", "Luminous flux", photometry.exit_lm, f"{source}{taken}")
     at = f"at C {quantity(direction.c_deg, '°', digits=4)}, gamma {quantity(direction.gamma_deg, '°', digits=3)}"
     yield Fact.measured("peak_cd", "Peak intensity", photometry.peak_cd, f"{start}{at}")
@@ -341,17 +337,17 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     for beam in (photometry.beam_c0, photometry.beam_c90):
         plane = f"C {beam.c_deg:.0f}"
         if beam.c_deg not in _judged_planes(spec):
-            note = "between the outermost halves of this plane’s largest intensity"
+            note = "full width at 50 % of the peak in this plane"
             yield Fact.measured(f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, note)
-        yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "of its tenths")
+        yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "full width at 10 %")
     noise = "" if photometry.node_error is None else f"the table’s noise is {percent(photometry.node_error.rms)} rms"
     yield Fact("photometry_rays", "Rays", photometry.rays, note=noise)
 
 
 def road_facts(road: RoadJudgement) -> Group:
-    """The group of one road: its class, what that asks of every driver's view, and its figures beside."""
+    """The group of one road: its class, what that requires for every driver, and its other figures."""
     by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
-    note = f"{road.standard}; reached: {road.reached}"
+    note = f"{road.standard}; achieved: {road.reached}"
     facts = [Fact("road_class", "Class", road.lighting_class, note=note)]
     facts += [replace(limit, key=f"road_{k}", note="") for k, limit in enumerate(with_remedies(road.limits))]
     for driver in road.drivers if by_luminance else ():
@@ -363,24 +359,24 @@ def road_facts(road: RoadJudgement) -> Group:
 
 _ROAD = (
     Row("road_lx", "Mean illuminance", "mean_lx"),
-    Row("road_least_lx", "Least illuminance", "least_lx"),
+    Row("road_least_lx", "Minimum illuminance", "least_lx"),
     Row("surface", "Surface", "surface", "Q0 {q0}, S1 {s1}"),
     Row("power_density", "Power density D_P", "power_density"),
-    Row("yearly_energy", "Energy of a year", "yearly_energy"),
+    Row("yearly_energy", "Annual energy D_E", "yearly_energy"),
 )
 
 
 def _s1_words(s1: float | None) -> str:
-    short = "not known: its table ends before tan γ = 2, and light from beyond its end counts as none"
+    short = "not known: its table ends before tan γ = 2; light from beyond is ignored"
     return short if s1 is None else f"{s1:.3g}"
 
 
 def spacing_fact(held: HeldSpacing | None) -> Fact:
     """The largest spacing of a road at which its class is held."""
     if held is None:
-        return Fact("largest_spacing", "Largest spacing", "none holds the class")
-    beyond = "" if held.beyond is None else f"; beyond that {held.beyond.label} is missed"
-    note = f"held from {quantity(held.least, 'm')} on{beyond}"
+        return Fact("largest_spacing", "Largest spacing", "class met at none")
+    beyond = "" if held.beyond is None else f"; beyond, {held.beyond.label} is missed"
+    note = f"class met from {quantity(held.least, 'm')} up{beyond}"
     return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
 
 
@@ -388,13 +384,13 @@ def _lamp(photometry: Photometry, road: RoadFigures, lenses: int) -> Iterator[Fa
     shape, glare, several = road.distribution, road.glare, f"all {lenses} lenses" if lenses > 1 else ""
     led = f"_{photometry.led}" if photometry.others else ""
     yield Fact("lenses", "Lenses", lenses)
-    yield Fact.measured("lamp_lm", "Light of the lamp", road.lumens)
+    yield Fact.measured("lamp_lm", "Luminous flux, lamp", road.lumens)
     if photometry.luminaire is not None:
         note = f"holds {quantity(photometry.luminaire.lumens, 'lm', digits=5)} of {several}"
-        yield Fact("luminaire", "File of the lamp", f"luminaire{led}.ies", note=note)
+        yield Fact("luminaire", "Luminaire file", f"luminaire{led}.ies", note=note)
     yield Fact("distribution", "IES distribution", str(shape).removeprefix("type "))
-    yield Fact.measured("street_mh", "Half of the peak reaches", shape.street_mh, "mounting heights to the street")
+    yield Fact.measured("street_mh", "Half-peak line reaches", shape.street_mh, "mounting heights towards the street")
     yield Fact("bug", "BUG rating", str(road.bug), note=several)
     yield Fact("glare_class", "Glare class", glare.glare_class, note="EN 13201")
-    yield Fact.measured("above_70", "Most from 70° on", glare.above_70, "cd/klm")
-    yield Fact.measured("above_80", "Most from 80° on", glare.above_80, "cd/klm")
+    yield Fact.measured("above_70", "Max. from 70° up", glare.above_70, "cd/klm")
+    yield Fact.measured("above_80", "Max. from 80° up", glare.above_80, "cd/klm")

@@ -34,7 +34,7 @@ class LightWay(Record):
     def title(self) -> str:
         """The way in words."""
         if not self.faces:
-            return "Other ways"
+            return "Other paths"
         return f"Through the {self.faces[0]}" if len(self.faces) == 1 else " → ".join(self.faces).capitalize()
 
 
@@ -42,7 +42,7 @@ class LightWay(Record):
 class FluxByWay:
     """Flux (W) that left the lens in each replicate by each way, whose number has a digit for each face that it meets.
 
-    ``chain``: the faces from the source on, the exit last; None for the usual lens, of which there is nothing to tell.
+    ``chain``: the faces from the source on, the exit last; None for a double-freeform lens, which has one way.
     """
 
     chain: Chain | None
@@ -61,7 +61,7 @@ class FluxByWay:
             self.flux[replicate] += np.bincount(numbers, share * rays.flux[out], minlength=self.flux.shape[1])
 
     def leaked(self) -> Float[np.ndarray, "r k"]:
-        """Flux (W) that left by each face before the exit, in each replicate; none of the usual lens."""
+        """Flux (W) that left by each face before the exit, in each replicate; none of a double-freeform lens."""
         return self.flux[:, 1 : 1 if self.chain is None else len(self.chain.names)]
 
     def ways(self, emitted_w: float) -> tuple[LightWay, ...]:
@@ -104,10 +104,10 @@ _ABOVE = f"above {100.0 * _SAID:g} %"
 _REFLECTS = "light that this face should reflect; {}, or give it a mirror (lens.{}.coating)"
 _ALL = "design with more steps, a larger constraints.max_radius_mm or a smaller source"
 _CAUSES = {
-    "base": ("below the rim", f"light that the rim of the body lets out below z = 0; {_ALL}"),
+    "base": ("below the rim", f"light that leaves the rim of the body below z = 0; {_ALL}"),
     "flange": ("in the flange", f"light that meets the flange; lower lens.flange.thickness_mm, or {_ALL}"),
-    "backward": ("by the opening", "light that goes back by the opening; raise the source"),
-    "event_limit": ("in the body", "light that is still reflected to and fro; raise lens.events"),
+    "backward": ("through the opening", "light that leaves backwards through the opening; raise the source"),
+    "event_limit": ("in the body", "light still reflected back and forth; raise lens.events"),
     "total_reflection": ("at the exit", f"light that the exit reflects totally; {_ALL}"),
 }
 
@@ -130,4 +130,4 @@ def way_facts(ways: Sequence[LightWay]) -> Group:
     """The group of the share of each way."""
     note = "share of the LED’s flux that leaves the lens by these faces"
     facts = tuple(Fact.share(f"way_{k}", way.title, way.share, "" if k else note) for k, way in enumerate(ways))
-    return Group("ways", "Light by way", facts, note)
+    return Group("ways", "Flux by path", facts, note)

@@ -75,7 +75,7 @@ class BodyPassage:
 
     @property
     def met(self) -> Int8[np.ndarray, "n e"]:
-        """Faces that the rays met, as :class:`Ways` keeps them of all but the usual lens."""
+        """Faces that the rays met, as :class:`Ways` keeps them of all but a double-freeform lens."""
         if self.ways.met is None:
             raise ValueError("rays that meet two faces in their order keep no way")
         return self.ways.met

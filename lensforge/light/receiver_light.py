@@ -44,8 +44,8 @@ class RegionLight(Record):
     """Light in a region of a receiver.
 
     ``region``: "uniform", that of the target's ``uniform_mm`` or ``uniform_deg``; "bright" of other targets, where the
-    target is above half of its maximum. ``mean``: W/m², in the far field W/sr. ``u0``: least over mean, ``u1``: least
-    over largest light (EN 12665). ``peak``: largest light on the receiver over the target's largest.
+    target is above half of its maximum. ``mean``: W/m², in the far field W/sr. ``u0``: min/mean, ``u1``: min/max
+    of the light (EN 12665). ``peak``: largest light on the receiver over the target's largest.
     """
 
     region: Region
@@ -162,7 +162,7 @@ class ReceiverLight(Record):
     ``map``, ``raw_map``, ``target_map``: irradiance (W/m^2), or intensity (W/sr), [row y, column x] after the filter,
     before it, and of the target, scaled to the flux there. ``nmse``: Eq. (7) with the target scaled to the flux that
     arrives. ``efficiency``: share of the emitted flux in the window; ``share_in_target``: where the target is above a
-    tenth of its largest pixel, by ray. ``uniformity``, ``rsd``: least over mean, and standard deviation over mean, in
+    tenth of its largest pixel, by ray. ``uniformity``, ``rsd``: min/mean, and standard deviation/mean, in
     the region of ``uniform_mm`` or ``uniform_deg``; None where the spec names none. ``in_region``: mean light and
     evenness there, or where the target is bright, and the peak; None where one of the replicates is dark.
 
@@ -213,7 +213,7 @@ class ReceiverLight(Record):
     def evenness_words(self) -> str:
         """Words for the uniformity; where noise would put it above 1, for the side of its error."""
         capped = self.uniformity is not None and self.uniformity.standard_error and self.uniformity.value >= 1.0
-        return "least over mean" + (", at most 1: the error is to one side" if capped else "")
+        return "min/mean" + (", at most 1: the error is to one side" if capped else "")
 
     @property
     def chart(self) -> Chart:
@@ -266,10 +266,10 @@ LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at norm
 
 def possible_share(receiver: ReceiverLight, transmittance: float) -> tuple[float, str]:
     """Most of the flux that can lie in the target on ``receiver``, and by what; ``transmittance``: of both faces."""
-    asked, possible = transmittance * receiver.wanted_in_target, receiver.possible.share_in_target
-    if asked <= possible:
-        return asked, "two faces transmit into the pattern" if transmittance < 1.0 else "the pattern takes"
-    return possible, f"is possible (by {receiver.possible.law})"
+    whole, possible = transmittance * receiver.wanted_in_target, receiver.possible.share_in_target
+    if whole <= possible:
+        return whole, "two faces transmit into the target" if transmittance < 1.0 else "the target takes"
+    return possible, f"is the upper bound ({receiver.possible.law})"
 
 
 METRICS = {

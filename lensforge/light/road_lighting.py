@@ -136,7 +136,7 @@ def with_remedies(limits: Sequence[Fact]) -> Iterator[Fact]:
 
 
 _TI = "threshold increment"
-_GLARE = (_TI, "veiling over mean luminance")
+_GLARE = (_TI, "veiling/mean luminance")
 _OF_GLARE = "less light near the horizon, or higher poles; the flux hardly changes it"
 _OF_EVENNESS = "another pattern, higher poles, or poles nearer to each other; the flux does not change it"
 
@@ -153,7 +153,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
 
     least, most = max(factors(">="), default=1.0), min(factors("<="), default=np.inf)
     if least > most or least == np.inf:
-        return "no flux keeps all limits on light: light that is more even"
+        return "no luminous flux meets all limits: the light must be more uniform"
     if least <= 1.0 <= most:
         return ""
     factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)

@@ -34,7 +34,7 @@ class Scene:
 
     Without ``fresnel`` all faces let all light through that they do not reflect totally, coated or not. ``made``: where
     the lens is not as designed; None for one that is. ``chain``: the faces where a ray may meet any of them; None for
-    the usual lens, in which it is refracted at the inner face and then at the outer one. ``single``: whether the usual
+    a double lens, in which it is refracted at the inner face and then at the outer one. ``single``: whether the usual
     lens is traced in single precision, for a search: its noise is far above the error.
     """
 
@@ -52,7 +52,7 @@ class Scene:
 
     @property
     def sides(self) -> FaceMedia | None:
-        """Media on both sides of each face; None for the usual lens alone, whose polarisation has a closed form."""
+        """Media on both sides of each face; None for a double lens alone, whose polarisation has a closed form."""
         if self.chain is None:
             return TWO_FACES.packed(self.media) if self.media.bodies else None
         return self.chain.packed(self.media)
@@ -154,7 +154,7 @@ class TracedBundle:
 
     @property
     def met(self) -> Int8[np.ndarray, "n e"] | None:
-        """Code of the face that each ray met there, as in ``kernels.traced_body``; None for the usual lens alone."""
+        """Code of the face that each ray met there, as in ``kernels.traced_body``; None for a double lens alone."""
         return self.lens.ways.met
 
     def gradients(

@@ -36,16 +36,16 @@ def correction_facts(made: Correction) -> Group:
 
 _PHOTO = (
     Row("ssim", "Similarity (SSIM)", "ssim", "to the simulation; 1 is equal", digits=3),
-    Row("photo_nmse", "NMSE to the simulation", "nmse", digits=3),
-    Row("displacement_x_mm", "Displaced along x", "alignment.displacement_x_mm"),
-    Row("displacement_y_mm", "Displaced along y", "alignment.displacement_y_mm"),
-    Row("scale", "Size over the simulated", "alignment.scale"),
+    Row("photo_nmse", "NMSE against simulation", "nmse", digits=3),
+    Row("displacement_x_mm", "Shift in x", "alignment.displacement_x_mm"),
+    Row("displacement_y_mm", "Shift in y", "alignment.displacement_y_mm"),
+    Row("scale", "Scale", "alignment.scale", "measured/simulated"),
     Row("rotation_deg", "Rotation", "alignment.rotation_deg", "counter-clockwise"),
-    Row("aligned_ssim", "SSIM once aligned", "aligned.ssim", digits=3),
-    Row("aligned_nmse", "NMSE once aligned", "aligned.nmse", digits=3),
+    Row("aligned_ssim", "SSIM after alignment", "aligned.ssim", digits=3),
+    Row("aligned_nmse", "NMSE after alignment", "aligned.nmse", digits=3),
     Row("photo_uniformity", "Uniformity, measured", "measured_evenness.uniformity", "simulated {simulated}", digits=3),
 )
-_CLIPPED = Row("clipped", "Clipped by the camera", "clipped", "of the target", "%", by="photo_clipped", digits=3)
+_CLIPPED = Row("clipped", "Saturated pixels", "clipped", "of the target", "%", by="photo_clipped", digits=3)
 
 
 def _photo(photo: PhotoComparison) -> Iterator[Fact]:
@@ -88,9 +88,9 @@ _CUT = (
 _OF_CUTTER = (
     Row(
         "concave",
-        "Smallest hollow",
+        "Min. concave radius",
         "concave_radius_mm",
-        "radius, designed {before}, cutter {cutter_radius_mm:3}",
+        "designed {before}, cutter {cutter_radius_mm:3}",
         none="none",
     ),
     Row("cut_back", "Cut back for the ball", "cut_back_um.rms", "rms, {cut_back_um.max:3} at most; {on}", digits=3),
@@ -98,10 +98,10 @@ _OF_CUTTER = (
 
 
 def _cut(made: Correction) -> Iterator[Fact]:
-    cutter, chosen = made.cutter, "given" if made.wavelength_given else "by the noise of the points"
+    cutter, chosen = made.cutter, "given" if made.wavelength_given else "from the noise of the points"
     yield _file(made)
     yield from facts_of(made, _CUT, chosen=chosen)
-    yield Fact("registration", "Registration", _registration(made.registration), note="no part of the correction")
+    yield Fact("registration", "Registration", _registration(made.registration), note="not included in the correction")
     before, on = cutter.concave_radius_before_mm, f"on {percent(cutter.smoothed_more_share)} of the face"
     designed = "none" if before is None else quantity(before, "mm", digits=4)
     rows = _OF_CUTTER if cutter.smoothed_more_share > 0.0 else _OF_CUTTER[:1]
@@ -109,7 +109,7 @@ def _cut(made: Correction) -> Iterator[Fact]:
 
 
 def _file(made: Correction) -> Fact:
-    """The file's name and form error, and the scale that a mould insert asks for."""
+    """The file's name and form error, and the scale that a mould insert needs."""
     under = "" if made.conditions is None else f"_{made.conditions.name}"
     error = f"{made.step_schema}, form error {quantity(made.form_error_nm.max, 'nm', digits=2)} as read back"
     scaled = f"; it is the lens, to be scaled by {quantity(made.scale, digits=12)} for the mould"

@@ -1,4 +1,4 @@
-"""Facts of the studies of tolerances: who passes, how far the light scatters, by which causes, what each may be."""
+"""Facts of the studies of tolerances: who passes, how far the light spreads, by which causes, what each may be."""
 
 from collections.abc import Iterator
 
@@ -21,8 +21,8 @@ from lensforge.results.numerals import NOTHING, limit_text, percent, quantity
 from lensforge.results.verdict import CERTAIN
 from lensforge.spec.tolerances_section import amount_words
 
-TOGETHER = "several together"
-UNCERTAIN = "none stands out of so few parts"
+TOGETHER = "interactions"
+UNCERTAIN = "not significant with so few parts"
 _SHARES = ("efficiency", "share_in_target")  # shown in per cent
 _UNITS = {"deg": "°", "um": "µm"}
 _LEADING, _LEAST = 3, 0.005  # causes that are named, of no less than this share of the variance
@@ -66,7 +66,7 @@ def road_rows(study: Yield) -> list[Group]:
     """A row for each road: the parts that hold its class, the figure nearest to its bound, and the main cause."""
     rows = []
     for road in study.roads:
-        rate, main = road.pass_rate, "undecided: the noise of the rays outweighs it"
+        rate, main = road.pass_rate, "undecided: within the ray noise"
         if road.variance is not None:
             certain = road.variance.certain[:1]
             named = [f"{cause.words}, {Fact.share('', '', _share(cause)).text}" for cause in certain]
@@ -74,9 +74,9 @@ def road_rows(study: Yield) -> list[Group]:
         nearest = f"{road.nearest.removeprefix(f'{road.name}: ')}, of {percent(road.nearest_share)} of the parts"
         facts = (
             Fact("road_class", "Class", road.lighting_class),
-            Fact.share("holds", "Parts that hold it", rate.value),
+            Fact.share("holds", "Yield", rate.value),
             Fact("confidence", "95\u2009% confidence", f"{percent(rate.low)} to {percent(rate.high)}"),
-            Fact("nearest", "Nearest to its bound", nearest),
+            Fact("nearest", "Most critical figure", nearest),
             Fact("main", "Main cause", main),
         )
         rows.append(Group("road_yield", metric_words(road.name), facts))
@@ -89,11 +89,9 @@ def bound_rows(study: Yield) -> list[Group]:
     for bound in study.bounds:
         designed = study.metrics[bound.metric].designed.value
         kept = float(bound.kept_by(study.column(bound.metric)).mean())
-        limit = Fact("bound", "Bound", bound_words(bound))
+        limit = Fact("bound", "Limit", bound_words(bound))
         facts = (limit, of_metric("designed", "As designed", bound.metric, designed, bound.unit))
-        rows.append(
-            Group("bound", metric_words(bound.metric), (*facts, Fact.share("kept", "Parts that keep it", kept)))
-        )
+        rows.append(Group("bound", metric_words(bound.metric), (*facts, Fact.share("kept", "Parts within", kept))))
     return rows
 
 
@@ -103,15 +101,15 @@ def spread_rows(study: Yield) -> list[Group]:
     for name, spread in study.metrics.items():
         facts = [of_metric("designed", "As designed", name, spread.designed.value, spread.unit)]
         for key, label, value in (
-            ("p5", "5 % are below", spread.p5),
-            ("p50", "Half", spread.p50),
-            ("p95", "95 %", spread.p95),
+            ("p5", "5th percentile", spread.p5),
+            ("p50", "Median", spread.p50),
+            ("p95", "95th percentile", spread.p95),
             ("spread", "Standard deviation", spread.spread),
         ):
             undecided = Fact(key, label, "undecided")
             facts.append(undecided if spread.undecided else of_metric(key, label, name, value, spread.unit))
         noise = quantity(spread.standard_error, spread.unit, digits=2)
-        note = f"a part’s ray noise of {noise} outweighs their spread" if spread.undecided else ""
+        note = f"the ray noise of a part, {noise}, exceeds the spread" if spread.undecided else ""
         rows.append(Group("spread", metric_words(name), tuple(facts), note))
     return rows
 
@@ -147,7 +145,7 @@ def budget_row(row: BudgetRow) -> Group:
             times = f" ({quantity(row.searched_to / row.specified, digits=3)} times)"
         most, interval = f"above {words(row.searched_to)}", f"not searched beyond{times}"
     elif row.at_most is None or row.low is None or row.high is None:
-        why = "none is small enough: the others alone let too few parts pass"
+        why = "the other tolerances alone give too low a yield"
         most, interval = NOTHING, "no factor is small enough" if factor else why
     else:
         most, interval = words(row.at_most), f"{words(row.low)} to {words(row.high)}"
@@ -179,7 +177,7 @@ def pass_sentence(study: Yield) -> str:
     share = f"{percent(rate.value)} (95\u2009% confidence: {between})"
     parts = f"{quantity(study.parts)} parts" + (f" of {quantity(study.lamps)} lamps each" if study.lamps > 1 else "")
     every = f" with each of {quantity(len(study.leds))} LEDs" if study.leds else ""
-    return f"Of {parts} drawn from the tolerances {passed} keep every bound{every}: {share}."
+    return f"Yield {share}: {passed} of {parts} drawn from the tolerances meet all limits{every}."
 
 
 def budget_sentence(study: Yield) -> str:
@@ -188,8 +186,8 @@ def budget_sentence(study: Yield) -> str:
         return ""
     wanted, parts = percent(study.budget.pass_rate), quantity(study.budget.parts)
     return (
-        f"The largest amount at which {wanted} of the parts pass, the other tolerances as specified; by {parts} parts. "
-        "The interval is one standard error to either side. Red: less than specified."
+        f"Largest amount of each tolerance for a yield of {wanted}, the others as specified, from {parts} parts. "
+        "Interval: ± one standard error. Red: less than specified."
     )
 
 
@@ -199,7 +197,7 @@ def worst_words(study: Yield, worst: WorstPart) -> str:
     for name in judged_metrics(study):
         value = worst.metrics[name]
         missed = [each for each in study.bounds if each.metric == name and not each.kept_by(np.array([value]))[0]]
-        ends = "".join(f", bound {bound_words(bound)}" for bound in missed)
+        ends = "".join(f", limit {bound_words(bound)}" for bound in missed)
         fact = of_metric("", metric_words(name), name, value, study.metrics[name].unit)
         state = " (undecided)" if study.metrics[name].undecided else ""
         words.append(f"{fact.label} {fact.text}{state}{ends}")
@@ -247,9 +245,9 @@ def failing_first(study: Yield) -> list[str]:
 def _passing(study: Yield) -> Iterator[Fact]:
     """Main numbers: the parts that pass, what decides, and by how much all tolerances may be scaled."""
     low, high = percent(study.pass_rate.low), percent(study.pass_rate.high)
-    yield Fact.share("pass_rate", "Parts that pass", study.pass_rate.value, f"95\u2009% confidence: {low} to {high}")
+    yield Fact.share("pass_rate", "Yield", study.pass_rate.value, f"95\u2009% confidence: {low} to {high}")
     for led in study.leds:
-        yield Fact.share("passes_with", f"Parts that pass with {led}", float(study.passing_with(led).mean()))
+        yield Fact.share("passes_with", f"Yield with {led}", float(study.passing_with(led).mean()))
     yield Fact("parts", "Parts", study.parts)
     if study.lamps > 1:
         yield Fact("lamps", "Lamps of each part", study.lamps, note="drawn apart")
@@ -262,9 +260,9 @@ def _passing(study: Yield) -> Iterator[Fact]:
             yield Fact("main_cause", label, UNCERTAIN)
     if study.budget is not None:
         most, interval = (budget_row(study.budget.together).fact(key) for key in ("at_most", "interval"))
-        note = f"all by one factor, so that {percent(study.budget.pass_rate)} pass; {interval.text}"
+        note = f"one factor on all, for a yield of {percent(study.budget.pass_rate)}; {interval.text}"
         yield Fact("together", "Tolerances together", most.value, note=note)
-        yield Fact.share("wanted", "Parts that must pass", study.budget.pass_rate)
+        yield Fact.share("wanted", "Required yield", study.budget.pass_rate)
 
 
 def _share(cause: CauseShare) -> Metric:

@@ -228,7 +228,7 @@ class SecondaryOptic:
 
     Light comes to it from its cavity, within ``inner``, and leaves by ``outer``. It ends in the plane z = 0 of its own
     frame, which stands in that of the lens by ``pose``. ``coatings``: of its faces, which have the names of those of
-    the usual lens.
+    a double-freeform lens.
     """
 
     name: str

@@ -35,7 +35,7 @@ _ERRORS = 4.0  # standard errors: of 100,000 right samplers 6 would be taken for
 # Of 27 means and products of a right sampler one is that many standard errors off in 1 of 975,000 verifications.
 MOST_APART = 5.5
 _WRONG = "the design's source is sampled wrongly, please report it"
-_EMITTED = f"the design's rays leave the source elsewhere, or in other directions, than its description says: {_WRONG}"
+_EMITTED = f"the design's rays differ in place or direction from the description of the source: {_WRONG}"
 
 
 def independent_rays_criteria(independent: IndependentRays) -> list[Fact]:
@@ -44,7 +44,7 @@ def independent_rays_criteria(independent: IndependentRays) -> list[Fact]:
         independent.efficiency.standard_error or 0.0, independent.efficiency_design.standard_error or 0.0
     )
     remedy = (
-        "rays drawn from the source's description make another light than the design's: evaluate and verify again; if "
+        "rays drawn from the source's description make other light than the design's: evaluate and verify again; if "
         f"it stays where all other criteria are met, {_WRONG}"
     )
     apart = abs(independent.efficiency.value - independent.efficiency_design.value)
@@ -287,7 +287,7 @@ def stray_criteria(stray: StrayLight) -> Criteria:
     finer = FINER
     report = "do not trust this flux budget, it does not close: please report it"
     held = (
-        "light goes round in the part until it is too dim to follow: state lens.absorption_per_mm of the material, or "
+        "light is trapped in the part: state lens.absorption_per_mm of the material, or "
         "blacken the base (verify --stray --base black)"
     )
     balance = max(receiver.balance_error for receiver in stray.receivers)

@@ -129,7 +129,7 @@ class OpticalFaces:
     ``events``: at most as many times the light is refracted or reflected on the sequential path; with 2 no reflection
     is followed. ``inverse_radii``: of the design, by which a place is sorted where several faces lie on one side: 1
     over the distance from the origin (1/mm), on a square grid of the stereographic chart up to +-1, first index X. By
-    default None, and the usual lens: in through one face and out through the other. ``plate``: of a part with several
+    default None, and a double lens: in through one face and out through the other. ``plate``: of a part with several
     such bodies, seen from the one that is lit; None for one. ``of_kinds``: of the body of each kind; by default all are
     like these. ``opening``: number of a face at which there is no material: light that rises and meets the part no more
     has left by it. ``flange_face``: number of the face at which a flange begins, ``flange_mm``: its radius; all of the

@@ -30,7 +30,7 @@ _CAUSES = {
     "met_again": "met the lens again",
 }
 _ENDS = {
-    "outside_direct": "landed outside the window",
+    "outside_direct": "outside the window",
     "outside_stray": "stray, outside the window",
     "backward": "back to the board",
     "absorbed": "absorbed in the lens",
@@ -97,20 +97,20 @@ def lit_receivers(result: Proof | StrayLight) -> list[LitReceiver]:
 
 def _form(form: FileForm, proof: Proof) -> Fact:
     state = state_of(proof.criteria, f"{form.name}: form")
-    note = f"its farthest point from the design, next to {form.face}"
+    note = f"largest, next to {form.face}"
     return Fact(f"form {form.name}", form.name, 1e3 * form.off_um, "nm", state=state, note=note, digits=2)
 
 
 def _together(lit: LampsTogether, proof: Proof, lamps: str, on_plate: bool) -> Iterator[Fact]:
     judged = named(proof.criteria, f"{lit.name}: {'plate' if on_plate else 'lamps'}_nmse_vs_sum")
-    note = f"{lamps}; ray noise alone makes {number(lit.noise_floor_nmse, 3)}"
+    note = f"{lamps}; ray noise alone: {number(lit.noise_floor_nmse, 3)}"
     yield Fact("nmse_vs_sum", "NMSE against the sum", lit.nmse_vs_sum, note=note, digits=3).judged_as(judged)
     label = "Efficiency of the plate" if on_plate else "Efficiency of all lamps"
     yield Fact.share("plate_efficiency", label, lit.efficiency, "through its mesh")
 
 
 def tracer_groups(proof: Proof) -> list[Group]:
-    """A row for every independent tracer that has run, on each receiver; distances are those of the landings."""
+    """A row for every independent tracer that has run, on each receiver; distances are ray displacements."""
     rows = [row for lit in lit_receivers(proof) for row in _tracers(lit)]
     return [rows[0], _plain(proof), *rows[1:]]
 
@@ -131,8 +131,8 @@ def stray_facts(stray: StrayLight, lamps: str = "") -> list[Group]:
 def _neighbours(stray: StrayLight) -> tuple[Fact, ...]:
     if stray.lenses == 1:
         return ()
-    note = f"share of one lamp's light that meets another lens of a plate of {stray.lenses}"
-    return (Fact.share("neighbours", "Meets a neighbour", stray.neighbours, note),)
+    note = f"share of one lamp's light that meets another of the {stray.lenses} lenses"
+    return (Fact.share("neighbours", "Enters another lens", stray.neighbours, note),)
 
 
 def stray_budget(receiver: ReceiverStray) -> tuple[list[tuple[str, float]], list[tuple[str, float]]]:
@@ -165,7 +165,7 @@ def _receiver(lit: LitReceiver, designed: float | None, lamp: str) -> Iterator[F
         "NMSE against the design",
         receiver.nmse_vs_design,
         state=_state(proof.criteria, receiver, index, "nmse_vs_design"),
-        note=f"of the {quantity_of_light}; ray noise alone makes {number(receiver.noise_floor_nmse, 3)}",
+        note=f"of the {quantity_of_light}; ray noise alone: {number(receiver.noise_floor_nmse, 3)}",
         digits=3,
     )
     yield Fact("nmse_same_rays", "NMSE with the same rays", receiver.nmse_same_rays, digits=3)
@@ -233,7 +233,7 @@ def _independent_rays(lit: LitReceiver, independent: IndependentRays) -> Group:
     if independent.nmse_less_noise is not None:
         says += f"; NMSE less noise {independent.nmse_less_noise}"
     names = ("own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if lit.index == 0 else []))
-    return _tracer(lit, "Freshly drawn rays of the LED", (_rays(independent.rays),), says, names)
+    return _tracer(lit, "Independent rays of the LED", (_rays(independent.rays),), says, names)
 
 
 def _rays(count: int) -> Fact:
@@ -254,15 +254,15 @@ def _gaps(deviation: LandingDeviation) -> tuple[Fact, ...]:
 def _stray(stray: StrayLight, receiver: ReceiverStray, lamps: str) -> Iterator[Fact]:
     gain = 100.0 * (receiver.efficiency - receiver.efficiency_sequential)
     reflections = f"share of the LED’s flux, by reflections; the base is {stray.base}"
-    yield Fact.share("detected_stray", "Stray in the window", receiver.flux.detected_stray, reflections)
+    yield Fact.share("detected_stray", "Stray light in window", receiver.flux.detected_stray, reflections)
     yield Fact.share("stray_absorbed", "Absorbed", receiver.flux.absorbed, digits=3)
     sequential = f"without reflections {percent(receiver.efficiency_sequential, 4)}, {number(gain, 2)} points less"
-    yield Fact.share("stray_efficiency", "With all reflections", receiver.efficiency, f"efficiency; {sequential}")
+    yield Fact.share("stray_efficiency", "With reflections", receiver.efficiency, f"efficiency; {sequential}")
     nmse = receiver.nmse_vs_sequential
     wrong = "" if nmse is None else f"an NMSE of {number(nmse, 2)}"
-    yield Fact.share("misplaced", "Light not as designed", receiver.misplaced_flux, wrong)
+    yield Fact.share("misplaced", "Misplaced flux", receiver.misplaced_flux, wrong)
     if receiver.peak_of_mean is not None:
-        note = "of the stray light, of the mean light on the receiver"
+        note = "relative to the mean light on the receiver"
         yield Fact.share("stray_peak", "Peak of the stray light", receiver.peak_of_mean, note, digits=3)
     note = "; ".join(filter(None, (lamps, f"absorption {quantity(stray.absorption_per_mm, '1/mm')}")))
     yield Fact("stray_rays", "Rays followed", stray.rays, note=note)

@@ -263,7 +263,7 @@ class Proof(ResultByLed):
         failed = [str(criterion) for criterion in criteria_of(self) if not criterion.holds]
         deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"
         verdict = "; ".join(failed) or "every criterion is met"
-        landing = f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
+        landing = f"part: {self.rays} rays, displaced by {deviation} against the design; {verdict}"
         return "; ".join([landing, *self.notes])
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
@@ -273,7 +273,7 @@ class Proof(ResultByLed):
         first = self.first
         named = {"exported mesh": first.gaps_mesh_mm, "STEP": first.gaps_step_mm, "Mitsuba": first.gaps_mitsuba_mm}
         curves = {name: (gaps, np.linspace(0.0, 1.0, len(gaps))) for name, gaps in named.items() if gaps is not None}
-        return plot_curves(curves, ("distance from the design's landing (mm)", "share of the rays"), axes)
+        return plot_curves(curves, ("ray displacement (mm)", "share of the rays"), axes)
 
 
 LightPath = Literal["sequential", "direct", "stray"]

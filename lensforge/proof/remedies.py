@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from lensforge.proof.proof_result import Agreement, FatePair
 
 _NAMED = 2  # pairs of fates in one line: the rest is in ``pairs``
-_START = "light that starts there has no way in that both follow: move the source into the cavity; if it stays, report"
+_START = "light that starts there meets no cavity: move the source into it; if it stays, report"
 _BY_DESIGN = {
     "backward": _START,
     "outside_cavity": _START,
-    "not_converged": "the design's search for a crossing gave up: design with a higher accuracy",
+    "not_converged": "the design found no intersection: design with a higher accuracy",
     "surfaces_intersect": "the surfaces cross: design again with a larger constraints.min_thickness_mm",
 }
 _BY_PART = {
@@ -52,7 +52,7 @@ class Evidence:
         if self.fault:
             return self.fault
         if self.agreement.compared == 0:
-            return f"no ray lands on the receiver in both: {self.of_fates()}"
+            return f"no ray reaches the receiver in both: {self.of_fates()}"
         return self.form
 
     def of_flux(self) -> str:
@@ -60,7 +60,7 @@ class Evidence:
         if self.fault or not self.lands_alike:
             return self.of_deviation()
         return (
-            "the rays land where they should, so the mesh is right, but lose other shares at the surfaces: is the "
+            "the rays arrive where they should, so the mesh is right, but their losses at the surfaces differ: is the "
             "index that of the design? evaluate and verify again; if it stays, please report it"
         )
 
@@ -86,7 +86,11 @@ class Evidence:
             return self.of_fates()
         if self.agreement.flux > self.flux:
             return self.of_flux()
-        return self.form if self.fine else f"the landings keep their limit, but cross the borders of pixels: {FINER}"
+        return (
+            self.form
+            if self.fine
+            else f"the ray displacement is within its limit, but rays cross pixel borders: {FINER}"
+        )
 
 
 def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str = "", *, fine: bool = False) -> str:
@@ -100,14 +104,12 @@ def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str
     if other_body:
         return other_body
     if step_lands_alike is False:
-        return (
-            "lens.step lands its rays elsewhere, too, so the mesh is not the cause: the files are another lens; export"
-        )
+        return "lens.step displaces its rays, too, so the mesh is not the cause: the files are another lens; export"
     if fine:
         return "the facets are fine enough, so a face of lens.stl lies elsewhere, or it has a void: export again"
     if step_lands_alike is None:
         return f"{FINER}; if it stays, the file is not the lens of lens.json"
-    return f"lens.step lands its rays right, so {FINER}; if it stays, lens.stl is not this lens"
+    return f"lens.step has no ray displacement, so {FINER}; if it stays, lens.stl is not this lens"
 
 
 def _said(pair: FatePair) -> str:

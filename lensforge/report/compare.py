@@ -14,7 +14,7 @@ from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.report.exported_part import source_outline
-from lensforge.report.headline import asked_facts, further_facts, headline, task
+from lensforge.report.headline import further_facts, headline, required_facts, task
 from lensforge.report.lens_figures import lens_section, reach_mm
 from lensforge.report.light_figures import along, encircled_share, irradiance_map, label_positions, label_radii
 from lensforge.report.light_section import receivers_in
@@ -25,6 +25,7 @@ from lensforge.results import Fact, Group
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.figure_style import COLOURS, NARROW, WIDE, in_report_style, new_figure
 from lensforge.results.numerals import NOTHING
+from lensforge.results.verdict import TITLES
 from lensforge.version import __version__
 
 _MOST = 8  # columns: more do not fit on a page
@@ -69,7 +70,7 @@ def folder_names(folders: Sequence[Path]) -> list[str]:
 
 def number_lines(designs: Sequence[Results]) -> list[Group]:
     """The main facts of all designs, by their labels; the note of the best is "best", where one is and they differ."""
-    by_design = [{fact.label: fact for fact in (*asked_facts(each), *further_facts(each))} for each in designs]
+    by_design = [{fact.label: fact for fact in (*required_facts(each), *further_facts(each))} for each in designs]
     first, *others = (design.spec.all_receivers for design in designs)
     same_target = all(each == first for each in others)
     lines = []
@@ -78,7 +79,7 @@ def number_lines(designs: Sequence[Results]) -> list[Group]:
         best = _best(facts) if same_target else None  # designs with the same text are equally good
         lines.append(_line(label, (replace(fact, note="best" if fact.text == best else "") for fact in facts)))
     judged = [design.verdict.cutting for design in designs]
-    cutting = _line("Cutting", (Fact("cutting", "Cutting", state) for state in judged))
+    cutting = _line(TITLES["cutting"], (Fact("cutting", TITLES["cutting"], state) for state in judged))
     return lines if set(judged) == {"undecided"} else [*lines, cutting]
 
 

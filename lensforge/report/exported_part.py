@@ -70,9 +70,9 @@ def history_pictures(results: Results) -> list[PagePicture]:
     if design is None or not any(level.nmse for level in design.history):
         return []
     levels, draw = design.history, lens_figures.history
-    total = "Minimised by the optimiser: the error of the light plus the penalties of constraints and bounds."
+    total = "Minimised by the optimiser: pattern error plus penalties for constraints and limits."
     free = "Numbers above: free basis functions of each surface."
-    least = "Least clearance of the cavity, thickness and radius over the lens. Below 0 (red) a constraint is violated."
+    least = "Minimum margin over the lens of clearance, thickness and radius. Below 0 (red) a constraint is violated."
     by_pattern = results.spec.optimise.aim == "pattern"
     return [
         picture("loss", draw(levels, "loss"), "Merit function by level", total),
@@ -138,7 +138,7 @@ def verification_pictures(results: Results) -> list[list[PagePicture]]:
         design, part = receiver.design_irradiance, receiver.irradiance
         top = top_of([design, part])
         rays = f"{number(lit.result.rays)} rays cast through the exported mesh."
-        noise = "Where the two agree, only the noise of the rays is left."
+        noise = "Where the two agree, only ray noise is left."
         draw, difference = light_figures.irradiance_map, light_figures.difference_map(part - design, chart, unit)
         rows.append(
             [
@@ -155,14 +155,14 @@ def gap_pictures(results: Results) -> list[PagePicture]:
     proof = results.find(Proof)
     if proof is None:
         return []
-    caption = "Share of the rays that land within this distance of the design's landing."
+    caption = "Cumulative distribution of the ray displacement."
     return [
         picture(
             numbered("gaps", index),
             study_figures.gap_figure(
                 _quantiles(lit.receiver), lit.receiver.deviation_limit_mm, far_field=lit.receiver.far_field
             ),
-            f"Ray by ray{lit.ending}",
+            f"Ray displacement{lit.ending}",
             caption,
         )
         for index, lit in enumerate(lit_receivers(proof))

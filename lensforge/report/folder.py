@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from lensforge.errors import InputError
-from lensforge.report.headline import asked_facts, further_facts, headline
+from lensforge.report.headline import further_facts, headline, required_facts
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.report.stored import (
     RUN_FILE,
@@ -36,7 +36,7 @@ _Result = TypeVar("_Result", bound=StageResult)
 
 @dataclass(frozen=True, eq=False)
 class Run(Results):
-    """All results in ``folder``; ``others``: those under other conditions than the lens's own, by their file's stem."""
+    """All results in ``folder``; ``others``: those under other than nominal conditions, by their file's stem."""
 
     folder: Path = Path()
 
@@ -78,7 +78,7 @@ class Run(Results):
 
     def __repr__(self) -> str:
         """Verdict and main facts, as the notebook has them."""
-        facts = [*asked_facts(self), *further_facts(self)]
+        facts = [*required_facts(self), *further_facts(self)]
         title = f"Run {self.spec.name} in {self.folder}: {headline(self).sentence}"
         return table_text(title, {fact.label: fact.sentence for fact in facts})
 

@@ -14,6 +14,7 @@ from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results import Fact, Group, State
 from lensforge.results.criteria import shown
 from lensforge.results.numerals import quantity
+from lensforge.results.verdict import TITLES
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import tip_keys
 from lensforge.shop.check_result import Check
@@ -57,7 +58,7 @@ _REMARKS = {
 
 @dataclass(frozen=True)
 class VerdictBadge:
-    """The verdict on light, on files or on cutting: its name, the word for its state, its style, and its reasons."""
+    """The verdict on photometry, files or manufacture: its name, the word for its state, its style, and its reasons."""
 
     name: str
     word: str
@@ -85,7 +86,7 @@ def headline(results: Results) -> Headline:
     verdict = results.verdict
     states = verdict.states
     parts = tuple(
-        VerdictBadge(name.capitalize(), state, SHOWN[state], verdict.reasons_of(name)) for name, state in states.items()
+        VerdictBadge(TITLES[name], state, SHOWN[state], verdict.reasons_of(name)) for name, state in states.items()
     )
     sentence = f"{_in_words(states, results)}{_waiting(results)}"
     return Headline(parts, _whole(states, results), sentence, _on_criteria(results))
@@ -100,14 +101,15 @@ def _whole(states: Mapping[str, State], results: Results) -> Shown:
 
 
 def _in_words(states: Mapping[str, State], results: Results) -> str:
-    """Verdicts as sentences, the worst first: "Light fails. Files and cutting pass."; cutting may be "not required"."""
+    """Verdicts as sentences, the worst first: "Photometry fails. CAD files and manufacture pass."""
     sentences = []
     for state, (one, several) in _VERBS.items():
         names = [name for name, judged in states.items() if judged == state]
         allowed = names == ["cutting"] and state == "fail" and not results.spec.manufacture.required
         if names:
             verb = one if names in (["light"], ["cutting"]) else several
-            sentences.append(f"{_listed(names).capitalize()} {verb}{' (not required)' if allowed else ''}.")
+            words = _listed([TITLES[name] for name in names]).replace(" Manu", " manu")
+            sentences.append(f"{words} {verb}{' (not required)' if allowed else ''}.")
     return " ".join(sentences)
 
 
@@ -186,8 +188,8 @@ def criterion_groups(results: Results, *, missed: bool = False) -> list[Group]:
     return [Group(stem, stage_name(stem), tuple(facts)) for stem, facts in by_stem.items()]
 
 
-def asked_facts(results: Results, possible: LimitBounds | None = None) -> list[Fact]:
-    """Facts that were asked for: limits, light on each receiver, size, wall, and the ball mill."""
+def required_facts(results: Results, possible: LimitBounds | None = None) -> list[Fact]:
+    """Facts that are required: limits, light on each receiver, size, wall, and the ball mill."""
     groups = [group for result in results.found.values() for group in results.facts(result, possible)]
     limits = [fact for group in groups if group.key == "limits" for fact in group.facts]
     lit = [group for group in groups if group.key == "light"]
@@ -198,13 +200,13 @@ def asked_facts(results: Results, possible: LimitBounds | None = None) -> list[F
     ]
     faces = results.lens.surfaces
     shape = _selected(groups, (*_SHAPE, *tip_keys(faces)))
-    if_asked = _selected(groups, ("thickest", *(f"{name}_draft" for name in faces)))
+    if_limited = _selected(groups, ("thickest", *(f"{name}_draft" for name in faces)))
     moulded = [fact for group in groups if group.key == "mould" for fact in group.facts if fact.notice]
-    return [*limits, *light, *shape, *(fact for fact in if_asked if fact.limit is not None), *moulded]
+    return [*limits, *light, *shape, *(fact for fact in if_limited if fact.limit is not None), *moulded]
 
 
 def further_facts(results: Results) -> list[Fact]:
-    """Main figures beside those that were asked for."""
+    """Main figures beside those that are required."""
     groups = [group for result in results.found.values() for group in results.facts(result)]
     level = next((group for group in groups if group.key == "light"), None)
     rest = [group for group in groups if group.key not in ("light", "findings")]

@@ -127,11 +127,11 @@ def _draw_constraints(axes: Axes, lens: Lens) -> None:
     style: dict[str, Any] = {"color": GREY, "linestyle": (0, (3, 2)), "linewidth": 0.8}
     if lens.spec.lens.radius_about_axis:
         for side in (-1.0, 1.0):
-            axes.axvline(side * limits.max_radius_mm, label="largest radius" if side > 0.0 else None, **style)
+            axes.axvline(side * limits.max_radius_mm, label="max. radius" if side > 0.0 else None, **style)
         return
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
     circle = limits.max_radius_mm * np.array([np.sin(theta), np.cos(theta)])
-    axes.plot(*circle, label="largest distance", **style)
+    axes.plot(*circle, label="max. distance", **style)
 
 
 def _draw_source(axes: Axes, position: Float[np.ndarray, " k"], height: Float[np.ndarray, " k"]) -> None:
@@ -149,7 +149,7 @@ _CONSTRAINT_CURVES = {
     "cavity_clearance_mm": ("cavity", GREEN),
     "wall_margin_mm": ("thickness", BLUE),
     "radius_margin_mm": ("radius", ORANGE),
-    "largest_wall_margin_mm": ("largest wall", INK),
+    "largest_wall_margin_mm": ("max. wall", INK),
     "height_margin_mm": ("height", RED),
     "keep_out_clearance_mm": ("keep-out", GREY),
 }

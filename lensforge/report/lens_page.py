@@ -63,7 +63,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "altered_files": () if proof is None else proof.notes,
         "kinds": headline.kinds(results, folder is not None and beside),
         "warnings": () if design is None else design.source.warnings,
-        "asked": headline.asked_facts(results, possible),
+        "required": headline.required_facts(results, possible),
         "further": headline.further_facts(results),
         "criteria": headline.criterion_groups(results),
         "missed": headline.criterion_groups(results, missed=True),
@@ -127,7 +127,7 @@ def _photometry_sentence(results: Results) -> str:
     photometry = results.find(Photometry)
     if photometry is None:
         return ""
-    basis = "per 1000 lm of the source, whose own are not known" if photometry.per_1000_lm else "are absolute"
+    basis = "per 1000 lm of the source, whose flux is not known" if photometry.per_1000_lm else "are absolute"
     noise = "" if photometry.node_error is None else f"; the table’s noise is {percent(photometry.node_error.rms)} rms"
     return f"By {number(photometry.rays)} rays{noise}. Candela and lumens {basis}."
 
@@ -153,7 +153,7 @@ def results_html(results: Results) -> str:
     return template("notebook.html").render(
         name=results.spec.name,
         headline=headline.headline(results),
-        facts=[*headline.asked_facts(results), *headline.further_facts(results)],
+        facts=[*headline.required_facts(results), *headline.further_facts(results)],
         pictures=shown,
     )
 

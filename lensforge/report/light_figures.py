@@ -307,15 +307,15 @@ _WORDS = {
     "base": "hit the base",
     "missed_receiver": "missed the receiver",
     "surfaces_intersect": "met intersecting surfaces",
-    "event_limit": "still in the lens after the last event that is followed",
-    "flange": "met the flange",
+    "event_limit": "still in the lens at the event limit",
+    "flange": "absorbed at the flange",
     "total_reflection": "totally reflected",
     "not_converged": "not converged",
     "absorbed": "absorbed in the lens",
     "reflected": "reflected at the surfaces",
     "cover_glass": "lost in the cover glass",
     "bodies": "",  # each by its name
-    "outside": "landed outside the window",
+    "outside": "outside the window",
 }
 
 

@@ -27,13 +27,13 @@ from lensforge.search.scene_check import light_requirements
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 
-_FROM_ABOVE = "One field between two lamps; the arrow is the lane of the driver, who is 60 m before it."
-_FROM_ABOVE_BY_RP8 = "One field between two lamps for each direction of travel; each point is seen from 83 m before it."
+_FROM_ABOVE = "One field between two lamps; the arrow is the driver’s lane, the driver 60 m before the field."
+_FROM_ABOVE_BY_RP8 = "One field between two lamps for each direction of travel, each point seen from 83 m away."
 _BY_NIGHT = (
-    "What each driver sees from 60 m before the field, which lies between the two lines across the road. Poles and "
-    "lamps are to scale. The table of the surface is for 60 m and beyond, and taken for the road nearer by as well."
+    "View from 60 m before the field, which lies between the two lines across the road. Poles and lamps are to scale. "
+    "The r-table holds for 60 m and beyond; it is used for the nearer road, too."
 )
-OWN = "the lens’s own"
+OWN = "nominal"
 _SEEN = "Seen from behind the receiver, towards the lens."
 _FIRST = 4.6  # inches: half of the page
 _ABOVE = 1.1  # of the target's peak: the ripple of a flat target can still be told
@@ -140,7 +140,7 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Attainable]:
         return {}
     _, limits = light_requirements(spec, build_source(spec.source))
     return {
-        (each.name, each.asked): Attainable(each.possible, "étendue" if each.bounds is None else each.bounds.law)
+        (each.name, each.required): Attainable(each.possible, "étendue" if each.bounds is None else each.bounds.law)
         for each in limits
     }
 
@@ -182,14 +182,14 @@ def _colours(shown: ShownReceiver, colour: BeamColour, tristimulus: Float[np.nda
     chart, name, line = shown.light.chart, shown.picture_name, f"Dashed: {percent(colour.level)} of the peak."
     over = "Over angle" if chart.far_field else "Over radius"
     drawings = (
-        ("colour", colour_figures.true_colours, "In its colours", f"As a screen of sRGB shows it. {line}"),
+        ("colour", colour_figures.true_colours, "In colour", f"In sRGB. {line}"),
         (
             "delta-uv",
             colour_figures.delta_uv_map,
             "Δu′v′ from the beam’s colour",
-            f"With the noise of the rays. {line}",
+            f"With ray noise. {line}",
         ),
-        ("colour-over", colour_figures.colour_over_angle, f"{over}", "Colour of rings about the middle, u′ and v′."),
+        ("colour-over", colour_figures.colour_over_angle, f"{over}", "Mean u′ and v′ of rings about the centre."),
     )
     return [
         picture(name(key), draw(tristimulus, colour, chart), title, caption) for key, draw, title, caption in drawings

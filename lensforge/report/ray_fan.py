@@ -39,7 +39,7 @@ def trace_fan(
     """
     traced = traced or fan_tables(lens)
     bundle = TracedBundle.of(traced.tables, traced.scene, RayBundle(start_mm, directions, np.ones(len(start_mm))))
-    in_order = np.where(bundle.lengths > 0.0, 4 * np.arange(bundle.lengths.shape[1]), -1)  # the usual lens: both faces
+    in_order = np.where(bundle.lengths > 0.0, 4 * np.arange(bundle.lengths.shape[1]), -1)  # a double lens: both faces
     points, along, places = start_mm.copy(), directions.copy(), [start_mm]
     for lengths, met in zip(bundle.lengths.T, (in_order if bundle.met is None else bundle.met).T, strict=True):
         rows = met >= 0

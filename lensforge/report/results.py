@@ -39,7 +39,7 @@ class Results:
     """A lens and the results of its stages, by the stem of their files.
 
     ``outdated``: the reason for each stage whose files belong to another lens, part or version; such a stage counts as
-    not run. ``others``: results under other conditions than the lens's own; neither verdict nor any stage uses them.
+    not run. ``others``: results under other than nominal conditions; neither verdict nor any stage uses them.
     ``seconds``: of the whole command that has made them, where one has, up to its report.
     """
 

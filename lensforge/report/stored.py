@@ -120,9 +120,9 @@ def _foreign_conditions(result: StageResult, stem: str, is_own: bool) -> str:
     """The reason why ``result`` is not what its file's name says: the lens's own, of a surface, under conditions."""
     conditions = conditions_of(result)
     if is_own and conditions is not None:
-        return f"it was made under other conditions than the lens's own ({conditions})"
+        return f"it was made under other than nominal conditions ({conditions})"
     if not is_own and conditions is None:
-        return "it was made under the lens's own conditions, so another file holds it"
+        return "it was made under nominal conditions, so another file holds it"
     return "" if stem_of(result) == stem else f"it belongs into {stem_of(result)}.json"
 
 
@@ -145,7 +145,7 @@ _RENEW = "delete it, and run `lensforge report` again"
 class RunRecord(Record):
     """``run.json``: the verdict, hashes of the results as their commands wrote them, the reasons for ``outdated``.
 
-    ``others``: results under other conditions than the lens's own. ``seconds``: of the command that made a whole run,
+    ``others``: results under other than nominal conditions. ``seconds``: of the command that made a whole run,
     up to its report; None before, and where each stage had a command of its own.
     """
 

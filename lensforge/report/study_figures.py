@@ -111,7 +111,7 @@ def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: 
     lateral = np.rad2deg(np.arctan2(along, across))
     c_deg = -(lateral + street_deg)  # the file counts C the other way than the lens its azimuth
     light = lenses * _at(_table(found), c_deg, np.rad2deg(np.arctan(away))) / (1.0 + away**2) ** 1.5
-    scale, unit = (1.0 / float(light.max()), "of the largest") if height_m is None else (height_m**-2, "lx")
+    scale, unit = (1.0 / float(light.max()), "of the maximum") if height_m is None else (height_m**-2, "lx")
     top = float(scale * light.max())
     for share, colour in zip((0.01, 0.05, 0.2, 0.5), ("#6a4fc4", "#2f7fd1", "#1f9e89", "#d18a1f"), strict=True):
         axes.contour(along, across, scale * light, levels=[share * top], colors=[colour], linewidths=0.9)
@@ -294,7 +294,7 @@ def distribution(
         wrong = (each.bound, right) if each.sense == "<=" else (left, each.bound)
         axes.axvspan(*wrong, color=RED, alpha=0.1, linewidth=0.0)
         axes.axvline(each.bound, color=RED, label="bound" if index == 0 else None)
-    axes.set(xlim=(left, right), ylim=(0.0, 101.0), xlabel=label, ylabel="parts with at most this (%)")
+    axes.set(xlim=(left, right), ylim=(0.0, 101.0), xlabel=label, ylabel="cumulative share of the parts (%)")
     axes.xaxis.set_major_locator(MaxNLocator(5))
     if share:
         axes.xaxis.set_major_formatter(PercentFormatter(1.0, symbol=" %"))
@@ -344,7 +344,7 @@ def gap_figure(
         axes.plot(np.maximum(quantiles, _LEAST_MM), share, color=colour, label=name)
     if limit_mm is not None:
         axes.axvline(limit_mm, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="limit of the mesh's rms")
-    label = "distance from the design's landing (mm{})".format(" at 1 m" if far_field else "")
+    label = "ray displacement (mm{})".format(" at 1 m" if far_field else "")
     axes.set(xscale="log", xlabel=label, ylabel="share of the rays", ylim=(0, 1.02))
     low = min(float(quantiles[len(quantiles) // 50]) for quantiles in gaps_mm.values())
     axes.set_xlim(left=max(low, _LEAST_MM))

@@ -28,6 +28,7 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, under
+from lensforge.results.verdict import TITLES
 from lensforge.search.design_result import Margins
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.spec_files import section_sha256
@@ -137,7 +138,7 @@ class Sweep(StageResult):
             Fact("height", "Height", row.height_mm, "mm"),
             Fact("steps", "Steps", row.steps),
             Fact("criteria", "Criteria", f"missed: {', '.join(missed)}" if missed else "all met"),
-            Fact("cutting", "Cutting", row.cutting),
+            Fact("cutting", TITLES["cutting"], row.cutting),
         )
         worst = f", worst of {len(row.by_led)} LEDs" if row.by_led else ""
         return Group("design", f"{row.folder}{worst}", facts)

@@ -79,9 +79,9 @@ def _distribution(found: Yield, name: str, on_page: str) -> PagePicture:
     label = with_unit(metric_words(name), f"({spread.unit})" if spread.unit else "")
     figure = distribution(values, spread.designed.value, bounds, label, share=is_share(name))
     far = [bound_words(bound) for bound in bounds if beyond(values, bound.bound)]
-    caption = f"The bound, {far[0]}, is far from all parts, and not drawn." if far else ""
+    caption = f"The limit, {far[0]}, lies outside the plot." if far else ""
     if spread.undecided:
-        caption = f"Undecided: a part's ray noise outweighs the spread of the parts. {caption}".rstrip()
+        caption = f"Undecided: the ray noise of a part exceeds the spread. {caption}".rstrip()
     return picture(on_page, figure, metric_words(name), caption)
 
 

@@ -129,8 +129,8 @@ class ChildPool:
         """Warn that work has failed there, and was done again here."""
         cause = f"it has ended: {self._ended}" if self._ended else "a function failed in it alone"
         self._warn(
-            f"a child process did not help ({cause}); its work was done again in this one, which takes longer: is "
-            "there memory for all?"
+            f"a child process failed ({cause}); its work was repeated in this one, which takes longer; is "
+            "there enough memory?"
         )
 
 

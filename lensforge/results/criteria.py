@@ -12,27 +12,27 @@ from lensforge.results.verdict import Reason, worst
 _STL, _STEP = "mesh (lens.stl)", "STEP file"
 _YES = " (1: yes)"  # ends the words of a question
 _WORDS = {
-    "cavity clearance": "free space over the LED, to spare",
-    "wall margin": "wall, above its minimum",
-    "radius margin": "distance from the LED, below its maximum",
-    "largest wall margin": "wall, below its maximum",
+    "cavity clearance": "cavity clearance over the LED",
+    "wall margin": "wall thickness above its minimum",
+    "radius margin": "outer radius below its maximum",
+    "largest wall margin": "wall thickness below its maximum",
     "height margin": "height, below its maximum",
-    "keep out clearance": "distance from the keep-out solid, to spare",
-    "flux not converged": "light that the simulation could not follow",
+    "keep out clearance": "clearance to the keep-out solid",
+    "flux not converged": "flux of rays that did not converge",
     "thinnest wall": "thinnest wall, along the normal",
-    "largest radial wall": "thickest wall, seen from the LED",
-    "form_error": f"form of the optical faces in the {_STEP}",
-    "normal_error": f"slope of the optical faces in the {_STEP}",
+    "largest radial wall": "thickest wall, radial from the LED",
+    "form_error": f"form error of the optical faces in the {_STEP}",
+    "normal_error": f"normal error of the optical faces in the {_STEP}",
     "step_valid": f"solid of the {_STEP} is valid (1: yes)",
     "step_volume_change": f"volume of the {_STEP} as read back",
     "watertight": f"{_STL} is closed (1: yes)",
     "watertight_3mf": "3MF file is closed (1: yes)",
     "genus_difference": "handles and holes that the mesh should not have",
     "mesh_volume_change": f"volume of the {_STL}, against the solid",
-    "surfaces_form_error": "form of the untrimmed faces in their file",
-    "surfaces_normal_error": "slope of the untrimmed faces in their file",
+    "surfaces_form_error": "form error of the untrimmed faces in their file",
+    "surfaces_normal_error": "normal error of the untrimmed faces in their file",
     "keep_out_distance": "distance of the part from the keep-out solid",
-    "plate_form_error": "form of all lenses in plate.step",
+    "plate_form_error": "form error of all lenses in plate.step",
     "plate_step_valid": "solid of plate.step is valid (1: yes)",
     "plate_step_volume_change": "volume of plate.step as read back",
     "plate_volume_error": "volume of plate.step, against its closed form",
@@ -42,9 +42,9 @@ _WORDS = {
     "plate_mesh_volume_change": "volume of plate.stl, against its closed form",
     "lamps_nmse_vs_sum": f"pattern of all lamps through the {_STL} of each, against their sum",
     "plate_nmse_vs_sum": "pattern of all lamps through plate.stl, against their sum",
-    "concave_radius": "smallest hollow of the corrected face",
-    "form": "farthest point from the design",
-    "gaps": "open edges, and faces that it lacks",
+    "concave_radius": "min. concave radius of the corrected face",
+    "form": "largest form error",
+    "gaps": "open edges and missing faces",
     "open_edges": f"open edges of the {_STL}",
     "plain_cast_disagreements": "first hits that a second ray caster finds elsewhere",
     "volume_change": f"volume of the {_STL}, against the export",
@@ -53,25 +53,25 @@ _WORDS = {
     "brep_volume_change": f"volume of the {_STEP}, against the export",
     "brep_area_change": f"area of the {_STEP}, against the export",
     "brep_box_change": f"outer size of the {_STEP}, against the export",
-    "own_rays_emission": "light of freshly drawn rays as it leaves the LED",
-    "own_rays_efficiency": "efficiency with freshly drawn rays",
-    "own_rays_nmse": "pattern of freshly drawn rays, against the design",
-    "deviation_rms": f"landing of rays through the {_STL}, against the design",
-    "flux_deviation": f"light of each ray through the {_STL}, against the design",
-    "fate_disagreement_flux": f"light that ends elsewhere through the {_STL}",
+    "own_rays_emission": "emission of independent rays of the LED",
+    "own_rays_efficiency": "efficiency of independent rays",
+    "own_rays_nmse": "pattern of independent rays, against the design",
+    "deviation_rms": f"ray displacement by the {_STL}",
+    "flux_deviation": f"flux of each ray through the {_STL}, against the design",
+    "fate_disagreement_flux": f"flux that ends otherwise through the {_STL}",
     "nmse_same_rays": f"pattern of the {_STL}, against the design, same rays",
     "nmse_vs_design": f"pattern of the {_STL}, against the design",
-    "brep_deviation_rms": f"landing of rays through the {_STEP}, against the design",
-    "brep_flux_deviation": f"light of each ray through the {_STEP}, against the design",
-    "brep_fate_disagreements": f"rays that end elsewhere through the {_STEP}",
-    "mitsuba_nmse_vs_design": f"pattern of the {_STL} by Mitsuba, against the design",
-    "mitsuba_deviation_rms": f"landing of rays through the {_STL} by Mitsuba",
-    "mitsuba_flux_deviation": f"light of each ray through the {_STL} by Mitsuba",
-    "mitsuba_fate_disagreement_flux": f"light that ends elsewhere through the {_STL} by Mitsuba",
-    "stray_balance": "light that the stray-light budget cannot account for",
-    "stray_leaked": "light that leaks through the edges of the mesh",
-    "stray_too_dim": "light that is still in the part when it is given up",
-    "photo_clipped": "pixels of the photograph that are saturated",
+    "brep_deviation_rms": f"ray displacement by the {_STEP}",
+    "brep_flux_deviation": f"flux of each ray through the {_STEP}, against the design",
+    "brep_fate_disagreements": f"rays that end otherwise through the {_STEP}",
+    "mitsuba_nmse_vs_design": f"pattern of the {_STL} in Mitsuba, against the design",
+    "mitsuba_deviation_rms": f"ray displacement by the {_STL} in Mitsuba",
+    "mitsuba_flux_deviation": f"flux of each ray through the {_STL} in Mitsuba",
+    "mitsuba_fate_disagreement_flux": f"flux that ends otherwise through the {_STL} in Mitsuba",
+    "stray_balance": "flux missing from the stray-light budget",
+    "stray_leaked": "flux that leaks through the edges of the mesh",
+    "stray_too_dim": "flux still in the part at the cut-off",
+    "photo_clipped": "saturated pixels of the photograph",
     "points_used": "measured points that lie on the surface",
     "surface_covered": "part of the surface that was measured",
 }
@@ -79,7 +79,7 @@ _WORDS = {
 
 # Of a face, after its name.
 _OF_FACE = {
-    "curvature margin": "hollows of the {} face, wider than the tool",
+    "curvature margin": "concave radii of the {} face above that of the tool",
     "draft margin": "draft of the {} face, above its minimum",
 }
 
@@ -114,8 +114,8 @@ def at_most(
     ``error``: standard error of the value, None where it is exact; within two of the limit nothing is decided.
     """
     measured = float(value) if isfinite(value) else None
-    asked = Fact(name, "", measured, unit, error, limit=float(limit), remedy=remedy, tolerance=float(tolerance))
-    return _completed(asked)
+    criterion = Fact(name, "", measured, unit, error, limit=float(limit), remedy=remedy, tolerance=float(tolerance))
+    return _completed(criterion)
 
 
 def at_least(

@@ -15,7 +15,7 @@ from lensforge.results.numerals import NOTHING, anything, limit_text, quantity
 from lensforge.results.record import Metric, NotNegative, Number, Sense, State, Text, agree
 from lensforge.results.verdict import judge
 
-FactState = State | Literal[""]  # "": nothing was asked, or nobody has judged it
+FactState = State | Literal[""]  # "": nothing is required, or it is not judged yet
 _OPPOSITE: dict[Sense, Sense] = {"<=": ">=", ">=": "<="}
 _BOUNDS: dict[Sense, str] = {"<=": "lower bound", ">=": "upper bound"}  # that physics sets on the other side
 _DIGITS = 4  # significant digits of a number without standard error

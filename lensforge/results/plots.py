@@ -99,7 +99,7 @@ def plot_distribution(
         axes.axvline(designed, color="black", linewidth=1.0, linestyle=":", label="as designed")
     if bound is not None:
         axes.axvline(bound, color="#c62828", linewidth=1.5, label="bound")
-    axes.set(xlabel=label, ylabel="parts with at most this (%)", ylim=(0.0, 100.0))
+    axes.set(xlabel=label, ylabel="cumulative share of the parts (%)", ylim=(0.0, 100.0))
     axes.legend()
     return axes
 

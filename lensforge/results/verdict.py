@@ -1,4 +1,4 @@
-"""The one judgement of values by limits, and the verdict on a lens: light (as specified), files (right), cutting.
+"""The one judgement of values by limits, and the verdict on a lens: its light, its files, and if it can be made.
 
 Stages give the reasons: a state with its words for each figure that does not pass.
 """
@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from lensforge.errors import CriterionMissed
 from lensforge.results.record import Record, Sense, State, Text
 
+TITLES = {"light": "Photometry", "files": "CAD files", "cutting": "Manufacture"}  # of the parts of a verdict
 CERTAIN = 2.0  # standard errors; within them of a limit, nothing is decided
 
 Reason = tuple[State, str]
@@ -86,9 +87,9 @@ class Verdict(Record):
         return getattr(self.reasons, name)
 
     def require(self, *, cutting: bool, parts: Sequence[str] = ()) -> None:
-        """Raise :class:`CriterionMissed` where light, files or, if asked, ``cutting`` fails; ``parts``: only these."""
+        """Raise :class:`CriterionMissed` where light, files or a required ``cutting`` fails; ``parts``: only these."""
         counted = ["light", "files", *(["cutting"] if cutting else [])]
         failed = [name for name in counted if name in (parts or counted) and self.states[name] == "fail"]
         if failed:
             reasons = "; ".join(reason for name in failed for reason in self.reasons_of(name))
-            raise CriterionMissed(f"{', '.join(failed)}: {reasons}")
+            raise CriterionMissed(f"{', '.join(TITLES[name] for name in failed)}: {reasons}")

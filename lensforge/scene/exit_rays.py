@@ -23,7 +23,7 @@ class ExitRays:
     and mirrors; None where nothing takes any. ``axial``: that flux (W) times the squared part of the unit field along
     z, for a cover glass; None where none reflects. ``lost_in_glass``: what a cover glass reflected and
     absorbed; points are then those from which rays seem to come behind it. ``met``: number of the face at each event
-    of a chain, -1 where there was none; None of the usual lens.
+    of a chain, -1 where there was none; None of a double-freeform lens.
 
     Where further bodies come: ``fields`` (real and imaginary parts of both, ``kernels.fields``) and the flux (W)
     ``carried`` of which half of the sum of their squares is left; ``lost_in_bodies``: what each body took, by its

@@ -42,7 +42,7 @@ _DIRECTIONS = 200
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A body of named surfaces (mm), freeform or fixed, in order from the source on: of the usual lens inner and outer.
+    """A body of named surfaces (mm), freeform or fixed, in order from the source on: of a double lens inner and outer.
 
     ``spec``, ``seed``, ``accuracy`` and ``version`` (of the program) are those of its design. Of lamps with lenses of
     several kinds it is the one of the first of ``kinds``, whose faces come first; all else that takes one lens, takes
@@ -60,7 +60,7 @@ class Lens:
     def double(
         inner: Surface, outer: Surface, spec: Spec, seed: int, accuracy: AnyAccuracy, version: str = __version__
     ) -> "Lens":
-        """The usual lens: ``inner`` faces the source, ``outer`` the target."""
+        """A double-freeform lens: ``inner`` faces the source, ``outer`` the target."""
         return Lens({"inner": inner, "outer": outer}, spec, seed, accuracy, version)
 
     @property

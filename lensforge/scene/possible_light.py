@@ -150,13 +150,13 @@ class LargestShare:
         """The law that sets it, in words."""
         laws = {
             "étendue": self.by_etendue,
-            f"the turn and loss of {self.turned_by}": self.by_refraction,
+            f"deflection and loss of {self.turned_by}": self.by_refraction,
             BY_SYMMETRY: self.by_symmetry,
         }
         return min(laws, key=laws.__getitem__)
 
     def __str__(self) -> str:
-        return f"at most {100.0 * self.value:.3g} % (by {self.law})"
+        return f"{100.0 * self.value:.3g} % of the light ({self.law})"
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,8 @@ def _of_illuminance(readings: RoadReadings) -> Iterator[Ask]:
         return
     least_mean, least = P_CLASSES[name]
     yield Ask("mean illuminance", "light", ">=", least_mean, "lx", mean)
-    yield Ask("largest mean illuminance", "light", "<=", P_MOST * least_mean, "lx", mean)
-    yield Ask("least illuminance", "light", ">=", least, "lx", light)
+    yield Ask("maximum mean illuminance", "light", "<=", P_MOST * least_mean, "lx", mean)
+    yield Ask("minimum illuminance", "light", ">=", least, "lx", light)
 
 
 def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:

@@ -326,14 +326,7 @@ def design_facts(design: Design) -> list[Group]:
 
 
 _SIZE = (
-    Row(
-        "radius",
-        "Farthest from the {origin}",
-        "max_radius_mm",
-        "{radius}",
-        limit="constraints.max_radius_mm",
-        by="radius margin",
-    ),
+    Row("radius", "Outer radius", "max_radius_mm", "{radius}", limit="constraints.max_radius_mm", by="radius margin"),
     Row(
         "height",
         "Height above the LED",
@@ -344,9 +337,9 @@ _SIZE = (
     ),
     Row(
         "cavity",
-        "Free space over the LED",
+        "Cavity clearance",
         "constraints.cavity_clearance_mm",
-        "beyond a dome {lens.spec.constraints.cavity_height_mm} high, {wide} wide",
+        "to a dome over the LED, {lens.spec.constraints.cavity_height_mm} high, {wide} wide",
         like="cavity clearance",
     ),
 )
@@ -355,9 +348,9 @@ _SIZE = (
 def _size(design: Design) -> Iterator[Fact]:
     spec = design.lens.spec
     without = "without the base" if spec.lens.flange_room_mm is None else "without base and flange"
-    words = {"origin": "LED", "radius": "distance in space, without the base"}
+    words = {"radius": "max. distance from the LED, without the base"}
     if spec.lens.radius_about_axis:
-        words = {"origin": "axis", "radius": without}
+        words = {"radius": f"max. distance from the axis, {without}"}
     wide = quantity(2.0 * spec.constraints.cavity_radius_mm, "mm")
     return facts_of(design, _SIZE, spec=spec, judged=design.criteria, wide=wide, **words)
 

@@ -54,7 +54,7 @@ def meridian_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[T
 def draft_sine(jet: RadiusJet, points: ChartPoints, sense: int = 1) -> Float[Tensor, " k"]:
     """Sine of the draft angle, ``n . z`` of the outward normal, times ``sense``; negative in an undercut.
 
-    The same for every face of the usual lens: the mould half of the envelope opens along +z, the core of the cavity
+    The same for every face of a double lens: the mould half of the envelope opens along +z, the core of the cavity
     along -z, and their normals are opposite too.
     """
     return _of_jet(_DRAFT, jet, points, sense)

@@ -170,7 +170,7 @@ def require_feasible_start(problems: Iterable[Problem]) -> None:
     given = ", ".join(f"{name} = {value}" for name, value in _given(spec).items())
     missed = [each for each in constraints.constraints if least[each.key] < -each.tolerance]
     words = "; ".join(f"{each.name} {least[each.key]:.3g} {each.unit}: {each.remedy}" for each in missed)
-    raise InputError(f"constraints: no lens was found that keeps all of {given}; the nearest one has {words}")
+    raise InputError(f"constraints: no lens meets all of {given}; the closest has {words}")
 
 
 def _given(spec: Spec) -> dict[str, str]:

@@ -40,7 +40,7 @@ class LensOption:
     @property
     def words(self) -> str:
         """The bound and the lens in words."""
-        return f"{100.0 * self.possible:.3g} % by a {self.kind.title}"
+        return f"{100.0 * self.possible:.3g} % with a {self.kind.title}"
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class LensAdvice:
     def words(self) -> str:
         """The bounds of all kinds in words, the largest first."""
         ordered = sorted(self.options.values(), key=lambda each: -each.possible)
-        return f"of the light at most {', '.join(each.words for each in ordered)}"
+        return f"upper bound {', '.join(each.words for each in ordered)}"
 
 
 def _turned(target: Requirement) -> float:

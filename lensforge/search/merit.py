@@ -158,7 +158,7 @@ class MeritFunction(Merit[SampledLight]):
         """Merit function whose targets carry the flux of the theoretical limit, so that the NMSE includes efficiency.
 
         Rays are traced on ``device``, or by the compiled kernels for None; all else stays on the CPU. ``single``: the
-        kernels trace the usual lens in single precision.
+        kernels trace a double-freeform lens in single precision.
         """
         receivers, sections = receivers_of(spec, spec.optimise.pixels), spec.all_receivers
         fresnel = spec.optimise.fresnel

@@ -1,7 +1,7 @@
 """Check of a scene before its search: light that enters the lens, a target that it can light, room for the source.
 
 A search cannot start from darkness, and no search helps against étendue. Both are mistakes of a unit, an axis or a
-place that a few thousand rays show at once. Light that targets and limits ask for stands beside the most that any lens
+place that a few thousand rays show at once. Light that targets and limits require stands beside the most that any lens
 of the largest radius can bring there.
 
 The search keeps the inner surface outside the cavity's paraboloid, and knows nothing of the source. A source that is
@@ -36,21 +36,21 @@ from lensforge.spec.source_sections import Placement
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.bicubic_table import grid_for, tabulate
 
-LEAST_POSSIBLE = 0.5  # of what is asked for: with less, no search comes near it
+LEAST_POSSIBLE = 0.5  # of what is required: with less, no search comes near it
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """Light that a target or a limit asks for, and the most that is ``possible`` there, in ``unit``.
+    """Light that a target or a limit requires, and the most that is ``possible`` there, in ``unit``.
 
     Of a target and of a limit on a share, the share of the source's flux and its ``bounds``, the unit "%"; a target
-    asks for all that two faces transmit into its bright part. Of a limit on light, that at its worst place.
+    requires all that two faces transmit into its bright part. Of a limit on light, that at its worst place.
     ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: by a luminance that is estimated from the
     rays of the source, which stops no search. ``beside``: it lies to one side of the axis of a lens of revolution.
     """
 
     name: str
-    asked: float
+    required: float
     possible: float
     unit: str
     radius_mm: float
@@ -60,14 +60,14 @@ class Requirement:
 
     @property
     def met(self) -> float:
-        """Largest part of what is asked."""
-        return self.possible / self.asked
+        """Largest part of what is required."""
+        return self.possible / self.required
 
     @property
     def certain(self) -> bool:
         """False where only the bound of an estimated luminance is too low."""
         bounds = self.bounds
-        known = bounds is not None and min(bounds.by_refraction, bounds.by_symmetry) < LEAST_POSSIBLE * self.asked
+        known = bounds is not None and min(bounds.by_refraction, bounds.by_symmetry) < LEAST_POSSIBLE * self.required
         return known or not self.estimated
 
     @property
@@ -75,13 +75,13 @@ class Requirement:
         """The bound in words."""
         about = "by an estimate of the source's luminance " if self.estimated else ""
         if self.bounds is None:
-            return f"{about}at most {self.possible:.3g} {self.unit} (by étendue) can be reached"
-        return f"{about}{self.bounds} of the light can reach it"
+            return f"{about}upper bound {self.possible:.3g} {self.unit} (étendue)"
+        return f"{about}upper bound {self.bounds}"
 
     @property
-    def asked_words(self) -> str:
+    def required_words(self) -> str:
         """The demand in words."""
-        return f"{self.asked:g} {self.unit}" if self.bounds is None else f"{100.0 * self.asked:.3g} %"
+        return f"{self.required:g} {self.unit}" if self.bounds is None else f"{100.0 * self.required:.3g} %"
 
     def remedies(self) -> str:
         """Changes that would raise the bound."""
@@ -96,7 +96,7 @@ class Requirement:
 
 
 def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, ...], tuple[Requirement, ...]]:
-    """The light asked for by the targets of each receiver, and by the limits of ``spec``.
+    """The light required by the targets of each receiver, and by the limits of ``spec``.
 
     Raises :class:`InputError` for limits whose unit the source does not have.
     """
@@ -107,8 +107,8 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
     targets = tuple(_of_target(pattern, each, spec) for pattern, each in zip(wanted, physics, strict=True))
     lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
-    asked = (_of_limit(limit, physics[limit.receiver], source.flux_w, spec) for limit in limits)
-    return targets, tuple(each for each in asked if each is not None)
+    limited = (_of_limit(limit, physics[limit.receiver], source.flux_w, spec) for limit in limits)
+    return targets, tuple(each for each in limited if each is not None)
 
 
 def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight, spec: Spec) -> Requirement:
@@ -116,11 +116,13 @@ def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight, spec: S
     return _share("target", physics.light.transmittance * float(wanted[region].sum()), region, physics, spec)
 
 
-def _share(name: str, asked: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight, spec: Spec) -> Requirement:
+def _share(
+    name: str, wanted: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight, spec: Spec
+) -> Requirement:
     bounds, estimated = physics.in_region(region), physics.light.curve.estimated
-    radius_mm = _least_radius_mm(spec, physics, asked, lambda larger: larger.by_etendue(region))
+    radius_mm = _least_radius_mm(spec, physics, wanted, lambda larger: larger.by_etendue(region))
     beside = physics.beside_axis(region)
-    return Requirement(name, asked, bounds.value, "%", radius_mm, estimated, bounds, beside)
+    return Requirement(name, wanted, bounds.value, "%", radius_mm, estimated, bounds, beside)
 
 
 def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Spec) -> Requirement | None:
@@ -139,13 +141,15 @@ def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Sp
     return Requirement(limit.name, limit.bound, least(physics), limit.unit, radius_mm, physics.light.curve.estimated)
 
 
-def _least_radius_mm(spec: Spec, physics: PossibleLight, asked: float, most: Callable[[PossibleLight], float]) -> float:
-    """Largest radius (mm) of the smallest lens of which ``most`` is as much as ``asked``; infinite where of none."""
+def _least_radius_mm(
+    spec: Spec, physics: PossibleLight, wanted: float, most: Callable[[PossibleLight], float]
+) -> float:
+    """Largest radius (mm) of the smallest lens of which ``most`` is as much as ``wanted``; infinite where of none."""
     limits = spec.constraints
 
     def suffices(radius_mm: float) -> bool:
         space = spec.lens.exit_space(limits.changed(max_radius_mm=radius_mm))
-        return most(replace(physics, space=space)) >= asked * (1.0 - _ROUNDING)
+        return most(replace(physics, space=space)) >= wanted * (1.0 - _ROUNDING)
 
     low, high = limits.max_radius_mm, _WIDEST * limits.max_radius_mm
     if suffices(low):
@@ -158,7 +162,7 @@ def _least_radius_mm(spec: Spec, physics: PossibleLight, asked: float, most: Cal
     return high
 
 
-_WIDEST, _CLOSE, _ROUNDING = 1e3, 1.0001, 1e-9  # of radii that are tried, relative; of what is asked
+_WIDEST, _CLOSE, _ROUNDING = 1e3, 1.0001, 1e-9  # of radii that are tried, relative; of what is wanted
 _RAYS, _SEED = 2**14, 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
@@ -172,7 +176,7 @@ _LOST = {
 
 @dataclass(frozen=True)
 class SceneCheck:
-    """Shares of the source's flux: ``entering`` the starting lens and ``lost`` before it; the light that is asked for.
+    """Shares of the source's flux: ``entering`` the starting lens and ``lost`` before it; the light that is required.
 
     ``targets``: of each receiver. ``limits``: that ask for light. ``mean_direction``: of the flux.
     """
@@ -196,17 +200,17 @@ class SceneCheck:
     def require_light(self, *, force: bool = False) -> None:
         """Raise :class:`InputError` where no light enters the lens or, unless ``force``, less than half can do.
 
-        That is half of what the target asks for. A luminance that is an estimate refuses nothing.
+        That is half of what the target requires. A luminance that is an estimate refuses nothing.
         """
         if self.entering < _LEAST_ENTERING:
             raise InputError(f"source: {self._entry()}; at least {_percent(_LEAST_ENTERING)} must enter")
-        for field, asked in self._asked():
-            if asked.met < LEAST_POSSIBLE and asked.certain and not force:
+        for field, light in self._required():
+            if light.met < LEAST_POSSIBLE and light.certain and not force:
                 lossy = self.entering < LEAST_POSSIBLE  # then the source is to blame, not lens or target
-                remedy = self._entry() if lossy else f"try {asked.remedies()}"
+                remedy = self._entry() if lossy else f"try {light.remedies()}"
                 raise InputError(
-                    f"{field}: {asked.possible_words} {self._through()}, less than half of the {asked.asked_words} "
-                    f"that it asks for: {remedy}; or design it all the same: --force, in a script force=True"
+                    f"{field}: {light.possible_words} {self._through()}, less than half of the required "
+                    f"{light.required_words}; {remedy}; or design it all the same: --force, in a script force=True"
                 )
 
     def warnings(self) -> tuple[str, ...]:
@@ -214,14 +218,14 @@ class SceneCheck:
         lines = []
         if 1.0 - self.entering > _WARN_LOST:
             lines.append(self._entry())
-        for field, asked in self._asked():
-            if asked.met < _WARN_POSSIBLE:
-                lines.append(f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}")
-            elif asked.beside:
-                lines.append(f"{field}: it lies beside the axis; try {LEVELS}")
+        for field, light in self._required():
+            if light.met < _WARN_POSSIBLE:
+                lines.append(f"{field}: {light.possible_words} {self._through()}; try {light.remedies()}")
+            elif light.beside:
+                lines.append(f"{field}: off the axis; try {LEVELS}")
         return tuple(lines)
 
-    def _asked(self) -> Iterator[tuple[str, Requirement]]:
+    def _required(self) -> Iterator[tuple[str, Requirement]]:
         """Targets and limits by the names of their fields."""
         for receiver, target in zip(self.spec.all_receivers, self.targets, strict=True):
             yield "target" if self.spec.target is not None else f"receivers: target on {receiver.name}", target

@@ -29,9 +29,9 @@ def spec_of(check: Check, spec: Spec) -> Spec:
 
 
 class ProcessWords(NamedTuple):
-    """Words of a process: what has the edge of a cavity, what edges and optical faces must be without, what is left."""
+    """Words of a process: what has edges at a cavity, what edges and optical faces must be without, what is left."""
 
-    hollow: str
+    inner: str
     burr: str
     traces: str
     left: str
@@ -39,10 +39,10 @@ class ProcessWords(NamedTuple):
 
 _ON_OPTICS, _OF_TOOLS = "marks of gate, ejector or parting line", "what the tools leave of the inserts"
 _WORDS: dict[Process, ProcessWords] = {
-    "milled": ProcessWords("the hollow", "burr", "marks", "what the mill leaves"),
-    "turned": ProcessWords("the hollow", "burr", "marks", "what the turning tool leaves"),
+    "milled": ProcessWords("the cavity", "burr", "marks", "what the mill leaves"),
+    "turned": ProcessWords("the cavity", "burr", "marks", "what the turning tool leaves"),
     "moulded": ProcessWords("the mould’s core", "flash", _ON_OPTICS, _OF_TOOLS),
-    "printed": ProcessWords("the hollow", "rests of supports", "layers or marks of supports", ""),
+    "printed": ProcessWords("the cavity", "rests of supports", "layers or marks of supports", ""),
 }
 
 
@@ -58,18 +58,18 @@ def face_title(name: str) -> str:
 
 
 def finding_groups(check: Check) -> list[Group]:
-    """The findings by what they are on: can it be cut?"""
+    """The findings by what they are on."""
     named = {**{name: face_title(name) for name in check.faces}, BODY: "Wall"}
     groups = []
     for surface, title in named.items():
         facts = tuple(each.answered for each in check.verdicts if each.place == surface)
         if facts:
-            groups.append(Group(f"findings_{surface}", f"Cutting, {title.lower()}", facts))
+            groups.append(Group(f"findings_{surface}", f"Manufacture, {title.lower()}", facts))
     return groups
 
 
 def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
-    """Reasons why the lens cannot be cut."""
+    """Reasons why the lens cannot be made."""
     for finding in check.verdicts:
         of_part = finding.key in ("wall", "plate") and spec.manufacture.cuts == "inserts"  # an insert has none of them
         counts = finding.key != "tool" and not of_part
@@ -81,37 +81,23 @@ def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
             yield "fail", "; ".join(each.note for each in tools)
 
 
-_ANY_WAY = "radius, in the direction in which it is smallest"
 _FACE = (
-    Row(
-        "{name}_reached",
-        "{Tip} reaches",
-        "cutter.reachable_fraction",
-        "of the face, by a {tip} of {cutter.radius_mm} radius",
-        "%",
-    ),
-    Row("{name}_concave", "Smallest hollow", "curvature.smallest_concave_radius_mm", _ANY_WAY, none="none"),
+    Row("{name}_reached", "{Tip} reaches", "cutter.reachable_fraction", "of the face, radius {cutter.radius_mm}", "%"),
+    Row("{name}_concave", "Min. concave radius", "curvature.smallest_concave_radius_mm", none="none"),
     Row("{name}_layers", "Layer steps", "layer_step_um", "between the layers of the print"),
 )
 _MILLED = (
     Row(
         "{name}_tilt",
-        "Largest tilt",
+        "Max. tool tilt",
         "largest_tilt_deg",
-        "of a tool that is held normal to the face",
+        "of a tool held normal to the face",
         limit="manufacture.max_tilt_deg",
         by="tilt",
     ),
 )
 _TURNED = (
-    Row(
-        "{name}_slope",
-        "Steepest slope",
-        "cutter.slope_deg",
-        "to the axis of a turning tool at its best tilt",
-        limit="manufacture.steepest_deg",
-        by="slope",
-    ),
+    Row("{name}_slope", "Max. slope", "cutter.slope_deg", "to tool axis", limit="manufacture.steepest_deg", by="slope"),
     Row("{name}_lathe_tilt", "Tilt of the tool", "cutter.tilt_deg", "of the turning tool, below 0 towards the axis"),
     Row("{name}_corner", "Fillets", "cutter.corner_fraction", "of the face, left by the nose in corners", "%"),
 )
@@ -125,7 +111,7 @@ _SHAPE = (
         by="draft",
     ),
     Row("{name}_sphere", "Best-fit sphere", "best_fit_sphere.radius_or_plane", "radius", "mm", digits=5),
-    Row("{name}_departure", "Departure from it", "best_fit_sphere.pv_mm", "peak to valley", "µm", factor=1e3),
+    Row("{name}_departure", "Departure, PV", "best_fit_sphere.pv_mm", "from the best-fit sphere", "µm", factor=1e3),
     Row("{name}_departure_rms", "Departure, rms", "best_fit_sphere.rms_mm", unit="µm", factor=1e3),
     Row("{name}_area", "Area", "area_mm2"),
 )
@@ -149,14 +135,14 @@ def tip_keys(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:
-    """The largest ball that reaches the whole face, or nose that fits its hollows, against the shop's."""
+    """The largest ball that reaches the whole face, or nose that fits its concave parts, against the shop's."""
     largest, shop_mm = cutter.largest_radius_mm, cutter.radius_mm
     if largest is None:
-        does = f"no hollow limits the {cutter.tip}"
+        does = f"no concave region limits the {cutter.tip}"
     elif isinstance(cutter, TurningTool):
-        does = "radius that still fits the hollows of the meridian"
+        does = "radius that fits the concave parts of the meridian"
     else:
-        does = "radius that still reaches all of the face"
+        does = "radius that reaches the whole face"
     return Fact(
         f"{name}_{cutter.tip}",
         f"Largest {cutter.tip}, {name} face",
@@ -173,15 +159,15 @@ def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:
 
 _WALLS = (
     Row("thinnest", "Thinnest wall", "min_wall_mm", "along the normal", like="thinnest wall"),
-    Row("thickest", "Thickest wall", "walls.thickest.thickness_mm", "seen from the LED", like="largest radial wall"),
+    Row("thickest", "Thickest wall", "walls.thickest.thickness_mm", "radial, from the LED", like="largest radial wall"),
 )
 
 
 def _edge(edge: Edge, check: Check, spec: Spec) -> Fact:
     one, other = edge.faces
     first = spec.lens.role(one)
-    of = words_of(spec).hollow if first.before == CAVITY and not first.is_open else "the lens"
-    note = f"the sharpest of {of}, where these faces meet"
+    of = words_of(spec).inner if first.before == CAVITY and not first.is_open else "the lens"
+    note = f"minimum along their edge, in {of}"
     return Fact(
         f"edge_{other if first.is_open else one}", f"{one.capitalize()} and {other}", edge.angle_deg, "°", note=note
     ).judged_as(named(check.criteria, edge.criterion))

@@ -92,20 +92,20 @@ BASE, FLANGE, PLATE = "base", "flange", "plate"  # what stands around the optica
 FLAT_MM = 1e6  # a radius beyond it is that of a plane
 # Question, sense and unit of each finding.
 FINDINGS: dict[str, tuple[str, Sense, str]] = {
-    "cutter": ("Ball reaches it", "<=", "mm"),
-    "nose": ("Nose fits its hollows", "<=", "mm"),
-    "slope": ("Flanks clear it", "<=", "deg"),
-    "turning": ("Turning tool reaches it", ">=", "of the face"),
-    "corner": ("Fillets are small", "<=", "of the face"),
-    "layer": ("Layers are fine enough", "<=", "µm"),
-    "relief": ("Base is clear", "<=", "mm"),
-    "tilt": ("Tilt is allowed", "<=", "deg"),
-    "wall": ("Wall suffices", ">=", "mm"),
-    "draft": ("Draft suffices", ">=", "deg"),
-    "undercut": ("Mould draws it", "<=", "of the face"),
-    "tool": ("Tool reaches it", ">=", "of the face"),
+    "cutter": ("Ball reaches the face", "<=", "mm"),
+    "nose": ("Nose fits the face", "<=", "mm"),
+    "slope": ("Flanks clear the face", "<=", "deg"),
+    "turning": ("Tool reaches the face", ">=", "of the face"),
+    "corner": ("Fillets small enough", "<=", "of the face"),
+    "layer": ("Layers fine enough", "<=", "µm"),
+    "relief": ("Base clears the ball", "<=", "mm"),
+    "tilt": ("Tool tilt within limit", "<=", "deg"),
+    "wall": ("Wall thick enough", ">=", "mm"),
+    "draft": ("Draft large enough", ">=", "deg"),
+    "undercut": ("Mould releases the face", "<=", "of the face"),
+    "tool": ("Tool reaches the face", ">=", "of the face"),
     "gap": ("Ball fits between lenses", "<=", "mm"),
-    "plate": ("Walls of the plate suffice", ">=", "mm"),
+    "plate": ("Plate walls thick enough", ">=", "mm"),
 }
 
 
@@ -169,9 +169,9 @@ class Cutter(Record):
 class TurningTool(Cutter):
     """A turning tool on a face of revolution, its axis at ``tilt_deg`` to the lens's, where it reaches most.
 
-    ``tilt_deg``: below 0 where the shank leans towards the axis. ``largest_radius_mm``: of a nose in the hollows of the
-    meridian. ``slope_deg``: the least that can be of the largest angle between the tool's axis and a normal of the
-    face. ``corner_fraction``: the share that the nose misses where the face meets another in a hollow corner.
+    ``tilt_deg``: below 0 where the shank leans towards the axis. ``largest_radius_mm``: of a nose in concave parts
+    of the meridian. ``slope_deg``: the largest angle of a normal of the face to the tool's axis, at the best tilt.
+    ``corner_fraction``: the share that the nose misses where the face meets another in a concave corner.
     ``bare_fraction``: the share that it reaches where neither base nor flange is in its way.
     """
 
@@ -185,7 +185,7 @@ class TurningTool(Cutter):
 
 
 class Draft(Record):
-    """Least draft (degrees)."""
+    """Minimum draft (degrees)."""
 
     min: Number
 
@@ -266,8 +266,8 @@ class Edge(Record):
 class MouldedFace(Record):
     """An optical face by the two halves of a mould that opens along the axis.
 
-    Shares of its area that each half draws, and that neither does; heights (mm) between which that lies. ``draft_deg``:
-    the least of what is drawn, from the half that draws it; None where nothing is.
+    Shares of its area that each half releases, and that neither does; heights (mm) between which that lies.
+    ``draft_deg``: the minimum over what is released, from the half that does; None where nothing is.
     """
 
     upper_fraction: Share

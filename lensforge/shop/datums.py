@@ -73,7 +73,7 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     if found[2] is None and base.kind == "step":
         missing.append("The azimuth is the base's, as in its own file")
     elif found[2] is None and not (is_round(lens) and base.feet is None):
-        missing.append("Nothing on the part marks the azimuth, which counts from +x of lens.step")
+        missing.append("The part has no azimuth mark; azimuths are from +x of lens.step")
     return DatumScheme.of(datums, missing)
 
 
@@ -95,7 +95,7 @@ def _plane(lens: Lens, plan: Plan[Surface], part: Part) -> Datum:
         return Datum("A", "plane z = 0, the top of the base", z_mm=0.0)
     if plan.relief_mm == 0.0 and all(arc.relation == "ledge" for arc in plan.arcs):
         return Datum("A", f"plane z = 0, the top of the base, {TOP}", z_mm=0.0)
-    words = f"bottom of the base, {BOTTOM}, at z = {-base.height_mm:g}; no face to be touched lies in z = 0"
+    words = f"bottom of the base, {BOTTOM}, at z = {-base.height_mm:g}; no accessible face in z = 0"
     return Datum("A", words, z_mm=-base.height_mm)
 
 

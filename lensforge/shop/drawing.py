@@ -45,7 +45,7 @@ def drawing_notes(
     if lens.spec.plate is not None:
         defined = f"Faces of one lens of the plate, as in {STEP_FILE}; {PLATE_STEP_FILE} alone defines the part"
     return [
-        f"{defined}; sizes in parentheses are auxiliary. z = 0: the optical faces end.",
+        f"{defined}; sizes in parentheses are auxiliary. The optical faces end in z = 0.",
         *(f"{line}." for line in datums.lines),
         *([PROFILE_NOTE] if profile_rows(lens, tuple(check.faces)) else []),
         *([ASPHERE_NOTE] if any("asphere" in str(equation(face)) for face in lens.surfaces.values()) else []),
@@ -64,20 +64,19 @@ def _draft_words(lens: Lens) -> Iterator[str]:
     """Notes on the draft of base and flange; none on what stands upright."""
     base, flange = lens.spec.base_made, lens.spec.lens.rim_flange
     if base.draft_deg and base.kind in ("cylinder", "square"):
-        yield f"Draft {base.draft_deg:g}° of the base: side, flange and bore are as wide as stated at their tops."
+        yield f"Draft of the base: {base.draft_deg:g}°; sizes of side, flange and bore at their tops."
     if flange is not None and (draft_deg := lens.spec.manufacture.draft_deg(flange.draft_deg)):
-        yield f"Draft {draft_deg:g}° of the rim's flange: as wide as stated at its top, narrower towards its underside."
+        yield f"Draft of the rim's flange: {draft_deg:g}°; size at its top, narrower towards its underside."
 
 
 def draft_words(plate: PlateSection) -> str:
     """The note on what of a plate has draft, and what has none."""
     if plate.draft_deg == 0.0:
-        return "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft."
-    sides = "have none" if plate.kind == "step" else "have it, too, and are as wide as stated at the top"
+        return "Lens bores, holes, pins, bosses and sides: without draft."
+    sides = "without draft" if plate.kind == "step" else f"{plate.draft_deg:g}°, sizes at the top"
     return (
-        f"Draft {plate.draft_deg:g}° of the bores of the lenses, of holes, pins and bosses, drawn downwards: a hole is "
-        "as wide as stated at the top of the plate, a pin at its root, the bore of a boss at its closed end. The sides "
-        f"{sides}."
+        f"Draft {plate.draft_deg:g}° of lens bores, holes, pins and bosses. Sizes: of holes at the plate’s top, of "
+        f"pins at the root, of bores of bosses at the closed end. Sides: {sides}."
     )
 
 
@@ -139,7 +138,7 @@ def mould_words(lens: Lens) -> list[str]:
     if not _is_moulded(lens):
         return []
     if scale == 1.0:
-        return ["Sizes are those of the moulded part; its shrinkage is not stated, and no file has it."]
+        return ["Sizes are those of the moulded part. Shrinkage: not stated, and in no file."]
     return [
         "Sizes are those of the moulded part; the faces of the mould inserts are these times "
         f"{scale:.12g} about the origin."

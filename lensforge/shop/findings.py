@@ -137,13 +137,13 @@ def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Sp
     ball = f"a ball of {quantity(cutter.radius_mm, 'mm')} radius"
     tolerance = 0.0 if largest is None else FIT_TOLERANCE * largest
     if within(cutter.radius_mm, "<=", largest, tolerance):
-        others = "any ball" if largest is None else f"any ball of up to {quantity(largest, 'mm', digits=4)} radius"
+        most = "any" if largest is None else f"at most {quantity(largest, 'mm', digits=4)}"
         base = relief.beyond_shop(largest, cutter.radius_mm, surface)
-        reason = f"{ball} reaches all of the {surface} face; so does {others}{base}"
+        reason = f"{ball} reaches the whole {surface} face; usable radius: {most}{base}"
     else:
         reason = (
             f"{ball} reaches {percent(cutter.reachable_fraction)} of the {surface} face; "
-            f"the largest that reaches all of it has {quantity(largest, 'mm', digits=4)} radius"
+            f"largest usable radius: {quantity(largest, 'mm', digits=4)}"
         )
     return finding_on("cutter", surface, cutter.radius_mm, largest, reason, changes, tolerance)
 
@@ -244,15 +244,17 @@ def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -
 
 
 def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
-    """Share of a face that neither half of the mould draws."""
+    """Share of a face that neither half of the mould releases."""
     share, heights = face.undercut_fraction, face.undercut_heights_mm
     if heights is None:
-        reason = f"{drawn_by(face)} of the mould {'draw' if 'both' in drawn_by(face) else 'draws'} the {surface} face"
+        reason = (
+            f"{drawn_by(face)} of the mould {'release' if 'both' in drawn_by(face) else 'releases'} the {surface} face"
+        )
         return finding_on("undercut", surface, share, 0.0, reason)
     low, high = (quantity(round(height, 2) + 0.0, digits=4) for height in heights)
     reason = (
         f"{percent(share)} of the {surface} face is undercut, from z = {low} to {high} mm: neither half of the mould "
-        "draws it, the part itself is in the way"
+        "releases it, the part itself is in the way"
     )
     wanted_deg = spec.lens.faces[surface].draft_deg or GOOD_DRAFT_DEG
     slanted = within(face.draft_deg, ">=", wanted_deg)  # and hidden all the same
@@ -263,21 +265,21 @@ def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
 
 
 def drawn_by(face: MouldedFace) -> str:
-    """The half of the mould that draws a face, in words."""
+    """The half of the mould that releases a face, in words."""
     if min(face.upper_fraction, face.lower_fraction) > SHARE_TOLERANCE:
         return "both halves"
     return "the upper half" if face.upper_fraction > face.lower_fraction else "the lower half"
 
 
 def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFace | None = None) -> Fact:
-    """Draft: what the spec asks, else what a mould of two halves needs; of a ``moulded`` face, of what these draw."""
+    """Draft: what the spec requires, else what a mould needs; of a ``moulded`` face, of what the halves release."""
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
-    asked_deg = spec.lens.faces[surface].draft_deg
-    wanted_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg
+    stated_deg = spec.lens.faces[surface].draft_deg
+    wanted_deg = GOOD_DRAFT_DEG if stated_deg is None else stated_deg
     again = design_again("draft_deg", wanted_deg, spec, surface)
     if moulded is not None:
         if moulded.draft_deg is None:
-            reason = f"neither half of the mould draws any of the {surface} face"
+            reason = f"neither half of the mould releases any of the {surface} face"
             return finding_on("draft", surface, None, wanted_deg, reason, [again])
         least_deg, undercut = moulded.draft_deg, 0.0
     if undercut > 0.0:
@@ -285,8 +287,8 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFa
         reason = f"{percent(undercut)} of the {surface} face is undercut, down to a draft of {down}"
     else:
         least_deg = max(least_deg, 0.0)  # form error of a vertical rim
-        needed = f"{'a mould needs' if asked_deg is None else 'the spec asks for'} {quantity(wanted_deg, 'deg')}"
-        reason = f"the least draft of the {surface} face is {quantity(least_deg, 'deg', digits=3)}; {needed}"
+        needed = f"{'a mould needs' if stated_deg is None else 'the spec requires'} {quantity(wanted_deg, 'deg')}"
+        reason = f"the minimum draft of the {surface} face is {quantity(least_deg, 'deg', digits=3)}; {needed}"
     return finding_on("draft", surface, least_deg, wanted_deg, reason, [again], ANGLE_TOLERANCE_DEG)
 
 
@@ -297,7 +299,7 @@ def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: f
     if not within(whole, ">=", ball, SHARE_TOLERANCE):
         reason += f"; its ball alone reaches {percent(ball)}: shank or holder collides, a longer tool may help"
     if not within(ball, ">=", 1.0, SHARE_TOLERANCE) and largest_mm is not None:
-        reason += f"; the largest ball that reaches all of it has {quantity(largest_mm, 'mm', digits=4)} radius"
+        reason += f"; largest usable ball radius: {quantity(largest_mm, 'mm', digits=4)}"
     if largest_mm is not None and largest_mm < tool.radius_mm:
         changes.append(f"a tool in manufacture.tools with radius_mm = {rounded_down_mm(largest_mm)} or less")
     if whole < ball:

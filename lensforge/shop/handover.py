@@ -75,10 +75,10 @@ class Handover(Record):
     def facts(self) -> Group:
         """The files, the points for a measuring machine, the error of each dense table, and what does not hold."""
         grids = (
-            Fact("grid", grid.file, grid.error_nm, "nm", note="at most, between its nodes", digits=2)
+            Fact("grid", grid.file, grid.error_nm, "nm", note="max. interpolation error", digits=2)
             for grid in self.grids
         )
-        refused = (Fact("refused", "Refused", finding.note) for finding in self.refused)
+        refused = (Fact("refused", "Not met", finding.note) for finding in self.refused)
         points = Fact("points", "Points", self.points, note="for a measuring machine")
         return Group("handover", self.name, (Fact("files", "Files", ", ".join(self.files)), points, *grids, *refused))
 

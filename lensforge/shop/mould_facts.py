@@ -58,19 +58,19 @@ def plastic_of(material: str) -> Plastic | None:
 def mould_facts(mould: Mould, check: Check, spec: Spec) -> Iterator[Fact]:
     """The halves of the mould, and the part as it fills and cools."""
     for name, face in mould.faces.items():
-        drawn = face.upper_fraction + face.lower_fraction
+        released = face.upper_fraction + face.lower_fraction
         yield Fact.share(
-            f"{name}_drawn", f"Drawn, {name} face", drawn, f"of the face, by {drawn_by(face)} of the mould"
+            f"{name}_drawn", f"Released, {name} face", released, f"of the face, by {drawn_by(face)} of the mould"
         )
     yield _parting(mould.parting)
     yield _gate(mould, spec)
     yield _inner_corners(check, mould, spec)
     thickest, thinnest = mould.thickest.diameter_mm, check.min_wall_mm
-    yield Fact("thickest_ball", "Thickest place", thickest, "mm", note="diameter of the largest ball within the part")
+    yield Fact("thickest_ball", "Thickest place", thickest, "mm", note="diameter of the largest inscribed ball")
     if thinnest > 0.0:
-        sinks = "it may sink, or have a void, where it is thickest" if thickest > MOST_RATIO * thinnest else ""
-        note = f"of the ball over the thinnest wall; a rule of thumb is {MOST_RATIO:g} at most"
-        yield Fact("thickness_ratio", "Thickest over thinnest", thickest / thinnest, note=note, notice=sinks, digits=3)
+        sinks = "risk of sink marks and voids at its thickest place" if thickest > MOST_RATIO * thinnest else ""
+        note = f"largest inscribed ball/thinnest wall; rule of thumb: at most {MOST_RATIO:g}"
+        yield Fact("thickness_ratio", "Max/min thickness", thickest / thinnest, note=note, notice=sinks, digits=3)
     yield _cooling(mould, spec.lens.material)
 
 
@@ -84,7 +84,7 @@ def mould_line(mould: Mould, spec: Spec) -> str:
 def _parting(line: PartingLine) -> Fact:
     low, high = (quantity(round(height, 3) + 0.0, digits=4) for height in (line.low_mm, line.high_mm))
     if line.radius_mm is None:
-        note = f"z = {low} mm; all below it is of the lower half"
+        note = f"z = {low} mm; all below it is in the lower half"
         return Fact("parting", "Parting line", "the edge of the plate’s top", note=note)
     first, *more = line.places
     where = f"where {first} and {' and '.join(more)} meet" if more else f"the widest of the {first}"
@@ -96,8 +96,8 @@ def _parting(line: PartingLine) -> Fact:
 def _gate(mould: Mould, spec: Spec) -> Fact:
     if mould.gate is None:
         holders = "a base, a flange or a plate" if spec.lens.drawn_from_below is None else "a flange"
-        lacks = f"give it {holders}: there is no side to fill it at but that of optical faces"
-        return Fact("gate", "Gate", "nowhere", notice=lacks)
+        lacks = f"give it {holders}: all its sides are optical faces"
+        return Fact("gate", "Gate", "none", notice=lacks)
     marked = spec.plate is not None and spec.plate.gate is not None
     note = "as marked on its drawing" if marked else "away from the optical faces"
     return Fact("gate", "Gate", f"at the side of the {mould.gate}", note=note)
@@ -109,7 +109,7 @@ def _inner_corners(check: Check, mould: Mould, spec: Spec) -> Fact:
     corners = [pair for first, pair in sides if first.before == CAVITY and not first.is_open]
     if mould.gate == "flange" or mould.gate in mould.parting.places:
         corners.append(f"{mould.gate} and {'lens' if mould.gate == 'flange' else spec.lens.outward}")
-    note = "the edge of the mould in them wears: agree on a radius with the moulder" if corners else ""
+    note = "the mould wears there: agree on a radius with the moulder" if corners else ""
     return Fact("inner_corners", "Sharp inner corners", ", ".join(corners) or "none", note=note)
 
 
@@ -118,10 +118,10 @@ def _cooling(mould: Mould, material: str) -> Fact:
     plastic = plastic_of(material)
     if mould.cooling_s is None or plastic is None:
         cures = material.lower().startswith("silicone")
-        why = "it cures in the mould, and does not cool" if cures else f"the heat of {material or 'it'} is not known"
+        why = "it cures in the mould" if cures else f"thermal data of {material or 'the material'} not known"
         return Fact("cooling", "Cooling time", "no estimate", note=why)
     temperatures = f"{plastic.melt_c:g} °C of the melt, {plastic.mould_c:g} of the mould, {plastic.ejected_c:g} ejected"
     low, high = (quantity(each, digits=2) for each in plastic.cooling_range_s(mould.thickest.diameter_mm))
-    typical = f"{low} to {high} s within what is typical, 20 % of its diffusivity and 10 °C of the mould"
+    typical = f"{low} to {high} s for ±20 % diffusivity and ±10 °C of the mould"
     note = f"estimate for a slab of {material} as thick as the largest ball; {temperatures}; {typical}"
     return Fact("cooling", "Cooling time", mould.cooling_s, "s", note=note, digits=2)

@@ -232,18 +232,15 @@ def _row(lens: Lens, factor: Factor, budget: Group | None) -> ToleranceRow:
 
 def _sentence(studied: Sequence[Group], passing: str) -> str:
     if not passing:
-        return (
-            "Amounts of the specification and of its preset. How many parts pass with them has not been computed; "
-            "`lensforge yield` does."
-        )
+        return "Amounts of the specification and its preset. Their yield is not computed yet: `lensforge yield`."
     wanted = [fact.text for group in studied for fact in group.select("wanted").facts]
     if not wanted:
         return f"{passing}."
-    return f"{passing}. At most: the amount at which {wanted[0]} of them pass, the other tolerances as they are."
+    return f"{passing}. At most: amount for a yield of {wanted[0]}, the others as they are."
 
 
 def _passing(studied: Sequence[Group]) -> str:
     passed = next((group for group in studied if group.key == "yield"), None)
     if passed is None:
         return ""
-    return f"{passed.fact('pass_rate').text} of {passed.fact('parts').text} parts drawn from these amounts pass"
+    return f"Yield {passed.fact('pass_rate').text} of {passed.fact('parts').text} parts with these tolerances"

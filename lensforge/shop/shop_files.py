@@ -117,7 +117,7 @@ def _tables(
         Table("Notes of the drawing", sentences=notes),
         *_tolerance_tables(tolerances),
         *(Table(group.title, _rows(group)) for group in face_groups(lens, check)),
-        Table("Can it be cut?", findings, ("Question", "", "Answer")),
+        Table("Manufacture", findings, ("Question", "", "Answer")),
         Table("Criteria on files and shape", judged, ("Criterion", "Value", "Limit", "State")),
         Table(dense.title, _rows(dense)),
         Table("SHA-256", list(hashes.items())),
@@ -227,7 +227,7 @@ def _grid(grid: PointGrid) -> Fact:
     """Points, spacing and error of a dense table."""
     spacing, error = quantity(grid.spacing_mm, "mm", digits=4), with_unit(rounded_up(grid.error_nm, 3), "nm")
     note = (
-        f"on the face, up to {spacing} apart; {grid.interpolation} interpolation errs by at most {error} "
+        f"on the face, up to {spacing} apart; {grid.interpolation} interpolation error at most {error} "
         "along the normal; each node has its normal from the material into the air"
     )
     return Fact("grid", grid.file, grid.points, "points", note=note)

@@ -7,7 +7,7 @@ of the nose, and half its angle is that of a flank to the tool's axis, with the 
 has one tilt for a whole face, towards the axis of the lens or away from it: the one that reaches most. A wedge that
 holds the direction of the lens's axis ends at a shank along it, to the side to which it leans.
 
-A nose leaves a fillet where two faces meet in a hollow corner: what it misses there is told apart from the rest.
+A nose leaves a fillet where two faces meet in a concave corner: what it misses there is told apart from the rest.
 Contacts and obstacles are samples: these are an eighth of the nose apart.
 """
 
@@ -24,7 +24,7 @@ from lensforge.shop.face_samples import FaceSamples, OpticalFace
 from lensforge.spec import ManufactureSection
 
 Points = Float[np.ndarray, "_ 2"]  # distance from the axis and height (mm)
-_STRAIGHT_MM = 1e4  # a wider hollow is none: a cone has such, of the noise of its spline
+_STRAIGHT_MM = 1e4  # a wider concave is none: a cone has such, of the noise of its spline
 _CONTACTS, _FINE = 481, 4801  # on a meridian: for what the tool reaches; the most, for slopes and curvatures
 _OF_NOSE = 8  # obstacles in a radius of the nose: between them it enters the work by a 500th of that
 _GOUGE_MM = 1e-4  # so deep a flank may rub: it keeps its clearance beside

@@ -15,7 +15,7 @@ MOST_CORNER = 0.05  # share of a face that fillets may take
 
 
 def turning_findings(spec: Spec, faces: Mapping[str, FaceResult]) -> Iterator[Fact]:
-    """Findings on each face that is turned: whether it can be, its hollows, its slopes, and what the tool reaches."""
+    """Findings on each face that is turned: its form, its concave parts, its slopes, and what the tool reaches."""
     for name, face in faces.items():
         if spec.cutting(name) != "turned":
             continue
@@ -38,17 +38,15 @@ def _of_no_revolution(name: str, spec: Spec) -> Fact:
 
 
 def _nose(name: str, tool: TurningTool, spec: Spec) -> Fact:
-    """The nose against the tightest hollow of the meridian."""
+    """The nose against the tightest concave part of the meridian."""
     radius_mm, largest_mm = tool.radius_mm, tool.largest_radius_mm
     nose, tolerance = quantity(radius_mm, "mm"), 0.0 if largest_mm is None else FIT_TOLERANCE * largest_mm
     if largest_mm is None:
-        reason = f"the meridian of the {name} face is nowhere hollow: a nose of any radius follows it"
+        reason = f"the meridian of the {name} face has no concave part: a nose of any radius fits"
     else:
         fits = "fits" if within(radius_mm, "<=", largest_mm, tolerance) else "does not fit"
         tightest = quantity(largest_mm, "mm", digits=4)
-        reason = (
-            f"a nose of {nose} radius {fits} the hollows of the {name} face’s meridian, of {tightest} radius at least"
-        )
+        reason = f"a nose of {nose} radius {fits} the meridian of the {name} face, of {tightest} min. concave radius"
     again = design_again("concave_radius_mm", radius_mm, spec, name) if spec.manufacture.cuts == "lens" else ""
     smaller = "" if largest_mm is None else f"manufacture.nose_radius_mm = {rounded_down_mm(largest_mm)}"
     return finding_on("nose", name, radius_mm, largest_mm, reason, [again, smaller], tolerance)
@@ -76,7 +74,7 @@ def _reach(name: str, tool: TurningTool, spec: Spec) -> Fact:
     changes = []
     if within(share, ">=", 1.0, SHARE_TOLERANCE):
         but = " but its corners" if tool.corner_fraction > 0.0 else ""
-        reason = f"{tilted}, the tool reaches all of the {name} face{but}"
+        reason = f"{tilted}, the tool reaches the whole {name} face{but}"
     else:
         reason = f"{tilted}, the tool reaches {percent(share)} of the {name} face"
         if bare > share:
@@ -89,12 +87,12 @@ def _reach(name: str, tool: TurningTool, spec: Spec) -> Fact:
 
 
 def _corner(name: str, tool: TurningTool) -> Fact:
-    """The fillets that the nose leaves where the face meets another in a hollow corner."""
+    """The fillets that the nose leaves where the face meets another in a concave corner."""
     share, radius_mm = tool.corner_fraction, tool.radius_mm
     left = "" if tool.residual_mm is None else f", up to {quantity(tool.residual_mm, 'mm', digits=2)} high"
     reason = (
         f"a nose of {quantity(radius_mm, 'mm')} radius leaves a fillet on {percent(share)} of the {name} face{left}, "
-        "where it meets another in a hollow corner"
+        "where it meets another in a concave corner"
     )
     smaller = rounded_down_mm(radius_mm * MOST_CORNER / share)
     changes = [f"manufacture.nose_radius_mm = {smaller}" if float(smaller) > 0.0 else "a smaller nose"]

@@ -58,11 +58,11 @@ class BodySection(Section):
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] | None = None
     """Index at all wavelengths; or leave it out for a dispersive material."""
     material: Label | None = None
-    """Material of the catalogue; or, beside ``refractive_index`` or other data, a label."""
+    """Name in the catalogue; beside ``refractive_index`` or other data only a label."""
     material_file: FilePath | None = None
     """File of the material, read into ``optical_data`` as the spec is; as of the lens."""
     optical_data: OpticalData | None = None
-    """Index and absorption of a material of one's own."""
+    """Index and absorption of a custom material."""
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
     """Abbe number of a material whose n_d is ``refractive_index``: makes it dispersive."""
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0

@@ -29,7 +29,7 @@ class _DesignedFace(Section):
     concave_radius_mm: Millimetres | None = None
     """Least concave radius: of the ball that mills the face, or of the meridian, for the nose that turns it."""
     draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = None
-    """Least draft along the axis, the direction in which the mould of the face opens."""
+    """Minimum draft along the axis, the direction in which the mould of the face opens."""
 
     @check
     def _starts_once(self) -> None:
@@ -59,7 +59,7 @@ class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stand
 class FlangeSection(Section):
     """The flange at the exit's rim of a lens for total internal reflection: a ring, by which a holder takes the lens.
 
-    It lies around the lens, whose rim goes on as a cylinder there. Light that meets that cylinder ends in the holder.
+    A ring around the exit, joined by a cylinder of the lens's diameter. Light that meets that cylinder is absorbed.
     """
 
     diameter_mm: Millimetres

@@ -162,10 +162,10 @@ def require_base_around_cavity(lens: LensShape, limits: ConstraintsSection, base
 
 
 def require_drawn_over_plate(lens: LensShape, manufacture: ManufactureSection) -> None:
-    """Raise ``ValueError`` for a face that no half of a mould draws, as the plate lies below it and it faces that."""
+    """Raise ``ValueError`` for a face that no mould half releases, as the plate lies below it and it faces that."""
     if (hidden := lens.drawn_from_below) is not None and manufacture.process == "moulded":
         raise ValueError(
-            f"plate: the {hidden} of lens.kind = {lens.kind!r} widens above it, and neither half of a mould draws it; "
+            f"plate: the {hidden} of lens.kind = {lens.kind!r} widens above it, and neither mould half releases it; "
             "give the lens a [lens.flange] at its rim instead of [plate], or take lens.kind = 'double', or "
             "manufacture.process = 'printed'"
         )

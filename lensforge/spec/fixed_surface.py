@@ -215,7 +215,7 @@ class FixedCadFace(_OfFile):
 class FixedPoints(_OfFile):
     """A face through the points of a text file, a grid or a cloud, in the coordinates of the lens.
 
-    Points a little below z = 0 make the normals at the rim as good as elsewhere (errors on a sphere: 1 urad, else 20).
+    Points a little below z = 0 give the rim accurate normals (errors on a sphere: 1 urad, else 20).
     """
 
     kind: Literal["points"] = "points"

@@ -23,7 +23,7 @@ _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones f
 
 
 class ExitFace(FaceSection):
-    """A face that may be asked to stay a plane."""
+    """A face that may be kept a plane."""
 
     flat: bool = False
     """Keep it a plane across the axis: the search moves its height alone, and the other faces carry the shape."""
@@ -37,7 +37,7 @@ class ExitFace(FaceSection):
 class TirSection(ProfiledShape):
     """A lens for total internal reflection: cap and side of the cavity, the reflecting wall, and the exit.
 
-    Faces begin as the lens for a point source that the size of the LED, the radius and the beam ask for. They are faces
+    Faces begin as the lens for a point source that the size of the LED, the radius and the beam require. They are faces
     of revolution; with ``levels`` SRBFs shape cap, wall and exit beyond that.
     """
 

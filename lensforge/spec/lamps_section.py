@@ -302,8 +302,8 @@ class TableLamps(LampsSection):
     places_mm: Annotated[tuple[_TablePlace, ...], Field(min_length=1, max_length=_MOST)]
     """Place (x, y) or (x, y, z) of each lamp; z, along which lamps shine, is 0 where it is left out."""
     aims_mm: Annotated[tuple[_Point, ...], Field(max_length=_MOST)] = ()
-    """Point (x, y, z) at which the axis of each lamp is aimed; by default all axes are along z. The +x of a lamp that
-    is tilted points to the side to which it is tilted.
+    """Point (x, y, z) at which the axis of each lamp is aimed; by default all axes are along z. A tilted lamp is
+    turned so that its +x lies in the tilt direction.
     """
     turns_deg: Annotated[tuple[Turn, ...], Field(max_length=_MOST)] = ()
     """Turn of each lamp about its axis, from x towards y, from there on; by default none is turned."""

@@ -82,6 +82,6 @@ def require_kinds(section: LampsSection, receivers: Sequence[ReceiverSection], o
         raise ValueError(f"lamps.kinds: {given} goes with lamps of one lens; leave out one of the two")
     if any(kind.mirrors for kind in kinds) and all(each.is_far_field for each in receivers):
         raise ValueError(
-            f'lamps.kinds = "place": from afar all {len(section.lamps)} lamps stand at one place; take a receiver near '
-            "them, kinds by name in a table, or leave it out"
+            f'lamps.kinds = "place": in the far field all {len(section.lamps)} lamps are at one place; take a near '
+            "receiver, kinds by name in a table, or leave it out"
         )

@@ -1,6 +1,6 @@
 """The material of a ``[lens]`` and what surrounds it: index, absorption, coatings, and change with temperature.
 
-The ``[lens.optical_data]`` are index and absorption of a material of one's own, by formula or by table.
+The ``[lens.optical_data]`` are index and absorption of a custom material, by formula or by table.
 """
 
 from dataclasses import dataclass, replace
@@ -210,13 +210,13 @@ class LensMaterial(FacesSection):
     dispersive material.
     """
     material: Label = "PMMA at 564 nm"
-    """Material of the catalogue, dispersive; or, beside ``refractive_index`` or other data, a label."""
+    """Name in the catalogue, which is dispersive; beside ``refractive_index`` or other data only a label."""
     material_file: FilePath | None = None
     """A Zemax catalogue, of which ``material`` names the glass, a file of refractiveindex.info, or a table; read into
     ``optical_data`` as the spec is.
     """
     optical_data: OpticalData | None = None
-    """Index and absorption of a material of one's own."""
+    """Index and absorption of a custom material."""
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
     """Abbe number of a material whose n_d is ``refractive_index``: makes it dispersive."""
     cavity_index: _Index = 1.0

@@ -46,9 +46,9 @@ class LimitSection(InOneUnit):
     receiver: Annotated[str, Field(max_length=64)] | None = None
     """Name of the receiver, by default the first."""
     at_least: Amount | None = None
-    """Least light, in ``unit``."""
+    """Minimum light, in ``unit``."""
     at_most: Amount | None = None
-    """Largest light, in ``unit``."""
+    """Maximum light, in ``unit``."""
     unit: LightUnitName | None = None
     """Unit of both: irradiance or illuminance on surfaces, intensity in the far field, or "relative" to the maximum on
     the receiver.
@@ -78,7 +78,7 @@ class LimitSection(InOneUnit):
         bounded = list(self.quantities())
         if not bounded:
             either = ", ".join(("at_least with a unit", *(f"at_least_{name}" for name in self.others)))
-            raise ValueError(f"it bounds nothing; give {either}, or the same as at_most")
+            raise ValueError(f"it sets no limit; give {either}, or the same as at_most")
         for name in bounded:
             least, most = self.bounds(name)
             if least is not None and most is not None and least > most:
@@ -128,9 +128,9 @@ class ZoneLimit(LimitSection):
     zone: Annotated[_ZONES, Field(discriminator="kind")] | None = None
     """Shape of the zone; by default the whole window of the receiver."""
     at_least_min_over_mean: Fraction | None = None
-    """Smallest allowed ratio of the least light in the zone to its mean."""
+    """Smallest allowed min/mean of the light in the zone."""
     at_least_min_over_max: Fraction | None = None
-    """Smallest allowed ratio of the least light in the zone to the largest."""
+    """Smallest allowed min/max of the light in the zone."""
     at_least_share: Fraction | None = None
     """Least share of the flux of the source."""
     at_most_share: Fraction | None = None

@@ -119,21 +119,21 @@ _COLUMN = 36  # of the comments
 _HEAD = """#:schema ./{schema}
 # {title}
 # Lengths in mm, angles in degrees; every field: docs/spec.md, or `lensforge schema --page`.
-# A line such as `# cavity_radius_mm = ...  # derived` is what follows from source, target and size, and goes on
-# following them; without its first # it is fixed.
+# Lines such as `# cavity_radius_mm = ...  # derived` are derived values: they change with source, target and size.
+# Without its first # a value is fixed.
 # {possible}
 """
 _OPTIONS = {
     "source": ["flux_lm = 200.0: of the LED; without it 1 W", "position_mm, tilt_deg: where it sits in the lens"],
     "lens": ['symmetry = "auto": the largest that source and target share'],
-    "constraints": ['max_height_mm: of the lens; keep_out = "board.step": what it stays away from'],
+    "constraints": ['max_height_mm: of the lens; keep_out = "board.step": solids to stay clear of'],
 }
 _OPTIONS["target"] = _OPTIONS["receivers.targets"] = [
-    "edge_mm: soft edges, as no lens makes sharp ones from a source with a size"
+    "edge_mm: soft edges; a source of finite size makes no sharp ones"
 ]
 _MEASURED = "measured: 99 % of the ray file's flux starts inside"
 _NOTES = {
-    "lens.levels": "coarse to fine, for as long as each level gains",
+    "lens.levels": "refined until the error stops improving",
     "lens.material": "its index by wavelength comes from the catalogue",
     "source.origin": "the file's virtual focus lies at the lens origin",
     **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),

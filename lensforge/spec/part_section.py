@@ -59,7 +59,7 @@ class FeetSection(Section):
 
 
 class BaseSection(Section):
-    """The clamping base: the paper's one-inch cylinder, a square, a STEP file of one's own, or none.
+    """The clamping base: the paper's one-inch cylinder, a square, your own STEP file, or none.
 
     The three lengths of relief and bore, left out, are what the cutter needs at a face that is designed for it,
     and 0 elsewhere. A STEP file has all lengths itself.

@@ -182,7 +182,7 @@ def _drawn(outline: Path | DrawnOutline | None) -> DrawnOutline | None:
 
 class PlateSection(Section):
     """One moulded plate for all lenses of [lamps], its top in z = 0; without [lamps] it has one lens. Lenses for total
-    internal reflection have a flange instead: no mould draws a wall that widens above a plate.
+    internal reflection have a flange instead: no mould releases a wall that widens above a plate.
     """
 
     kind: Literal["rectangle", "round", "step"] = "rectangle"

@@ -17,7 +17,7 @@ from lensforge.surfaces.reflector_cup import ParabolicCup, best_cup, mouth_radiu
 from lensforge.surfaces.surface import Surface
 
 _ALUMINISED = 0.88  # reflectance of a plain film of aluminium on a smooth lacquer, over the visible range
-_THICKER = 1.15  # a back over the least wall: the wall varies as the cup moves
+_THICKER = 1.15  # a back over the minimum wall: the wall varies as the cup moves
 
 
 class CupSection(FaceSection):
@@ -31,7 +31,7 @@ class ReflectorSection(ProfiledShape):
     """A reflector: a cup about the source, whose inside is a mirror, open at its mouth.
 
     Light leaves by the mouth, directly or by reflections at the cup. The cup begins as the paraboloid that the size of
-    the LED, the radius and the beam ask for, or is given; its back follows it at the least wall.
+    the LED, the radius and the beam require, or is given; its back follows it at the minimum wall.
     """
 
     roles = (
@@ -46,7 +46,7 @@ class ReflectorSection(ProfiledShape):
     cup: CupSection = Field(default_factory=CupSection)
     """Mirror around the source; ``offset_mm``: its radius at z = 0."""
     back: FaceSection = Field(default_factory=FaceSection)
-    """Face behind the mirror, at the least wall and a little more; it has no fields of its own."""
+    """Face behind the mirror, at the minimum wall and a little more; it has no fields of its own."""
     mouth: FaceSection = Field(default_factory=FaceSection)
     """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
 

@@ -23,7 +23,7 @@ LEAST_Q0, MOST_Q0 = 0.02, 0.5  # of any road: fresh black asphalt has 0.04, a we
 
 @dataclass(frozen=True)
 class LuminanceClass:
-    """Least mean luminance (cd/m^2), uniformity U0 and Ul, largest threshold increment (%), least edge ratio R_EI."""
+    """Minimum mean luminance (cd/m^2), U0 and Ul, maximum threshold increment (%), minimum edge ratio R_EI."""
 
     mean: float
     uniformity: float
@@ -41,7 +41,7 @@ M_CLASSES = {
     "M6": LuminanceClass(0.30, 0.35, 0.40, 20.0, 0.30),
 }
 WET_UNIFORMITY = 0.15  # least U0 of a wet road, of all classes M
-# Mean and least illuminance (lx); the mean of a P class may be at most 1.5 times what it asks for.
+# Mean and minimum illuminance (lx); the mean of a P class may be at most 1.5 times what it requires.
 P_CLASSES = {
     "P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4),
 }  # fmt: skip
@@ -50,7 +50,7 @@ P_MOST = 1.5
 
 @dataclass(frozen=True)
 class RatioClass:
-    """Least mean luminance (cd/m^2), and the largest ratios: mean over least, largest over least, veiling over mean."""
+    """Minimum mean luminance (cd/m^2), maximum ratios mean/min, max/min and veiling/mean."""
 
     mean: float
     mean_over_least: float
@@ -129,7 +129,7 @@ class RoadSection(Section):
     surface_q0: Annotated[float, Field(ge=LEAST_Q0, le=MOST_Q0)] | None = None
     """Average luminance coefficient to which the table is scaled; by default the nominal one of the class."""
     wet_surface: WetSurface | None = None
-    """Class of the surface when it is wet, for which a class M asks that it be even, too; by default it is dry."""
+    """Class of the surface when it is wet, for which a class M requires uniformity, too; by default it is dry."""
     wet_surface_file: FilePath | None = None
     """CSV file of a wet surface in place of its class."""
     pole_height_m: Height
@@ -148,17 +148,17 @@ class RoadSection(Section):
     median_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     """Width of the median, in whose middle the poles stand."""
     mean_cd_per_m2: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = None
-    """Least mean luminance; by default of the class, as the four that follow."""
+    """Minimum mean luminance; by default of the class, as the four that follow."""
     uniformity: Share | None = None
-    """Least over mean luminance U0 that is wanted at least."""
+    """Minimum of the overall uniformity U0, min/mean luminance."""
     wet_uniformity: Share | None = None
-    """Least over mean luminance of the wet road that is wanted at least; by default 0.15, as every class M asks."""
+    """Minimum U0 of the wet road; by default 0.15, as every class M requires."""
     uniformity_along: Share | None = None
-    """Longitudinal uniformity Ul, least over largest luminance on the middle of a lane that is wanted at least."""
+    """Minimum of the longitudinal uniformity Ul, min/max luminance on the middle of a lane."""
     glare_percent: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = None
-    """Largest threshold increment TI."""
+    """Maximum threshold increment TI."""
     luminance_per_lux: Annotated[float, Field(ge=1e-9, le=1.0)] | None = None
-    """Least mean luminance over mean illuminance Q; by default none is asked."""
+    """Minimum mean luminance/mean illuminance Q; by default none."""
     edge_ratio: Share | None = None
     """Least ratio of the illuminance beside an edge to that within; by default of a class M, for C and P none."""
     maintenance_factor: Share = 1.0
@@ -187,7 +187,7 @@ class RoadSection(Section):
 
     @property
     def least_edge_ratio(self) -> float | None:
-        """Edge ratio that is asked for; None where none is."""
+        """Required edge ratio; None where none is."""
         of_class = M_CLASSES.get(self.lighting_class)
         return self.edge_ratio or (None if of_class is None else of_class.edge_ratio)
 

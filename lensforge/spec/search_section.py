@@ -35,9 +35,9 @@ class ConstraintsSection(Section):
     needs it given.
     """
     min_thickness_mm: DerivedMillimetresOrZero = LEFT_OUT
-    """Least wall along the normal: the least distance between the two faces."""
+    """Minimum wall along the normal: the shortest distance between the two faces."""
     max_radius_mm: Millimetres
-    """Largest distance of the outer surface from the origin; of a lens for total internal reflection, from the axis."""
+    """Outer radius: from the origin, and so the height, too; of a lens for total internal reflection from the axis."""
     max_wall_mm: Millimetres | None = None
     """Largest wall, along rays from the origin, for sink marks and cycle time."""
     max_height_mm: Millimetres | None = None

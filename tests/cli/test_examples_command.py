@@ -53,7 +53,7 @@ def test_a_file_that_is_there_stays_and_nothing_else_is_copied(tmp_path: Path, m
     (tmp_path / "arrow.png").write_text("mine", encoding="utf-8")
     refused = ran("image")
     assert isinstance(refused.exception, InputError) and refused.exception.exit_code == 2
-    assert str(refused.exception).startswith("arrow.png: is there already")
+    assert str(refused.exception).startswith("arrow.png: exists")
     assert [path.name for path in tmp_path.iterdir()] == ["arrow.png"]
     assert (tmp_path / "arrow.png").read_text(encoding="utf-8") == "mine"
 

@@ -24,9 +24,9 @@ LAMP = ("--source", "disc:1", "--target", "rectangle:200x150@300", "--max-radius
 
 def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:
     code, _, errors = lensforge("new", tmp_path / "lamp.toml", *LAMP)
-    assert code == 0 and "double is taken, --lens takes another" in errors
+    assert code == 0 and "double is used; --lens selects another" in errors
     text = (tmp_path / "lamp.toml").read_text(encoding="utf-8")
-    assert text.startswith("#:schema ./lensforge.schema.json\n") and "at most 90" in text
+    assert text.startswith("#:schema ./lensforge.schema.json\n") and "upper bound 90" in text
     assert json.loads((tmp_path / "lensforge.schema.json").read_text(encoding="utf-8")) == spec_schema()
     spec = load_spec(tmp_path / "lamp.toml")
     assert spec.name == "lamp" and spec.lens.material == "PMMA" and spec.source.kind == "disc"
@@ -77,11 +77,11 @@ def test_the_kind_of_lens_suits_the_light(light: str, kind: str) -> None:
     """Two faces come near where they need to turn little; a picture takes a lens of one way."""
     code, output, errors = lensforge("new", "--source", "square:0.5", "--target", light, "--max-radius", "12")
     spec = parse_spec(tomllib.loads(output), "lamp")
-    assert code == 0 and spec.lens.kind == kind and f"; {kind} is taken" in errors
+    assert code == 0 and spec.lens.kind == kind and f"; {kind} is used" in errors
     even = light.startswith("rectangle")
     assert spec.lens.levels == ("auto" if kind == "double" else (25, 81) if even else ())
     if light == "beam:12":
-        bounds = [float(each) for each in re.findall(r"([0-9.]+) % by a ", errors)]
+        bounds = [float(each) for each in re.findall(r"([0-9.]+) % with a ", errors)]
         assert bounds == [92.3, 88.4, 86.1], "total reflection, a reflector, two faces"
 
 
@@ -118,7 +118,7 @@ def test_a_wall_beside_the_axis_is_a_receiver_in_its_place_and_takes_a_lens_that
     code, output, errors = lensforge("new", *light, "--max-radius", "14")
     (plane,), spec = (parse_spec(tomllib.loads(output), "wall").receivers, parse_spec(tomllib.loads(output), "wall"))
     (shipped,) = load_spec(EXAMPLES / "wall_washer.toml").receivers
-    assert code == 0 and "; double is taken" in errors and spec.lens.kind == "double" and spec.target is None
+    assert code == 0 and "; double is used" in errors and spec.lens.kind == "double" and spec.target is None
     assert plane.centre_mm == pytest.approx(shipped.centre_mm) and plane.facing == pytest.approx(shipped.facing)
     assert (plane.width_mm, plane.targets[0].width_mm, plane.targets[0].height_mm) == (480.0, 320.0, 240.0)
     assert "wall_washer" in next(line for line in output.splitlines() if "Shipped examples" in line)
@@ -145,7 +145,7 @@ def test_the_size_of_a_new_spec_can_be_changed_by_hand() -> None:
 def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
     (tmp_path / "lamp.toml").write_text("mine", encoding="utf-8")
     code, _, errors = lensforge("new", tmp_path / "lamp.toml", *LAMP)
-    assert code == 2 and "is there already" in errors
+    assert code == 2 and "exists and is not overwritten" in errors
     assert [each.name for each in tmp_path.iterdir()] == ["lamp.toml"]
     assert (tmp_path / "lamp.toml").read_text(encoding="utf-8") == "mine"
 
@@ -160,7 +160,7 @@ def test_what_is_impossible_is_said_at_once_and_not_written(tmp_path: Path) -> N
     cob = ("--source", "disc:3", "--target", "rectangle:60x40@500", "--max-radius", "14", "--lens", "double")
     code, output, errors = lensforge("new", tmp_path / "cob.toml", *cob)
     assert (code, output) == (2, "") and not list(tmp_path.iterdir())
-    assert "at most 25.2 % (by étendue) of the light" in errors and "a larger lens (>= 26.81 mm)" in errors
+    assert "upper bound 25.2 % of the light (étendue)" in errors and "a larger lens (>= 26.81 mm)" in errors
     assert len(errors.splitlines()) == 1
     code, output, errors = lensforge("new", *cob, "--force")
     assert code == 0 and parse_spec(tomllib.loads(output), "cob").constraints.max_radius_mm == 14.0

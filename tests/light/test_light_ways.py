@@ -36,7 +36,7 @@ def test_long_and_faint_ways_count_together() -> None:
     found = [(way.title, way.share.value) for way in by_way.ways(6.0)]
     names = ("cap", "side", "wall", "exit")
     wanted = [(" → ".join(names[k] for k in way).capitalize(), 0.5 * flux[n]) for n, way in enumerate(TOLD[:6])]
-    rest = [("Through the wall", 0.5 * flux[8:10].sum()), ("Other ways", 0.5 * flux[[6, 7, 10, 11]].sum())]
+    rest = [("Through the wall", 0.5 * flux[8:10].sum()), ("Other paths", 0.5 * flux[[6, 7, 10, 11]].sum())]
     assert found == [(title, pytest.approx(share, rel=1e-15)) for title, share in (*wanted, *rest)]
 
 

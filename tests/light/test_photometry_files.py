@@ -100,9 +100,9 @@ def test_the_command_writes_and_says_so(tmp_path):
     ROUGH.save(tmp_path / "lens.json")
     result = CliRunner().invoke(cli, ["photometry", str(tmp_path), "--rays", "4096", "--lumens", "90"])
     assert result.exit_code == 0
-    assert "of 90 lm of the source\n" in result.stdout and "luminous flux" not in result.stderr
+    assert "for 90 lm of the source\n" in result.stdout and "luminous flux" not in result.stderr
     assert (tmp_path / "lens_4096rays.ldt").read_text(encoding="utf-8").splitlines()[28] == "90"
     assert Photometry.read(tmp_path, "photometry_4096rays").ldt == (tmp_path / "lens_4096rays.ldt").read_bytes()
     relative = CliRunner().invoke(cli, ["photometry", str(tmp_path), "--rays", "1024"])
     assert "warning: luminous flux of the source not known: 1000 lm taken" in relative.stderr
-    assert "of 1000 lm of the source, which states no flux" in relative.stdout
+    assert "for 1000 lm of the source, whose flux is not stated" in relative.stdout

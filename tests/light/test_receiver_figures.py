@@ -112,7 +112,7 @@ def test_the_most_light_in_the_target_is_set_by_the_faces_or_by_the_law_of_physi
         share, law = possible_share(found.model_copy(update={"possible": physics}), 0.5)
         assert share == pytest.approx(most)
         faces = possible >= transmitted
-        assert law == ("two faces transmit into the pattern" if faces else f"is possible (by {physics.law})")
+        assert law == ("two faces transmit into the target" if faces else f"is the upper bound ({physics.law})")
 
 
 def test_every_fate_has_its_share_of_the_budget() -> None:

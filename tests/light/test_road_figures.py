@@ -147,7 +147,7 @@ def test_the_reach_of_half_the_light_is_that_of_the_lobe() -> None:
     assert found.house_mh.value == 0.0
 
 
-# EN 13201-2:2015, table 4 (mean and least illuminance in lx), table 2 (mean), typed a second time, the strictest first.
+# EN 13201-2:2015, table 4 (mean and minimum illuminance in lx), table 2 (mean), typed again, the strictest first.
 _P = [("P1", 15.0, 3.0), ("P2", 10.0, 2.0), ("P3", 7.5, 1.5), ("P4", 5.0, 1.0), ("P5", 3.0, 0.6), ("P6", 2.0, 0.4)]
 _C = [("C0", 50.0), ("C1", 30.0), ("C2", 20.0), ("C3", 15.0), ("C4", 10.0), ("C5", 7.5)]
 

@@ -365,13 +365,13 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
     assert [each.value for each in judged(0.05, spacing) if "mean" in each.key] == pytest.approx([1.5, 1.5], rel=0.15)
     assert "the flux does not change it" in found["lane 2: uniformity U0"].remedy
     dim = RoadSection(**_NOT_TOO_MUCH)
-    (bright,) = (each for each in with_remedies(judge_road(dim, of_lens(_lamp(), 2.0)).limits) if "largest" in each.key)
+    (bright,) = (each for each in with_remedies(judge_road(dim, of_lens(_lamp(), 2.0)).limits) if "maximum" in each.key)
     (less,) = re.findall(r"× ([0-9.]+) lumens", bright.remedy)
     kept = judge_road(dim, of_lens(_lamp(), 2.0 * float(less))).limits
     assert {each.state for each in kept if "largest" in each.key} == {"pass"}
     uneven = replace(judged(1.0)[0], sense="<=", limit=0.5, key="largest").judged()
     for limits in ((uneven, judged(0.05)[0]), judged(0.0)):
-        assert next(with_remedies(limits)).remedy == "no flux keeps all limits on light: light that is more even"
+        assert next(with_remedies(limits)).remedy == "no luminous flux meets all limits: the light must be more uniform"
     path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
     write_photometric(path, _file())
     roads.write_text(
@@ -399,7 +399,7 @@ def test_a_class_may_be_held_at_any_spacing_or_at_none() -> None:
     road, candela = RoadSection(**ROAD, **easy, edge_ratio=1e-9, lanes=1), of_file(_file(), 270.0, None)
     found = held_spacing(road, candela)
     assert (found.least, found.largest, found.beyond) == (4.5, 108.0, None)
-    assert spacing_fact(found).note == "held from 4.5 m on" and spacing_fact(None).text == "none holds the class"
+    assert spacing_fact(found).note == "class met from 4.5 m up" and spacing_fact(None).text == "class met at none"
 
 
 def test_lamps_together_share_the_lumens_of_a_road() -> None:

@@ -99,9 +99,9 @@ def test_facts_and_files_name_each_led(study: Yield, tmp_path: Any) -> None:
     assert Yield.read(tmp_path) == study
     first, *rest = yield_facts(study)
     passes = [(fact.label, fact.value) for fact in first.facts if fact.key == "passes_with"]
-    assert passes == [("Parts that pass with near", 100.0), ("Parts that pass with far", 100.0 * study.passing.mean())]
+    assert passes == [("Yield with near", 100.0), ("Yield with far", 100.0 * study.passing.mean())]
     assert {"Near: limits.0: light", "near: limits.0: light"} & {group.title for group in rest if group.key == "bound"}
-    assert "keep every bound with each of 2 LEDs" in pass_sentence(study)
+    assert "meet all limits with each of 2 LEDs" in pass_sentence(study)
     assert "measured with every LED (near, far)" in study.notes[0]
 
 

@@ -296,7 +296,7 @@ ROAD = {"lighting_class": "M6", "width_m": 7.0, "pole_height_m": 9.0, "pole_spac
 
 
 def measured_inside(study: PartStudy) -> np.ndarray:
-    """Figures of parts that keep every bound by far, without errors."""
+    """Figures of parts that meet every limit by far, without errors."""
     measured = np.zeros((study.recipe.parts, len(study.names), 2))
     for bound in study.bounds:
         measured[:, study.names.index(bound.metric), 0] = bound.bound * (2.0 if bound.sense == ">=" else 0.5)

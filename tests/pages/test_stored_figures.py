@@ -44,7 +44,7 @@ def expected(design: dict[str, Any]) -> dict[str, float]:
 
 @pytest.mark.parametrize(("page", "name"), [("README.md", "quickstart"), ("docs/first_lens.md", "lamp")])
 def test_the_screen_on_a_page_is_that_of_the_stored_design(page: str, name: str) -> None:
-    screen = re.search(r"^(?:\w+: .*\n)?Light: .*?```", text_of(page), flags=re.MULTILINE | re.DOTALL)
+    screen = re.search(r"^(?:\w+: .*\n)?Photometry: .*?```", text_of(page), flags=re.MULTILINE | re.DOTALL)
     assert screen
     seen = 0
     for words, value in expected(DESIGNS[name]).items():

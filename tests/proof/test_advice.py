@@ -86,7 +86,7 @@ def test_a_hole_is_told_to_be_closed():
     ("edges", "step", "says"),
     [
         (3, True, "not closed"),
-        (0, True, "lens.step lands its rays right, so export with a finer mesh"),
+        (0, True, "lens.step has no ray displacement, so export with a finer mesh"),
         (0, False, "so the mesh is not the cause"),
         (0, None, "if it stays, the file is not the lens of lens.json"),
     ],
@@ -112,7 +112,7 @@ def test_form_comes_before_fates_and_fates_before_losses():
     right = Evidence(some.model_copy(update={"rms": 0.5, "fates_flux": 0.0}), 1.0, 0.1, 0.1, "FORM")
     assert right.of_pixels() == right.of_flux() != "FORM"
     none = Evidence(some.model_copy(update={"rms": 0.5, "fates_flux": 0.0, "flux": 0.0}), 1.0, 0.1, 0.1, "FORM")
-    assert "borders of pixels" in none.of_pixels()
+    assert "pixel borders" in none.of_pixels()
 
 
 def landed_rays(rays, landings, **fields):
@@ -121,8 +121,7 @@ def landed_rays(rays, landings, **fields):
 
 @pytest.mark.parametrize("fate", list(CastFate)[1:])
 @pytest.mark.parametrize(
-    "design",
-    ["backward", "outside_cavity", "base", "total_reflection", "not_converged", "surfaces_intersect", "lost"],
+    "design", ["backward", "outside_cavity", "base", "total_reflection", "not_converged", "surfaces_intersect", "lost"]
 )
 def test_every_pair_of_fates_has_its_advice(design, fate):
     """Both ways; the mesh is blamed for light at a limit only, never for light that starts somewhere else."""

@@ -15,11 +15,7 @@ STL = right(30).export(file_type="stl")
 
 
 def run(trace=trace_stray, **changes):
-    given = {
-        "rays": RAYS,
-        "media": Media(Medium(INDEX)),
-        "screens": [SCREEN],
-    }
+    given = {"rays": RAYS, "media": Media(Medium(INDEX)), "screens": [SCREEN]}
     return trace(STL, **{**given, **changes})
 
 
@@ -54,9 +50,4 @@ def test_the_budget_must_close_on_every_receiver():
 
 def test_bytes_that_are_no_mesh_are_input_error():
     with pytest.raises(InputError, match="STL: "):
-        trace_stray(
-            b"no mesh",
-            rays=RAYS,
-            media=Media(Medium(INDEX)),
-            screens=[SCREEN],
-        )
+        trace_stray(b"no mesh", rays=RAYS, media=Media(Medium(INDEX)), screens=[SCREEN])

@@ -66,7 +66,7 @@ def test_files_written_again_pass_with_a_note(folder: Path) -> None:
         lf.load(folder)
     code, printed, said = verified(folder)
     assert code == 0, said
-    assert printed.startswith("Files: pass\n")
+    assert printed.startswith("CAD files: pass\n")
     for name in ("lens.step", "lens.stl"):
         assert NOTE.format(name) in said
     run = lf.load(folder)
@@ -103,15 +103,12 @@ def deeper(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     ),
 )
 def test_another_body_fails_and_says_why(
-    folder: Path,
-    step: Callable[[cq.Shape], cq.Shape],
-    stl: Callable[[trimesh.Trimesh], trimesh.Trimesh],
-    says: str,
+    folder: Path, step: Callable[[cq.Shape], cq.Shape], stl: Callable[[trimesh.Trimesh], trimesh.Trimesh], says: str
 ) -> None:
     rewritten_step(folder, step)
     rewritten_stl(folder, stl)
     code, printed, _ = verified(folder)
-    assert code == 1 and printed.startswith("Files: fail\n")
+    assert code == 1 and printed.startswith("CAD files: fail\n")
     assert says in " ".join(printed.split()), printed
     assert "finer mesh" not in printed
 
@@ -125,7 +122,7 @@ def test_a_3mf_that_was_packed_again_passes_with_a_note_and_a_damaged_one_is_ref
             target.writestr(name, packed.read(name))
     path.write_bytes(again.getvalue())
     code, printed, said = verified(folder)
-    assert code == 0 and printed.startswith("Files: pass\n"), said
+    assert code == 0 and printed.startswith("CAD files: pass\n"), said
     assert "lens.3mf is not the file that was exported: judged by its geometry" in said
     path.write_bytes(again.getvalue()[:-100])
     code, _, said = verified(folder)

@@ -12,15 +12,7 @@ from lensforge.light.metrics import nmse
 from lensforge.light.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight
 from lensforge.proof.acceptance import proof_criteria
 from lensforge.proof.file_form import FileForm
-from lensforge.proof.proof_result import (
-    Agreement,
-    IndependentRays,
-    PlainCast,
-    Proof,
-    ReceiverProof,
-    SizedFile,
-    Sizes,
-)
+from lensforge.proof.proof_result import Agreement, IndependentRays, PlainCast, Proof, ReceiverProof, SizedFile, Sizes
 from lensforge.report.lens_page import render_report
 from lensforge.report.own_judgements import judged_again
 from lensforge.report.results import Results

@@ -188,7 +188,7 @@ def search_only():
 
 
 def other_conditions():
-    """Results under other conditions than the lens's own."""
+    """Results under other than nominal conditions."""
     lens = lens_of()
     other = {"conditions": Conditions.of(rays=64)}
     cold = Conditions.of(source_name="cold", source="ray file cold.ray", rays=64, source_sha256="ab" * 32)

@@ -65,11 +65,11 @@ def test_numbers_stand_side_by_side_and_the_better_is_marked(designs):
     lines = {line.title: line.facts for line in number_lines(designs)}
     assert [cell.text for cell in lines["Pattern error (NMSE)"]] == ["0.01230 ± 0.00040", "0.00230 ± 0.00040"]
     assert [cell.note for cell in lines["Pattern error (NMSE)"]] == ["", "best"]
-    assert [cell.text for cell in lines["Cutting"]] == ["pass", "pass"]
+    assert [cell.text for cell in lines["Manufacture"]] == ["pass", "pass"]
     assert not any(cell.note for cell in lines["Efficiency"]), "they are the same"
     three = number_lines([designs[index] for index in (0, 1, 1)])
     assert [cell.note for cell in three[0].facts] == ["", "best", "best"]
-    assert not any(cell.note for cell in lines["Farthest from the LED"]), "no radius is better whatever the spec"
+    assert not any(cell.note for cell in lines["Outer radius"]), "no radius is better whatever the spec"
 
 
 def test_none_is_the_better_of_two_targets(designs):

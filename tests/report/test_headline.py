@@ -4,18 +4,10 @@ from dataclasses import replace
 
 import pytest
 from page_text import text_of
-from result_folders import (
-    criterion,
-    evaluate_arrays,
-    finding,
-    make_folder,
-    make_results,
-    small_lens,
-    text_target,
-)
+from result_folders import criterion, evaluate_arrays, finding, make_folder, make_results, small_lens, text_target
 
-from lensforge.cli.conclusion import _cutting
-from lensforge.report.headline import asked_facts, headline
+from lensforge.cli.conclusion import _manufacture
+from lensforge.report.headline import headline, required_facts
 from lensforge.report.stored import load_results
 from lensforge.results import Metric
 from lensforge.shop.check_result import InscribedBall, Mould, PartingLine
@@ -26,44 +18,44 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
     reason = "a ball of 1 mm radius reaches 75.0 % of the inner face"
     verdicts = (finding("cutter", "inner", False, reason),)
     text = text_of(make_results(evaluate=worse, check={"verdicts": verdicts}))
-    assert "✗ Light: fail" in text
-    assert "Light: Pattern error (NMSE) = 0.3000 ± 0.0010, must be ≤ 0.1: a larger lens" in text
-    assert "✗ Cutting: fail" in text
+    assert "✗ Photometry: fail" in text
+    assert "Photometry: Pattern error (NMSE) = 0.3000 ± 0.0010, must be ≤ 0.1: a larger lens" in text
+    assert "✗ Manufacture: fail" in text
     sentence = "A ball of 1 mm radius reaches 75.0 % of the inner face."
     assert (
-        text.index("Required, got, possible") < text.index(f"Cutting: fail {sentence}") < text.index("Peak irradiance")
+        text.index("Required and achieved")
+        < text.index(f"Manufacture: fail {sentence}")
+        < text.index("Peak irradiance")
     )
     assert "All 30 criteria on simulation and files are met." in text, "they are another matter"
-    assert "✓ Files: pass" in text
+    assert "✓ CAD files: pass" in text
 
 
 def test_what_has_not_run_leaves_a_verdict_undecided():
     text = text_of(make_results(("design",)))
-    for words in ("Light: undecided", "Files: undecided", "Cutting: undecided"):
+    for words in ("Photometry: undecided", "CAD files: undecided", "Manufacture: undecided"):
         assert words in text
-    assert "Cutting: undecided The part has not been checked." in text
+    assert "Manufacture: undecided The part has not been checked." in text
 
 
 def test_what_was_asked_for_says_whether_it_came_out():
     criteria = (criterion("cavity clearance", 0.5, -0.001, ">="), criterion("radius margin", -0.25, -0.001, ">="))
     verdicts = (finding("cutter", "inner", False, "no"),)
     results = make_results(("design", "check"), design={"criteria": criteria}, check={"verdicts": verdicts})
-    states = {fact.label: fact.state for fact in asked_facts(results)}
+    states = {fact.label: fact.state for fact in required_facts(results)}
     assert states == {
-        "Farthest from the LED": "fail",
+        "Outer radius": "fail",
         "Height above the LED": "",
-        "Free space over the LED": "pass",
+        "Cavity clearance": "pass",
         "Thinnest wall": "pass",
         "Largest ball, inner face": "fail",
         "Largest ball, outer face": "",
     }
     text = text_of(results)
-    assert text.index("radius marginTry") < text.index("Farthest from the LED"), "what fails comes first"
+    assert text.index("radius marginTry") < text.index("Outer radius"), "what fails comes first"
 
 
-@pytest.mark.parametrize(
-    ("ratio", "gate", "told"), [(2.9, "base", []), (3.1, None, ["Gate", "Thickest over thinnest"])]
-)
+@pytest.mark.parametrize(("ratio", "gate", "told"), [(2.9, "base", []), (3.1, None, ["Gate", "Max/min thickness"])])
 def test_what_a_moulder_would_ask_stands_at_the_top_and_on_the_screen(ratio, gate, told):
     """Where it is amber; thicker than thrice the thinnest wall it may sink."""
     results = make_results(("design", "check"))
@@ -71,10 +63,10 @@ def test_what_a_moulder_would_ask_stands_at_the_top_and_on_the_screen(ratio, gat
     ball = InscribedBall(diameter_mm=ratio * results.check.min_wall_mm, centre_mm=(0.0, 0.0, 1.0))
     mould = Mould(faces={}, parting=line, thickest=ball, gate=gate, cooling_s=None)
     found = {**results.found, "check": results.check.model_copy(update={"mould": mould})}
-    of_mould = {"Parting line", "Gate", "Thickest place", "Thickest over thinnest", "Cooling time"}
+    of_mould = {"Parting line", "Gate", "Thickest place", "Max/min thickness", "Cooling time"}
     for labels in (
-        [fact.label for fact in asked_facts(replace(results, found=found))],
-        [label for label, _ in _cutting(replace(results, found=found))],
+        [fact.label for fact in required_facts(replace(results, found=found))],
+        [label for label, _ in _manufacture(replace(results, found=found))],
     ):
         assert [label for label in labels if label in of_mould] == told
 
@@ -82,7 +74,7 @@ def test_what_a_moulder_would_ask_stands_at_the_top_and_on_the_screen(ratio, gat
 @pytest.mark.parametrize(("aim", "shown"), [("pattern", ["nmse", "share_in_target"]), ("share", ["share_in_target"])])
 def test_where_only_the_share_counts_no_error_of_the_pattern_is_shown(aim, shown):
     results = make_results(lens=small_lens(wanted={"target": text_target("+", None), "optimise": {"aim": aim}}))
-    keys = [fact.key for fact in asked_facts(results)]
+    keys = [fact.key for fact in required_facts(results)]
     assert [key for key in keys if key in ("nmse", "share_in_target")] == shown
     assert ("Pattern error by level" in text_of(results)) == ("nmse" in shown)
 
@@ -112,7 +104,9 @@ def test_a_record_of_an_earlier_version_is_named_without_the_path_of_its_folder(
     assert str(tmp_path) not in text
 
 
-@pytest.mark.parametrize(("required", "words"), [(False, "Cutting fails (not required)."), (True, "Cutting fails.")])
+@pytest.mark.parametrize(
+    ("required", "words"), [(False, "Manufacture fails (not required)."), (True, "Manufacture fails.")]
+)
 def test_cutting_that_fails_says_whether_it_counts(required, words):
     verdicts = (finding("cutter", "inner", False, "no ball fits"),)
     results = make_results(check={"verdicts": verdicts})

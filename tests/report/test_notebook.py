@@ -39,9 +39,9 @@ def test_a_lens_shows_its_section_to_scale():
 def test_results_show_verdicts_numbers_and_pictures(results):
     root = parsed(results_html(results))
     text = "".join(root.itertext())
-    assert "small: Light, files and cutting pass." in text
+    assert "small: Photometry, CAD files and manufacture pass." in text
     assert len([node for node in root.iter() if node.tag.endswith("svg")]) == 2
-    for label in ("Pattern error (NMSE)", "Farthest from the LED", "Form error", "Largest ball", "NMSE against"):
+    for label in ("Pattern error (NMSE)", "Outer radius", "Form error", "Largest ball", "NMSE against"):
         assert label in text
 
 

@@ -92,7 +92,7 @@ def test_every_loss_is_told_in_its_own_words():
         "absorbed in the lens": 0.09,
         "reflected at the surfaces": 0.12,
         "lost in the cover glass": 0.03,
-        "landed outside the window": 0.05,
+        "outside the window": 0.05,
     }
 
 

@@ -33,7 +33,7 @@ def facts_of(lens, **changes):
 
 
 def test_relative_candela_are_said():
-    assert "states no flux" in facts_of(small_lens(), per_1000_lm=True)["Luminous flux"].note
+    assert "flux is not stated" in facts_of(small_lens(), per_1000_lm=True)["Luminous flux"].note
 
 
 def test_light_of_a_receiver_in_its_unit():
@@ -49,7 +49,7 @@ def test_the_page_has_the_section_and_says_where_it_is_missing():
     page = text_of(make_results())
     assert "Beam angle, C 0" in page
     assert "There is no photometry.json" in text_of(make_results(("evaluate",)))
-    for relative, words in ((False, "are absolute"), (True, "per 1000 lm of the source, whose own are not known")):
+    for relative, words in ((False, "are absolute"), (True, "per 1000 lm of the source, whose flux is not known")):
         made = {"photometry": make_photometry(small_lens(), per_1000_lm=relative)}
         assert f"Candela and lumens {words}." in _photometry_sentence(
             make_results(("photometry",), small_lens(), **made)

@@ -12,7 +12,7 @@ from undrawn import undrawn
 from lensforge.light.light_facts import mask_words
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report.compare import ComparedPictures, render_comparison
-from lensforge.report.headline import asked_facts
+from lensforge.report.headline import required_facts
 from lensforge.report.light_section import first_picture, other_lights, other_pictures, receiver_pictures, unit_of_light
 from lensforge.report.results import Results
 from lensforge.results import Conditions, Metric
@@ -76,10 +76,10 @@ def test_each_receiver_is_shown_in_its_own_unit(pictures):
 
 
 def test_several_receivers_have_a_row_each_for_every_figure(both):
-    found = {fact.label: fact.text for fact in asked_facts(both)}
+    found = {fact.label: fact.text for fact in required_facts(both)}
     assert found["Pattern error (NMSE), wall"] == "0.01230 ± 0.00040"
     assert found["Efficiency, sky"] == "85.000 ± 0.020\u2009%"
-    alone = asked_facts(make_results(("evaluate",)))
+    alone = required_facts(make_results(("evaluate",)))
     assert alone and not any("," in fact.label for fact in alone)
 
 
@@ -163,7 +163,7 @@ def test_verification_and_stray_light_are_shown_on_every_receiver():
     assert len(page.ids) == len(set(page.ids))
     for words in (
         "Exported part, wall", "Exported part, sky", "Part minus design, sky", "rms, at 1 m, part against design",
-        "Ray by ray, sky", "Stray light on the receiver, sky", "those of directions at 1 m", "of the intensity;",
+        "Ray displacement, sky", "Stray light on the receiver, sky", "for directions at 1 m", "of the intensity;",
         "Stray light, wall",
     ):  # fmt: skip
         assert words in page.text, words

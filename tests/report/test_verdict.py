@@ -180,7 +180,7 @@ def test_cutting_is_said_and_fails_a_run_only_where_it_is_required(name: str) ->
     verdict.require(cutting=False, parts=("cutting",))
     required = with_manufacture(required=True)
     for parts in ((), ("cutting",)):
-        with pytest.raises(CriterionMissed, match=f"cutting: {name} of inner"):
+        with pytest.raises(CriterionMissed, match=f"Manufacture: {name} of inner"):
             cut(required, finding(name)).verdict.require(cutting=True, parts=parts)
     cut(required, finding(name)).verdict.require(cutting=True, parts=("light",))
 
@@ -217,12 +217,12 @@ def test_limits_that_are_undecided_are_not_counted_as_held_on_the_screen() -> No
     results = make_results(lens=lens_of(limits=[axis]), evaluate={"limits": limits})
     (group,) = (group for group in light_facts(results.light, results.lens) if group.key == "limits")
     (_, held), *others = _limit_rows(group)
-    assert held == "1 of 3 held"
+    assert held == "1 of 3 met"
     shown = [(label.strip(), words.partition(":")[0]) for label, words in others]
     assert shown == [("undecided", "near"), ("missed", "far")]
     many = replace(group, facts=(*group.facts, *(replace(group.facts[2], label=name) for name in "abc")))
     (_, held), *others = _limit_rows(many)
-    assert held == "1 of 6 held" and [words.partition(":")[0] for _, words in others] == [
+    assert held == "1 of 6 met" and [words.partition(":")[0] for _, words in others] == [
         "near", "far", "a", "and 2 more, in evaluate.json",
     ]  # fmt: skip
 

@@ -57,9 +57,10 @@ def test_who_passes_is_said_first_with_its_interval(page, found):
     interval = f"{percent(rate.low)} to {percent(rate.high)}".replace("\u2009", " ")
     text = page.text.replace("\u2009", " ")
     assert (
-        f"Of {PARTS} parts drawn from the tolerances 38 keep every bound: 95 % (95 % confidence: {interval})." in text
+        f"Yield 95 % (95 % confidence: {interval}): 38 of {PARTS} parts drawn from the tolerances meet all limits."
+        in text
     )
-    assert text.index("keep every bound") < text.index("How far the light scatters")
+    assert text.index("meet all limits") < text.index("Distribution over the parts")
 
 
 def test_every_percentile_and_bound_is_on_the_page(page, found):
@@ -87,7 +88,7 @@ def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
 
 def test_each_road_is_on_the_page_with_the_parts_that_hold_its_class(page, found):
     words = "90 %, 76.9 % to 96 %, nmse, of 62.5 % of the parts".replace(" %", "\u2009%").split(", ", 2)
-    causes = ("source, decentre, 50.0 ± 6.2\u2009%", "undecided: the noise of the rays outweighs it")
+    causes = ("source, decentre, 50.0 ± 6.2\u2009%", "undecided: within the ray noise")
     for number, (row, main) in enumerate(zip(road_rows(found), causes, strict=True), start=1):
         assert [fact.text for fact in row.facts] == ["M3", *words, main]
         assert row.title == f"Road {number}" and folded(main) in page.text and folded(words[2]) in page.text
@@ -95,7 +96,7 @@ def test_each_road_is_on_the_page_with_the_parts_that_hold_its_class(page, found
 
 def test_a_tolerance_of_which_no_amount_is_small_enough_is_named(found):
     row = budget_row(found.budget.alone[0].model_copy(update={"at_most": None, "low": None, "high": None}))
-    assert row.fact("interval").text == "none is small enough: the others alone let too few parts pass"
+    assert row.fact("interval").text == "the other tolerances alone give too low a yield"
     assert (row.fact("at_most").text, row.fact("at_most").state) == ("–", "fail")
 
 
@@ -120,19 +121,19 @@ def test_a_cause_within_two_standard_errors_is_shown_nowhere(found):
     assert [fact.label for row in cause_rows(few) for fact in row.facts] == [second.words]
     sure = Variance(causes=(second, first), interactions=Metric(value=0.103, standard_error=0.051))
     rows = cause_rows(found.model_copy(update={"variance": {"nmse": sure}}))
-    assert [fact.label for row in rows for fact in row.facts] == [second.words, first.words, "several together"]
+    assert [fact.label for row in rows for fact in row.facts] == [second.words, first.words, "interactions"]
     none = Variance(causes=(first.model_copy(update=doubtful),), interactions=Metric(value=0.5, standard_error=0.3))
     nobody = yield_facts(found.model_copy(update={"variance": {"nmse": none}}))
     assert [fact.text for group in nobody for fact in group.facts if fact.key in ("main_cause", "together")] == [
-        "none stands out of so few parts", budget_row(found.budget.together).fact("at_most").text,
-        "none stands out of so few parts",
+        "not significant with so few parts", budget_row(found.budget.together).fact("at_most").text,
+        "not significant with so few parts",
     ]  # fmt: skip
 
 
 def test_no_budget_and_no_causes_are_said(lens, found):
     text = text_of(make_results((), lens, **{"yield": found.model_copy(update={"budget": None, "variance": {}})}))
-    assert "How large each tolerance may be" not in text
-    assert "No cause stands out of the noise of rays and parts." in text
+    assert "Largest tolerances" not in text
+    assert "No share is significant against the noise of rays and parts." in text
     assert 'id="yield"' not in undrawn_page_of(make_results((), lens))
 
 
@@ -147,7 +148,7 @@ def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from
     assert (decentre.amount, decentre.source) == ("± 0.005 mm", "preset “precision”")
     assert rows["form, inner face"].amount == "0.3 µm rms" and rows["form, inner face"] in table.lens
     assert rows["source, tilt"] in table.assembly
-    assert "has not been computed" in table.sentence
+    assert "not computed yet" in table.sentence
 
 
 def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
@@ -155,7 +156,7 @@ def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
     rows = {row.name: row for row in (*table.lens, *table.assembly)}
     assert rows["source, decentre"].at_most == "0.075 mm"
     assert rows["source, height"].at_most == "above 0.8 mm"
-    assert table.sentence.startswith("95\u2009% of 40 parts")
+    assert table.sentence.startswith("Yield 95\u2009% of 40 parts")
 
 
 def test_a_spec_without_tolerances_has_no_table(lens):
@@ -175,7 +176,7 @@ def test_a_yield_by_other_tolerances_has_a_section_of_its_own(lens, found):
     other = found.model_copy(update={"conditions": Conditions.of(tolerances="moulded")})
     results = replace(make_results(("evaluate",), lens, **{"yield": found}), others={"yield_moulded": other})
     both = Page(undrawn_page_of(results)).text
-    assert both.count("How far the light scatters") == 2 and "yield_moulded.csv" in both
+    assert both.count("Distribution over the parts") == 2 and "yield_moulded.csv" in both
     assert str(other.conditions) in both
 
 
@@ -216,7 +217,7 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
     errors = type(alone).joined({"near": alone, "far": alone.changed(rays=99)})
     records = {"evaluate": light, "yield": study, "sensitivity": errors}
     text = Page(undrawn_page_of(make_results((), lens, **records))).text
-    for words in ("38 keep every bound with each of 2 LEDs", "Parts that pass with far", "Changes by each of 2 errors"):
+    for words in ("meet all limits with each of 2 LEDs", "Yield with far", "Changes by each of 2 errors"):
         assert words in text, words
     assert "As designed, far" in text and "Part 39, far: fails" in text and "As designed, near" not in text
     assert "decentre in x, near" in text and "decentre in x, far" in text

@@ -51,7 +51,7 @@ def folder(dark: tuple[Path, int, str], tmp_path: Path) -> Path:
 def test_a_design_whose_light_fails_writes_everything_and_exits_with_1(dark: tuple[Path, int, str]) -> None:
     folder, code, stderr = dark
     assert code == 1
-    assert "light: Pattern error (NMSE) = " in stderr.splitlines()[-1] and "Light in the target = " in stderr
+    assert "Photometry: Pattern error (NMSE) = " in stderr.splitlines()[-1] and "Light in the target = " in stderr
     assert "Traceback" not in stderr
     for name in ("lens.json", "lens.step", "lens.stl", "report.html", "run.json", "verify.json"):
         assert (folder / name).stat().st_size > 500, name
@@ -60,7 +60,7 @@ def test_a_design_whose_light_fails_writes_everything_and_exits_with_1(dark: tup
 
 COMMANDS = [
     (("evaluate",), 1),
-    (("evaluate", "--rays", 2048), 0),  # other conditions than the lens's own decide nothing
+    (("evaluate", "--rays", 2048), 0),  # at other than nominal conditions: no verdict
     (("check",), 0),
     (("handover",), 0),
     (("sensitivity", "--rays", 1024), 0),
@@ -98,7 +98,7 @@ def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(
     del record["content_sha256"]  # of the lens as it was
     (folder / "lens.json").write_text(json.dumps(record), encoding="utf-8")
     code, _, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
-    assert code == 1 and "cutting: " in stderr
+    assert code == 1 and "Manufacture: " in stderr
     assert verdict_in(folder)["cutting"] == "fail"
 
 

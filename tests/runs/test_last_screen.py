@@ -30,9 +30,9 @@ def printed(run: lf.Run, capsys: pytest.CaptureFixture[str]) -> str:
 def test_a_run_ends_in_one_screen(small_run: lf.Run, capsys: pytest.CaptureFixture[str]) -> None:
     lines = printed(small_run, capsys).splitlines()
     assert len(lines) <= 30, "a pipe has each line whole"
-    for title in ("Light: ", "Lens: ", "Files: ", "Cutting: ", "Written: "):
+    for title in ("Photometry: ", "Lens: ", "CAD files: ", "Manufacture: ", "Written: "):
         assert any(line.startswith(title) for line in lines), title
-    assert f"Light: {small_run.verdict.light}" in lines
+    assert f"Photometry: {small_run.verdict.light}" in lines
 
 
 def test_rows_of_the_screen_are_facts_of_the_records_and_files_of_the_folder(small_run: lf.Run) -> None:
@@ -43,7 +43,7 @@ def test_rows_of_the_screen_are_facts_of_the_records_and_files_of_the_folder(sma
     rows = [(block.title.partition(":")[0], *row) for block in summary(small_run) for row in block.rows]
     seen = [(label, text) for title, label, text in rows if label in sentences]
     assert len(seen) > 12 and all(text.partition(". Change:")[0] in sentences[label] for label, text in seen), rows
-    (written,) = (text for _, label, text in rows if label == "Beside it")
+    (written,) = (text for _, label, text in rows if label == "Files")
     names = written.split(", ")
     assert {f"lens{name.removeprefix('lens')}" for name in names} <= {path.name for path in small_run.folder.iterdir()}
     assert {"lens.step", ".stl", ".3mf", ".ies", ".ldt"} <= set(names), written
@@ -64,7 +64,7 @@ def test_limits_that_are_not_held_are_told_with_their_state_and_all_are_counted(
     facts = [limit("a", "One", 43.7, state="pass"), limit("b", "Two", 39.1, standard_error=0.9, state="undecided")]
     facts += [limit(f"c{k}", f"Dark {k}", 12.5 + k, state="fail") for k in range(2)]
     first, *others = rows_of([Group("limits", "Limits", tuple(facts))])
-    assert first == ("Limits", "1 of 4 held")
+    assert first == ("Limits", "1 of 4 met")
     assert [(name.strip(), text.split(" (")[0].replace("\u2009", " ")) for name, text in others] == [
         ("undecided", "Two: 39.10 ± 0.90 lx"), ("missed", "Dark 0: 12.5 lx"), ("missed", "Dark 1: 13.5 lx"),
     ]  # fmt: skip

@@ -84,8 +84,8 @@ def test_another_source_goes_beside_the_own_light(folder: Path, tmp_path: Path) 
     assert own_files(folder) == before
     assert "/evaluate_led-cold.json\n" in done.stdout
     assert shown(done.stdout)["Conditions"] == "ray file led cold.csv"
-    assert "Light: " not in done.stdout, "of the lens: not the matter here"
-    assert "other conditions than the lens's own (ray file led cold.csv)" in done.stderr
+    assert "Photometry: " not in done.stdout, "of the lens: not the matter here"
+    assert "not at nominal conditions (ray file led cold.csv)" in done.stderr
     record = json.loads((folder / "evaluate_led-cold.json").read_text(encoding="utf-8"))
     assert record["conditions"]["source"] == "ray file led cold.csv"
     assert record["conditions"]["source_sha256"] == record["inputs"]["source"]
@@ -97,7 +97,7 @@ def test_another_source_goes_beside_the_own_light(folder: Path, tmp_path: Path) 
     stored = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     assert stored["others"] == {"evaluate_led-cold": run.others["evaluate_led-cold"].sha256}
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert "Under other conditions" in page and page.count("ray file led cold.csv") >= 2
+    assert "Other conditions" in page and page.count("ray file led cold.csv") >= 2
 
 
 def test_another_temperature_goes_beside_the_own_light(folder: Path) -> None:
@@ -131,7 +131,7 @@ def test_light_that_goes_backward_is_no_light_of_the_lens(folder: Path, tmp_path
     light = lf.load(folder).others["evaluate_down"]
     assert isinstance(light, lf.Light) and light.efficiency.value == 0.0
     assert light.missed_by_cause.backward > 0.99  # a few start above z = 0 and graze the inner surface
-    assert done.stdout.startswith("Light under other conditions: fail\n")
+    assert done.stdout.startswith("Photometry under other conditions: fail\n")
     assert light.conditions is not None and any("-z" in words for words in light.conditions.warnings)
     for words in light.conditions.warnings:
         assert f"warning: {words}" in done.stderr.splitlines()
@@ -167,7 +167,7 @@ def test_the_own_conditions_by_other_words_are_the_own(folder: Path) -> None:
     light = EVALUATE.run(folder, rays=4096, pixels=16)
     assert light.conditions is None and not lf.load(folder).others
     assert light.sha256 == lf.load(folder).light.sha256
-    with pytest.raises(lf.InputError, match="the lens's own conditions"):
+    with pytest.raises(lf.InputError, match="the nominal conditions"):
         EVALUATE.run(folder, rays=4096, name="mine")
 
 
@@ -176,7 +176,7 @@ def test_a_record_under_other_conditions_never_takes_the_place_of_the_own(folder
     for suffix in ("json", "npz"):
         shutil.copy(folder / f"evaluate_8px.{suffix}", folder / f"evaluate.{suffix}")
     run = lf.load(folder)
-    assert "under other conditions than the lens's own (8 x 8 pixels)" in run.outdated["evaluate"]
+    assert "under other than nominal conditions (8 x 8 pixels)" in run.outdated["evaluate"]
     assert run.verdict.light == "undecided" and not hasattr(run, "light")
 
 

@@ -33,7 +33,7 @@ def test_a_design_gets_better_and_keeps_its_history() -> None:
     kept = {limit.key: result.constraints.at(limit) for limit in limits_of(result.lens.spec)}
     assert last == pytest.approx(kept, abs=0.03), "one small step before the end"
     turned = result.model_copy(update={"lens": spot_lens()})
-    for design, where in ((result, "Farthest from the LED"), (turned, "Farthest from the axis")):
+    for design, where in ((result, "Outer radius"), (turned, "Outer radius")):
         assert design_facts(design)[0].facts[0].label == where
 
 

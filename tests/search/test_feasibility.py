@@ -12,12 +12,7 @@ from lensforge.scene.lens import Lens
 from lensforge.search import feasibility
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.design_result import Margins, constraint_criteria
-from lensforge.search.feasibility import (
-    feasible_lens,
-    measure_constraints,
-    project_to_feasible,
-    require_feasible_start,
-)
+from lensforge.search.feasibility import feasible_lens, measure_constraints, project_to_feasible, require_feasible_start
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import SphereParameters
 from lensforge.search.problem import Problem, Problems
@@ -106,12 +101,12 @@ def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_bef
     limits = {"constraints__cavity_height_mm": 5.5, "lens__inner__concave_radius_mm": 5.5}
     spec = small_spec(**limits, lens__outer__draft_deg=25.0, lens__symmetry="square")
     begun: list[object] = []
-    words = r"no lens was found that keeps all of .*lens\.outer\.draft_deg = 25"
+    words = r"no lens meets all of .*lens\.outer\.draft_deg = 25"
     with pytest.raises(InputError, match=words) as refusal:
         search(spec, build_source(spec.source), accuracy="draft", progress=begun.append)
     assert not begun
     assert "keep_out" not in str(refusal.value), "a limit that the spec does not set"
-    assert "constraints." in str(refusal.value).split("nearest")[1] and "\n" not in str(refusal.value)
+    assert "constraints." in str(refusal.value).split("closest")[1] and "\n" not in str(refusal.value)
     wider = small_spec(**limits, lens__outer__draft_deg=25.0, constraints__max_radius_mm=7.5, lens__symmetry="square")
     require_feasible_start([problem_of(wider, wider.lens.basis.levels)])  # 7.17 mm of radius are enough
 

@@ -94,15 +94,15 @@ def test_light_that_goes_backward_is_a_warning_until_there_is_none_left() -> Non
         ({"source__tilt_deg": [180.0, 0.0]}, r"100 % goes backward, towards -z; try source\.tilt_deg"),
         (
             {"target__distance_mm": 1e5},
-            r"target: at most 0\.0\d+ % \(by étendue\).*target\.distance_mm.*less than half of the",
+            r"target: upper bound 0\.0\d+ % of the light \(étendue\).*target\.distance_mm.*less than half of the",
         ),
         (
             {"target__width_mm": 0.16, "target__receiver_mm": 0.2, "target__uniform_mm": 0.1},
-            r"at most 0\.0\d+ % \(by étendue\)",
+            r"upper bound 0\.0\d+ % of the light \(étendue\)",
         ),
         (
             {"lens__refractive_index": 1.0, "lens__material": "nothing", "target__distance_mm": 2000.0},
-            r"by the turn and loss of two refractions",
+            r"deflection and loss of two refractions",
         ),
     ],
 )
@@ -138,14 +138,14 @@ def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_t
     with pytest.raises(InputError) as refusal:
         lf.design(spec, accuracy=FEW)
     words = str(refusal.value)
-    assert "by étendue" in words and "force" in words and "\n" not in words
+    assert "(étendue)" in words and "force" in words and "\n" not in words
     radius_mm = float(words.partition(">= ")[2].split()[0])
     assert 25.0 < radius_mm < 29.0
     assert check(spec.replace({"constraints.max_radius_mm": radius_mm})).targets[0].bounds.by_etendue >= 0.92
     said: list[str] = []
     with pytest.raises(Cancelled):
         lf.design(spec, accuracy=FEW, force=True, progress=lambda _: False, warn=said.append)
-    assert any("by étendue" in each for each in said), "it says so all the same"
+    assert any("(étendue)" in each for each in said), "it says so all the same"
 
 
 def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name() -> None:
@@ -161,9 +161,9 @@ def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name
     most = transmitted * radius_mm**2 / 1.0
     assert asking(1.0).limits[0].possible == pytest.approx(most, rel=0.01)
     asking(1.9 * most).require_light()
-    assert any(words.startswith("limits: axis: at most") for words in asking(1.9 * most).warnings())
+    assert any(words.startswith("limits: axis: upper bound") for words in asking(1.9 * most).warnings())
     with pytest.raises(
-        InputError, match=r"limits: axis: at most .* W/sr \(by étendue\).*a larger lens \(>= "
+        InputError, match=r"limits: axis: upper bound .* W/sr \(étendue\).*a larger lens \(>= "
     ) as refusal:
         asking(2.1 * most).require_light()
     assert "\n" not in str(refusal.value)
@@ -186,7 +186,7 @@ def aside(**changes: object) -> Spec:
 def test_light_beside_the_axis_is_said_to_need_levels() -> None:
     """Four images of a square's: a quarter of the light. With a symmetry that is not known it is said, too."""
     with pytest.raises(
-        InputError, match=r"at most 23\.1 % \(by the symmetry of faces of revolution\).*try lens\.levels"
+        InputError, match=r"upper bound 23\.1 % of the light \(the symmetry of faces of revolution\).*try lens\.levels"
     ):
         check(aside()).require_light()
     found = check(aside(**{"lens.levels": [25]}))

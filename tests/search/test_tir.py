@@ -279,7 +279,7 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
         ),
         (
             {"target": {**SPOT["target"], "diameter_deg": 2.0}},
-            r"at most .* \(by étendue\) .* a larger lens \(>= [\d.]+ mm\)",
+            r"upper bound .* \(étendue\) .* a larger lens \(>= [\d.]+ mm\)",
         ),
         ({"constraints": {"max_radius_mm": 1.2}}, "do not fit into max_radius_mm|radius"),
         ({"lens": {"kind": "tir", "refractive_index": 1.05}}, "raise the index"),

@@ -48,23 +48,17 @@ def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) 
 @pytest.mark.parametrize(
     ("radius_mm", "largest_mm", "holds", "words"),
     [
-        (0.5, None, True, "a ball of 0.5 mm radius reaches all of the inner face; so does any ball"),
-        (0.5, 0.5, True, "so does any ball of up to 0.5 mm radius"),
-        (0.5 * (1.0 + 0.9e-6), 0.5, True, "so does any ball of up to 0.5 mm"),
-        (0.5 * (1.0 + 1.1e-6), 0.5, False, "67.9 % of the inner face; the largest that reaches all of it has 0.5 mm"),
+        (0.5, None, True, "a ball of 0.5 mm radius reaches the whole inner face; usable radius: any"),
+        (0.5, 0.5, True, "usable radius: at most 0.5 mm"),
+        (0.5 * (1.0 + 0.9e-6), 0.5, True, "usable radius: at most 0.5 mm"),
+        (0.5 * (1.0 + 1.1e-6), 0.5, False, "67.9 % of the inner face; largest usable radius: 0.5 mm"),
     ],
 )
 def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, largest_mm, holds, words) -> None:
     found = cutter_finding("inner", cutter(radius_mm, largest_mm), NO_BASE, small_spec())
     assert "base" not in found.note
     assert found.holds == holds and words in plain(found.note)
-    assert (found.key, found.place, found.sense, found.unit, found.value) == (
-        "cutter",
-        "inner",
-        "<=",
-        "mm",
-        radius_mm,
-    )
+    assert (found.key, found.place, found.sense, found.unit, found.value) == ("cutter", "inner", "<=", "mm", radius_mm)
     assert found.limit == largest_mm, "the largest itself; its tolerance stands beside it"
 
 
@@ -128,14 +122,14 @@ def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of
         asked = small_spec(manufacture__process=process, lens__inner__draft_deg=3.0)
         assert draft_finding("inner", face(2.981), asked).holds
         low = draft_finding("inner", face(2.979), asked)
-        assert not low.holds and "the spec asks for 3 deg" in low.note
+        assert not low.holds and "the spec requires 3 deg" in low.note
 
 
 @pytest.mark.parametrize(
     ("least_deg", "undercut", "value", "words"),
     [
-        (1.5, 0.0, 1.5, "the least draft of the outer face is 1.5 deg; a mould needs"),
-        (-1e-9, 0.0, 0.0, "the least draft of the outer face is 0 deg"),
+        (1.5, 0.0, 1.5, "the minimum draft of the outer face is 1.5 deg; a mould needs"),
+        (-1e-9, 0.0, 0.0, "the minimum draft of the outer face is 0 deg"),
         (-3.0, 0.02, -3.0, "2 % of the outer face is undercut, down to a draft of −3 deg"),
     ],
 )
@@ -236,7 +230,7 @@ def test_what_limits_a_tool_is_its_ball_or_its_shank(ball, whole, holds, collide
     assert (found.place, found.value, found.holds) == ("inner", whole, holds)
     assert plain(found.note).startswith(f"mill reaches {100.0 * whole:.0f} % of the inner face")
     assert (f"its ball alone reaches {100.0 * ball:.0f} %" in plain(found.note)) == collides
-    assert ("has 0.4568 mm radius" in found.note) == largest
+    assert ("radius: 0.4568 mm" in found.note) == largest
     assert (other.place, other.holds, plain(other.note)) == ("outer", True, "mill reaches 100 % of the outer face")
     assert "has" not in tool_finding(tool(0.8, 0.8), "inner", tool(0.8, 0.8).faces["inner"], None).note
 

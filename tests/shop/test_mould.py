@@ -214,7 +214,7 @@ def test_what_a_moulder_is_told() -> None:
     assert shown["parting"].value == "the widest of the outer" and "5 mm from the axis at most, z = 2 mm" in plain(
         shown["parting"].note
     )
-    assert shown["gate"].value == "nowhere" and "a base, a flange or a plate" in shown["gate"].notice
+    assert shown["gate"].value == "none" and "a base, a flange or a plate" in shown["gate"].notice
     assert facts(spot())["gate"].notice.startswith("give it a flange: ")
     assert (
         facts(spec, gate="flange")["gate"].notice == ""
@@ -222,12 +222,12 @@ def test_what_a_moulder_is_told() -> None:
     )
     for ratio, sinks in ((2.999, False), (3.001, True)):
         fact = facts(spec, ratio)["thickness_ratio"]
-        assert fact.value == pytest.approx(ratio) and bool(fact.notice) == sinks and "rule of thumb is 3" in fact.note
-    assert "13 to 27 s within what is typical" in plain(shown["cooling"].note)
+        assert fact.value == pytest.approx(ratio) and bool(fact.notice) == sinks and "at most 3" in fact.note
+    assert "13 to 27 s for ±20 %" in plain(shown["cooling"].note)
     assert "estimate" in shown["cooling"].note and shown["cooling"].value == pytest.approx(
         PLASTICS["pmma"].cooling_s(3.0)
     )
-    for material, words in (("silicone resin", "cures"), ("a plastic", "the heat of a plastic is not known")):
+    for material, words in (("silicone resin", "cures"), ("a plastic", "thermal data of a plastic not known")):
         fact = facts(small_spec(lens__material=material, lens__refractive_index=1.41))["cooling"]
         assert fact.value == "no estimate" and words in fact.note
     crease = PartingLine(places=("exit", "wall"), radius_mm=5.0, low_mm=3.0, high_mm=3.25)
@@ -250,10 +250,10 @@ def test_an_undercut_is_judged_by_its_share_and_the_draft_by_what_is_drawn() -> 
     assert (
         whole.holds
         and (whole.value, whole.limit) == (0.0, 0.0)
-        and whole.note == "the upper half of the mould draws the outer face"
+        and whole.note == "the upper half of the mould releases the outer face"
     )
     split = undercut_finding("outer", FACE.changed(upper_fraction=0.5, lower_fraction=0.5), spec)
-    assert split.holds and split.note == "both halves of the mould draw the outer face"
+    assert split.holds and split.note == "both halves of the mould release the outer face"
     hidden = FACE.changed(upper_fraction=0.9, undercut_fraction=0.1, undercut_heights_mm=(0.0, 0.4561))
     found = undercut_finding("outer", hidden, spec)
     assert (

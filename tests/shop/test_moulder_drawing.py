@@ -262,7 +262,7 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     assert content.block["material"] == ("Material: PMMA at 564 nm", "Grade: PMMA 8N")
     assert content.block["mass"] == ("Density: 1.19 g/cm³", "Mass: 1.469 g; Volume: 1234.5 mm³")
     assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.words}
-    assert content.notes[-2].startswith("Draft 1° of the rim's flange: as wide as stated at its top")
+    assert content.notes[-2].startswith("Draft of the rim's flange: 1°; size at its top")
     assert content.notes[-5:-2] == [
         "Rims and creases of the optical faces: R 0.06 at most. "
         "All other edges: radius or chamfer 0.3 at most; without flash.",
@@ -275,7 +275,7 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     part = bare_part()[0].model_copy(update={"lens": replace(lens, spec=own), "mass_g": None})
     bare = drawing_content(part.lens, part, check_of(lens), [], tolerance_table(lens), own.drawing)
     assert bare.block["mass"] == ("Density: not stated", f"Volume: {part.volume_mm3:.1f} mm³")
-    for words in ("faces: largest radius not", "edges: largest break not", "faces: finish not", "shrinkage is not"):
+    for words in ("faces: largest radius not", "edges: largest break not", "faces: finish not", "Shrinkage: not"):
         assert sum(f"{words} stated" in note for note in bare.notes) == 1, words
     shapes = {name: column.get("shape", "") for name, column in content.table.columns.items()}
     assert shapes["side"] == equation(lens.surfaces["side"]) and shapes["wall"].startswith("of revolution, profile in")
@@ -301,9 +301,9 @@ def test_findings_are_on_the_drawing_where_they_do_not_hold_and_matter() -> None
         content = drawing_content(of, part, check_of(of, verdicts), [], tolerance_table(of), of.spec.drawing)
         return [note for note in content.notes if note.startswith("Open")]
 
-    told = "Open, see manufacturing.html: wall face, draft suffices: no, 1.25 deg (required ≥ 2 deg)"
+    told = "Open, see manufacturing.html: wall face, draft large enough: no, 1.25 deg (required ≥ 2 deg)"
     assert open_findings(lens, as_finding(held)) == []
     assert open_findings(lens, draft, ball) == [f"{told}."], "no tool of a moulded part"
     (cut,) = open_findings(flanged(manufacture={}), draft, ball)
-    assert cut == f"{told}; cap face, ball reaches it: no, 1.25 deg (required ≤ 1 deg)."
+    assert cut == f"{told}; cap face, ball reaches the face: no, 1.25 deg (required ≤ 1 deg)."
     assert open_findings(lens, *[draft] * 5)[0].endswith("; 2 more.")

@@ -87,7 +87,7 @@ def test_an_edge_has_the_angle_of_the_spheres_that_meet_there(bare: tuple[Check,
     assert [edge.point_mm[2] for edge in found.edges] == pytest.approx([0.51, OPEN_MM], abs=1e-4)
     facts = next(group for group in check_facts(found, lens.spec) if group.key == "edges").facts
     assert [fact.value for fact in facts] == [edge.angle_deg for edge in found.edges]
-    assert "hollow" in facts[0].note and "lens" in facts[1].note
+    assert "cavity" in facts[0].note and "lens" in facts[1].note
 
 
 def test_the_search_keeps_the_draft_of_the_wall_from_below() -> None:

@@ -191,8 +191,8 @@ def test_a_lens_that_is_turned_says_what_its_nose_leaves() -> None:
     assert findings["nose", "cap"].limit == pytest.approx(2.0, rel=1e-4) and findings["nose", "cap"].holds
     facts = {fact.key: fact for group in check_facts(found, spot()) for fact in group.facts}
     assert facts["cap_slope"].limit == 90.0 - 35.0 / 2.0 - 2.0 and facts["cap_slope"].state == "pass"
-    assert facts["wall_nose"].value == "any" and facts["wall_nose"].note == "no hollow limits the nose"
-    assert facts["cap_nose"].note.endswith("the hollows of the meridian") and "smallest" in facts["cap_concave"].note
+    assert facts["wall_nose"].value == "any" and facts["wall_nose"].note == "no concave region limits the nose"
+    assert facts["cap_nose"].note.endswith("concave parts of the meridian")
     told = [note_on_edge(found, process) for process in ("turned", "printed", "moulded")]
     assert ["core" in note for note in told] == [False, False, True]
     assert "cap_ball" not in facts and "cap_tilt" not in facts

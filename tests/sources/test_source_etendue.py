@@ -15,13 +15,7 @@ from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec.emitter_section import EmitterSection
-from lensforge.spec.source_sections import (
-    ChipArraySource,
-    DiscSource,
-    LuminanceSource,
-    RectangleSource,
-    SquareSource,
-)
+from lensforge.spec.source_sections import ChipArraySource, DiscSource, LuminanceSource, RectangleSource, SquareSource
 
 RAYS = 2**14
 

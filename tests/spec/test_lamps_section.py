@@ -207,7 +207,7 @@ def test_kinds_that_cannot_be(lamps: dict[str, Any], words: str) -> None:
         (
             {"target": None, "receivers": [{"kind": "far_field", "half_angle_deg": 60.0, "targets": [
                 {"kind": "disc", "diameter_deg": 40.0}]}]},
-            "from afar all 36 lamps stand at one place",
+            "in the far field all 36 lamps are at one place",
         ),
     ],
 )  # fmt: skip

@@ -36,7 +36,7 @@ def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) 
 @pytest.mark.parametrize(
     ("limit", "words"),
     [
-        ({"kind": "points", "at_deg": [[0, 0]]}, "bounds nothing"),
+        ({"kind": "points", "at_deg": [[0, 0]]}, "sets no limit"),
         ({"kind": "points", "unit": "cd", "at_least": 1.0}, "at_mm: missing"),
         ({"kind": "points", "at_deg": [[0, 0]], "unit": "cd", "at_least": 3.0, "at_most": 2.0}, "no light is both"),
         ({"kind": "points", "at_deg": [[0, 0]], "unit": "lx", "at_least": 3.0}, "in one of w_per_sr, cd"),

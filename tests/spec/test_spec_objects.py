@@ -185,12 +185,7 @@ SECTIONS: list[dict[str, Section]] = [
 
 @pytest.mark.parametrize(
     ("union", "made"),
-    [
-        (SpectrumSpec, SPECTRA),
-        (IntensitySpec, INTENSITIES),
-        (EmitterSection, SOURCES),
-        (FixedSurface, INNER),
-    ],
+    [(SpectrumSpec, SPECTRA), (IntensitySpec, INTENSITIES), (EmitterSection, SOURCES), (FixedSurface, INNER)],
 )
 def test_the_sections_below_are_of_every_kind(union: object, made: tuple[Section, ...]) -> None:
     assert {type(each) for each in made} == set(models_in(union)) - OF_FILES

@@ -46,27 +46,18 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ),
         ({"lens.outer.gap_mm": {"amont": 1}}, "lens.outer.gap_mm.amont = 1: unknown; did you mean amount?"),
         ({"lens.middle": {"offset_mm": 6.0}}, "lens.middle: unknown; known here: refractive_index, "),
-        (
-            {"lens.inner.gap_mm": 0.1},
-            "lens: inner.gap_mm: this face is what the next is placed against; give outer.",
-        ),
+        ({"lens.inner.gap_mm": 0.1}, "lens: inner.gap_mm: this face is what the next is placed against; give outer."),
         ({"lens.outer.draught_deg": 2.0}, "lens.outer.draught_deg = 2.0: unknown; did you mean draft_deg?"),
         ({"lens.inner_offset_mm": 3.0}, "lens.inner_offset_mm = 3.0: unknown; it is lens.inner.offset_mm now"),
         ({"lens.fixed_outer": {}}, "lens.fixed_outer: unknown; it is lens.outer.fixed now"),
-        (
-            {"constraints.inner_draft_deg": 2.0},
-            "constraints.inner_draft_deg = 2.0: unknown; it is lens.inner.",
-        ),
+        ({"constraints.inner_draft_deg": 2.0}, "constraints.inner_draft_deg = 2.0: unknown; it is lens.inner."),
         ({"tolerances.gap_mm": 0.1}, "tolerances.gap_mm = 0.1: unknown; it is lens.outer.gap_mm now"),
         ({"target.half_width_mm": 50.0}, "target.half_width_mm = 50.0: unknown; it is width now, the whole of it"),
         (
             {"limits": [{"kind": "zone", "unit": "cd", "at_least": 1.0, "at_most_cd": 3.0}]},
             'limits.0.at_most_cd = 3.0: unknown; it is at_most now, with unit = "cd"',
         ),
-        (
-            {"photometry": {"use": "area", "pole_height_m": 8.0}},
-            "photometry.pole_height_m = 8.0: unknown; it belongs",
-        ),
+        ({"photometry": {"use": "area", "pole_height_m": 8.0}}, "photometry.pole_height_m = 8.0: unknown; it belongs"),
         ({"photometry": {"use": "road"}}, "photometry.use = 'road': Input should be 'general' or 'area'"),
         (
             {"manufacture.process": "mould"},

@@ -269,8 +269,8 @@ def own_limits(limit, receiver, images, efficacy, watts, lamps):
     if limit["kind"] == "zone":
         share = jackknife([image[inside].sum() / watts for image in images])
         bounds += [
-            ("least over mean light", None, "", ">=", limit["at_least_min_over_mean"]),
-            ("least over largest light", None, "", ">=", limit["at_least_min_over_max"]),
+            ("min/mean of the light", None, "", ">=", limit["at_least_min_over_mean"]),
+            ("min/max of the light", None, "", ">=", limit["at_least_min_over_max"]),
             ("share of the flux", share, "", ">=", limit["at_least_share"]),
             ("share of the flux", share, "", "<=", limit["at_most_share"]),
         ]
@@ -279,9 +279,9 @@ def own_limits(limit, receiver, images, efficacy, watts, lamps):
             continue
         if value is None and quantity == "light":
             value = least(read) if sense == ">=" else largest(read)
-        elif quantity.startswith("least over mean"):
+        elif quantity.startswith("min/mean"):
             value = least_over_mean(read)
-        elif quantity.startswith("least over largest"):
+        elif quantity.startswith("min/max"):
             value = ratio(least(read), largest(read))
         stated = metric(value, own_unit, RAY)
         yield {
@@ -527,7 +527,4 @@ ORACLES = {
     "fitted_efficiency": from_first("fitted", "efficiency", factor=100, unit="%"),
 }  # fmt: skip
 ORACLES = {f"evaluate.{key}": oracle for key, oracle in ORACLES.items()}
-RECORDS = {
-    "evaluate": lambda case: evaluation(case)[0],
-    "warm": lambda case: evaluation(case, "warm")[0],
-}
+RECORDS = {"evaluate": lambda case: evaluation(case)[0], "warm": lambda case: evaluation(case, "warm")[0]}

@@ -172,7 +172,7 @@ def cooling(case, place):
 
 
 def undercut(case, place):
-    name = place.title.removeprefix("Cutting, ").removesuffix(" face")
+    name = place.title.removeprefix("Manufacture, ").removesuffix(" face")
     held = half(case, name)[2] is None
     return Expected("yes" if held else "no", state="pass" if held else "fail")
 

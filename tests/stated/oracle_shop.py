@@ -344,7 +344,7 @@ def answer(state):
 
 
 def on_face(place):
-    return place.title.removeprefix("Cutting, ").removesuffix(" face")
+    return place.title.removeprefix("Manufacture, ").removesuffix(" face")
 
 
 def plate_wall_mm(case):

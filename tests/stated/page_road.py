@@ -195,17 +195,17 @@ def asked(road, found):
     if name in P_CLASSES:
         mean, lowest = P_CLASSES[name]
         yield "mean illuminance", "light", found["mean_lx"], "lx", ">=", mean
-        yield "largest mean illuminance", "light", found["mean_lx"], "lx", "<=", 1.5 * mean
-        yield "least illuminance", "light", found["least_lx"], "lx", ">=", lowest
+        yield "maximum mean illuminance", "light", found["mean_lx"], "lx", "<=", 1.5 * mean
+        yield "minimum illuminance", "light", found["least_lx"], "lx", ">=", lowest
         return
     mean, uniformity, along_lane, glare, edge = M_CLASSES[name]
     for number, lane in enumerate(found["lanes"]):
         of = f"lane {number + 1}: "
         yield f"{of}mean luminance", "light", lane["mean"], "cd/m²", ">=", mean
-        yield f"{of}uniformity U0", "least over mean light", lane["uniformity"], "", ">=", uniformity
+        yield f"{of}uniformity U0", "min/mean of the light", lane["uniformity"], "", ">=", uniformity
         if road["wet_surface"]:
-            yield f"{of}uniformity U0, wet", "least over mean light", lane["wet"], "", ">=", 0.15
-        yield f"{of}uniformity Ul", "least over largest light", lane["along"], "", ">=", along_lane
+            yield f"{of}uniformity U0, wet", "min/mean of the light", lane["wet"], "", ">=", 0.15
+        yield f"{of}uniformity Ul", "min/max of the light", lane["along"], "", ">=", along_lane
         yield f"{of}glare TI", "threshold increment", lane["glare"], "%", "<=", glare
     for side, value in zip(("right", "left"), found["edges"], strict=True):
         yield f"{side} edge ratio", "ratio of means", value, "", ">=", edge

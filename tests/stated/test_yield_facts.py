@@ -72,7 +72,7 @@ def test_bounds_are_those_of_the_spec(study: Any) -> None:
                 start = f"{led}road {number}: lane {lane}: "
                 mean, glare = (bounds[f"{start}{words}"] for words in ("mean luminance: light", GLARE_WORDS))
                 assert (mean, glare) == ((">=", road["mean_cd_per_m2"]), ("<=", road["glare_percent"]))
-        assert bounds[f"{led}limits.0: light over its maximum"] == ("<=", 0.55)
+        assert bounds[f"{led}limits.0: light relative to its maximum"] == ("<=", 0.55)
     assert len(bounds) == 21 * len(study.prefixes)
 
 
@@ -105,7 +105,7 @@ def expected_first(study: Any, fact: Fact, group: Group) -> Expected:
     if fact.key == "main_cause":
         return expected_cause(study, fact, group)
     if fact.key == "passes_with":
-        led = f"{fact.label.removeprefix('Parts that pass with ')}: "
+        led = f"{fact.label.removeprefix('Yield with ')}: "
         own = [bound for bound in study.parts.bounds if bound["metric"].startswith(led)]
         return Expected(100.0 * study.parts.passing(own).mean(), 1e-9, "%")
     values = {"parts": PARTS, "rays": RAYS * len(study.prefixes)}
@@ -123,7 +123,7 @@ def expected_cause(study: Any, fact: Fact, group: Group) -> Expected:
     assert parts.failing_first().index(name) < 4
     found, certain, _ = parts.shares(parts.table[name], parts.errors[name])
     if not certain:
-        return Expected("none stands out of so few parts")
+        return Expected("not significant with so few parts")
     share, error = found[certain[0]]
     return Expected(100.0 * share, NEAR, "%", 100.0 * error, NEAR)
 
@@ -172,7 +172,7 @@ def test_every_fact_of_a_yield(study: Any) -> None:
 
 
 def wrong_causes(study: Any, group: Group) -> Iterator[str]:
-    """The three leading causes that are certain, and several together where they stand out."""
+    """The three leading causes that are certain, and interactions where they stand out."""
     parts = study.parts
     name = next(each for each in parts.table if made.in_words(each) == group.title)
     found, certain, together = parts.shares(parts.table[name], parts.errors[name])

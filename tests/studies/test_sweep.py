@@ -131,12 +131,7 @@ def test_finished_designs_are_kept_and_new_values_added(swept):
     lens = (folder / content.designs[0].folder / "lens.json").read_bytes()
     again = Designer()
     grown = run_sweep(
-        SPEC,
-        parse_variation("constraints.max_radius_mm=6.5,7", SCALED),
-        folder,
-        again,
-        **SETTINGS,
-        resume=True,
+        SPEC, parse_variation("constraints.max_radius_mm=6.5,7", SCALED), folder, again, **SETTINGS, resume=True
     )
     assert again.made == ["small-7"]
     assert grown.values == (6.5, 7.0, 8.0)

@@ -143,7 +143,7 @@ def _factor(word: str, labels: Labels) -> tuple[float, tuple[str, ...]]:
     if not labels.named and _GENERATION.fullmatch(word):
         return 1.0, (f"its first line names no edition: {word} is taken as a file generation type, not as a factor",)
     return number, (
-        f"candela multiplied by its ballast-lamp photometric factor, {number:g}, as LM-63-{labels.year} asks",
+        f"candela multiplied by its ballast-lamp photometric factor, {number:g}, as LM-63-{labels.year} requires",
     )
 
 

@@ -272,7 +272,7 @@ def coarse_for_roads(file: PhotometricFile) -> Iterator[str]:
     step_deg = float(np.diff(gamma_deg[gamma_deg <= 90.0]).max(initial=0.0))
     if step_deg > ROAD_STEP_DEG * (1.0 + 1e-6):
         yield (
-            f"its steps of gamma are up to {step_deg:g} degrees, CIE 140 asks for {ROAD_STEP_DEG:g} at most: glare may "
+            f"its steps of gamma are up to {step_deg:g} degrees, CIE 140 requires {ROAD_STEP_DEG:g} at most: glare may "
             "be off by a tenth; export it with finer steps"
         )
 

@@ -199,8 +199,8 @@ def ray_set_warnings(sums: RaySums, placed: bool) -> Iterator[str]:
             yield f"{words}, away from a lens on +z: check the axes"
     if sums.effective_rays < FEWEST_EFFECTIVE_RAYS:
         yield (
-            f"{sums.effective_rays:.0f} effective rays: a lens fits the noise of fewer than {FEWEST_EFFECTIVE_RAYS} "
-            "and is worse in other light than in the rays that it is designed with; ask for a larger file"
+            f"{sums.effective_rays:.0f} effective rays: with fewer than {FEWEST_EFFECTIVE_RAYS} a lens fits their "
+            "noise, and is worse with other rays of the LED; ask for a larger file"
         )
 
 

@@ -1,0 +1,70 @@
+"""The list of terms: labels of the last screen stand in it, none is stale, and the words that it bans are not used."""
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+
+from page_sources import ROOT
+
+from lensforge.cli import conclusion
+from lensforge.light.receiver_light import METRICS
+from lensforge.verbs import NAMES
+
+TERMS, BANNED = (ROOT / "docs" / "terms.md").read_text(encoding="utf-8").split("## Words not used")
+RECORDS = {"terms", "results", "speed", "accuracy", "published", "nightly", "mutants", "changelog"}
+PAGES = [ROOT / "README.md", *(path for path in ROOT.glob("docs/*.md") if path.stem not in RECORDS)]
+BOLD = set(re.findall(r"\*\*(.+?)\*\*", TERMS)) - {"bold"}
+SCREEN = {*conclusion._LIGHT, *conclusion._FAR_FIELD, *conclusion._LENS, *conclusion._FILES, "thinnest"}
+PLAIN = {"rays", "level", "leak", "kept_start", "kept", "next", "plate_mass"}  # whose labels say all
+
+
+@cache
+def nodes() -> list[ast.AST]:
+    files = sorted((ROOT / "lensforge").rglob("*.py"))
+    return [node for path in files for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+
+
+def start(node: ast.expr) -> str:
+    first = node.values[0] if isinstance(node, ast.JoinedStr) else node
+    return str(first.value).partition("{")[0] if isinstance(first, ast.Constant) else ""
+
+
+@cache
+def labels() -> list[tuple[str, str]]:
+    """Keys and labels of facts, each up to the name of a face, a plane or a tool."""
+    kinds = ("Group", "Fact", "Row", "Fact.measured", "Fact.share")
+    calls = (node for node in nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) in kinds)
+    found = ((start(call.args[0]), start(call.args[1])) for call in calls if len(call.args) > 1)
+    return [*METRICS.items(), *((key, label) for key, label in found if label)]
+
+
+def of_label(term: str, label: str) -> bool:
+    return term == label.rstrip(", ") or (label.endswith(" ") and term.startswith(label))
+
+
+def test_labels_of_the_last_screen_are_terms_and_no_term_is_stale() -> None:
+    told = {key: [label for known, label in labels() if known and key.startswith(known)] for key in SCREEN - PLAIN}
+    assert {key for key in told if any(of_label(term, label) for term in BOLD for label in told[key])} == set(told)
+    assert {term for term in BOLD if not any(of_label(term, label) for _, label in labels())} == set()
+
+
+def texts() -> Iterator[tuple[str, str]]:
+    """Pages, templates, what the program says, and the docstrings of public names."""
+    for path in (*PAGES, *(ROOT / "lensforge").rglob("*.html")):
+        yield path.name, path.read_text(encoding="utf-8")
+    bodies = [node for node in nodes() if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and node.body]
+    documented = {id(node.body[0].value): node for node in bodies if isinstance(node.body[0], ast.Expr)}
+    for node in nodes():
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            of = documented.get(id(node))
+            if of is None or getattr(of, "name", "") in NAMES:
+                yield getattr(of, "name", "a text"), node.value
+
+
+def test_no_banned_word_is_in_use() -> None:
+    words = re.findall(r"`(.+?)`", BANNED)
+    banned = re.compile("|".join(rf"\b{re.escape(word)}(?!\w)" for word in words), re.IGNORECASE)
+    found = [f"{name}: {match[0]} in {text[max(0, match.start() - 40) : match.end() + 20]!r}"
+             for name, text in texts() for match in banned.finditer(re.sub(r"\s+", " ", text))]  # fmt: skip
+    assert len(words) > 20 and found == []
