@@ -149,17 +149,12 @@ class TrimmedFace(Generic[Shape]):
         """Name of its face in the solid."""
         if self.is_flange:
             return RIM_CYLINDER
-        return ring_name(self.name) if self.is_open else optical_name(self.name)
+        return f"{self.name.upper()}_RIM" if self.is_open else optical_name(self.name)
 
 
 def optical_name(name: str) -> str:
     """The name in the solid of the face ``name`` of a lens."""
     return f"OPTICAL_{name.upper()}"
-
-
-def ring_name(name: str) -> str:
-    """The name in the solid of the ring around the opening ``name``."""
-    return f"{name.upper()}_RIM"
 
 
 @dataclass(frozen=True, eq=False)

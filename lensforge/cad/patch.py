@@ -87,7 +87,7 @@ DEGREE = 7
 LEAST_NODES = 72  # resolve what fills the hole of a ring, too
 # Measured on the 14 mm dome of the quickstart: 3 nodes per sigma at the apex leave 0.3 nm and 3 urad, 2 leave 30 nm and
 # 0.2 mrad.
-NODES_PER_SIGMA, _FIRST_PER_SIGMA = 3.0, 1.7
+NODES_PER_SIGMA, FIRST_PER_SIGMA = 3.0, 1.7
 _APRON = 8  # nodes beyond each edge: the ends' error decays by 0.43 a node
 _ANGLE_SPAN = 4.0 * np.arctan(HALF_WIDTH)  # rad, from edge to edge of the chart's square along an axis
 _JET_ORDERS = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
@@ -166,15 +166,9 @@ class Patch:
         return found.reshape(len(orders), *chart.shape[:-1], 3)
 
 
-def first_nodes(detail_rad: float, least: int) -> int:
-    """The node count that is tried first, where as few as a tolerance needs are wanted."""
-    return default_nodes(detail_rad * NODES_PER_SIGMA / _FIRST_PER_SIGMA, least)
-
-
-def default_nodes(detail_rad: float, least: int = LEAST_NODES) -> int:
-    """Nodes that resolve the narrowest feature: ``NODES_PER_SIGMA`` across it at the apex, from ``least`` on."""
-    apex_step = detail_rad / NODES_PER_SIGMA
-    return int(np.clip(np.ceil(1.0 + _ANGLE_SPAN / apex_step), least, MAX_NODES))
+def default_nodes(detail_rad: float, least: int = LEAST_NODES, per_sigma: float = NODES_PER_SIGMA) -> int:
+    """Nodes that resolve the narrowest feature: ``per_sigma`` across it at the apex, from ``least`` on."""
+    return int(np.clip(np.ceil(1.0 + _ANGLE_SPAN * per_sigma / detail_rad), least, MAX_NODES))
 
 
 def node_axis(count: int, apron: int = 0, half_width: float = HALF_WIDTH) -> Float[np.ndarray, " n"]:

@@ -38,7 +38,6 @@ from lensforge.light.receiver_light import (
     WindowSize,
 )
 from lensforge.light.simulation import ReplicateMetrics, TracedLens, lit_mask, simulate, traced_light
-from lensforge.optics.media import Media
 from lensforge.results import Metric
 from lensforge.results.chart import light_unit
 from lensforge.scene.exit_rays import ExitRays
@@ -229,6 +228,7 @@ def receiver_light(
     mask, measure = lit_mask(uniform_region(section.targets, receiver), images), receiver.pixel_measure
     metrics = ReplicateMetrics.of(images, target, mask, received.window / emitted_w).metrics()
     flux, missed = _flux_budget(received, emitted_w)
+    lost = received.by_fate[:, CAUSES:].mean(axis=0) / emitted_w  # in the bodies behind the lens
     colours = None if colour is None or received.colours is None else gaussian3(received.colours, variance)
     unit = light_unit(None, far_field=receiver.is_far)
     width, height, radius = (side if np.isfinite(side) else None for side in astuple(receiver.window))
@@ -251,7 +251,7 @@ def receiver_light(
         possible=_possible(physics, drawn, float(mean.sum()) / emitted_w),
         flux=flux,
         missed_by_cause=missed,
-        lost_in_bodies=_in_bodies(physics.light.media, received, emitted_w),
+        lost_in_bodies=dict(zip((body.name for body in physics.light.media.bodies), lost.tolist(), strict=True)),
         map=mean / measure,
         raw_map=raw / measure,
         target_map=target * mean.sum() / measure,
@@ -265,12 +265,6 @@ def _losses(received: ReceivedFlux, by_way: FluxByWay) -> Float[np.ndarray, "r c
     ended = received.by_fate[:, : len(Fate)] @ (NUMBER_BY_FATE[:, None] == np.arange(len(LOSSES)))
     ended[:, LOSSES.index("beside")] = received.outside + received.by_fate[:, MISSED_RECEIVER]
     return np.concatenate([ended, by_way.leaked()], axis=1)
-
-
-def _in_bodies(media: Media, received: ReceivedFlux, emitted_w: float) -> dict[str, float]:
-    """Share of the emitted flux that is lost in each of the bodies of ``media``, by name."""
-    lost = received.by_fate[:, CAUSES:].mean(axis=0) / emitted_w
-    return {body.name: float(share) for body, share in zip(media.bodies, lost, strict=True)}
 
 
 def _share_in_target(received: ReceivedFlux, emitted_w: float) -> Metric:

@@ -353,10 +353,11 @@ def road_facts(road: RoadJudgement) -> Group:
     for driver in road.drivers if by_luminance else ():
         words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
-    facts += facts_of(road, _ROAD, q0=f"{road.q0:.3g}", s1=_s1_words(road.s1))
+    facts += facts_of(road, _ROAD, q0=f"{road.q0:.3g}", s1=_TOO_SHORT if road.s1 is None else f"{road.s1:.3g}")
     return Group("road", road.name, tuple(facts))
 
 
+_TOO_SHORT = "not known: its table ends before tan γ = 2; light from beyond is ignored"
 _ROAD = (
     Row("road_lx", "Mean illuminance", "mean_lx"),
     Row("road_least_lx", "Minimum illuminance", "least_lx"),
@@ -364,11 +365,6 @@ _ROAD = (
     Row("power_density", "Power density D_P", "power_density"),
     Row("yearly_energy", "Annual energy D_E", "yearly_energy"),
 )
-
-
-def _s1_words(s1: float | None) -> str:
-    short = "not known: its table ends before tan γ = 2; light from beyond is ignored"
-    return short if s1 is None else f"{s1:.3g}"
 
 
 def spacing_fact(held: HeldSpacing | None) -> Fact:

@@ -50,7 +50,8 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
     drivers = tuple(_drivers(readings, read))
     least_lx, uniformity_lx = read.figure("light", ">=", "lx", kept), read.figure("min_over_mean", ">=", "", kept)
     right, left = (read.figure("ratio", ">=", "", edge) for edge in readings.edges)
-    area = road.width_m * road.pole_spacing_m / _lamps_of(road)
+    lamps = 2 if road.arrangement in ("opposite", "staggered") else 1  # of two on a median one lights another road
+    area = road.width_m * road.pole_spacing_m / lamps
     return RoadJudgement(
         name=name,
         lighting_class=road.lighting_class,
@@ -105,11 +106,6 @@ def _drivers(readings: RoadReadings, read: _Reader) -> Iterator[SeenRoad]:
             luminance_per_lux=read.figure("ratio", ">=", "cd/m²/lx", CandelaSum.joined((seen.mean(), lux))),
             veiling_ratio=read.figure("veiling_ratio", "<=", "", glaring) if road.by_rp8 else None,
         )
-
-
-def _lamps_of(road: RoadSection) -> int:
-    """Lamps whose power one field takes; of two on a median the second lights another road."""
-    return 2 if road.arrangement in ("opposite", "staggered") else 1
 
 
 def _power_density(lamp_w: float | None, mean_lx: Metric, area_m2: float) -> Metric | None:

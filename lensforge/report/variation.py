@@ -58,7 +58,8 @@ class Variation:
         if self.scaled:
             before = _number(base, self.field)
             changes |= {field: _number(base, field) * value / before for field in self.scaled}
-        return Variant(value, changes, base.replace(changes, name=variant_name(base.name, value)))
+        name = joined_name(base.name, f"{value:g}".replace("+", ""))  # of a folder, too
+        return Variant(value, changes, base.replace(changes, name=name))
 
 
 ONE_FOR_ALL = "one_for_all"  # the design of a spec for all of its LEDs, beside one for each
@@ -147,11 +148,6 @@ def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
     except ValueError:
         raise InputError(f"--vary {text}: give section.field=value,value,... with numbers as values") from None
     return variation_of(field, values, scaled)
-
-
-def variant_name(name: str, value: float) -> str:
-    """Name of a design and of its folder: the spec's name and the value, in characters that a spec's name may have."""
-    return joined_name(name, f"{value:g}".replace("+", ""))
 
 
 def _value(spec: Spec, field: str) -> object:

@@ -182,7 +182,8 @@ def _connected_by_dask(address: str) -> Iterator[Cluster]:
                 raise OSError(f"it is a {kind}")
             client = Client(address, timeout=_SECONDS, set_as_default=False)
         except Exception as error:  # of sockets, of TLS, of whatever else speaks at that port
-            words = f"no Dask scheduler answers ({_first_line(error)}); `dask scheduler` starts one"
+            first = (str(error).splitlines() or [type(error).__name__])[0][:120]
+            words = f"no Dask scheduler answers ({first}); `dask scheduler` starts one"
             raise InputError(f"scheduler = {address}: {words}") from None
         with client:
             yield Cluster(client, address)
@@ -199,10 +200,6 @@ async def _kind(address: str) -> str:
         return str((await comm.read())["type"])
     finally:
         comm.abort()
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:120]
 
 
 @contextmanager

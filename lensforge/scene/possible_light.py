@@ -278,9 +278,8 @@ class PossibleLight:
         refracted = float(self._lamps.mean([self._refracted(*each) for each in regions]))
         if self.light.round_by is None:
             return LargestShare(held, refracted, by)
-        return LargestShare(
-            held, refracted, by, most * float(self._lamps.mean([self._of_images(*each) for each in regions]))
-        )
+        images = [images_in_common(self.light.round_by, *self._arc(*each)) for each in regions]
+        return LargestShare(held, refracted, by, most * float(self._lamps.mean(images)))
 
     def _refracted(
         self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]
@@ -298,12 +297,6 @@ class PossibleLight:
             return False
         arcs = zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True)
         return all(self._arc(*each)[1] < 0.5 * np.pi for each in arcs)
-
-    def _of_images(
-        self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]
-    ) -> float:
-        """Share of the images of a region under the symmetry of round light that a ray reaches at most."""
-        return images_in_common(self.light.round_by or "none", *self._arc(receiver, corners, pixels))
 
     def _arc(
         self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]

@@ -309,15 +309,10 @@ def steps_along(road: RoadSection) -> Points:
     return (np.arange(count) + 0.5) * (road.pole_spacing_m / count)
 
 
-def steps_across(road: RoadSection) -> Points:
-    """Places of the points of the luminance across the road."""
-    count = _STANDARDS[road.standard].across_of_lane * road.lanes
-    return (np.arange(count) + 0.5) * (road.width_m / count)
-
-
 def _views(road: RoadSection) -> tuple[list[DriverView], tuple[Points, ...]]:
     """Each observer, and y of the rows that it sees: all, or by RP-8 those in the lanes of its direction."""
-    y = steps_across(road)
+    count = _STANDARDS[road.standard].across_of_lane * road.lanes
+    y = (np.arange(count) + 0.5) * (road.width_m / count)
     if not road.by_rp8:
         views = [DriverView(road, lane) for lane in range(road.lanes)]
         return views, (y,) * len(views)

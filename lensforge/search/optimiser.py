@@ -335,7 +335,8 @@ def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> Search
     """The lens of a search that has taken all its ``stages``, the first of which judged its ``start``."""
     problems, state, first, levels = descent.problems, descent.state, stages[0], stages[-1].levels
     if problems.spec.lens.levels == "auto":
-        levels = _levels_of(levels, len(state.weights))
+        # those that have so many weights: the last one may have been left out at the very end
+        levels = levels[: list(accumulate(levels)).index(len(state.weights)) + 1]
     even = any(stage.uniform for stage in stages)
     candidates = Candidates(descent.validation, even, descent.seed, descent.accuracy)
     begin = _parameters_of(problems.of(first.levels), start)
@@ -346,11 +347,6 @@ def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> Search
 def _parameters_of(problem: Problem, start: Lens | None) -> Parameters:
     own = problem.parametrisation
     return Parameters(*(own.start() if start is None else own.parameters_of(start)))
-
-
-def _levels_of(levels: tuple[int, ...], weights: int) -> tuple[int, ...]:
-    """The first of ``levels`` that have so many weights: the last one may have been left out at the very end."""
-    return levels[: list(accumulate(levels)).index(weights) + 1]
 
 
 def _design(

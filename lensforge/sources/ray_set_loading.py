@@ -233,7 +233,8 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     origin_mm = _origin_mm(spec, figures.focus_mm, ", ".join(part.name for part in parts))
     rays = changed(rays, lambda some: placed(some, origin_mm, spec))
     at_place = RaySums.of(rays)
-    index_range = _whole_range(parts)
+    ranges = [(part.index_range, part.flux.flux_w) for part in parts if part.index_range is not None]
+    index_range = joined_range(ranges) if ranges else None
     files = [part.file for part in parts if part.file is not None]
     summary = SourceSummary(
         title=spec.title,
@@ -258,12 +259,6 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     if index_range is not None:
         summary = summary.changed(**index_range.fields())
     return RaySetEmitter(rays, flux_w, summary, pose=spec.pose)
-
-
-def _whole_range(parts: Sequence[_Loaded]) -> IndexRange | None:
-    """Indices at the wavelengths of all parts; None where they have none."""
-    known = [(part.index_range, part.flux.flux_w) for part in parts if part.index_range is not None]
-    return joined_range(known) if known else None
 
 
 def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.ndarray, " 3"]:
