@@ -13,8 +13,8 @@ from lensforge.light.reference_trace import as_arrays, trace_reference
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import Media
 from lensforge.optics.pose import Pose
-from lensforge.scene.as_made import AsMade
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.made_part import AsMade
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import Landings
 from lensforge.scene.receiver_shapes import Plane

@@ -58,7 +58,9 @@ def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...], *, split: 
     chains = [_split(arc, patch.nodes) if split else [(arc.start, arc.end)] for arc in arcs]
 
     def rim(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-        return _rim_points(patch, azimuths)
+        points = patch.points(rim_directions(azimuths)[:, :2])
+        points[:, 2] = 0.0  # from which it differs by less than its form error
+        return points
 
     curves = [[(_spline_along(rim, ends, patch.nodes), (unit_circle,)) for ends in chain] for chain in chains]
     return _chains(chains, curves, rim, gap, (face_surface,))
@@ -349,13 +351,6 @@ def _curve(spline: BSpline) -> Any:
     for k, point in enumerate(spline.c.round(_DECIMALS).tolist(), start=1):
         poles.SetValue(k, (gp_Pnt if of_space else gp_Pnt2d)(*point))
     return (Geom_BSplineCurve if of_space else Geom2d_BSplineCurve)(poles, *_knots(spline.t), DEGREE)
-
-
-def _rim_points(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-    """The patch's rim with z set to 0, from which it differs by less than its form error."""
-    points = patch.points(rim_directions(azimuths)[:, :2])
-    points[:, 2] = 0.0
-    return points
 
 
 def _knots(knots: Float[np.ndarray, " k"]) -> tuple[Any, Any]:

@@ -12,7 +12,7 @@ from lensforge.results import Record
 from lensforge.results.files import require_regular_file, require_writable
 from lensforge.results.numerals import NOTHING, unit_suffix, with_unit
 from lensforge.sources.photometric.ies_labels import NEWEST, require_ies_version
-from lensforge.sources.photometric.photometric_conversion import convert_photometric
+from lensforge.sources.photometric.photometric_io import convert_photometric
 from lensforge.sources.photometric.photometric_summary import holds_far_field, summarise_photometric
 
 _PLOT_SUFFIXES = (".png", ".svg", ".pdf")

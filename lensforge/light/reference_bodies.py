@@ -16,8 +16,8 @@ from lensforge.optics.dielectric import unpolarised_fields
 from lensforge.optics.face_roles import BODY, OUTSIDE
 from lensforge.optics.media import Media, Mirror, SecondaryOptic
 from lensforge.optics.pose import FacePoses, Pose
-from lensforge.scene.as_made import AsMade
 from lensforge.scene.body import Chain
+from lensforge.scene.made_part import AsMade
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.surface import Surface
 

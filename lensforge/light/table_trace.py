@@ -18,9 +18,9 @@ from lensforge.light.passage import BodyPassage
 from lensforge.light.secondary_optics import TWO_FACES, before_optics, polarised, through_optics
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media
-from lensforge.scene.as_made import AsMade, Roughness
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
+from lensforge.scene.made_part import AsMade, Roughness
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 

@@ -1,6 +1,5 @@
 """Validation shared by records and specs: pydantic errors as one line, and equality bit for bit."""
 
-import re
 from collections.abc import Collection, Mapping
 from functools import cache
 from pathlib import Path
@@ -85,15 +84,6 @@ def shortened(text: str, most: int = _MOST_CHARACTERS) -> str:
     """``text`` as part of a message: what cannot be printed as "?", and no more than ``most`` characters."""
     text = "".join(character if character.isprintable() else "?" for character in text[: most + 1])
     return text if len(text) <= most else f"{text[: most - 3]}..."
-
-
-def unquoted(error: ValueError) -> str:
-    """The message of NumPy's reader of text with its row and column, without the word that was no number.
-
-    The file may be another than the user meant, whose content is nobody's business.
-    """
-    text = re.sub(r"could not convert string .* to float64", "no number", str(error), flags=re.DOTALL)
-    return shortened(" ".join(text.split()), 120)
 
 
 def its_type(value: object) -> str:

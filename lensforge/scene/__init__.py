@@ -10,5 +10,5 @@
 - ``exit_rays.ExitRays``: rays that leave the lens
 - ``perturbations.Draws``: errors of parts, drawn
 - ``made_part.MadePart``: a part with its errors
-- ``as_made.AsMade``: tilts, shifts and form errors along a ray
+- ``made_part.AsMade``: tilts, shifts and form errors along a ray
 """

@@ -16,8 +16,8 @@ from lensforge.kernels.precision import DOUBLE_PRECISION, SINGLE_PRECISION, ByPr
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media, Medium
 from lensforge.optics.pose import Pose
-from lensforge.scene.as_made import AsMade
 from lensforge.scene.exit_rays import Sensitivities
+from lensforge.scene.made_part import AsMade
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 

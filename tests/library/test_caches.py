@@ -26,9 +26,9 @@ from lensforge.light.secondary_optics import tabled
 from lensforge.optics.coatings import coating_tables, least_reflectance, reflectance_of
 from lensforge.optics.exit_space import ExitColumn, _on_level
 from lensforge.optics.media import Media, Medium, ReflectanceTable, SecondaryOptic
-from lensforge.scene.as_made import _noise
 from lensforge.scene.lamp_pictures import _pictures
 from lensforge.scene.lens import Lens, load_lens
+from lensforge.scene.made_part import _noise
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.road_surface import RoadSurface
 from lensforge.scene.target_pattern import target_light
@@ -106,7 +106,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
         lambda *all_: _on_level(*all_)[1],
         [(ExitColumn(5.0, ((0.0, 2.0),)), 50.0), (ExitColumn(5.5, ((0.0, 2.0),)), 50.0),
          (ExitColumn(5.0, ((0.0, 2.0),)), 60.0), (ExitColumn(5.0, ((0.0, 2.5),)), 50.0)]),
-    "scene.as_made._noise": (_noise, [(9, 2), (10, 2), (9, 3)]),
+    "scene.made_part._noise": (_noise, [(9, 2), (10, 2), (9, 3)]),
     "scene.lamp_pictures._pictures": (
         lambda each: [raster.receiver.pose.origin_mm for raster in _pictures(each).rasters],
         [(receiver(),), (receiver({**ROW, "places_mm": [[-30.0, 0.0], [40.0, 0.0]]}),),

@@ -16,7 +16,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
 from lensforge.optics.pose import Pose
-from lensforge.scene.as_made import AsMade
+from lensforge.scene.made_part import AsMade
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid

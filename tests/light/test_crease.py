@@ -15,8 +15,8 @@ from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.pose import Pose
-from lensforge.scene.as_made import AsMade
 from lensforge.scene.body import Body, Face
+from lensforge.scene.made_part import AsMade
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver_shapes import FarField
 from lensforge.search.collected_light import collected

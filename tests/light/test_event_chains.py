@@ -15,9 +15,9 @@ from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.optics.media import CoatingLayer, CoverGlass, FaceCoating, IndexCurve, LayerStack, ReflectanceTable
 from lensforge.optics.pose import Pose
-from lensforge.scene.as_made import AsMade
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import Sensitivities
+from lensforge.scene.made_part import AsMade
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.reciprocal import ConeFace, PlaneFace

@@ -11,7 +11,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import CoverGlass, FaceCoating, Medium, ReflectanceTable, SecondaryOptic
 from lensforge.optics.pose import Pose
-from lensforge.scene.as_made import AsMade
+from lensforge.scene.made_part import AsMade
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 

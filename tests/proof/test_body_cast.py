@@ -12,7 +12,7 @@ from lensforge.optics.media import CoverGlass, Medium
 from lensforge.optics.pose import Pose
 from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.optical_faces import PlateOfLenses
-from lensforge.scene.as_made import AsMade
+from lensforge.scene.made_part import AsMade
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate

@@ -11,8 +11,8 @@ import pytest
 
 from lensforge.sources.photometric import PhotometricFile, read_photometric
 from lensforge.sources.photometric.opening import LuminousOpening
-from lensforge.sources.photometric.photometric_conversion import convert_photometric
 from lensforge.sources.photometric.photometric_file import LampSet
+from lensforge.sources.photometric.photometric_io import convert_photometric
 
 IES = """IES:LM-63-2019
 [TEST] report 7

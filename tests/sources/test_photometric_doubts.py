@@ -8,7 +8,7 @@ import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.light.road_judgement import of_file
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.photometric.photometric_conversion import convert_photometric
+from lensforge.sources.photometric.photometric_io import convert_photometric
 
 PLANES = {90: (300, 200, 100, 280), 120: (300, 150, 240)}  # cd at gamma 45 by the step of C; 300 at 0, 0 at 90
 

@@ -15,8 +15,8 @@ from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, write_photometric
-from lensforge.sources.photometric.photometric_conversion import convert_photometric
 from lensforge.sources.photometric.photometric_file import LampSet
+from lensforge.sources.photometric.photometric_io import convert_photometric
 from lensforge.sources.photometric.photometric_summary import PhotometricSummary
 
 GAMMA = np.linspace(0.0, 180.0, 361)

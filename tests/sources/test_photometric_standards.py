@@ -12,8 +12,8 @@ import lensforge as lf
 from lensforge.sources.build_source import build_source
 from lensforge.sources.photometric import read_photometric, write_photometric
 from lensforge.sources.photometric.opening import LuminousOpening
-from lensforge.sources.photometric.photometric_conversion import convert_photometric
 from lensforge.sources.photometric.photometric_file import SIMULATED, UNDEFINED, generation_code, generation_title
+from lensforge.sources.photometric.photometric_io import convert_photometric
 
 VERSIONS = (2002, 2019)
 FIRST = {2002: "IESNA:LM-63-2002", 2019: "IES:LM-63-2019"}

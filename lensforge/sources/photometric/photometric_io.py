@@ -1,23 +1,29 @@
-"""Reading and writing of photometric files; the format is recognised by the content.
+"""Reading, writing and conversion of photometric files; the format is recognised by the content.
 
-Encoding, line ends and end marks vary by program and age.
+Encoding, line ends and end marks vary by program and age. The account of a conversion goes through the fields of the
+record: what a format states, and the other has no place for, is listed.
 """
 
 import re
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 
 from lensforge.errors import InputError
+from lensforge.results import Count, Record, Text
 from lensforge.results.files import MIB, read_file, replacing
 from lensforge.results.text_dialect import decoded
+from lensforge.results.validation import shortened
 from lensforge.sources.photometric import ies
 from lensforge.sources.photometric.eulumdat import FORMAT as EULUMDAT
 from lensforge.sources.photometric.ies import FORMAT as IES
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
-from lensforge.sources.photometric.photometric_file import PhotometricFile, PhotometricFormat
+from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
+from lensforge.sources.photometric.photometric_file import UNDEFINED, LampSet, PhotometricFile, PhotometricFormat
 from lensforge.sources.photometric.tm33 import FORMAT as TM33
+from lensforge.sources.photometric.tm33_document import INDEX, KELVIN, whole_in
 
 _LINE_END = re.compile(r"\r*\n|\r")  # Unix, DOS (also with the carriage return doubled), old Macintosh
 _END_OF_TEXT = "\x1a"  # Ctrl-Z, after which DOS reads nothing
@@ -92,3 +98,125 @@ def encoded(path: Path, photometric: PhotometricFile, ies_version: IesVersion = 
         raise InputError(f"{path}: its suffix must be one of {', '.join(_FORMATS)}")
     text = ies.encode(photometric, ies_version) if entry is IES else entry.encode(photometric)
     return text.encode(entry.encoding, "replace")
+
+
+_SAME = 1e-6  # relative: numbers are written with seven digits
+_SAME_STATED = 1e-4  # of numbers of a header
+
+
+class PhotometricConversion(Record):
+    """Conversion of a photometric file: formats, size of the table, and what the new file lost."""
+
+    from_format: Text
+    to_format: Text
+    planes: Count
+    gammas: Count
+    bytes: Count
+    lost: tuple[Text, ...]
+    warnings: tuple[Text, ...]
+
+
+def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersion = NEWEST) -> PhotometricConversion:
+    """Convert ``path_in`` to the format of the suffix of ``path_out``; the new file is read back and compared.
+
+    ``ies_version``: year of LM-63 that an IES file follows.
+    Raises :class:`InputError` for a suffix of another format.
+    """
+    original, warnings = read_photometric(path_in), []
+    kept = replace(
+        original, test=f"{original.test} (converted from {shortened(Path(path_in).name)} by lensforge)".strip()
+    )
+    if Path(path_out).suffix.lower() == ".ldt" and original.absolute:
+        warnings.append(
+            "absolute photometry: the lumens of the luminaire are written as lumens of its lamps, whose number is -1"
+        )
+    elif original.per_1000_lm and Path(path_out).suffix.lower() != ".ldt":
+        warnings.append("the lumens of its lamps are not known: 1000 lm are written, for which its intensities are")
+    write_photometric(path_out, kept, ies_version=ies_version)
+    back = read_photometric(path_out)
+    if not _same_intensities(kept, back):
+        raise InputError(f"{path_out}: its intensities read back are not those of {path_in}; report this")
+    return PhotometricConversion(
+        from_format=original.format,
+        to_format=back.format,
+        planes=max(len(back.intensity.c_deg) - 1, 1),
+        gammas=len(back.intensity.gamma_deg),
+        bytes=Path(path_out).stat().st_size,
+        lost=tuple(_lost(original, back)),
+        warnings=(*original.warnings, *warnings),
+    )
+
+
+def _same_intensities(before: PhotometricFile, after: PhotometricFile) -> bool:
+    """True where both have the same table, to the digits written."""
+    one, other = before.intensity, after.intensity
+    if one.values.shape != other.values.shape:
+        return False
+    peak = float(one.values.max())
+    return bool(
+        np.allclose(one.gamma_deg, other.gamma_deg, rtol=_SAME, atol=1e-9)
+        and np.allclose(one.c_deg, other.c_deg, rtol=_SAME, atol=1e-9)
+        and np.allclose(one.values, other.values, rtol=0.0, atol=_SAME * peak)
+    )
+
+
+def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
+    """List the statements of ``before`` that ``after`` does not make, or makes differently."""
+    if after.test.startswith(before.test):  # which a conversion adds to
+        after = replace(after, test=before.test)
+    after = replace(after, stated_lumens=after.stated_lumens or after.intensity.flux())
+    yield from _differences(before, after)
+    yield from _differences(before.lamps[0], after.lamps[0])
+    others = before.lamps[1:]
+    if others != after.lamps[1:]:
+        yield f"{len(others)} other sets of lamps ({'; '.join(map(str, others))})"
+    left = list(after.others)
+    for entry in before.others:
+        if entry in left:
+            left.remove(entry)
+        else:
+            yield f"{entry[0]} ({shortened(entry[1])})" if entry[1] else entry[0]
+    if before.photometric_type != after.photometric_type:
+        yield f"photometric type {before.photometric_type}: the angles are now of type {after.photometric_type}"
+
+
+def _differences(before: PhotometricFile | LampSet, after: PhotometricFile | LampSet) -> Iterator[str]:
+    """Statements of the fields of ``before``, by their words, where those of ``after`` state another thing."""
+    for field in fields(before):
+        words, had, has = field.metadata.get("words"), getattr(before, field.name), getattr(after, field.name)
+        if not words or not had or had in (UNDEFINED, _UNSTATED.get(field.name)) or _same(had, has, field.name):
+            continue
+        if isinstance(had, tuple) and isinstance(had[0], str):
+            yield from (f"{words} ({shortened(each)})" for each in had if each not in has)
+        elif isinstance(had, tuple):
+            yield f"{words} ({', '.join(f'{each:.6g}' for each in had)})"
+        elif had is True:
+            yield words
+        else:
+            yield f"{words} ({had:.6g})" if isinstance(had, float) else f"{words} ({had})"
+
+
+# Values of fields that state nothing.
+_UNSTATED = {"ballast_factor": 1.0, "opening": NO_OPENING, "housing_mm": (0.0, 0.0, 0.0)}
+_WHOLE = {"colour": KELVIN, "rendering": INDEX}  # texts that TM-33 has as numbers
+
+
+def _same(had: object, has: object, name: str) -> bool:
+    """True where two values say the same: numbers to the digits of a header, texts that are numbers in TM-33 so."""
+    if isinstance(had, LuminousOpening) and isinstance(has, LuminousOpening):
+        return had.shape == has.shape and _close(_sizes(had), _sizes(has))
+    if name in _WHOLE and isinstance(had, str) and isinstance(has, str):
+        return had == has or "" != whole_in(had, _WHOLE[name]) == whole_in(has, _WHOLE[name])
+    if isinstance(had, float) and isinstance(has, float):
+        return _close((had,), (has,))
+    if isinstance(had, tuple) and isinstance(has, tuple) and not isinstance(had[0], str):
+        return _close(had, has)
+    return had == has
+
+
+def _sizes(opening: LuminousOpening) -> tuple[float, ...]:
+    return (opening.width_mm, opening.length_mm, *opening.heights_mm)
+
+
+def _close(had: tuple[float, ...], has: tuple[float, ...]) -> bool:
+    return len(had) == len(has) and np.allclose(had, has, rtol=_SAME_STATED, atol=1e-9)
