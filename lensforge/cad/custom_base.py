@@ -11,6 +11,11 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
+from OCP.Bnd import Bnd_Box
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Fuse
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.TopoDS import TopoDS
 
 from lensforge.cad.boundary import optical_name
 from lensforge.cad.mesh import BodyMesh, manifold_of
@@ -70,8 +75,6 @@ def join_base(body: Solid, base: CustomBase) -> Solid:
 
     Raises :class:`InputError` where the base does not touch the lens, or covers or closes the cavity.
     """
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
-
     _require_placement(body, base)
     added = base.solid
     union = BRepAlgoAPI_Fuse(body.shape, added.shape)
@@ -98,8 +101,6 @@ def _name_of(face: Any, base: Solid) -> str:
 
 def _pieces(union: Any, face: Any) -> list[Any]:
     """Pieces of ``face`` in the union: the face itself, parts of it, or none where the two solids touch."""
-    from OCP.TopoDS import TopoDS
-
     changed = [TopoDS.Face_s(piece) for piece in union.Modified(face)]
     if changed or union.IsDeleted(face):
         return changed
@@ -127,9 +128,6 @@ def _require_placement(body: Solid, base: CustomBase) -> None:
 
 
 def _top_mm(base: Solid) -> float:
-    from OCP.Bnd import Bnd_Box
-    from OCP.BRepBndLib import BRepBndLib
-
     box = Bnd_Box()
     BRepBndLib.AddOptimal_s(base.shape, box, False, False)
     return float(box.CornerMax().Z())
@@ -138,7 +136,6 @@ def _top_mm(base: Solid) -> float:
 def _common_area(face: Any, base: Solid) -> float:
     """Area (mm^2) of ``face`` that lies in or on the base."""
     import cadquery as cq
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
 
     common = BRepAlgoAPI_Common(face, base.shape)
     return float(sum(piece.Area() for piece in cq.Shape.cast(common.Shape()).Faces()))
@@ -178,7 +175,6 @@ def mesh_of_base(path: Path, chord_mm: float = 1e-2) -> tuple[Float[np.ndarray, 
 def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
     """Vertices and triangles by the CAD kernel, face by face, equal vertices on shared edges merged."""
     import cadquery as cq
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
     BRepMesh_IncrementalMesh(base.shape, chord_mm, False, _ANGLE_RAD)
     points: list[tuple[float, float, float]] = []

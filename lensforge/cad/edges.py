@@ -12,6 +12,26 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepBuilderAPI import (
+    BRepBuilderAPI_MakeEdge,
+    BRepBuilderAPI_MakeFace,
+    BRepBuilderAPI_MakeVertex,
+    BRepBuilderAPI_MakeWire,
+    BRepBuilderAPI_Transform,
+)
+from OCP.BRepFill import BRepFill_Generator
+from OCP.BRepGProp import BRepGProp_Face
+from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
+from OCP.BRepTools import BRepTools
+from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface, Geom_Circle, Geom_Line
+from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Circle
+from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax2d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
+from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
+from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
+from OCP.TopExp import TopExp
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Vertex
 from scipy.interpolate import BSpline, make_interp_spline
 
 from lensforge.cad.boundary import Crease
@@ -32,10 +52,6 @@ _SPANS_PER_EDGE = 24
 
 def geom_surface(patch: Patch) -> Any:
     """``Geom_BSplineSurface`` of a patch: the same control points, knots and parameters."""
-    from OCP.Geom import Geom_BSplineSurface
-    from OCP.gp import gp_Pnt
-    from OCP.TColgp import TColgp_Array2OfPnt
-
     poles = TColgp_Array2OfPnt(1, len(patch.control), 1, len(patch.control))
     for row, points in enumerate(patch.control.tolist(), start=1):
         for column, (x, y, z) in enumerate(points, start=1):
@@ -49,9 +65,6 @@ def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...], *, split: 
 
     ``split``: long arcs are split, so that each edge has few spans; arcs between crossings may be too shallow for it.
     """
-    from OCP.Geom2d import Geom2d_Circle
-    from OCP.gp import gp_Ax2d, gp_Dir2d, gp_Pnt2d
-
     unit_circle = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), 1.0)
     azimuths = np.linspace(0.0, FULL_TURN, int(4 * _RIM_NODES_PER_NODE * patch.nodes))
     gap = float(np.abs(patch.points(rim_directions(azimuths)[:, :2])[:, 2]).max())
@@ -104,12 +117,6 @@ def _columns(spline: BSpline, first: int, count: int) -> BSpline:
 
 def circle_edge(radius_mm: float, height_mm: float, on: tuple[Patch, Any] | None = None) -> Any:
     """A circle about the axis as an edge, also ``on`` a patch and its surface that hold it."""
-    from OCP.BRep import BRep_Builder
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
-    from OCP.Geom2d import Geom2d_Circle
-    from OCP.gp import gp_Ax2d, gp_Dir2d, gp_Pnt2d
-    from OCP.TopLoc import TopLoc_Location
-
     made = BRepBuilderAPI_MakeEdge(_piece_curve(Piece(0.0, FULL_TURN, radius_mm), -height_mm)).Edge()
     if on is not None:
         (patch, surface), chart = on, float(np.tan(0.5 * np.arctan2(radius_mm, height_mm)))
@@ -143,10 +150,6 @@ def _chains(
 
     ``gap``: the largest distance (mm) between the curves in space and those on the surfaces.
     """
-    from OCP.BRep import BRep_Builder
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
-    from OCP.TopLoc import TopLoc_Location
-
     tolerance = _tolerance_mm(gap)
     starts = [start for chain in chains for start, _ in chain]
     vertices = dict(zip(starts, _corners(points(np.array(starts)), tolerance), strict=True))
@@ -177,10 +180,6 @@ def outline_edges(outline: Outline, depth_mm: float, rims: list[list[Any]], arcs
 
     Where the rim crosses the outline (more than one arc) they share the vertices at which the chains of ``rims`` begin.
     """
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVertex
-    from OCP.gp import gp_Pnt
-    from OCP.TopExp import TopExp
-
     crossings = [arc.start for arc in arcs] if len(arcs) > 1 else []
     vertices = {start: TopExp.FirstVertex_s(rim[0]) for start, rim in zip(crossings, rims, strict=False)}
     if not crossings and len(outline.pieces) == 1:
@@ -202,9 +201,6 @@ def outline_edges(outline: Outline, depth_mm: float, rims: list[list[Any]], arcs
 
 def _piece_curve(piece: Piece, depth_mm: float) -> Any:
     """A circle whose parameter is the azimuth, or a line whose parameter is the length from its foot."""
-    from OCP.Geom import Geom_Circle, Geom_Line
-    from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
-
     if piece.normal is None:
         return Geom_Circle(gp_Ax2(gp_Pnt(0.0, 0.0, -depth_mm), gp_Dir(0.0, 0.0, 1.0)), piece.distance_mm)
     x, y = float(np.cos(piece.normal)), float(np.sin(piece.normal))
@@ -213,8 +209,6 @@ def _piece_curve(piece: Piece, depth_mm: float) -> Any:
 
 def wire(edges: list[Any]) -> Any:
     """The wire through a chain of edges."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeWire
-
     maker = BRepBuilderAPI_MakeWire()
     for edge in edges:
         maker.Add(edge)
@@ -229,8 +223,6 @@ def walls_below(name: str, edges: Chain, depth_mm: float, scale: float = 1.0) ->
 
 def walls_between(edges: Chain, foot: Any) -> list[Any]:
     """Walls from closed ``edges`` to a wire of as many, one for each: planes, cones, or ruled surfaces."""
-    from OCP.BRepFill import BRepFill_Generator
-
     made = BRepFill_Generator()
     made.AddWire(wire(edges))
     made.AddWire(foot)
@@ -241,21 +233,12 @@ def walls_between(edges: Chain, foot: Any) -> list[Any]:
 
 def _flattened(face: Any) -> Any:
     """The face on a plane where its edges lie in one: ruled faces are splines."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-    from OCP.BRepTools import BRepTools
-
     made = BRepBuilderAPI_MakeFace(BRepTools.OuterWire_s(face), True)
     return made.Face() if made.IsDone() else face
 
 
 def walls_and_foot(edges: Chain, depth_mm: float, scale: float) -> tuple[list[Any], Any]:
     """Walls down by ``depth_mm`` (up where it is negative), one for each edge, and the wire at their foot."""
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
-    from OCP.gp import gp_Pnt, gp_Trsf, gp_Vec
-    from OCP.TopoDS import TopoDS
-
     if scale != 1.0:
         about_apex, top = gp_Trsf(), BRep_Tool.Pnt_s(parts_of(edges[0], "VERTEX")[0]).Z()
         about_apex.SetScale(gp_Pnt(0.0, 0.0, top + depth_mm / (scale - 1.0)), scale)
@@ -268,9 +251,6 @@ def walls_and_foot(edges: Chain, depth_mm: float, scale: float) -> tuple[list[An
 
 def moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:
     """The location of what stands at ``place`` (mm), turned about its axis."""
-    from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
-    from OCP.TopLoc import TopLoc_Location
-
     turned, moved = gp_Trsf(), gp_Trsf()
     turned.SetRotation(gp_Ax1(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(0.0, 0.0, 1.0)), radians(turn_deg))
     moved.SetTranslation(gp_Vec(*place, 0.0))
@@ -279,17 +259,11 @@ def moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:
 
 def face_at(face: Any, there: Any) -> Any:
     """A face at a location."""
-    from OCP.TopoDS import TopoDS
-
     return TopoDS.Face_s(face.Moved(there))
 
 
 def copies_at(shapes: list[Any], there: Any) -> list[Any]:
     """New shapes at a location, which share what ``shapes`` share: in STEP a cone that is moved alone has no name."""
-    from OCP.BRep import BRep_Builder
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-    from OCP.TopoDS import TopoDS_Compound
-
     builder, whole = BRep_Builder(), TopoDS_Compound()
     builder.MakeCompound(whole)
     for shape in shapes:
@@ -300,10 +274,6 @@ def copies_at(shapes: list[Any], there: Any) -> list[Any]:
 
 def normal_at(face: Any, place: tuple[float, float] | None = None) -> tuple[Any, Any]:
     """Point (gp_Pnt) and normal (gp_Vec, of any length) of a face at its parameters, by default in their middle."""
-    from OCP.BRepGProp import BRepGProp_Face
-    from OCP.BRepTools import BRepTools
-    from OCP.gp import gp_Pnt, gp_Vec
-
     point, normal, (u_low, u_high, v_low, v_high) = gp_Pnt(), gp_Vec(), BRepTools.UVBounds_s(face)
     BRepGProp_Face(face).Normal(*(place or ((u_low + u_high) / 2.0, (v_low + v_high) / 2.0)), point, normal)
     return point, normal
@@ -311,17 +281,11 @@ def normal_at(face: Any, place: tuple[float, float] | None = None) -> tuple[Any,
 
 def wire_at(boundary: Any, there: Any) -> Any:
     """A wire at a location."""
-    from OCP.TopoDS import TopoDS
-
     return TopoDS.Wire_s(boundary.Moved(there))
 
 
 def _corners(points: Float[np.ndarray, "n 3"], tolerance: float) -> list[Any]:
     """A vertex at each of the points (mm)."""
-    from OCP.BRep import BRep_Builder
-    from OCP.gp import gp_Pnt
-    from OCP.TopoDS import TopoDS_Vertex
-
     corners = []
     for point in points.tolist():
         vertex = TopoDS_Vertex()
@@ -341,11 +305,6 @@ def _spline_along(
 
 def _curve(spline: BSpline) -> Any:
     """``Geom_BSplineCurve`` in space, ``Geom2d_BSplineCurve`` in a plane."""
-    from OCP.Geom import Geom_BSplineCurve
-    from OCP.Geom2d import Geom2d_BSplineCurve
-    from OCP.gp import gp_Pnt, gp_Pnt2d
-    from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d
-
     of_space = spline.c.shape[1] == 3
     poles = (TColgp_Array1OfPnt if of_space else TColgp_Array1OfPnt2d)(1, len(spline.c))
     for k, point in enumerate(spline.c.round(_DECIMALS).tolist(), start=1):
@@ -355,8 +314,6 @@ def _curve(spline: BSpline) -> Any:
 
 def _knots(knots: Float[np.ndarray, " k"]) -> tuple[Any, Any]:
     """Distinct knots and their multiplicities, as OCC arrays."""
-    from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
-
     distinct, counts = np.unique(knots, return_counts=True)
     values, multiplicities = TColStd_Array1OfReal(1, len(distinct)), TColStd_Array1OfInteger(1, len(distinct))
     for k, (knot, count) in enumerate(zip(distinct.tolist(), counts.tolist(), strict=True), start=1):

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.cad.custom_base import solids_in, tessellated
 from lensforge.cad.mesh import BodyMesh, manifold_of
 from lensforge.cad.part_limits import KeepOutDistance
 from lensforge.errors import InputError
@@ -70,6 +69,8 @@ def read_keep_out(path: Path) -> KeepOut:
 
 @lru_cache(maxsize=2)
 def _meshed(content: bytes, path: Path) -> KeepOut:
+    from lensforge.cad.custom_base import solids_in, tessellated
+
     solids = solids_in(content, path)
     if not solids:
         raise InputError(f"{path}: holds no solid, a keep-out is one or several; export closed bodies, not surfaces")

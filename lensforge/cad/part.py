@@ -41,6 +41,7 @@ from lensforge.results import (
 from lensforge.results.criteria import Criteria
 from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import quantity
+from lensforge.results.plots import plot_outlines
 from lensforge.scene.lens import Lens
 
 if TYPE_CHECKING:
@@ -190,7 +191,6 @@ class Part(StageResult):
     def plot(self, axes: "Axes | None" = None, *, azimuth_deg: float = 0.0) -> "Axes":
         """The section through the axis at ``azimuth_deg``, to scale. Raises :class:`InputError` unless it is finite."""
         from lensforge.cad.section import body_outlines
-        from lensforge.results.plots import plot_outlines
 
         if not isinstance(azimuth_deg, Real) or not math.isfinite(azimuth_deg):
             raise InputError(f"azimuth_deg = {azimuth_deg!r}: must be a finite number of degrees")

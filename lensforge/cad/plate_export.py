@@ -21,10 +21,7 @@ from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_by
 from lensforge.cad.part_limits import mass_g, mesh_volume_limit, plate_criteria
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_points
-from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
-from lensforge.cad.plate_mesh import build_plate_mesh, lens_meshes
-from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate
-from lensforge.cad.plate_solid import (
+from lensforge.cad.plate_layout import (
     BOSS_BORE,
     BOSS_ROOF,
     PIN_END,
@@ -33,8 +30,13 @@ from lensforge.cad.plate_solid import (
     PLATE_BOTTOM,
     PLATE_HOLE,
     PLATE_SIDE,
-    build_plate_solid,
+    PlateLayout,
+    PlateWall,
+    layout_of,
 )
+from lensforge.cad.plate_mesh import build_plate_mesh, lens_meshes
+from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate
+from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.solid import Shapes, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError

@@ -16,8 +16,7 @@ from lensforge.cad.facets import CHORD_MM, MOST_TRIANGLES
 from lensforge.cad.mesh import BodyMesh, build_mesh
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import RIM, Plan, rim_points
-from lensforge.cad.plate_layout import PlateLayout, RoundWall
-from lensforge.cad.plate_solid import (
+from lensforge.cad.plate_layout import (
     BOSS_BORE,
     BOSS_ROOF,
     PIN_END,
@@ -27,6 +26,8 @@ from lensforge.cad.plate_solid import (
     PLATE_HOLE,
     PLATE_SIDE,
     PLATE_TOP,
+    PlateLayout,
+    RoundWall,
 )
 from lensforge.surfaces.plane_loop import Loop, circle_at, points_on
 

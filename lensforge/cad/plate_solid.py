@@ -11,7 +11,19 @@ from lensforge.cad.edges import Named, face_at, moved, normal_at, walls_below, w
 from lensforge.cad.outline import FULL_TURN, Arc
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan, rim_points
-from lensforge.cad.plate_layout import PlateLayout, RoundWall
+from lensforge.cad.plate_layout import (
+    BOSS_BORE,
+    BOSS_ROOF,
+    PIN_END,
+    PIN_SIDE,
+    PLATE_BORE,
+    PLATE_BOTTOM,
+    PLATE_HOLE,
+    PLATE_SIDE,
+    PLATE_TOP,
+    PlateLayout,
+    RoundWall,
+)
 from lensforge.cad.solid import (
     DOWN,
     FROM_ORIGIN,
@@ -25,9 +37,6 @@ from lensforge.cad.solid import (
     planar_face,
 )
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, circle_at
-
-PLATE_TOP, PLATE_BOTTOM, PLATE_SIDE, PLATE_BORE = "PLATE_TOP", "PLATE_BOTTOM", "PLATE_SIDE", "PLATE_BORE"
-PLATE_HOLE, PIN_SIDE, PIN_END, BOSS_BORE, BOSS_ROOF = "PLATE_HOLE", "PIN_SIDE", "PIN_END", "BOSS_BORE", "BOSS_ROOF"
 
 
 def build_plate_solid(plans: Sequence[Plan[Patch]], layout: PlateLayout) -> Solid:

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.boundary import Boundary
-from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
 from lensforge.cad.plan import Corner, Plan, base_corners, rim_directions
@@ -112,6 +111,8 @@ def profile(boundary: Boundary[Surface], across: Float[np.ndarray, " 3"], count:
 
 def _cut_of_file(base: BaseSection, across: Float[np.ndarray, " 3"]) -> list[Curve]:
     import trimesh
+
+    from lensforge.cad.custom_base import mesh_of_base
 
     assert base.file is not None
     mesh = trimesh.Trimesh(*mesh_of_base(base.file), process=False)

@@ -16,6 +16,16 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepGProp import BRepGProp
+from OCP.GeomAbs import GeomAbs_CurveType
+from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
+from OCP.GProp import GProp_GProps
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Shell, TopoDS_Solid
 
 from lensforge.cad.boundary import Boundary, Domain, TrimmedFace
 from lensforge.cad.edges import (
@@ -125,8 +135,6 @@ def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
 
 
 def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
-    from OCP.TopoDS import TopoDS
-
     own, faces, tops = plan.base.feet, Named(), Chain()
     if own is None:
         return faces, tops
@@ -146,9 +154,6 @@ def _circle(outline: Outline, depth_mm: float) -> Chain:
 
 
 def _side_name(plan: Plan[Patch], edge: Any) -> str:
-    from OCP.BRepAdaptor import BRepAdaptor_Curve
-    from OCP.GeomAbs import GeomAbs_CurveType
-
     straight = BRepAdaptor_Curve(edge).GetType() == GeomAbs_CurveType.GeomAbs_Line
     return FLAT if straight and plan.base.flat_mm is not None else SIDE
 
@@ -168,8 +173,6 @@ def _between_rim_and_outline(plan: Plan[Patch], rim: list[Chain], outline: Chain
 
 def _chain_between(rim: Chain, outline: Chain) -> Chain:
     """The edges of ``outline`` from the first vertex of ``rim`` to its last."""
-    from OCP.TopExp import TopExp
-
     start, end = TopExp.FirstVertex_s(rim[0]), TopExp.LastVertex_s(rim[-1])
     first = next(k for k, side in enumerate(outline) if TopExp.FirstVertex_s(side).IsSame(start))
     chain = []
@@ -182,9 +185,6 @@ def _chain_between(rim: Chain, outline: Chain) -> Chain:
 
 def planar_face(boundary: Any, *holes: Any) -> Any:
     """The horizontal face, its normal up, within a horizontal wire, without ``holes``."""
-    from OCP.BRep import BRep_Tool
-    from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
-
     height = BRep_Tool.Pnt_s(parts_of(boundary, "VERTEX")[0]).Z()
     return _within(gp_Pln(gp_Pnt(0.0, 0.0, height), gp_Dir(0.0, 0.0, 1.0)), boundary, *holes)
 
@@ -237,9 +237,6 @@ class Solid:
         A file that was written and read has the same to rounding. Itself it errs by 1e-7 on a lens of two faces, by
         1e-2 on one of four, and by 1e-4 on the planes of other solids with long edges.
         """
-        from OCP.BRepGProp import BRepGProp
-        from OCP.GProp import GProp_GProps
-
         properties = GProp_GProps()
         BRepGProp.VolumeProperties_s(self.shape, properties)
         return float(properties.Mass())
@@ -247,8 +244,6 @@ class Solid:
     @property
     def genus(self) -> int:
         """Handles of the boundary, by Euler and Poincaré: ``V - E + F - (L - F) = 2 (S - G)``, L: loops, S: shells."""
-        from OCP.BRep import BRep_Tool
-
         faces, vertices, shells = (parts_of(self.shape, kind) for kind in ("FACE", "VERTEX", "SHELL"))
         edges = sum(not BRep_Tool.Degenerated_s(edge) for edge in parts_of(self.shape, "EDGE"))
         loops = sum(len(parts_of(face, "WIRE")) for face in faces)
@@ -256,8 +251,6 @@ class Solid:
 
 
 def _is_valid(shape: Any) -> bool:
-    from OCP.BRepCheck import BRepCheck_Analyzer
-
     return bool(BRepCheck_Analyzer(shape).IsValid())
 
 
@@ -330,17 +323,12 @@ def untrimmed_faces(patches: dict[str, Patch], envelope: Collection[str] = (OUTE
 
     ``envelope``: names of those that bound the body outwards.
     """
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-
     faces = {name: BRepBuilderAPI_MakeFace(geom_surface(patch), 1e-7).Face() for name, patch in patches.items()}
     return {name: facing(face, FROM_ORIGIN if name in envelope else TO_ORIGIN) for name, face in faces.items()}
 
 
 def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
     """The face of a surface or plane within a wire, without ``holes``."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-    from OCP.TopoDS import TopoDS
-
     maker = BRepBuilderAPI_MakeFace(surface, boundary, True)
     for hole in holes:
         maker.Add(TopoDS.Wire_s(hole.Reversed()))
@@ -349,8 +337,6 @@ def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
 
 def facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
     """``face`` with the orientation that makes its normal point outwards, judged in the middle or in its ``domain``."""
-    from OCP.TopoDS import TopoDS
-
     inside = None if domain is None else (sum(float(each[0]) for each in domain.radii(np.zeros(1))) / 2.0, 0.0)
     (x, y, z), normal = (each.Coord() for each in normal_at(face, inside))
     radial = normal[0] * x + normal[1] * y
@@ -361,9 +347,6 @@ def facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
 
 def assembled(faces: Named) -> Solid:
     """The solid within ``faces``, which share their edges."""
-    from OCP.BRep import BRep_Builder
-    from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
-
     builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
     builder.MakeShell(shell)
     for _, face in faces:

@@ -13,6 +13,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.STEPCAFControl import STEPCAFControl_Reader, STEPCAFControl_Writer
+from OCP.STEPControl import STEPControl_StepModelType
+from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDF import TDF_LabelSequence
+from OCP.XCAFDimTolObjects import (
+    XCAFDimTolObjects_DatumObject,
+    XCAFDimTolObjects_GeomToleranceObject,
+    XCAFDimTolObjects_GeomToleranceType,
+)
+from OCP.XCAFDoc import XCAFDoc_Datum, XCAFDoc_DimTolTool, XCAFDoc_DocumentTool, XCAFDoc_GeomTolerance
+
 from lensforge.cad.boundary import optical_name
 from lensforge.cad.part_limits import FormTolerance, Signature
 from lensforge.cad.plan import RIM_FLANGE_BOTTOM
@@ -36,8 +53,6 @@ from lensforge.version import __version__
 
 def sign(model: Any, product: str, header: Signature) -> None:
     """Fill in the header of a STEP ``model``: product, time stamp, author, organisation, program and version."""
-    from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
-    from OCP.TCollection import TCollection_HAsciiString
 
     def text(words: str) -> Any:
         return TCollection_HAsciiString(step_text(words))
@@ -83,11 +98,6 @@ def form_tolerances(faces: Shapes, width_um: float) -> tuple[FormTolerance, ...]
 
 def attach(document: Any, labels: Shapes, tolerances: tuple[FormTolerance, ...]) -> None:
     """Add ``tolerances`` to an XCAF document whose faces have ``labels`` by name."""
-    from OCP.TCollection import TCollection_HAsciiString
-    from OCP.TDF import TDF_LabelSequence
-    from OCP.XCAFDimTolObjects import XCAFDimTolObjects_DatumObject
-    from OCP.XCAFDoc import XCAFDoc_Datum, XCAFDoc_DocumentTool
-
     tool = XCAFDoc_DocumentTool.DimTolTool_s(document.Main())
     for tolerance in tolerances:
         added = _profile(tool, labels[tolerance.face], tolerance.width_um)
@@ -106,9 +116,6 @@ def attach(document: Any, labels: Shapes, tolerances: tuple[FormTolerance, ...])
 
 def _profile(tool: Any, face: Any, width_um: float) -> Any:
     """A surface profile on ``face``; the label of the tolerance."""
-    from OCP.XCAFDimTolObjects import XCAFDimTolObjects_GeomToleranceObject, XCAFDimTolObjects_GeomToleranceType
-    from OCP.XCAFDoc import XCAFDoc_GeomTolerance
-
     added, profile = tool.AddGeomTolerance(), XCAFDimTolObjects_GeomToleranceObject()
     tool.SetGeomTolerance(face, added)
     profile.SetType(XCAFDimTolObjects_GeomToleranceType.XCAFDimTolObjects_GeomToleranceType_ProfileOfSurface)
@@ -139,10 +146,6 @@ def require_written(content: bytes, tolerances: tuple[FormTolerance, ...]) -> No
 
 def read_tolerances(content: bytes) -> list[FormTolerance]:
     """The surface profiles in the bytes of a STEP file that this process has written."""
-    from OCP.STEPCAFControl import STEPCAFControl_Reader
-    from OCP.TDF import TDF_LabelSequence
-    from OCP.XCAFDoc import XCAFDoc_DocumentTool
-
     document, reader, labels = new_document(), STEPCAFControl_Reader(), TDF_LabelSequence()
     configure("", "AP242")
     reader.SetNameMode(True)
@@ -156,9 +159,6 @@ def read_tolerances(content: bytes) -> list[FormTolerance]:
 
 
 def _read_tolerance(tolerance: Any) -> FormTolerance:
-    from OCP.TDF import TDF_LabelSequence
-    from OCP.XCAFDoc import XCAFDoc_DimTolTool, XCAFDoc_GeomTolerance
-
     datums = TDF_LabelSequence()
     XCAFDoc_DimTolTool.GetDatumOfTolerLabels_s(tolerance, datums)
     return FormTolerance(
@@ -170,10 +170,6 @@ def _read_tolerance(tolerance: Any) -> FormTolerance:
 
 def _faces_of(label: Any) -> list[str]:
     """Names of the faces to which a tolerance or a datum belongs."""
-    from OCP.TDataStd import TDataStd_Name
-    from OCP.TDF import TDF_LabelSequence
-    from OCP.XCAFDoc import XCAFDoc_DimTolTool
-
     first, second, names = TDF_LabelSequence(), TDF_LabelSequence(), []
     XCAFDoc_DimTolTool.GetRefShapeLabel_s(label, first, second)
     for k in range(first.Length()):
@@ -185,10 +181,6 @@ def _faces_of(label: Any) -> list[str]:
 
 def _lies_in_datum(face: Any) -> bool:
     """True for a plane face in z = 0."""
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-    from OCP.GeomAbs import GeomAbs_SurfaceType
-
     plane = BRepAdaptor_Surface(face).GetType() == GeomAbs_SurfaceType.GeomAbs_Plane
     return plane and all(abs(BRep_Tool.Pnt_s(corner).Z()) < _IN_PLANE_MM for corner in parts_of(face, "VERTEX"))
 
@@ -251,10 +243,6 @@ def surfaces_bytes(faces: Shapes, product: str, schema: Schema = "AP214", *, hea
 def _bytes(
     parts: Shapes, faces: Shapes, product: str, schema: Schema, header: Signature, tolerances: tuple[FormTolerance, ...]
 ) -> bytes:
-    from OCP.IFSelect import IFSelect_ReturnStatus
-    from OCP.STEPCAFControl import STEPCAFControl_Writer
-    from OCP.STEPControl import STEPControl_StepModelType
-
     writer = STEPCAFControl_Writer()
     configure(product, schema)
     writer.SetNameMode(True)
@@ -296,10 +284,6 @@ def _parse(content: bytes, origin: str) -> list[Product]:
 
 def _document(parts: Shapes, faces: Shapes, tolerances: tuple[FormTolerance, ...]) -> Any:
     """An XCAF document, so that parts, and the faces of a single one, carry names and tolerances."""
-    from OCP.TCollection import TCollection_ExtendedString
-    from OCP.TDataStd import TDataStd_Name
-    from OCP.XCAFDoc import XCAFDoc_DocumentTool
-
     document, labels = new_document(), {}
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     for product, shape in parts.items():

@@ -12,6 +12,7 @@ from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criteria, at_most
 from lensforge.results.fact import StoredAs
+from lensforge.results.plots import plot_map
 from lensforge.results.record import MOST_PIXELS
 from lensforge.sources.source_place import SourcePlace
 
@@ -194,8 +195,6 @@ class Light(ResultByLed):
 
         Raises :class:`InputError` for an unknown map or receiver.
         """
-        from lensforge.results.plots import plot_map
-
         require_choice("which", which, get_args(Picture))
         named = {each.name: each for each in self.receivers}
         if receiver is not None:

@@ -33,6 +33,7 @@ from lensforge.results import (
 )
 from lensforge.results.criteria import Criteria, at_most
 from lensforge.results.files import MIB
+from lensforge.results.plots import plot_curves
 from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, TabulatedIntensity, plane_profile, width_above
 from lensforge.sources.photometric.photometric_file import turned_over
 
@@ -267,8 +268,6 @@ class Photometry(ResultByLed):
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot candela over the angle from the axis, in the planes C = 0 and C = 90 degrees."""
-        from lensforge.results.plots import plot_curves
-
         planes = {f"C = {wanted:g}°": int(np.argmin(np.abs(self.c_deg - wanted))) for wanted in (0.0, 90.0)}
         curves = {name: (self.gamma_deg, self.candela[row]) for name, row in planes.items()}
         return plot_curves(curves, ("gamma (degrees)", "intensity (cd)"), axes)

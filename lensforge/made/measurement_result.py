@@ -33,8 +33,8 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart
 from lensforge.results.criteria import Criteria, at_least, at_most
+from lensforge.results.plots import plot_curves, plot_face
 from lensforge.spec.part_section import Process
-from lensforge.surfaces.step_file import Schema
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -166,8 +166,6 @@ class PhotoComparison(StageResult):
 
     def plot(self, axes: "Axes | None" = None, *, axis: AxisName = "x") -> "Axes":
         """Plot photograph and simulation along a central line. Raises :class:`InputError` for an unknown axis."""
-        from lensforge.results.plots import plot_curves
-
         require_choice("axis", axis, get_args(AxisName))
         rows, columns = self.measured.shape
         places = self.chart.x(columns) if axis == "x" else self.chart.y(rows)
@@ -276,8 +274,6 @@ class MeasuredFace(SimulatedResult):
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot the form deviation, or the correction, over the chart of the surface."""
-        from lensforge.results.plots import plot_face
-
         field, words = self.plotted
         return plot_face(getattr(self, field).T, float(self.chart[-1]), f"{self.surface}: {words} (µm)", axes)
 
@@ -362,7 +358,7 @@ class Correction(MeasuredFace):
     expected_um: Extent
     cutter: CutterLimit
     nodes: SplineNodes
-    step_schema: Schema
+    step_schema: Literal["AP214", "AP242"]
     step_volume_change: NotNegative
     form_error_nm: Extent
     normal_error_mrad: Extent

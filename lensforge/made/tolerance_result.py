@@ -31,6 +31,7 @@ from lensforge.results import (
     stated,
 )
 from lensforge.results.arguments import require_choice
+from lensforge.results.plots import plot_bars, plot_distribution
 from lensforge.results.verdict import CERTAIN
 from lensforge.spec.tolerances_section import Factor
 
@@ -77,8 +78,6 @@ class Sensitivity(ResultByLed):
 
         Raises :class:`InputError` for an unknown one, and for one that the spec has no region for.
         """
-        from lensforge.results.plots import plot_bars
-
         require_choice("metric", metric, get_args(MetricName))
         if getattr(self.nominal, metric) is None:
             raise InputError(f"metric = {metric!r}: the spec names no region of uniform light; plot nmse or efficiency")
@@ -334,8 +333,6 @@ class Yield(SimulatedResult):
 
         Raises :class:`InputError` for an unknown one.
         """
-        from lensforge.results.plots import plot_distribution
-
         first = next(iter(self.metrics))
         metric = require_choice("metric", first if metric is None else metric, self.metrics)
         bound = next((each.bound for each in self.bounds if each.metric == metric), None)

@@ -32,9 +32,7 @@ from lensforge.cad.plan import (
     rim_points,
     rim_radius,
 )
-from lensforge.cad.plate_layout import PlateLayout, RoundWall, layout_of
-from lensforge.cad.plate_result import PLATE_FILES
-from lensforge.cad.plate_solid import (
+from lensforge.cad.plate_layout import (
     BOSS_BORE,
     BOSS_ROOF,
     PIN_END,
@@ -44,7 +42,11 @@ from lensforge.cad.plate_solid import (
     PLATE_HOLE,
     PLATE_SIDE,
     PLATE_TOP,
+    PlateLayout,
+    RoundWall,
+    layout_of,
 )
+from lensforge.cad.plate_result import PLATE_FILES
 from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, StandingWalls
 from lensforge.proof.file_form import Chords, DesignedFile
 from lensforge.proof.optical_faces import PlateOfLenses

@@ -27,6 +27,7 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart, light_unit
 from lensforge.results.criteria import Criteria, criteria_of
+from lensforge.results.plots import plot_curves, plot_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -268,8 +269,6 @@ class Proof(ResultByLed):
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Cumulative share of the rays over the distance between their first landings and the design's."""
-        from lensforge.results.plots import plot_curves
-
         first = self.first
         named = {"exported mesh": first.gaps_mesh_mm, "STEP": first.gaps_step_mm, "Mitsuba": first.gaps_mitsuba_mm}
         curves = {name: (gaps, np.linspace(0.0, 1.0, len(gaps))) for name, gaps in named.items() if gaps is not None}
@@ -374,8 +373,6 @@ class StrayLight(ResultByLed):
 
         Raises :class:`InputError` for an unknown part or receiver.
         """
-        from lensforge.results.plots import plot_map
-
         require_choice("which", which, get_args(LightPath))
         named = {each.name: each for each in self.receivers}
         if receiver is not None:

@@ -14,6 +14,22 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Pnt2d, gp_Vec
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.IntCurvesFace import IntCurvesFace_Intersector
+from OCP.IntCurveSurface import IntCurveSurface_TransitionOnCurve
+from OCP.STEPControl import STEPControl_Reader
+from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS
+from OCP.TopTools import TopTools_IndexedMapOfShape
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from lensforge.errors import InputError
@@ -37,12 +53,6 @@ _LEAST_COARSE, _MOST_COARSE, _TOPS, _ROUNDS = 48, 400, 64, 8
 
 def bounds_mm(shape: Any, faces: Sequence[Any]) -> tuple[list[float], list[float]]:
     """Least and largest corner of the box around ``shape``, whose ``faces`` (TopoDS_Face) are given."""
-    from OCP.Bnd import Bnd_Box
-    from OCP.BRepBndLib import BRepBndLib
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopExp import TopExp
-    from OCP.TopTools import TopTools_IndexedMapOfShape
-
     edges, box = TopTools_IndexedMapOfShape(), Bnd_Box()
     TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, edges)
     for k in range(1, edges.Extent() + 1):
@@ -67,11 +77,6 @@ def _reach(face: Any, axis: int, sign: float, known: float) -> float:
 
     Every sample above its neighbours is a start: the highest of a wavy face may lie beside another top.
     """
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-    from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
-    from OCP.gp import gp_Pnt2d
-    from OCP.TopAbs import TopAbs_State
-
     surface, trim = BRepAdaptor_Surface(face), BRepTopAdaptor_FClass2d(face, 1e-9)
     low = np.array([surface.FirstUParameter(), surface.FirstVParameter()])
     sides = np.array([surface.LastUParameter(), surface.LastVParameter()]) - low
@@ -111,8 +116,6 @@ def _reach(face: Any, axis: int, sign: float, known: float) -> float:
 
 def _samples(surface: Any) -> int:
     """Points along u and v among which no bump of ``surface`` is lost."""
-    from OCP.GeomAbs import GeomAbs_SurfaceType
-
     if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_BSplineSurface:
         return _LEAST_COARSE
     return int(np.clip(max(surface.NbUKnots(), surface.NbVKnots()), _LEAST_COARSE, _MOST_COARSE))
@@ -144,9 +147,6 @@ class _Pieces:
     @staticmethod
     def of(faces: Sequence[Any]) -> "_Pieces":
         """All of ``faces`` (TopoDS_Face), splines cut into pieces of some knots."""
-        from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
-        from OCP.IntCurvesFace import IntCurvesFace_Intersector
-
         numbers, boxes, cast, trims = list[int](), list[Any](), list[Any](), list[Any]()
         for number, face in enumerate(faces):
             pieces = _cut(face)
@@ -165,20 +165,12 @@ class _Pieces:
 
     def trimmed(self, face: int, u: float, v: float) -> bool:
         """True where a place on a face lies outside of its trim."""
-        from OCP.gp import gp_Pnt2d
-        from OCP.TopAbs import TopAbs_State
-
         trim = self.trims[face]
         return trim is not None and trim.Perform(gp_Pnt2d(u, v)) == TopAbs_State.TopAbs_OUT
 
 
 def _cut(face: Any) -> list[Any]:
     """The untrimmed surface of a spline of many knots in rectangles, of the side of ``face``; other faces whole."""
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-    from OCP.GeomAbs import GeomAbs_SurfaceType
-
     kind = BRepAdaptor_Surface(face)
     spline = kind.GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
     if not spline or max(kind.NbUKnots(), kind.NbVKnots()) <= _KNOTS_OF_PIECE:
@@ -196,9 +188,6 @@ def _cut(face: Any) -> list[Any]:
 
 def _around(face: Any) -> Float[np.ndarray, "2 3"]:
     """Box (mm) around a face, that of a spline's control points."""
-    from OCP.Bnd import Bnd_Box
-    from OCP.BRepBndLib import BRepBndLib
-
     box = Bnd_Box()
     BRepBndLib.Add_s(face, box, False)
     return np.reshape(box.Get(), (2, 3))
@@ -211,9 +200,6 @@ class StepBody:
     """
 
     def __init__(self, step: bytes, optical: OpticalFaces = USUAL_LENS) -> None:
-        from OCP.BRepAdaptor import BRepAdaptor_Surface
-        from OCP.TopoDS import TopoDS
-
         self.optical = optical
         numbers = {f"OPTICAL_{name.upper()}": number for number, name in enumerate(optical.names)}
         self._solid, faces, names = _only_solid(step, "STEP", named=optical.inverse_radii is not None)
@@ -255,9 +241,6 @@ class StepBody:
 
     def _first_hit(self, leg: Leg, row: int) -> tuple[int, bool, float, float] | None:
         """Face of the file that a ray hits first, True where the ray leaves the body there, and its parameters."""
-        from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
-        from OCP.IntCurveSurface import IntCurveSurface_TransitionOnCurve
-
         line = gp_Lin(gp_Pnt(*leg.origins[row].tolist()), gp_Dir(*leg.directions[row].tolist()))
         nearest = np.inf
         hit: tuple[int, bool, float, float] | None = None
@@ -273,8 +256,6 @@ class StepBody:
         return hit
 
     def _point_and_normal(self, face: int, u: float, v: float) -> tuple[np.ndarray, np.ndarray]:
-        from OCP.gp import gp_Pnt, gp_Vec
-
         point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
         self._surfaces[face].D1(u, v, point, along_u, along_v)
         normal = along_u.Crossed(along_v)
@@ -284,9 +265,6 @@ class StepBody:
 
 def form_in_step(file: DesignedFile) -> FileForm:
     """Form of the body, or of the loose faces, in a STEP file."""
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopoDS import TopoDS
-
     if file.trimmed:
         faces = _only_solid(file.content, file.name, named=False)[1]
     else:
@@ -296,8 +274,6 @@ def form_in_step(file: DesignedFile) -> FileForm:
 
 def _only_solid(step: bytes, origin: str, *, named: bool) -> tuple[Any, list[Any], list[str]]:
     """The only solid (TopoDS_Shape), its faces and their names; without ``named`` all names are ""."""
-    from OCP.TopAbs import TopAbs_ShapeEnum
-
     reader = _read(step, origin)
     shape = reader.OneShape()
     solids = _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
@@ -313,9 +289,6 @@ def _only_solid(step: bytes, origin: str, *, named: bool) -> tuple[Any, list[Any
 
 def _read(step: bytes, origin: str) -> Any:
     """The CAD kernel's reader, which accepts only a path, with all that the file holds."""
-    from OCP.IFSelect import IFSelect_ReturnStatus
-    from OCP.STEPControl import STEPControl_Reader
-
     if not made_here(step):
         require_small_step(step, origin, "export it again")
     reader = STEPControl_Reader()
@@ -342,9 +315,6 @@ def _name_of(reader: Any, face: Any) -> str:
 
 def _parts(shape: Any, kind: Any) -> list[Any]:
     """The different parts of ``shape`` that are of a kind, in their order."""
-    from OCP.TopExp import TopExp
-    from OCP.TopTools import TopTools_IndexedMapOfShape
-
     parts = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(shape, kind, parts)
     return [parts.FindKey(k + 1) for k in range(parts.Extent())]

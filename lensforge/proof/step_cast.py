@@ -6,6 +6,7 @@ Errors from the flat facets of the mesh must vanish here.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Int
@@ -17,10 +18,12 @@ from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles
 from lensforge.proof.proof_result import BrepCast, Gaps
 from lensforge.proof.sequential_cast import Passage, send_through_body
-from lensforge.proof.step_body import StepBody
 from lensforge.results import BodySize
 from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.sources.ray_bundle import RayBundle
+
+if TYPE_CHECKING:
+    from lensforge.proof.step_body import StepBody
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class StepCast:
 
 
 def cast_step(
-    step: bytes | StepBody,
+    step: "bytes | StepBody",
     rays: RayBundle,
     media: Media,
     count: int = BREP_RAYS,
@@ -58,15 +61,29 @@ def cast_step(
     return lambda: StepCast(rows, *cast.result())
 
 
+def read_step(step: bytes, optical: OpticalFaces) -> "StepBody":
+    """The body in the bytes of a STEP file; the CAD kernel is loaded here."""
+    from lensforge.proof.step_body import StepBody
+
+    return StepBody(step, optical)
+
+
+def form_of_step(file: DesignedFile) -> FileForm:
+    """Form of the body, or of the loose faces, in a STEP file."""
+    from lensforge.proof.step_body import form_in_step
+
+    return form_in_step(file)
+
+
 def _cast_and_measure(
-    step: bytes | StepBody,
+    step: "bytes | StepBody",
     rays: RayBundle,
     media: Media,
     optical: OpticalFaces,
     sized: bool,
     designed: DesignedFile | None,
 ) -> tuple[Passage, float, BodySize | None, FileForm | None]:
-    body = StepBody(step, optical) if isinstance(step, bytes) else step
+    body = read_step(step, optical) if isinstance(step, bytes) else step
     start = perf_counter()
     passage = send_through_body(body, rays, media)
     seconds = perf_counter() - start

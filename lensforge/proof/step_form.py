@@ -12,6 +12,13 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
+from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+from OCP.gp import gp_Pnt2d
+from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
+from OCP.TopoDS import TopoDS
+from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, StandingWalls
 from lensforge.proof.file_form import DesignedFile, Farthest, FileForm
@@ -50,8 +57,6 @@ class ReadFace:
     @cached_property
     def surface(self) -> Any:
         """The kernel's surface of it, at its place, within the bounds of its edges."""
-        from OCP.BRepAdaptor import BRepAdaptor_Surface
-
         return BRepAdaptor_Surface(self.face, True)
 
     @cached_property
@@ -71,16 +76,11 @@ class ReadFace:
 
     def inside(self, places: _Places) -> Bool[np.ndarray, " n"]:
         """True for parameters within the trim."""
-        from OCP.gp import gp_Pnt2d
-        from OCP.TopAbs import TopAbs_State
-
         found = (self._trim.Perform(gp_Pnt2d(u, v)) == TopAbs_State.TopAbs_IN for u, v in places.tolist())
         return np.fromiter(found, dtype=bool, count=len(places))
 
     @cached_property
     def _trim(self) -> Any:
-        from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
-
         return BRepTopAdaptor_FClass2d(self.face, _TRIM_MM)
 
     @cached_property
@@ -134,11 +134,6 @@ class ReadFace:
 
     def edge_points(self, on_surface: bool) -> _Points:
         """Points of its edges, by their own curves and ``on_surface``, and their ends."""
-        from OCP.BRep import BRep_Tool
-        from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d
-        from OCP.TopAbs import TopAbs_ShapeEnum
-        from OCP.TopoDS import TopoDS
-
         found = [np.empty((0, 3))]
         for edge in map(TopoDS.Edge_s, explored(self.face, TopAbs_ShapeEnum.TopAbs_EDGE)):
             count = _LEAST_OF_EDGE
@@ -266,11 +261,6 @@ def _knots_of(curve: Any) -> int:
 
 def _open_edges(faces: Sequence[Any]) -> int:
     """Edges that do not join two faces, or the two ends of one."""
-    from OCP.BRep import BRep_Tool
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopoDS import TopoDS
-    from OCP.TopTools import TopTools_IndexedMapOfShape
-
     edges, uses = TopTools_IndexedMapOfShape(), list[int]()
     for face in faces:
         for edge in map(TopoDS.Edge_s, explored(face, TopAbs_ShapeEnum.TopAbs_EDGE)):

@@ -46,8 +46,7 @@ from lensforge.proof.proof_result import (
 )
 from lensforge.proof.receiver_screen import nmse
 from lensforge.proof.sequential_cast import Passage, send_through, send_through_body
-from lensforge.proof.step_body import StepBody, form_in_step
-from lensforge.proof.step_cast import StepCast, cast_step, judge_brep
+from lensforge.proof.step_cast import StepCast, cast_step, form_of_step, judge_brep, read_step
 from lensforge.proof.trimesh_cast import cast_plain
 from lensforge.results import BodySize, Extent
 from lensforge.results.child_pool import IN_TURN, ChildPool
@@ -122,14 +121,14 @@ def verify_part(
     through, designed = None, None
     if step is not None:
         # Here it is read before the casts: a file that is refused costs no more than that.
-        file: bytes | StepBody = step if second.runs else StepBody(step, optical)
+        file = step if second.runs else read_step(step, optical)
         designed = next((each for each in files.designed if each.content == step), None)
         sized = exported is not None
         through = cast_step(
             file, rays, media, referees.step_rays, optical=optical, sized=sized, designed=designed, second=second
         )
     solids = {
-        each.name: second.call(form_in_step, each) for each in files.designed if each.is_step and each is not designed
+        each.name: second.call(form_of_step, each) for each in files.designed if each.is_step and each is not designed
     }
     part = read_part_mesh(files.stl, optical)
     plates = {lamps.stl: lamps.part.mesh} if isinstance(lamps, LampsOnPlate) else {}
@@ -176,7 +175,7 @@ def verify_part(
 def passage_through(file: bytes, optical: OpticalFaces, media: Media, rays: RayBundle) -> Passage:
     """Exit points, directions, flux and fates of ``rays`` through a STEP or STL file, to be compared ray by ray."""
     if file.lstrip().startswith(b"ISO-10303-21"):
-        return send_through_body(StepBody(file, optical), rays, media)
+        return send_through_body(read_step(file, optical), rays, media)
     part = read_part_mesh(file, optical)
     return send_through(part, Grid(part.mesh), rays, media)
 

@@ -28,6 +28,7 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, under
+from lensforge.results.plots import new_axes
 from lensforge.results.verdict import TITLES
 from lensforge.search.design_result import Margins
 from lensforge.spec import AnyAccuracy, Spec
@@ -175,8 +176,6 @@ class Sweep(StageResult):
 
     def plot(self, axes: "Axes | None" = None, *, metric: MetricName = "nmse") -> "Axes":
         """Plot ``metric``, with standard errors. Raises :class:`InputError` for an unknown one."""
-        from lensforge.results.plots import new_axes
-
         require_choice("metric", metric, get_args(MetricName))
         axes = new_axes(axes)
         axes.errorbar(*self.curve(metric), marker="o")

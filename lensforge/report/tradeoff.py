@@ -7,6 +7,7 @@ from pydantic import Field
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Record, StageResult, Text
 from lensforge.results.arguments import require_choice
+from lensforge.results.plots import plot_curves
 from lensforge.spec import AnyAccuracy
 
 if TYPE_CHECKING:
@@ -90,8 +91,6 @@ class Tradeoff(StageResult):
 
     def plot(self, axes: "Axes | None" = None, *, series: Series = "rays", error: TradedError = "nmse") -> "Axes":
         """Plot ``error`` of ``series`` over seconds, in logarithms. Raises :class:`InputError` for unknown ones."""
-        from lensforge.results.plots import plot_curves
-
         require_choice("series", series, get_args(Series))
         require_choice("error", error, get_args(TradedError))
         shown = [row for row in self.series(series) if row.seconds > 0.0 and row.error(error) > 0.0]

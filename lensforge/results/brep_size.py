@@ -15,6 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
+from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
+from OCP.BRepGProp import BRepGProp, BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
+from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec2d
+from OCP.GProp import GProp_GProps
+from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS
 
 if TYPE_CHECKING:
     from scipy.interpolate import NdBSpline
@@ -27,11 +35,6 @@ _PROBES = 32  # along an edge, for its length in cells
 
 def volume_and_area(shape: Any) -> tuple[float, float]:
     """Volume (mm^3) of a TopoDS_Shape, negative where its faces face inwards, and area (mm^2) of all its faces."""
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-    from OCP.GeomAbs import GeomAbs_SurfaceType
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopoDS import TopoDS
-
     volume = area = 0.0
     for face in map(TopoDS.Face_s, explored(shape, TopAbs_ShapeEnum.TopAbs_FACE)):
         spline = BRepAdaptor_Surface(face, False).GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
@@ -48,10 +51,6 @@ def spline_poles(spline: Any) -> Float[np.ndarray, "n m 3"]:
 
 def _by_the_kernel(face: Any) -> tuple[float, float]:
     """The part of the volume between a face and the origin, and its area."""
-    from OCP.BRepGProp import BRepGProp, BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
-    from OCP.gp import gp_Pnt
-    from OCP.GProp import GProp_GProps
-
     area = GProp_GProps()
     BRepGProp.SurfaceProperties_s(face, area, _PRECISION)
     volume = BRepGProp_Vinert(BRepGProp_Face(face), BRepGProp_Domain(face), gp_Pnt(0.0, 0.0, 0.0), _PRECISION)
@@ -66,8 +65,6 @@ class _Sectors:
 
     def sums(self) -> tuple[float, float]:
         """The part of the volume between the face and the origin, and its area, below 0 for a face that is turned."""
-        from OCP.TopAbs import TopAbs_Orientation
-
         volume = area = 0.0
         for edge, curve in self._edges:
             sign = -1.0 if edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
@@ -105,8 +102,6 @@ class _Sectors:
     @cached_property
     def _surface(self) -> Any:
         """The Geom_BSplineSurface of the face, at its place."""
-        from OCP.BRepAdaptor import BRepAdaptor_Surface
-
         surface = BRepAdaptor_Surface(self.face, False).BSpline()
         surface.SetUNotPeriodic()
         surface.SetVNotPeriodic()
@@ -129,10 +124,6 @@ class _Sectors:
     @cached_property
     def _edges(self) -> list[tuple[Any, Any]]:
         """The edges, and their curves in the plane of parameters."""
-        from OCP.BRepAdaptor import BRepAdaptor_Curve2d
-        from OCP.TopAbs import TopAbs_ShapeEnum
-        from OCP.TopoDS import TopoDS
-
         edges = list(map(TopoDS.Edge_s, explored(self.face, TopAbs_ShapeEnum.TopAbs_EDGE)))
         return [(edge, BRepAdaptor_Curve2d(edge, self.face)) for edge in edges]
 
@@ -156,8 +147,6 @@ def _places(edge: Any) -> Float[np.ndarray, "p 2"]:
 
 def _points_along(edge: Any, at: Float[np.ndarray, " p"]) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, "p 2"]]:
     """Points of a curve in the plane of parameters, and their derivatives."""
-    from OCP.gp import gp_Pnt2d, gp_Vec2d
-
     point, along, found = gp_Pnt2d(), gp_Vec2d(), []
     for parameter in at.tolist():
         edge.D1(parameter, point, along)
@@ -181,8 +170,6 @@ def _legendre() -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
 
 def explored(shape: Any, kind: Any) -> Iterator[Any]:
     """Parts of a shape that are of a kind, as often as they occur."""
-    from OCP.TopExp import TopExp_Explorer
-
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
         yield explorer.Current()

@@ -1,19 +1,22 @@
 """Plots of arrays, on the caller's axes or new ones; each returns its axes."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.axes import Axes
 
 from lensforge.errors import InputError
 from lensforge.results import Image
 from lensforge.results.chart import WATTS, Chart, LightUnit
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 def plot_map(
-    image: Image, chart: Chart, unit: LightUnit = WATTS, axes: Axes | None = None, outline: Image | None = None
-) -> Axes:
+    image: Image, chart: Chart, unit: LightUnit = WATTS, axes: "Axes | None" = None, outline: Image | None = None
+) -> "Axes":
     """Light (W/m^2 or W/sr, [row y, column x]) on a receiver in false colour, with its scale in ``unit``.
 
     ``outline``: an image, such as the target, whose line at half of its peak is drawn.
@@ -27,14 +30,14 @@ def plot_map(
     return axes
 
 
-def draw_outline(axes: Axes, image: Image, chart: Chart) -> None:
+def draw_outline(axes: "Axes", image: Image, chart: Chart) -> None:
     """Draw the line at half of the peak of ``image``; one row of pixels, or no light, has none."""
     if min(image.shape) > 1 and image.max() > 0.0:
         x, y = chart.x(image.shape[1]), chart.y(image.shape[0])
         axes.contour(x, y, image, levels=[0.5 * image.max()], colors="white", linewidths=0.7, alpha=0.85)
 
 
-def plot_face(values: Image, half_width: float, label: str, axes: Axes | None = None) -> Axes:
+def plot_face(values: Image, half_width: float, label: str, axes: "Axes | None" = None) -> "Axes":
     """A quantity over the chart of a face, a square of ``half_width`` ([X, Y], NaN outside); colours about zero."""
     axes = new_axes(axes)
     known = values[np.isfinite(values)]
@@ -50,9 +53,9 @@ def plot_face(values: Image, half_width: float, label: str, axes: Axes | None = 
 def plot_curves(
     curves: Mapping[str, tuple[Sequence[float] | Float[np.ndarray, " n"], Sequence[float] | Float[np.ndarray, " n"]]],
     labels: tuple[str, str],
-    axes: Axes | None = None,
+    axes: "Axes | None" = None,
     logarithmic: tuple[bool, bool] = (False, False),
-) -> Axes:
+) -> "Axes":
     """Named lines, each as x and y; ``labels`` of the two axes, each ``logarithmic`` or not."""
     axes = new_axes(axes)
     for name, (x, y) in curves.items():
@@ -64,7 +67,7 @@ def plot_curves(
     return axes
 
 
-def plot_outlines(outlines: Sequence[Float[np.ndarray, "n 2"]], across: str, axes: Axes | None = None) -> Axes:
+def plot_outlines(outlines: Sequence[Float[np.ndarray, "n 2"]], across: str, axes: "Axes | None" = None) -> "Axes":
     """Closed outlines of a section (position ``across`` the axis and z, mm), filled and to scale."""
     axes = new_axes(axes)
     for outline in outlines:
@@ -74,8 +77,8 @@ def plot_outlines(outlines: Sequence[Float[np.ndarray, "n 2"]], across: str, axe
 
 
 def plot_bars(
-    values: Mapping[str, float], label: str, axes: Axes | None = None, errors: Sequence[float] | None = None
-) -> Axes:
+    values: Mapping[str, float], label: str, axes: "Axes | None" = None, errors: Sequence[float] | None = None
+) -> "Axes":
     """A bar for each named value, the first at the top, with the standard ``errors`` of them all where given."""
     axes = new_axes(axes)
     axes.barh(list(values), list(values.values()), xerr=errors, capsize=3.0)
@@ -87,11 +90,11 @@ def plot_bars(
 def plot_distribution(
     values: Float[np.ndarray, " n"],
     label: str,
-    axes: Axes | None = None,
+    axes: "Axes | None" = None,
     *,
     designed: float | None = None,
     bound: float | None = None,
-) -> Axes:
+) -> "Axes":
     """Share of the parts with at most each of ``values``, the value as ``designed``, and a ``bound`` that is kept."""
     axes = new_axes(axes)
     axes.step(np.sort(values), 100.0 * np.arange(1, len(values) + 1) / len(values), where="post", label="parts")
@@ -104,8 +107,10 @@ def plot_distribution(
     return axes
 
 
-def new_axes(axes: Axes | None) -> Axes:
+def new_axes(axes: "Axes | None") -> "Axes":
     """The caller's axes, or new ones that a notebook shows. Raises :class:`InputError` for anything else."""
+    from matplotlib.axes import Axes
+
     if isinstance(axes, Axes):
         return axes
     if axes is not None:

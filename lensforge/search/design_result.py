@@ -33,6 +33,7 @@ from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, at_least
 from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import quantity
+from lensforge.results.plots import plot_curves
 from lensforge.scene.lens import Lens
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import AnyAccuracy, Spec
@@ -165,8 +166,6 @@ class Design(StageResult):
 
         Raises :class:`InputError` for an unknown one.
         """
-        from lensforge.results.plots import plot_curves
-
         require_choice("quantity", quantity, get_args(Quantity))
         curves, start = {}, 1
         for level in self.history:

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import ball_centres_mm, largest_wall_mm, needed_step_mm, smallest_bore_mm
 from lensforge.cad.face_tolerance import FINEST_NM
 from lensforge.cad.patch import Patch
@@ -59,6 +58,8 @@ class CustomBaseMesh:
 def read_base_mesh(path: Path) -> CustomBaseMesh:
     """Mesh of the base in the STEP file ``path``. Raises :class:`InputError` as the export does."""
     import trimesh
+
+    from lensforge.cad.custom_base import mesh_of_base
 
     return CustomBaseMesh(trimesh.Trimesh(*mesh_of_base(path, _BASE_CHORD_MM), process=False))
 

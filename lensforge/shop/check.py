@@ -1,6 +1,7 @@
 """The manufacturing check of the exported faces: the tools they need, the wall between them, findings for the shop."""
 
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -14,8 +15,8 @@ from lensforge.cad.form_error import fit_lens
 from lensforge.cad.part import SplineNodes
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan, lay_out
-from lensforge.cad.plate_export import room_on_plate
 from lensforge.cad.wall import Span, thickest, thinnest
+from lensforge.results import Fact
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import CustomBaseMesh, check_ball_clearance, read_base_mesh
 from lensforge.shop.check_result import Check, Edge, Wall, Walls
@@ -67,12 +68,18 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
             *check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools, mould),
             *turning_findings(lens.spec, results),
             *layer_findings(lens.spec, results),
-            *plate_findings(lens.spec, *room_on_plate(lens, pair)),
+            *(() if lens.spec.plate is None else _plate_findings(lens, pair)),
         ),
         seconds=time.perf_counter() - started,
         chart_axis=next(iter(faces.values())).samples.grid.axis,
         **results,
     )
+
+
+def _plate_findings(lens: Lens, pair: Pair[Patch]) -> Iterator[Fact]:
+    from lensforge.cad.plate_export import room_on_plate
+
+    return plate_findings(lens.spec, *room_on_plate(lens, pair))
 
 
 def _fixture(lens: Lens, plan: Plan[Patch], custom: CustomBaseMesh | None) -> Points:

@@ -13,6 +13,7 @@ from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria
 from lensforge.results.fact import StoredAs
 from lensforge.results.notebook_html import screenful
+from lensforge.results.plots import plot_face
 from lensforge.results.stage_result import SimulatedResult
 from lensforge.spec.part_section import Process
 
@@ -374,8 +375,6 @@ class Check(SimulatedResult):
 
         Raises :class:`InputError` for an unknown face or quantity.
         """
-        from lensforge.results.plots import plot_face
-
         labels = {
             "sag_mm": "departure from the best-fit sphere (mm)",
             "kappa_min": "smaller principal curvature (1/mm)",

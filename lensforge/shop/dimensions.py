@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.boundary import WHOLE, Boundary, Crease, Domain, StarShaped, lens_boundaries
-from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
 from lensforge.cad.outline import FULL_TURN
@@ -198,6 +197,8 @@ def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     across, _, highest = highest_point_mm(envelope).tolist()
     bottom, side, wide = 0.0, -float(rim_radius(envelope)(np.array([np.pi]))[0]), widest_mm(envelope)
     if base.file is not None:
+        from lensforge.cad.custom_base import mesh_of_base
+
         vertices, _ = mesh_of_base(base.file)
         lowest = vertices[np.argmin(vertices[:, 2])]
         bottom, side = float(lowest[2]), float(lowest[0])

@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.cad.boundary import Boundary, lens_boundaries
-from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
 from lensforge.cad.mesh import manifold_of
@@ -133,6 +132,8 @@ def dome_lines(lens: Lens) -> list[ViewLine]:
 def _base_outlines(plan: Plan[Surface]) -> list[Points]:
     """Outline of the base seen along the axis, of its flange the last, as (y, x)."""
     if plan.base.file is not None:  # and holes that go through
+        from lensforge.cad.custom_base import mesh_of_base
+
         loops = manifold_of(*mesh_of_base(plan.base.file)).project().to_polygons()
         return [np.asarray(loop)[:, ::-1] for loop in loops]
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)

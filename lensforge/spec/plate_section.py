@@ -30,9 +30,8 @@ from lensforge.spec.spec_section import (
     check,
     rounded_up,
 )
-from lensforge.surfaces import step_outline
-from lensforge.surfaces.plane_loop import Loop, area_mm2, box_of_loop, circle_of, inside_by_mm, loop_of
-from lensforge.surfaces.step_outline import DRAWING, FOUND, JOB, MOST_CORNERS, MOST_LOOPS
+from lensforge.surfaces import plane_loop
+from lensforge.surfaces.plane_loop import MOST_CORNERS, Loop, area_mm2, box_of_loop, circle_of, inside_by_mm, loop_of
 
 _MOST_LENSES, _MOST_MARKS = 400, 200
 _MARGIN_MM = 2.0
@@ -61,7 +60,7 @@ class DrawnOutline(Section):
     """Name of its file."""
     sha256: Label = ""
     """SHA-256 of that file."""
-    loops_mm: Annotated[tuple[_Corners, ...], Field(min_length=1, max_length=MOST_LOOPS)]
+    loops_mm: Annotated[tuple[_Corners, ...], Field(min_length=1, max_length=plane_loop.MOST_LOOPS)]
     """Outline, then the openings, each counter-clockwise: corners x and y in mm, and the bulge of the edge to the next
     corner, the tangent of a quarter of its arc's angle, 0 for a line.
     """
@@ -105,10 +104,11 @@ def _read_outline(content: bytes, path: Path) -> DrawnOutline:
     require_small_step(content, str(path), _REMEDY)
     limits = ChildLimits(_MEMORY_MIB, _SECONDS + _SECONDS_PER_MIB * len(content) / MIB)
     with temporary_folder("outline") as folder:
-        (folder / DRAWING).write_bytes(content)
-        write_json(folder / JOB, {"origin": str(path), "remedy": _REMEDY})
-        work_in_child(Path(step_outline.__file__).resolve(), folder, limits, origin=str(path), remedy=_REMEDY)
-        loops = json.loads((folder / FOUND).read_text(encoding="utf-8"))
+        (folder / plane_loop.DRAWING).write_bytes(content)
+        write_json(folder / plane_loop.JOB, {"origin": str(path), "remedy": _REMEDY})
+        script = Path(plane_loop.__file__).with_name("step_outline.py").resolve()
+        work_in_child(script, folder, limits, origin=str(path), remedy=_REMEDY)
+        loops = json.loads((folder / plane_loop.FOUND).read_text(encoding="utf-8"))
     return DrawnOutline(origin=path.name[:200], sha256=hashlib.sha256(content).hexdigest(), loops_mm=loops)
 
 

@@ -13,6 +13,14 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from OCP.BRep import BRep_Tool
+from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Pnt2d, gp_Vec
+from OCP.IGESCAFControl import IGESCAFControl_Reader
+from OCP.IntCurvesFace import IntCurvesFace_Intersector
+from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.TColStd import TColStd_SequenceOfAsciiString
+from OCP.TopAbs import TopAbs_State
 from scipy.interpolate import make_interp_spline
 from scipy.spatial import cKDTree
 
@@ -46,10 +54,6 @@ class NamedFace:
 
 def _faces_in(path: Path, iges: bool, origin: str) -> tuple[list[NamedFace], str]:
     """Faces of the file at ``path``, and the unit in which it is written."""
-    from OCP.IGESCAFControl import IGESCAFControl_Reader
-    from OCP.STEPCAFControl import STEPCAFControl_Reader
-    from OCP.TColStd import TColStd_SequenceOfAsciiString
-
     reader = IGESCAFControl_Reader() if iges else STEPCAFControl_Reader()
     refusal = f"{origin}: not readable as {'IGES' if iges else 'STEP'}; {_REMEDY}"
     faces: list[NamedFace] = []
@@ -85,11 +89,6 @@ class FaceCast:
     """Rays from the origin, in the coordinates of the lens, on ``faces`` (TopoDS_Face) moved by ``shift_mm``."""
 
     def __init__(self, faces: list[Any], shift_mm: Float[np.ndarray, "3"]) -> None:
-        from OCP.BRep import BRep_Tool
-        from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
-        from OCP.gp import gp_Pnt
-        from OCP.IntCurvesFace import IntCurvesFace_Intersector
-
         self._start = -np.asarray(shift_mm, dtype=np.float64)
         self._start_point = gp_Pnt(*self._start.tolist())
         self._casts = [IntCurvesFace_Intersector(face, _TOLERANCE_MM) for face in faces]
@@ -138,9 +137,6 @@ class FaceCast:
 
     def _within(self, parameters: Float[np.ndarray, "n 2"], faces: Int[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """True for places inside the edges of their faces."""
-        from OCP.gp import gp_Pnt2d
-        from OCP.TopAbs import TopAbs_State
-
         inside = TopAbs_State.TopAbs_IN
         rows = zip(parameters.tolist(), faces.tolist(), strict=True)
         return np.array([self._edges[face].Perform(gp_Pnt2d(u, v)) == inside for (u, v), face in rows], dtype=bool)
@@ -175,8 +171,6 @@ class FaceCast:
         self, parameters: Float[np.ndarray, "n 2"], faces: Int[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Point from where the rays start, and its derivatives by both parameters."""
-        from OCP.gp import gp_Pnt, gp_Vec
-
         point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
         rows = []
         for (u, v), face in zip(parameters.tolist(), faces.tolist(), strict=True):
@@ -188,8 +182,6 @@ class FaceCast:
 
     def _crossings(self, directions: Float[np.ndarray, "n 3"]) -> Iterator[list[tuple[float, float, float, int]]]:
         """Distance (mm), parameters and number of the face of each crossing, ray by ray."""
-        from OCP.gp import gp_Dir, gp_Lin
-
         casts, start = list(enumerate(self._casts)), self._start_point
         for direction in directions.tolist():
             line, crossings = gp_Lin(start, gp_Dir(*direction)), []

@@ -11,6 +11,9 @@ from math import atan2, ceil, cos, hypot, pi, sin
 import numpy as np
 from jaxtyping import Float
 
+DRAWING, JOB, FOUND = "drawing.step", "job.json", "loops.json"  # of ``step_outline``, which a child process runs
+MOST_LOOPS, MOST_CORNERS = 200, 1000
+
 Place = tuple[float, float]
 Corner = tuple[float, float, float]  # x and y (mm), and the bulge of the edge to the next corner
 

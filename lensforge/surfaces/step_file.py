@@ -12,6 +12,30 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
+from OCP.BinTools import BinTools
+from OCP.Bnd import Bnd_Box
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.gp import gp_Pln
+from OCP.GProp import GProp_GProps
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.Interface import Interface_Static
+from OCP.Message import Message, Message_Gravity
+from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.TCollection import TCollection_ExtendedString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDF import TDF_LabelSequence
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import MOST_MM, require_small_step
 from lensforge.results.files import temporary_file, temporary_folder, write_json
@@ -33,9 +57,6 @@ _UNCERTAINTY_MM = 1e-5
 
 def configure(product: str, schema: Schema) -> None:
     """Set the CAD kernel's options, which are global and exist only after a reader or writer has been made."""
-    from OCP.Interface import Interface_Static
-    from OCP.Message import Message, Message_Gravity
-
     for printer in Message.DefaultMessenger_s().Printers():
         printer.SetTraceLevel(Message_Gravity.Message_Fail)  # no statistics on the screen
     texts = {**_TEXT_SETTINGS, "write.step.schema": KERNEL_SCHEMA[schema], "write.step.product.name": product}
@@ -48,9 +69,6 @@ def configure(product: str, schema: Schema) -> None:
 
 def new_document() -> Any:
     """An empty XCAF document, whose parts and faces may carry names."""
-    from OCP.TCollection import TCollection_ExtendedString
-    from OCP.TDocStd import TDocStd_Document
-
     return TDocStd_Document(TCollection_ExtendedString("lensforge"))
 
 
@@ -81,9 +99,6 @@ def parse_apart(content: bytes, origin: str, remedy: str, *, to_be_joined: bool 
     ``to_be_joined``: the child also tries what a union with a lens needs. Raises :class:`InputError` for other bytes,
     and for shapes that are not valid, too wide, or of too many faces.
     """
-    from OCP.BinTools import BinTools
-    from OCP.TopoDS import TopoDS_Shape
-
     products = []
     for name, binary, faces in _tested(content, origin, remedy, to_be_joined):
         shape = TopoDS_Shape()
@@ -109,10 +124,6 @@ def _tested(content: bytes, origin: str, remedy: str, to_be_joined: bool) -> lis
 
 def shapes_in(reader: Any, path: Path, refusal: str) -> list[tuple[str, Any, dict[str, Any]]]:
     """Name, shape (TopoDS_Shape) and named faces (TopoDS_Face) of each product that a ``reader`` of OCCT finds."""
-    from OCP.IFSelect import IFSelect_ReturnStatus
-    from OCP.TDF import TDF_LabelSequence
-    from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
-
     document, parts = new_document(), TDF_LabelSequence()
     configure("", "AP214")
     reader.SetNameMode(True)
@@ -125,18 +136,11 @@ def shapes_in(reader: Any, path: Path, refusal: str) -> list[tuple[str, Any, dic
 
 
 def _shapes_in_step(path: Path, origin: str, remedy: str) -> list[tuple[str, Any, dict[str, Any]]]:
-    from OCP.STEPCAFControl import STEPCAFControl_Reader
-
     return shapes_in(STEPCAFControl_Reader(), path, f"{origin}: not readable as STEP; {remedy}")
 
 
 def _named_faces(part: Any) -> dict[str, Any]:
     """Faces (TopoDS_Face) of a product's label that have names."""
-    from OCP.TDF import TDF_LabelSequence
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopoDS import TopoDS
-    from OCP.XCAFDoc import XCAFDoc_ShapeTool
-
     labels, faces = TDF_LabelSequence(), {}
     XCAFDoc_ShapeTool.GetSubShapes_s(part, labels)
     for k in range(labels.Length()):
@@ -148,19 +152,12 @@ def _named_faces(part: Any) -> dict[str, Any]:
 
 def _name_of(label: Any) -> str:
     """Name of a label, "" where it has none."""
-    from OCP.TDataStd import TDataStd_Name
-
     name = TDataStd_Name()
     return str(name.Get().ToExtString()) if label.FindAttribute(TDataStd_Name.GetID_s(), name) else ""
 
 
 def parts_of(shape: Any, kind: PartKind) -> list[Any]:
     """The different parts of a kind (TopoDS_Face for "FACE") that ``shape`` has, in their order."""
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopExp import TopExp
-    from OCP.TopoDS import TopoDS
-    from OCP.TopTools import TopTools_IndexedMapOfShape
-
     distinct, of_kind = TopTools_IndexedMapOfShape(), getattr(TopoDS, f"{kind.capitalize()}_s")
     TopExp.MapShapes_s(shape, getattr(TopAbs_ShapeEnum, f"TopAbs_{kind}"), distinct)
     return [of_kind(distinct.FindKey(k + 1)) for k in range(distinct.Extent())]
@@ -168,8 +165,6 @@ def parts_of(shape: Any, kind: PartKind) -> list[Any]:
 
 def _write_products(folder: Path) -> None:
     """Work of the child process: the tested products of the STEP file in ``folder``."""
-    from OCP.BinTools import BinTools
-
     job = json.loads((folder / _JOB).read_text(encoding="utf-8"))
     origin, remedy = job["origin"], job["remedy"]
     shapes = _shapes_in_step(folder / _STEP, origin, remedy)
@@ -189,12 +184,6 @@ def _write_products(folder: Path) -> None:
 
 def _require_usable(shape: Any, faces: int, origin: str, remedy: str, to_be_joined: bool) -> None:
     """Raise :class:`InputError` for a shape on which later operations would fail, crash or take too long."""
-    from OCP.Bnd import Bnd_Box
-    from OCP.BRepBndLib import BRepBndLib
-    from OCP.BRepCheck import BRepCheck_Analyzer
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
     if faces > _MOST_FACES:
         raise InputError(f"{origin}: {faces} faces, at most {_MOST_FACES} are read; {remedy}")
     box = Bnd_Box()
@@ -210,11 +199,6 @@ def _require_usable(shape: Any, faces: int, origin: str, remedy: str, to_be_join
 
 def _try_union(shape: Any) -> None:
     """Mesh ``shape``, and cut it at z = 0, as its union with a lens does: in this process it may hang or crash."""
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
-    from OCP.gp import gp_Pln
-
     plane = BRepBuilderAPI_MakeFace(gp_Pln(), -MOST_MM, MOST_MM, -MOST_MM, MOST_MM).Face()
     BRepAlgoAPI_Common(plane, shape)
     BRepMesh_IncrementalMesh(shape, 1e-2, False, 0.1)

@@ -12,16 +12,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepTools import BRepTools_WireExplorer
+from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.ShapeAnalysis import ShapeAnalysis_FreeBounds
+from OCP.TopAbs import TopAbs_Orientation
+from OCP.TopoDS import TopoDS
+from OCP.TopTools import TopTools_HSequenceOfShape
 
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import MOST_MM
 from lensforge.results.files import write_json
 from lensforge.results.sandbox import serve
+from lensforge.surfaces import plane_loop
 from lensforge.surfaces.plane_loop import Corner, area_mm2, bulge_of, inside_by_mm, loop_of, points_on, reversed_corners
 from lensforge.surfaces.step_file import parts_of, products_in
-
-DRAWING, JOB, FOUND = "drawing.step", "job.json", "loops.json"
-MOST_LOOPS, MOST_CORNERS = 200, 1000
 
 _FLAT_MM, _LEVEL = 1e-5, 1e-7  # the uncertainty that STEP files state; of a normal's components along x and y
 _CHORD_MM, _SHARE = 1e-2, 1e-6  # of the chords by which loops that cross are found; of the area within
@@ -32,9 +37,9 @@ _KINDS = ("GeomAbs_Line", "GeomAbs_Circle")
 
 def _write_loops(folder: Path) -> None:
     """Work of the child process: the loops of the STEP file in ``folder``, the outline first."""
-    job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+    job = json.loads((folder / plane_loop.JOB).read_text(encoding="utf-8"))
     origin, remedy = job["origin"], job["remedy"]
-    shapes = [product.shape for product in products_in(folder / DRAWING, origin, remedy)]
+    shapes = [product.shape for product in products_in(folder / plane_loop.DRAWING, origin, remedy)]
     bodies = [solid for shape in shapes for solid in parts_of(shape, "SOLID")]
     faces = [face for shape in shapes for face in parts_of(shape, "FACE")]
     if len(bodies) > 1:
@@ -47,10 +52,10 @@ def _write_loops(folder: Path) -> None:
     if not loops:
         raise InputError(f"{origin}: its plane face has no edges that can be read; {remedy}")
     loops.sort(key=lambda corners: -area_mm2(loop_of(corners)))
-    if len(loops) > MOST_LOOPS or max(map(len, loops)) > MOST_CORNERS:
+    if len(loops) > plane_loop.MOST_LOOPS or max(map(len, loops)) > plane_loop.MOST_CORNERS:
         raise InputError(
-            f"{origin}: {len(loops)} loops of up to {max(map(len, loops))} edges, at most {MOST_LOOPS} and "
-            f"{MOST_CORNERS} are read; simplify the outline"
+            f"{origin}: {len(loops)} loops of up to {max(map(len, loops))} edges, at most {plane_loop.MOST_LOOPS} and "
+            f"{plane_loop.MOST_CORNERS} are read; simplify the outline"
         )
     for corners in loops[1:]:
         outline, opening = loop_of(loops[0]), loop_of(corners)
@@ -61,7 +66,7 @@ def _write_loops(folder: Path) -> None:
                 )
     if not _is_simple(loops):
         raise InputError(f"{origin}: its outline crosses itself or an opening; repair it in CAD")
-    write_json(folder / FOUND, loops)
+    write_json(folder / plane_loop.FOUND, loops)
 
 
 def _is_simple(loops: list[list[Corner]]) -> bool:
@@ -77,9 +82,6 @@ def _is_simple(loops: list[list[Corner]]) -> bool:
 
 def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
     """The planar face of one z; of a body, the highest. Raises :class:`InputError` for none or several."""
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-    from OCP.GeomAbs import GeomAbs_SurfaceType
-
     level = list[tuple[float, Any]]()
     for face in faces:
         surface = BRepAdaptor_Surface(face)
@@ -103,10 +105,6 @@ def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
 
 def _free_wires(shapes: list[Any], origin: str, remedy: str) -> list[Any]:
     """The wires that the edges of a file without faces make."""
-    from OCP.ShapeAnalysis import ShapeAnalysis_FreeBounds
-    from OCP.TopoDS import TopoDS
-    from OCP.TopTools import TopTools_HSequenceOfShape
-
     edges, wires = TopTools_HSequenceOfShape(), TopTools_HSequenceOfShape()
     for shape in shapes:
         for edge in parts_of(shape, "EDGE"):
@@ -145,8 +143,6 @@ def _corners(wire: Any, origin: str) -> list[Corner]:
 
 
 def _in_order(wire: Any) -> Iterator[Any]:
-    from OCP.BRepTools import BRepTools_WireExplorer
-
     explorer = BRepTools_WireExplorer(wire)
     while explorer.More():
         yield explorer.Current()
@@ -158,9 +154,6 @@ _Point = tuple[float, float, float]
 
 def _arcs(edge: Any, origin: str) -> Iterator[tuple[_Point, _Point, float]]:
     """Start, end and bulge of an edge along its wire; a whole circle in two halves."""
-    from OCP.BRepAdaptor import BRepAdaptor_Curve
-    from OCP.TopAbs import TopAbs_Orientation
-
     curve, backwards = BRepAdaptor_Curve(edge), edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
     first, last = curve.FirstParameter(), curve.LastParameter()
     kind = curve.GetType().name

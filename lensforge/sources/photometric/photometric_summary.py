@@ -14,6 +14,7 @@ from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
 from lensforge.results import Count, NotNegative, Number, Record, Share, StageResult, Text
+from lensforge.results.plots import new_axes
 from lensforge.sources.intensity import PlaneBeam, TabulatedIntensity, beam_in_plane, plane_profile
 from lensforge.sources.photometric.photometric_file import far_field_warnings
 from lensforge.sources.photometric.photometric_io import TITLES, photometric_format, read_photometric
@@ -125,8 +126,6 @@ class PhotometricSummary(StageResult):
 
         Raises :class:`InputError` for a summary that was read from a file: it has no intensities.
         """
-        from lensforge.results.plots import new_axes
-
         if self._intensity is None:
             raise InputError("this summary was read back and holds no intensities; read the photometric file again")
         axes = new_axes(axes)

@@ -15,6 +15,7 @@ from lensforge.errors import InputError
 from lensforge.results import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.files import replacing
+from lensforge.results.plots import new_axes
 from lensforge.results.validation import shortened
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.rayfiles.ray_file import FluxUnit, HeaderValue, RayFile, no_usable_ray, usable_blocks
@@ -199,8 +200,6 @@ class RayFileSummary(StageResult):
 
         Raises :class:`InputError` for an unknown panel, and for a summary that was read from a file: it has no rays.
         """
-        from lensforge.results.plots import new_axes
-
         require_choice("which", which, get_args(Panel))
         if self._rayfile is None:
             raise InputError("this summary was read back and holds no rays; read the ray file itself again")
