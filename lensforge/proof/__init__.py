@@ -5,8 +5,7 @@
 - ``proof_result.Proof``: result of the first
 - ``proof_result.StrayLight``: result of the second
 - ``sequential_cast``: rays through mesh or STEP, face after face
-- ``nonsequential_trace``: rays wherever they go
-- ``stray_analysis``: what that shows which the design leaves out
+- ``nonsequential_trace``: rays wherever they go, and what that shows which the design leaves out
 - ``step_cast``: hits on the B-rep itself
 - ``trimesh_cast``: hits on the mesh
 - ``mitsuba_cast``: hits by Mitsuba

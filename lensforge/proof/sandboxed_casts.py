@@ -46,7 +46,7 @@ def verify_in_sandbox(
 def stray_in_sandbox(stl: bytes, *, rays: RayBundle, **given: Any) -> StrayLight:
     """:func:`trace_stray`, in a child process unless this process made the file."""
     if made_here(stl):
-        from lensforge.proof.stray_analysis import trace_stray
+        from lensforge.proof.nonsequential_trace import trace_stray
 
         return trace_stray(stl, rays=rays, **given)
     return _cast_in_child(StrayLight, len(rays), [stl], stl=stl, rays=rays, **given)
@@ -66,7 +66,7 @@ def _cast_in_child(kind: type[_Result], count: int, contents: Sequence[bytes], *
 
 def _cast(folder: Path) -> None:
     """Work of the child process: the record of the cast that the parent asks for in ``folder``."""
-    from lensforge.proof.stray_analysis import trace_stray
+    from lensforge.proof.nonsequential_trace import trace_stray
     from lensforge.proof.verification import verify_part
 
     stage, given = pickle.loads((folder / _CALL).read_bytes())

@@ -34,7 +34,7 @@ from lensforge.optics.face_roles import OUTSIDE
 from lensforge.optics.media import FaceCoating, Media, Medium, Mirror, ReflectanceTable
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.mitsuba_cast import send_through_mitsuba
-from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow
+from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow, trace_stray
 from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces, faces_away
 from lensforge.proof.part_comparison import Expected, flux_budget
 from lensforge.proof.part_mesh import part_mesh_of, smooth_faces
@@ -42,7 +42,6 @@ from lensforge.proof.proof_inputs import optical_of
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.sequential_cast import CastFate, send_through, send_through_body
 from lensforge.proof.step_body import StepBody
-from lensforge.proof.stray_analysis import trace_stray
 from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, passage_through, verify_part
 from lensforge.scene import body as scene
 from lensforge.sources.ray_bundle import RayBundle

@@ -20,7 +20,7 @@ from lensforge.cad.plate_mesh import build_plate_mesh, lens_meshes
 from lensforge.light.lens_light import evaluate
 from lensforge.optics.media import Media, Medium
 from lensforge.proof.facet_casting import Grid
-from lensforge.proof.nonsequential_trace import Base
+from lensforge.proof.nonsequential_trace import Base, trace_stray
 from lensforge.proof.optical_faces import NO_FACE, OpticalFaces
 from lensforge.proof.part_comparison import LampsApart, LampsOnPlate, light_of_lamps
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh
@@ -29,7 +29,6 @@ from lensforge.proof.proof_inputs import lamps_together, plate_of, screens_of, s
 from lensforge.proof.proof_result import StrayLight
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.sequential_cast import send_through
-from lensforge.proof.stray_analysis import trace_stray
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle

@@ -4,9 +4,8 @@ from lens_meshes import DISTANCE, INDEX, lambertian, right
 from lensforge.errors import InputError
 from lensforge.optics.media import Media, Medium
 from lensforge.proof.acceptance import BALANCE, stray_criteria
-from lensforge.proof.nonsequential_trace import Limits
+from lensforge.proof.nonsequential_trace import Limits, trace_stray
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.stray_analysis import trace_stray
 
 SIDE, PIXELS = 300.0, 32
 RAYS = lambertian(1500, 2.0, seed=7)
