@@ -9,15 +9,16 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 sys.path.insert(0, str(ROOT / "docs"))
 
-from site_fields import show_types_shortly  # noqa: E402
+from site_fields import show_help  # noqa: E402
 from site_math import add_renderer  # noqa: E402
 
+from lensforge.verbs import NAMES, UNLISTED  # noqa: E402
 from lensforge.version import __version__  # noqa: E402
 
 project = "lensforge"
 version = release = __version__
 project_copyright = "the authors of lensforge"
-extensions = ["sphinx.ext.autodoc", "sphinx.ext.viewcode", "myst_nb"]
+extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "myst_nb"]
 html_math_renderer = "mathml"
 html_theme = "furo"  # maintained, readable on a telephone, one small dependency
 highlight_language = "none"  # of blocks that name none: shell, screens, drawings
@@ -37,12 +38,19 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_default_options = {"members": True, "inherited-members": "BaseModel,Exception,tuple"}
+napoleon_numpy_docstring = False
+napoleon_use_param = napoleon_use_rtype = False  # types are words, no links
+napoleon_custom_sections = [("Fields", "params_style"), ("Properties", "params_style")]
 python_use_unqualified_type_names = True
 nitpicky = True
 # Types of other libraries: their pages cannot be asked without a network. Our own are checked.
 nitpick_ignore_regex = [
-    ("py:.*", r"Axes|ndarray|Figure|Path|products|drawn_to_mean|None|NoneType"),
+    (
+        "py:.*",
+        r"Axes|ndarray|Figure|Path|date|Callable|Sequence|Unpack|SearchOptions|products|drawn_to_mean|None|NoneType",
+    ),
     ("py:.*", r"(?!lensforge\.[A-Z])\w+\..*"),
+    ("py:class", rf"(lensforge\.)?({'|'.join(UNLISTED.keys() - NAMES.keys())})"),
 ]
 
 
@@ -59,6 +67,6 @@ copy_notebooks()
 
 
 def setup(app: Sphinx) -> None:
-    """Shorten what autodoc prints of pydantic's fields, and write formulas as MathML."""
-    show_types_shortly(app)
+    """Show the help of public names, and write formulas as MathML."""
+    show_help(app)
     add_renderer(app)

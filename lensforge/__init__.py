@@ -27,13 +27,13 @@ else:
         if os.path.exists(own) or os.path.exists(own + ".py"):  # noqa: PTH110
             raise AttributeError(name)  # a module of the package: it has to be imported explicitly
         try:
-            from lensforge.verbs import NAMES
+            from lensforge.verbs import NAMES, UNLISTED
         except ImportError as error:
             if error.name != "lensforge.verbs":
                 raise
-            NAMES = {}  # lensforge.verbs is being loaded and looks for a module of the package
-        if name in NAMES:
-            return NAMES[name]
+            NAMES = UNLISTED = {}  # lensforge.verbs is being loaded and looks for a module of the package
+        if name in NAMES or name in UNLISTED:  # the latter for pickles, which find a class by its name
+            return NAMES.get(name) or UNLISTED[name]
         if name == "__all__":
             return list(NAMES)
         raise AttributeError(f"module 'lensforge' has no attribute {name!r}")

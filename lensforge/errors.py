@@ -15,7 +15,7 @@ class LensforgeError(Exception):
 
 
 class InputError(LensforgeError):
-    """The user's input cannot be used: a spec field, a file, an option."""
+    """Input that cannot be used: a spec field, a file, an option."""
 
     exit_code = 2
 
@@ -66,7 +66,7 @@ class FileWarning(UserWarning):
 
 
 class Cancelled(LensforgeError):
-    """The caller's ``progress`` returned False; the checkpoint, if there is one, holds the state."""
+    """Search or study that its ``progress`` has stopped; the checkpoint, if there is one, holds the state."""
 
     exit_code = 130
 

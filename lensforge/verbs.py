@@ -21,21 +21,24 @@ from lensforge.errors import (
     SourceWarning,
 )
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import evaluate
+from lensforge.light.lens_light import evaluate, photometry
+from lensforge.light.light_facts import Attainable
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import Possible
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.made.part_verbs import compare, correct, sensitivity, tolerance
 from lensforge.made.tolerance_result import Sensitivity, Yield
+from lensforge.optics.media import Surface
 from lensforge.proof.casts import stray_light, verify
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.report.folder import Run, RunFolder, load, opened
-from lensforge.report.pipeline import build, check, handover, photometry, run, sweep, tradeoff
-from lensforge.report.results import Results, stem_of
+from lensforge.report.pipeline import build, check, run, sweep, tradeoff
+from lensforge.report.results import Results, handover, stem_of
 from lensforge.report.sweep import Sweep
-from lensforge.report.tradeoff import Tradeoff
+from lensforge.report.tradeoff import Tradeoff, TradeoffRow
 from lensforge.results import Conditions, Fact, Metric, StageResult
 from lensforge.results.arguments import ShownType
+from lensforge.results.fact import Group
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
@@ -95,6 +98,7 @@ from lensforge.spec.part_section import FeetSection
 from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateGate, PlateHole, PlatePin, PlateSection
 from lensforge.spec.road_section import RoadSection
 from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
+from lensforge.spec.spec_fields import help_of
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
 from lensforge.version import __version__
 
@@ -123,17 +127,28 @@ NAMES = {name: globals()[name] for name in __all__} | {
 
 
 def _shown(verb: Callable[..., object]) -> Signature:
-    """Signature with the public names of what is taken and returned."""
     own, types = signature(verb), get_type_hints(verb, localns=NAMES)
     shown = {name: ShownType.of(each) for name, each in types.items()}
     taken = [each.replace(annotation=shown.get(each.name, each.empty)) for each in own.parameters.values()]
     return own.replace(parameters=taken, return_annotation=own.return_annotation and shown["return"])
 
 
-for _named in NAMES.values():
+_CLASSES = [each for each in NAMES.values() if isinstance(each, type)]
+# Classes beside them that ``help`` names: those that they extend, and a few that their methods take or return.
+UNLISTED = {
+    each.__name__: each
+    for each in (Attainable, Group, Surface, TradeoffRow, *(base for each in _CLASSES for base in each.__mro__))
+    if each.__module__.startswith("lensforge.")
+}
+_HELP = {each: help_of(each) for each in _CLASSES if is_dataclass(each)}
+for _named in (*NAMES.values(), *UNLISTED.values()):
     if isfunction(_named) or is_dataclass(_named):  # sections have theirs when it is asked for
         _made = _named if isfunction(_named) else vars(_named)["__init__"]
         vars(_made)["__signature__"] = _shown(_made)
+    if not isinstance(_named, str) and _named.__module__ != "lensforge":
+        _named._written_in, _named.__module__ = _named.__module__, "lensforge"
+for _named, _words in _HELP.items():  # other classes have theirs when it is asked for
+    _named.__doc__ = _words
 
 Decides = Literal["light", "files", "cutting", ""]
 _Result = TypeVar("_Result", bound=StageResult)

@@ -1,6 +1,7 @@
 """Names and docstrings, held by walking the syntax trees: a name for each class, modules that fit on a few screens."""
 
 import ast
+import builtins
 import re
 from collections import Counter, defaultdict
 from functools import cache
@@ -36,6 +37,39 @@ def test_docstrings_begin_with_a_noun_or_a_verb() -> None:
         if not (path.name == "__init__.py" and isinstance(node, ast.Module))  # a room asks a question
     ]
     assert [f"{path}: {text}" for path, text in texts if text.split()[0].rstrip(",:;") in NO_BEGINNING] == []
+
+
+_SPAN = re.compile(r"``([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)``|:(?:class|func|meth|data):`~?\.?([\w.]+)`")
+_OF_OTHERS = re.compile(
+    r"(scipy|skimage|lib3mf|dataclasses)\..*|use_attribute_docstrings|finally|Symm|dc|c_j|_deBoor_D|.*\.(js|json|html|ies)"
+)
+
+
+def test_docstrings_name_what_there_is() -> None:
+    """Modules, classes, functions and fields by names that the code has, in itself or in its texts, such as a key."""
+    known, said = set(dir(builtins)), []
+    for path in MODULES:
+        known |= set(path.relative_to(PACKAGE).with_suffix("").parts)
+        texts = {
+            node.value for node in ast.walk(_tree(path)) if isinstance(node, ast.Expr)
+        }  # docstrings, and of fields
+        for node in ast.walk(_tree(path)):
+            values = [getattr(node, kind, "") for kind in ("id", "attr", "arg", "name", "asname")]
+            values += [node.value] if isinstance(node, ast.Constant) and node not in texts else []
+            known |= {word for value in values for word in re.findall(r"\w+", str(value))}
+        words = (text.value for text in texts if isinstance(text, ast.Constant) and isinstance(text.value, str))
+        said += [(path, one or other) for each in words for one, other in _SPAN.findall(each)]
+    stale = []
+    for path, name in said:
+        first, *rest = name.removeprefix("lensforge.").split(".")
+        room = PACKAGE.joinpath(first, *rest[:1])
+        a_module = first in {"surfaces", "optics", "scene", "kernels", "sources", "search", "cad", "shop"} and bool(
+            rest
+        )
+        gone = a_module and not (room.is_dir() or room.with_suffix(".py").is_file())
+        if (gone or not {first, *rest} <= known) and not _OF_OTHERS.fullmatch(name):
+            stale.append(f"{path.relative_to(PACKAGE)}: {name}")
+    assert stale == []
 
 
 @pytest.mark.parametrize("room", sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py")))

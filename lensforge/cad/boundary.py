@@ -298,7 +298,6 @@ def lens_boundaries(lens: Lens) -> Pair[Surface]:
 
 
 def _boundary(faces: tuple[Face, ...]) -> Boundary[Surface]:
-    """The boundary by ``faces``, in the order in which they follow one another."""
     if len(faces) == 1:
         return Boundary((TrimmedFace(faces[0].name, faces[0].surface),))
     azimuths, steps = _azimuths(), np.linspace(0.0, 1.0, _STEPS)

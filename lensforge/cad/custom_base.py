@@ -134,7 +134,6 @@ def _top_mm(base: Solid) -> float:
 
 
 def _common_area(face: Any, base: Solid) -> float:
-    """Area (mm^2) of ``face`` that lies in or on the base."""
     import cadquery as cq
 
     common = BRepAlgoAPI_Common(face, base.shape)
@@ -142,7 +141,6 @@ def _common_area(face: Any, base: Solid) -> float:
 
 
 def _largest_radius_mm(wire: Any) -> float:
-    """Largest distance (mm) of a wire from the axis, by points along it."""
     points = [wire.positionAt(k / 720.0) for k in range(720)]
     return float(max((point.x**2 + point.y**2) ** 0.5 for point in points))
 

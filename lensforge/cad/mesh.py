@@ -265,7 +265,6 @@ def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> float:
 
 
 def _line(patch: Patch, crease: Crease | None) -> Curve:
-
     def points(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
         return points_in(patch, rim_directions(azimuths) if crease is None else to_sphere(crease.chart(azimuths)))
 

@@ -86,19 +86,23 @@ class Triangulation(Record):
 
 
 class Part(StageResult):
-    """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
+    """Lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
-    ``face_tolerance``: of the optical faces in the STEP. ``nodes``: of the spline of each of them, by its name.
-    ``volume_mm3``, ``area_mm2``: of the solid, ``volume_mesh_mm3``, ``area_mesh_mm2`` of the mesh. ``bounds_mm``: least
-    and largest corner of the box around the mesh. The vertices of the mesh lie on the solid, so the box of the solid is
-    larger by the chord error at most.
-    ``mass_g`` where the density is known.
-    ``keep_out``: None where the spec has none, or the mesh is not closed.
-    ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: in its header.
-    ``plate``: the plate of all lenses, where the spec has one.
-    ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose
-    files somebody has changed. Bytes that this process has not made itself are read within bounds, STEP and 3MF in a
-    child process.
+    Bytes that this process has not made itself are read within bounds, STEP and 3MF in a child process.
+
+    ``lens``: of which it is made. ``face_tolerance``: largest errors allowed of the optical faces in the STEP.
+    ``form_error_nm``, ``normal_error_mrad``: errors of these faces as read back. ``volume_mm3``, ``area_mm2``: of the
+    solid. ``volume_mesh_mm3``, ``area_mesh_mm2``: of the mesh. ``mass_g``: None where the density is not known.
+    ``keep_out``: distance to the solids to be kept clear of; None where the spec has none, or the mesh is not closed.
+    ``bounds_mm``: least and largest corner of the box around the mesh; its vertices lie on the solid, whose box is
+    larger by the chord error at most. ``watertight``: the mesh is closed. ``genus``: its handles, 0 for a lens.
+    ``faces``: of the solid as read back. ``nodes``: of the spline of each optical face, by its name. ``step_schema``:
+    of the STEP. ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: author,
+    organisation and date in its header. ``untrimmed_surfaces``: the faces extended beyond the rim, where they were
+    asked for. ``triangulation``: size and errors of the mesh. ``plate``: the plate of all lenses, where the spec has
+    one. ``files``: size and hash of each file, as built; ``altered`` names those that are others by now. ``step``,
+    ``stl``, ``threemf``: content of the files. ``surfaces_step``: content of the file of untrimmed faces.
+    ``plate_step``, ``plate_stl``, ``plate_threemf``: content of the plate's files.
     """
 
     stage: ClassVar[str] = "export"
@@ -158,7 +162,7 @@ class Part(StageResult):
 
     @property
     def closed_or_not(self) -> str:
-        """The state of the mesh in words."""
+        """State of the mesh in words."""
         return "closed" if self.watertight else "not closed"
 
     @property
@@ -168,7 +172,7 @@ class Part(StageResult):
 
     @cached_property
     def solid(self) -> "cadquery.Solid":
-        """The part as a ``cadquery.Solid`` (mm), read from the STEP: cut it, fuse it, save it with cadquery."""
+        """Part as a ``cadquery.Solid`` (mm), read from the STEP: cut it, fuse it, save it with cadquery."""
         import cadquery
 
         from lensforge.cad.step import parse_step
@@ -177,7 +181,7 @@ class Part(StageResult):
 
     @cached_property
     def mesh(self) -> "trimesh.Trimesh":
-        """The part as a ``trimesh.Trimesh`` (mm), read from the STL, equal vertices merged."""
+        """Part as a ``trimesh.Trimesh`` (mm), read from the STL, equal vertices merged."""
         import trimesh
 
         from lensforge.cad.mesh_files import parse_stl
@@ -189,7 +193,7 @@ class Part(StageResult):
         return {".step": self.step, ".stp": self.step, ".stl": self.stl, ".3mf": self.threemf}
 
     def plot(self, axes: "Axes | None" = None, *, azimuth_deg: float = 0.0) -> "Axes":
-        """The section through the axis at ``azimuth_deg``, to scale. Raises :class:`InputError` unless it is finite."""
+        """Draw the section through the axis at ``azimuth_deg``, to scale. Raises :class:`InputError` for no number."""
         from lensforge.cad.section import body_outlines
 
         if not isinstance(azimuth_deg, Real) or not math.isfinite(azimuth_deg):
@@ -197,7 +201,7 @@ class Part(StageResult):
         return plot_outlines(body_outlines(self.lens, azimuth_deg), f"across the axis at {azimuth_deg:g}°", axes)
 
     def show(self, *, cut: bool = False, off_screen: bool | None = None) -> "pyvista.Plotter":
-        """The mesh in three dimensions, ``cut`` at y = 0; a ``pyvista.Plotter``, shown unless ``off_screen``."""
+        """Show the mesh in three dimensions, ``cut`` at y = 0; a ``pyvista.Plotter``, shown unless ``off_screen``."""
         import pyvista
 
         mesh = pyvista.wrap(self.mesh)

@@ -139,7 +139,6 @@ def _build(lens: Lens, nodes: int | None, tolerance: FaceTolerance, rings: int |
 
 
 def _keep_out(lens: Lens, body: BuiltBody) -> KeepOutDistance | None:
-    """Distance of the body from the keep-out of the spec; None where it has none."""
     path = lens.spec.constraints.keep_out
     if path is None:
         return None

@@ -157,7 +157,6 @@ class Patch:
         return Patch(control, self.knots)
 
     def _derivatives(self, chart: Float[np.ndarray, "*n 2"], chosen: slice) -> Float[np.ndarray, "k *n 3"]:
-        """The ``chosen`` derivatives of ``_JET_ORDERS``."""
         from lensforge.kernels.spline_patch import spline_points
 
         orders, places = _JET_ORDERS[chosen], np.ascontiguousarray(chart, dtype=np.float64).reshape(-1, 2)

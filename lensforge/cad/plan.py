@@ -289,7 +289,6 @@ def _seat_corners(plan: Plan[Any], rim: Radius) -> list[Corner]:
 
 
 def _foot_corners(plan: Plan[Any]) -> list[Corner]:
-    """The side and the bottom of the base, and its flange."""
     side, height, way = plan.outline.radius, plan.base.height_mm, -1.0 if plan.flange is None else 1.0
     top, foot = Corner(side, plan.relief_mm, SIDE), _drafted(plan, side, way, plan.shoulder_mm - plan.relief_mm)
     if plan.flange is None:

@@ -202,7 +202,6 @@ class PlateLayout:
         return min(found, key=lambda wall: wall.thickness_mm, default=None)
 
     def _at_bottom_mm(self, mark: PlateMark) -> float:
-        """Radius of a mark at the bottom of the plate."""
         return mark.radius_mm + (self.plate.slope * self.plate.thickness_mm if isinstance(mark, PlateHole) else 0.0)
 
     def _gap_mm(self, opening: _Around, number: int, place: Place) -> float:

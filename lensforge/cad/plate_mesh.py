@@ -155,7 +155,6 @@ def _wall(
 
 
 def _at_foot(loop: Loop, foot: Loop, chord_mm: float) -> Iterator[Float[np.ndarray, "_ 2"]]:
-    """Points on each edge of the ``foot``, below those of the loop."""
     for top, edge in zip(loop, foot, strict=True):
         if top.centre is None or edge.centre is None:
             yield np.array([edge.start])

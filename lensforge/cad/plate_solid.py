@@ -87,7 +87,6 @@ def _lens_with_bore(plan: Plan[Patch], layout: PlateLayout) -> tuple[Named, Any,
 
 
 def _round(name: str, wall: RoundWall, *, outwards: bool) -> tuple[Named, Any, Any]:
-    """The face of a round wall, and the wires at its foot and top."""
     top, foot = (circle_at(wall.place, radius_mm) for radius_mm in (wall.radius_mm, wall.foot_mm))
     return _walls(name, top, wall.depth_mm, wall.length_mm, foot, outwards=outwards)
 
@@ -120,7 +119,6 @@ def _wall_facing(side: Any, edge: LoopEdge, *, outwards: bool) -> Any:
 
 
 def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:
-    """The edges of a loop in z = -depth, which share their vertices."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVertex
     from OCP.gp import gp_Pnt
 

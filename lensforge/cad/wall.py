@@ -214,7 +214,6 @@ def largest_ball(sections: _Sections) -> tuple[float, _Point]:
 
 
 def _places_within(sections: _Sections) -> Float[np.ndarray, "n 3"]:
-    """Places (mm) of even grids within some of the sections."""
     places = []
     for section in sections[:: max(len(sections) // _TRIED, 1)]:
         across, height = np.hypot(section[:, 0], section[:, 1]), section[:, 2]

@@ -67,8 +67,6 @@ class _CutShort(Exception):
 
 
 class _Group(click.Group):
-    """The group of all commands, which is called without one, too."""
-
     def invoke(self, context: click.Context) -> Any:
         try:
             return super().invoke(context)

@@ -210,7 +210,6 @@ def _row(fact: Fact) -> Row:
 
 
 def _limit_rows(group: Group) -> Iterator[Row]:
-    """The number of limits that are met, and the first of the others."""
     others = [fact for fact in group.facts if not fact.holds]
     yield "Limits", f"{len(group.facts) - len(others)} of {len(group.facts)} met"
     for fact in others[:_MOST_LIMITS]:
@@ -233,7 +232,6 @@ def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
 
 
 def _titled(groups: Sequence[Group]) -> list[Block]:
-    """A block for each group, those of one kind together."""
     kinds = dict.fromkeys(group.key for group in groups)
     by_kind = [[group for group in groups if group.key == key] for key in kinds]
     titles = {"bound": "Limits", "spread": "Over all parts", "causes": "Share of the variance", "budget": "Tolerances"}
@@ -279,7 +277,6 @@ def _manufacture(run: Run) -> Iterator[Row]:
 
 
 def _written(run: Run) -> str:
-    """The files that go to others."""
     part, photometry = run.find(Part), run.find(Photometry)
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]

@@ -176,7 +176,6 @@ def _with_derived(content: Tables, made: Spec) -> dict[str, str]:
 
 
 def _relative(file: Path, folder: Path) -> str:
-    """Name of ``file`` as a spec in ``folder`` has it."""
     try:
         return file.relative_to(folder.resolve()).as_posix()
     except ValueError:

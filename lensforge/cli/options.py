@@ -25,8 +25,6 @@ _ABOVE_ZERO = click.FloatRange(0.0, min_open=True)
 
 
 class _Corner(_Pixel):
-    """A pixel, written as column,row."""
-
     name = "x,y"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:

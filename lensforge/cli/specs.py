@@ -32,8 +32,6 @@ _MOST_ALIKE = 4  # examples that a new spec names
 
 
 def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
-    """Completion of a kind, or of the name of a file."""
-
     def complete(_context: click.Context, _option: click.Parameter, begun: str) -> list[CompletionItem]:
         completions = [CompletionItem(f"{kind}:") for kind in kinds if f"{kind}:".startswith(begun)]
         return completions or [CompletionItem(begun, type="file")]
@@ -216,7 +214,6 @@ def shipped_folder() -> Path:
 
 
 def _first_comment(path: Path) -> str:
-    """The first sentence of the comment at the head of a spec."""
     lines = path.read_text(encoding="utf-8").split('name = "')[0].splitlines()
     words = " ".join(line.lstrip("# ") for line in lines)
     return _END.split(words)[0].rstrip(".")

@@ -13,9 +13,9 @@ from lensforge.cli.output import Output, with_output
 from lensforge.cli.studies import renewed_for
 from lensforge.errors import InputError
 from lensforge.report.folder import opened
-from lensforge.report.pipeline import handover as make_handover
 from lensforge.report.pipeline import write_comparison, write_report
 from lensforge.report.results import REPORT_FILE
+from lensforge.report.results import handover as make_handover
 from lensforge.results import StageResult
 from lensforge.results.files import require_own, require_writable
 from lensforge.verbs import EVALUATE, STAGES, STRAY, VERIFY, FolderStage

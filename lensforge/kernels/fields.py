@@ -98,7 +98,6 @@ def _before_turn(real, imaginary, face):
 
 @inline
 def _turned(y, face):
-    """M y."""
     if face.mirrored:
         return add_scaled(y, -2.0 * dot(face.n, y), face.n)
     along = dot(face.b, y) / (1.0 + dot(face.d, face.b))

@@ -101,7 +101,7 @@ def transmittances(c, q, ratio):
 def coated_transmittances(c, q, ratio, table, row):
     """Transmittances of a coated face, and their derivatives with respect to ``c``.
 
-    ``table``: as in ``optics.coating_tables``, of one wavelength or in rows; ``row``: place among the rows.
+    ``table``: as in ``optics.coatings.coating_tables``, of one wavelength or in rows; ``row``: place among the rows.
     """
     cells = table.shape[-2] - 3
     cosine = c if ratio < 1.0 else q

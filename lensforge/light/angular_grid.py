@@ -344,7 +344,6 @@ class _Pyramid:
 
 
 def _before(level: Level) -> tuple[Level, Axis]:
-    """Level from which one halving leads to ``level``, and its axis."""
     c, gamma = level
     return ((c - 1, gamma), "c") if c > 0 else ((c, gamma - 1), "gamma")
 
@@ -391,7 +390,6 @@ def _bright(values: Float[np.ndarray, "c g"]) -> Bool[np.ndarray, "c g"]:
 
 
 def _variance(samples: Samples) -> Float[np.ndarray, "c g"]:
-    """Variance of the mean of ``samples``."""
     return np.asarray(samples.var(axis=0, ddof=1) / len(samples))
 
 

@@ -83,7 +83,6 @@ def in_lens(scene: Scene, rays: RayBundle) -> RayBundle:
 
 
 def _seen_from_source(scene: Scene, points: _Vectors) -> _Vectors:
-    """Points (mm) of the faces in the frame of the source."""
     if scene.made is None:
         return points
     placed = scene.made.placed

@@ -307,7 +307,6 @@ def _noise(images: Images) -> float | None:
 
 
 def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, MissedByCause]:
-    """The flux budget, and the flux that missed the receiver's surface by cause."""
     share = received.by_fate.mean(axis=0) / emitted_w
     named = named_flux(share)
     missed = MissedByCause(**{name: named[name] for name in MissedByCause.model_fields})

@@ -73,13 +73,19 @@ MetricName = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target
 
 
 class Light(ResultByLed):
-    """The light of a lens on its receivers, simulated with independent replicates of rays.
+    """Light of a lens on its receivers, simulated with independent replicates of rays.
 
-    Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
-    that the search has not used; ``fitted``: by the rays that it has. ``pixels``: along the longer side of a map as
-    required, of which lamps together may need somewhat more or fewer. ``ways``: shares of the emitted flux by way, of a
-    lens of more than two faces. ``place``: of the LED, where it is from a ray file or is moved. Of a lens for several
-    LEDs they are those of the first.
+    Metrics, flux and maps are those of the first receiver; of a lens for several LEDs those with the first. Of a ray
+    file they are by rays that the search has not used.
+
+    ``receivers``: metrics, flux and maps on each receiver, in the order of the spec. ``limits``: those of the spec,
+    each with its value and judgement. ``ways``: shares of the emitted flux by way, of a lens of more than two faces.
+    ``place``: of the LED, where it is from a ray file or is moved. ``replicates``: independent samples, whose scatter
+    gives the standard errors. ``pixels``: along the longer side of a map as asked; lamps together may need somewhat
+    more or fewer. ``filter``: the filter of the maps, in words. ``lumens_per_watt``: efficacy of the light; None where
+    nothing states it. ``table_nodes``: across the tables by which faces are traced. ``table_error_nm``: their largest
+    error, by face. ``preset_error``: their effect on the light; None where it was not measured. ``fitted``: figures by
+    the rays of the search.
     """
 
     stage: ClassVar[str] = "evaluate"
@@ -106,7 +112,7 @@ class Light(ResultByLed):
 
     @property
     def first(self) -> ReceiverLight:
-        """The light on the first receiver."""
+        """Light on the first receiver."""
         return self.receivers[0]
 
     @stated
@@ -189,7 +195,7 @@ class Light(ResultByLed):
         return f"light{where}: {figures} ({self.rays} rays, {columns} x {rows} pixels, {self.filter})"
 
     def plot(self, axes: "Axes | None" = None, *, which: Picture = "map", receiver: str | None = None) -> "Axes":
-        """The light on a receiver, by default the first, in false colour: in lux or candela if its lumens are known.
+        """Draw the light on a receiver, by default the first, in false colour, in lux or candela if lumens are known.
 
         The line is that of the target at half of its peak.
 

@@ -1,4 +1,4 @@
-"""The light of a finished lens: the verb ``evaluate``."""
+"""The light of a finished lens: the verbs ``evaluate`` and ``photometry``."""
 
 from collections.abc import Iterator, Mapping
 from math import isclose
@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
 from lensforge.light.evaluation_result import Light
+from lensforge.light.photometry_result import Photometry
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, require
 from lensforge.results.record import MOST_PIXELS
@@ -15,6 +16,7 @@ from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import held_back
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.sources.source_place import SourcePlace
@@ -37,12 +39,27 @@ def evaluate(
     name: str | None = None,
     threads: int | None = None,
 ) -> Light:
-    """Simulate ``lens``: the light on its receiver, every metric with its standard error.
+    """Simulate a finished lens: the light on its receivers, every metric with its standard error.
 
-    None: as in the design (accuracy, seed, source), or as in the spec or the preset (rays, pixels). ``source``: another
-    one, or a ray file in the place of the spec's. ``temperature_c``: of the lens and the air around it, at which its
-    index and its size are others (Celsius). The light names all ``conditions`` that are not the lens's own, and the
-    warnings on another source; ``name``: theirs, by default made from what differs.
+    NMSE is the paper's Eq. (7), with the target scaled to the flux that arrives; RSD is Eq. (8).
+
+    Args:
+        lens: the lens.
+        accuracy: a preset; None: that of the design.
+        source: another LED in the place of the spec's; a section, or a ray file.
+        rays: number of rays, from 1; None: as in the spec or the preset.
+        pixels: number along the longer side of a map, 1 to 4096; None: as in the spec.
+        seed: of the rays, from 0; None: that of the design. No ray has designed the lens.
+        temperature_c: of the lens and the air around it, at which its index and its size are others.
+        name: ends the name of the file of a light under other conditions; None: made from what differs.
+        threads: number of threads, from 1; None: all cores.
+    Returns: The light; its ``conditions`` are what differs from the lens's own, None for nothing.
+    Raises: :class:`InputError` for an argument that is not allowed, or a file that cannot be read.
+    Example:
+        >>> lens = lf.load("cad_out/quickstart").lens
+        >>> light = lf.evaluate(lens, rays=2**16)
+        >>> print(light.nmse, light.efficiency)
+        >>> light.save("light.png")
     """
     from lensforge.light.evaluation import evaluate_lens
 
@@ -74,6 +91,46 @@ def evaluate(
     return light.changed(**update, place=place)
 
 
+def photometry(
+    lens: Lens,
+    *,
+    rays: int | None = None,
+    lumens: float | None = None,
+    threads: int | None = None,
+    ies_version: IesVersion = NEWEST,
+) -> Photometry:
+    """Compute the far field of a lens, and its IES, EULUMDAT, TM-33 and TM-25 files.
+
+    Of several lamps they hold the light of all. Angles are of type C: gamma = 0 is the lens axis (LM-63, TM-33).
+
+    Args:
+        lens: the lens.
+        rays: number of rays, from 1; None: as many as the noise of the intensities asks for.
+        lumens: of the source, in lm; None: as spec or its file say, else 1000.
+        threads: number of threads, from 1; None: all cores.
+        ies_version: year of LM-63: 2019, or 2002 for older programs.
+    Returns: The far field of each LED; other lumens than the source's own, and any ``rays``, are other ``conditions``.
+    Raises: :class:`InputError` for an argument that is not allowed.
+    Example:
+        >>> photometry = lf.photometry(lf.load("cad_out/quickstart").lens, lumens=120.0)
+        >>> print(photometry.peak_cd, photometry.beam_c0.beam_angle_deg)
+        >>> photometry.save("lens.ies")
+    """
+    from lensforge.light.photometry_export import measure_photometry
+
+    require(lens, Lens, "photometry")
+    version = require_ies_version(ies_version)
+    rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
+    lumens, by_led = number_of("lumens", lumens), dict[str, Photometry]()
+    with kernel_threads(count_of("threads", threads)):
+        for name, own in lens.by_led.items():
+            source = judging_source(own.spec)
+            measured = measure_photometry(own, source, preset, rays=rays, lumens=lumens, ies_version=version, led=name)
+            conditions = photometry_conditions(own, source, rays, lumens)
+            by_led[name] = measured.changed(conditions=conditions, inputs={"lens": lens.sha256})
+    return Photometry.joined(by_led)
+
+
 def evaluate_to_picture(lens: Lens, picture: Path, rays: int | None = None) -> Light:
     """Simulate ``lens`` as :func:`evaluate` does, and draw it in the file ``picture``, which is replaced whole."""
     light = evaluate(lens, rays=rays)
@@ -91,7 +148,6 @@ def load_for_pictures() -> None:
 
 
 def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[Light]:
-    """The light of every further LED that ``lens`` is for."""
     from lensforge.light.evaluation import evaluate_lens
 
     for led in lens.spec.sources[1:]:

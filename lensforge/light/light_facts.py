@@ -1,7 +1,7 @@
 """Facts of the light: its figures on each receiver, the limits of the spec, and how it was simulated.
 
 Light is judged by the limits of the spec. Where it sets none, it fails if the pattern is far from the target or too
-little of the light lands there; ``light_bounds`` holds both bounds.
+little of the light lands there; ``light.receiver_light`` has both bounds.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -181,7 +181,6 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
 
 
 def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
-    """Error of the pattern; ``judged``: with its limit, where there is one."""
     possible = receiver.possible
     fact = judged or Fact.measured("nmse", METRICS["nmse"], receiver.nmse)
     return replace(
@@ -194,7 +193,6 @@ def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
 
 
 def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
-    """Light in the target; ``judged``: with its limit, where there is one."""
     possible = receiver.possible
     fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], receiver.share_in_target, sense=">=")
     return replace(
@@ -250,7 +248,6 @@ _COLOUR = (
 
 
 def _colour(colour: BeamColour | None) -> Iterator[Fact]:
-    """Colour of the beam, and how far colours in it are from that."""
     if colour is None:
         return iter([Fact("colour_u", "Colour", "no light")])
     temperature = "Duv above 0.05" if colour.cct is None else "correlated (Ohno 2013)"

@@ -2,7 +2,7 @@
 
 Only light that leaves the lens upwards is in the files: light that leaves it downwards meets the plane on which the
 lens stands, and counts as missed_receiver. Gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the -y axis, see
-``sources.photometric.orientation``.
+``sources.photometric.photometric_file``.
 """
 
 import time
@@ -267,7 +267,6 @@ def _warnings(bright: SourceLumens, source: Source, light: ExitLight, spec: Spec
 
 
 def _remarks(light: ExitLight, per_watt: float) -> Iterator[str]:
-    """Lines for the files on the errors of the table."""
     peak, error, fitted = light.intensity.peak, light.intensity.node_error, light.intensity
     if error is None:
         return

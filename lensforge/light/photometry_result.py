@@ -206,21 +206,24 @@ class LostFlux(Record):
 
 
 class Photometry(ResultByLed):
-    """The light that leaves the lens upwards. ``lost_w``: the rest by fate; ``reflected_w``: lost at the surfaces.
+    """Light that leaves the lens upwards, in watts, lumens and candela; of several lamps that of the whole.
 
-    ``candela`` at the angles ``c_deg`` and ``gamma_deg``: gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the
-    -y axis. The table is bilinear between them, and fitted to the flux of the rays; ``candela_standard_error`` is the
-    standard error of each of its numbers by independent samples of the rays, 0 where there was only one sample.
-    ``node_error`` is the same relative to the intensity, where that is above a tenth of the peak: the largest, and the
-    root mean square over solid angle; ``interpolation_error``: rms of what a table of half the steps would add there,
-    relative to the peak, with its own standard error on top. ``peak_cd`` has the noise taken off by which the largest
-    of many numbers is too large; ``peak_direction``: node with the largest. ``beam_c0``, ``beam_c90``: in the principal
-    planes. ``road``: of a lamp, where the spec says that it is for an area or a road; ``roads``: those of the spec.
+    The table of ``candela`` is bilinear in its angles, and fitted to the flux of the rays.
 
-    ``source_lm_from``: where the luminous flux of the source comes from. Where nothing states it, ``per_1000_lm`` is
-    true: ``source_lm`` is 1000, and candela are per 1000 lm of the source. ``warnings``: whatever limits the use of the
-    files. ``ies``, ``ldt``, ``tm33``, ``tm25``: the bytes of the files. Of several lamps all is that of the whole.
-    ``luminaire``, ``luminaire_ies``: the file of all lenses of a lamp, where the spec says that it has several.
+    ``source_w``: flux of the source. ``exit_w``: flux that leaves upwards. ``light_output_ratio``: the latter over the
+    former. ``lost_w``: the rest by fate. ``reflected_w``: lost at the surfaces. ``source_lm``: flux of the source; 1000
+    where nothing states it. ``source_lm_from``: what states it. ``per_1000_lm``: nothing states it, so lumens and
+    candela are per 1000 lm of the source. ``exit_lm``: flux that leaves upwards. ``axis_cd``: intensity on the axis.
+    ``peak_cd``: largest intensity, the noise taken off by which the largest of many numbers is too large.
+    ``peak_direction``: node of the table with the largest. ``beam_c0``, ``beam_c90``: beam in the planes C 0 - C 180
+    and C 90 - C 270. ``road``: classes of a lamp for an area or a road, by the spec. ``roads``: each of the spec's
+    roads, judged. ``node_error``: standard error over intensity, where that is above a tenth of the peak: the largest,
+    and the root mean square over solid angle. ``interpolation_error``: rms, relative to the peak, of what a table of
+    half the steps would add. ``files``: each file as read back. ``luminaire``: the same of the file of all lenses of a
+    lamp, where the spec says that it has several. ``luminaire_ies``: content of that file. ``c_deg``: angle C of the
+    table's rows, 0 at +x and 90 at -y. ``gamma_deg``: angle from the lens axis of its columns. ``candela``:
+    intensities. ``candela_standard_error``: of each of them by independent samples of rays, 0 for a single one.
+    ``ies``, ``ldt``, ``tm33``, ``tm25``: content of the files.
     """
 
     told_if_any: ClassVar[tuple[str, ...]] = ("led", "others", "luminaire")

@@ -130,8 +130,9 @@ class RawMetrics(Record):
 class Possible(Record):
     """Bounds that physics sets to light on the same pixels from any lens that keeps the largest radius.
 
-    ``efficiency``, ``share_in_target``: at most, by ``law``; ``nmse``: at least, of the light that arrives.
-    ``luminance_estimated``: the source's is an estimate from its rays, and so are the bounds by étendue.
+    ``efficiency``, ``share_in_target``: at most. ``nmse``: at least, of the light that arrives. ``law``: the law that
+    sets the former. ``luminance_estimated``: the source's is an estimate from its rays, and so are the bounds by
+    étendue.
     """
 
     efficiency: Share

@@ -85,7 +85,6 @@ class ReferenceBody:
 
 
 def _of_optic(optic: SecondaryOptic, around: Media, device: torch.device) -> ReferenceBody:
-    """A given optic, by tables that are within a nanometre of its faces."""
     place = tabled(optic)
     faces = tuple(TableFace.of(torch.from_numpy(table), place.grid, device=device) for table in place.tables)
     return ReferenceBody(faces, TWO_FACES, optic.media(around), True, place.placement, origin=f"body {optic.name!r}: ")

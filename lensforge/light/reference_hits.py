@@ -184,7 +184,6 @@ class ExactFace(TracedFace):
 
 
 def _in_torch(function: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n *k"]]) -> OfDirections:
-    """A function of NumPy arrays for tensors, without derivatives."""
     return lambda directions: directions.new_tensor(function(directions.detach().cpu().numpy()))
 
 
@@ -229,7 +228,6 @@ class TableFace(TracedFace):
         return self._gap_and_normal(points)[1]
 
     def _gap_and_normal(self, points: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 3"]]:
-        """Both, by one look at the table."""
         x, y, z = points.unbind(dim=1)
         r, per_shift = torch.linalg.norm(points, dim=1), _per_shift(points)
         rho, rho_x, rho_y = self._value_and_slopes(x * per_shift, y * per_shift)

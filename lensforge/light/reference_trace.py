@@ -200,7 +200,6 @@ class _Passage:
 
     @torch.no_grad()
     def _inside(self, numbers: Sequence[int], points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
-        """True for points inside of all of these faces."""
         return torch.stack([self.body.faces[number].gap(points) > 0.0 for number in numbers]).all(dim=0)
 
     def _met(self, light: RaysInBody, medium: str, event: int) -> Iterator[tuple[str, RaysInBody]]:
@@ -257,7 +256,6 @@ class _Passage:
     def _at_face(
         self, light: RaysInBody, paths_mm: Float[Tensor, " n"], medium: str, number: int, event: int
     ) -> Iterator[tuple[str, RaysInBody]]:
-        """Refract rays at one face, or reflect them there."""
         face, mirror, before = self.body.faces[number], self.body.mirror(number), self.body.chain.before[number]
         if mirror == 0.0:
             yield _ENDED, light._replace(sin2_exit=torch.zeros_like(paths_mm)).ended(Fate.FLANGE)
@@ -293,7 +291,6 @@ class _Passage:
     def _roughened(
         self, normals: Float[Tensor, "n 3"], numbers: Int[Tensor, " n"], face: int, event: int
     ) -> Float[Tensor, "n 3"]:
-        """Unit normals, tilted by the roughness of the face."""
         unit: Tensor = normalize(normals, dim=1)
         if self.rough is not None:
             noise, slopes = self.rough

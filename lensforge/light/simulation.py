@@ -343,7 +343,6 @@ def lit_mask(mask: Bool[np.ndarray, "h w"] | None, images: Images) -> Bool[np.nd
 
 
 def _with_one_ray(change: Metric, noisy: Metric | None, rays: int) -> Metric:
-    """``change`` with an error that includes that of one of the ``rays`` by which ``noisy`` has its own."""
     if noisy is None or noisy.standard_error is None:
         return change
     return with_error(change, noisy.standard_error / np.sqrt(rays))

@@ -181,7 +181,6 @@ class BoardLight(PartLight):
 
     @cached_property
     def _seen(self) -> list[list[PosedReceiver]]:
-        """Each receiver as each lamp sees it."""
         return [[seen_by(receiver, number) for receiver in self.receivers] for number in range(len(self._shares))]
 
     @cached_property

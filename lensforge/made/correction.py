@@ -21,8 +21,9 @@ from lensforge.cad.plan import make_plan
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.made.areal_filter import ChangedSurface, FilteredPoints, RadialChange
 from lensforge.made.first_cut import FirstCut, Request
+from lensforge.made.measured_facts import correction_criteria
 from lensforge.made.measured_surface import ChangedLens, FacePixels, pose_of
-from lensforge.made.measurement_result import KEPT, Correction, CutterLimit, correction_criteria
+from lensforge.made.measurement_result import KEPT, Correction, CutterLimit
 from lensforge.results import Extent
 from lensforge.scene.body import Body
 from lensforge.scene.lens import Lens

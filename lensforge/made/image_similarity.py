@@ -100,7 +100,6 @@ def fit_similarity(
 def _start(
     measured: Float[np.ndarray, "h w"], simulated: Float[np.ndarray, "h w"], grid: PixelGrid
 ) -> Float[np.ndarray, "4"]:
-    """Best of the fits to coarse pictures."""
     step = max(1, min(grid.shape) // _COARSE)
     seen, light = means(measured, step), means(simulated, step)
     (rows, columns), (width, height) = seen.shape, grid.pixel
@@ -163,7 +162,6 @@ class _Pair:
         return np.asarray(self.measured - light @ self._weights(light))
 
     def _weights(self, light: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "2"]:
-        """Gain and offset."""
         inverse = np.linalg.pinv(light.T @ light, hermitian=True)
         return np.asarray(inverse @ (light.T @ self.measured))
 
@@ -196,11 +194,9 @@ class _Pair:
         return np.array([1.0, 1.0, *self.grid.size])
 
     def _nuisances(self, parameters: Float[np.ndarray, "4"]) -> Float[np.ndarray, "n 2"]:
-        """The transformed simulation, and a constant."""
         return np.stack([self._moved(parameters, self.spline), np.ones(len(self.measured))], axis=1)
 
     def _moved(self, parameters: Float[np.ndarray, "4"], spline: Float[np.ndarray, "h w"]) -> Float[np.ndarray, " n"]:
-        """Picture of ``spline`` coefficients, transformed."""
         log_scale, angle, *shift = parameters
         back = _turned(_places(self.grid) - np.array(shift)[:, None], -angle) * np.exp(-log_scale)
         return _read(spline, back, self.grid)

@@ -1,14 +1,26 @@
-"""Facts of the machined part: a photograph of its light, its measured faces, and a face corrected for a second cut."""
+"""Facts of the machined part: a photograph of its light, its measured faces, a face corrected for a second cut."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
+
+from lensforge.cad.face_tolerance import FINEST_MRAD, FINEST_NM
+from lensforge.cad.part_limits import ROUND_TRIP_LIMIT
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.light_facts import change_facts, metric_facts
 from lensforge.light.receiver_light import METRICS
-from lensforge.made.measurement_result import Correction, MeasuredLight, PhotoComparison, SurfaceComparison
+from lensforge.made.measurement_result import (
+    KEPT,
+    Correction,
+    CutterLimit,
+    MeasuredLight,
+    PhotoComparison,
+    SurfaceComparison,
+    surface_criteria,
+)
 from lensforge.results import Fact, Group
-from lensforge.results.criteria import state_of
+from lensforge.results.criteria import Criteria, at_least, at_most, state_of
 from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import percent, quantity
 
@@ -135,3 +147,24 @@ def _against(light: LightMetrics, design: LightMetrics, how: str) -> Iterator[Fa
         if fact.key != "rsd":
             note = f"{how}; designed {designed[fact.key]}"
             yield replace(fact, label=METRICS[fact.key], note=note)
+
+
+def correction_criteria(
+    used: float, covered: float, form_nm: float, normal_mrad: float, volume_change: float, cutter: CutterLimit
+) -> Criteria:
+    """Criteria on a correction: its points, the written STEP as read back, and the reach of the cutter.
+
+    Where the design is concave more tightly than the cutter already, the correction must not make it tighter.
+    """
+    longer = "take a longer wavelength_mm"
+    criteria = (
+        *surface_criteria(used, covered),
+        at_most("form_error", form_nm, FINEST_NM, "nm", longer),
+        at_most("normal_error", normal_mrad, FINEST_MRAD, "mrad", longer),
+        at_most("step_volume_change", volume_change, ROUND_TRIP_LIMIT, "", longer),
+    )
+    if cutter.concave_radius_mm is None:
+        return criteria
+    before = cutter.concave_radius_before_mm
+    least = min(cutter.cutter_radius_mm, np.inf if before is None else before) * (1.0 - 2.0 * KEPT)
+    return (*criteria, at_least("concave_radius", cutter.concave_radius_mm, least, "mm", longer))

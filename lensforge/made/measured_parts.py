@@ -185,7 +185,6 @@ def measured_chunk(recipe: Recipe, chunk: tuple[Job, ...]) -> Float[np.ndarray, 
 
 
 def _study(recipe: Recipe) -> PartStudy:
-    """The study of ``recipe`` in this process."""
     with _lock:  # a worker may have several threads
         for study in _studies:
             if _words(study.recipe) == _words(recipe):

@@ -7,9 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from lensforge.cad.face_tolerance import FINEST_MRAD, FINEST_NM
 from lensforge.cad.part import FileStamp, SplineNodes
-from lensforge.cad.part_limits import ROUND_TRIP_LIMIT
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.results import (
     Array,
@@ -123,9 +121,14 @@ class Evenness(Record):
 class PhotoComparison(StageResult):
     """A photograph of the part's light against the simulation, both scaled to a mean of 1.
 
-    ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``. ``target_mm``: width and
-    height of the rectangle that ``corners`` bound. ``aligned``: after undoing ``alignment``; ``likely_cause`` is of
-    that. ``clipped``: overexposed part of the target. ``led``: in the photographs, of a lens for several.
+    ``led``: in the photographs, of a lens for several. ``on``, ``off``: names of the photographs. ``corners``: pixels
+    (column, row) of the target, clockwise from the top left. ``corners_located``: how they were found; None where they
+    were given. ``target_mm``: width and height of the rectangle that they bound. ``width_mm``, ``height_mm``: of the
+    images. ``gamma``: exponent of the camera. ``pixels``: along the longer side of the images. ``ssim``: structural
+    similarity, 1 for equal images. ``nmse``: of the images. ``alignment``: shift, turn and scale from the simulated to
+    the photographed light. ``aligned``: both figures after that. ``measured_evenness``, ``simulated_evenness``:
+    uniformity in the region of the spec. ``clipped``: overexposed share of the target. ``measured``, ``simulated``:
+    images [row y, column x].
     """
 
     told_if_any: ClassVar[tuple[str, ...]] = ("led",)
@@ -249,10 +252,13 @@ FaceMap = Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
 
 
 class MeasuredFace(SimulatedResult):
-    """Result on a measured face: maps over its ``chart`` [Y, X], NaN outside, each sample of an ``area_mm2`` of it.
+    """Result on a measured face: maps over its chart [Y, X], NaN outside.
 
-    ``change``: of the last light less ``design``, on the first receiver, by the same rays. Of a lens for several LEDs
-    the light is that of the first, and ``by_led`` has the metrics with each.
+    ``surface``: name of the face. ``registration``: motion that was fitted. ``point_count``: of the points in the file.
+    ``used_share``: of the points that lie on the face. ``covered_share``: of the face that has points nearby. ``pose``:
+    the fitted motion. ``design``: light as designed. ``change``: of the last light less ``design``, on the first
+    receiver, by the same rays; of a lens for several LEDs with the first. ``by_led``: the metrics with each LED.
+    ``chart``: places of their samples along either axis. ``area_mm2``: area of the face at each sample.
     """
 
     told_if_any: ClassVar[tuple[str, ...]] = ("by_led",)
@@ -281,10 +287,12 @@ class MeasuredFace(SimulatedResult):
 class SurfaceComparison(MeasuredFace):
     """A measured surface against the design's, and the light of the lens with it.
 
-    ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``form_deviation_um.rms`` is the root of
-    the mean square of ``deviation_um`` over the area. On the first receiver, ``width`` x ``height`` in the unit of its
-    chart: irradiance (W/m^2), in the far field intensity (W/sr), of the design and with the measured surface, [row y,
-    column x]. ``nmse_between`` the two.
+    ``point_deviation_um``: of the single points. ``form_deviation_um``: of the form; ``rms`` is over the area.
+    ``residual_rms_um``: of the points about the form. ``receiver``: name of the first receiver. ``far_field``: it is a
+    far field. ``width``, ``height``: of it, in the unit of its chart. ``measured``: light with the measured surface.
+    ``nmse_between``: of the two lights. ``points``: as registered, in mm. ``distance_um``: of each point along the
+    normal. ``deviation_um``: map of the form deviation. ``irradiance_design``, ``irradiance_measured``: light on the
+    first receiver (W/m^2; far field W/sr), [row y, column x].
     """
 
     stage: ClassVar[str] = "compare_surface"
@@ -334,11 +342,19 @@ class CutterLimit(Record):
 class Correction(MeasuredFace):
     """A face corrected by the mirrored deviation of a first cut, in a STEP file for the second one.
 
-    ``deviation_um``: of the first cut as far as its points show it, along the normal; ``correction_um``: that was put
-    into the STEP; ``expected_um``: of the second cut, where the machine errs again as in the first. Extents are over
-    the area of the face, ``residual_rms_um`` is what the filter of ``wavelength_mm`` leaves of the points: their noise
-    and form of shorter waves; ``noise_rms_um``: of the points. The STEP and all lengths are in the lens's own size, but
-    the radii of ``cutter``: of the face that is cut, ``scale`` times as large, 1 + shrinkage for a mould insert.
+    STEP and lengths are in the lens's own size; extents are over the area of the face.
+
+    ``process``: by which the part is made. ``scale``: of the face that is cut against the lens's, 1 + shrinkage for a
+    mould insert. ``point_spacing_mm``: twice the distance to the nearest point, at most, on three quarters of the face.
+    ``gain``: share of the deviation that is corrected. ``wavelength_mm``: shortest wave that is corrected.
+    ``wavelength_given``: it was given, not found. ``noise_rms_um``: of the points. ``residual_rms_um``: what the filter
+    leaves of the points, their noise and shorter waves. ``deviation_um``: of the first cut as far as its points show
+    it, along the normal. ``correction_um``: that was put into the STEP. ``expected_um``: of the second cut, where the
+    machine errs again as in the first. ``cutter``: concave radii of the face that is cut, before and after. ``nodes``:
+    spline nodes of each face. ``step_schema``: of the STEP. ``step_volume_change``: of the solid as read back,
+    relative. ``form_error_nm``, ``normal_error_mrad``: errors of the face as read back. ``first_cut``, ``second_cut``:
+    light of both. ``file``: size and hash of the STEP. ``deviation_map_um``, ``correction_map_um``,
+    ``expected_map_um``: maps of the extents above. ``step``: content of the STEP file.
     """
 
     stage: ClassVar[str] = "correct"
@@ -373,24 +389,3 @@ class Correction(MeasuredFace):
     def products(self) -> dict[str, bytes]:
         """STEP by suffix."""
         return {".step": self.step, ".stp": self.step}
-
-
-def correction_criteria(
-    used: float, covered: float, form_nm: float, normal_mrad: float, volume_change: float, cutter: CutterLimit
-) -> Criteria:
-    """Criteria on a correction: its points, the written STEP as read back, and the reach of the cutter.
-
-    Where the design is concave more tightly than the cutter already, the correction must not make it tighter.
-    """
-    longer = "take a longer wavelength_mm"
-    criteria = (
-        *surface_criteria(used, covered),
-        at_most("form_error", form_nm, FINEST_NM, "nm", longer),
-        at_most("normal_error", normal_mrad, FINEST_MRAD, "mrad", longer),
-        at_most("step_volume_change", volume_change, ROUND_TRIP_LIMIT, "", longer),
-    )
-    if cutter.concave_radius_mm is None:
-        return criteria
-    before = cutter.concave_radius_before_mm
-    least = min(cutter.cutter_radius_mm, np.inf if before is None else before) * (1.0 - 2.0 * KEPT)
-    return (*criteria, at_least("concave_radius", cutter.concave_radius_mm, least, "mm", longer))

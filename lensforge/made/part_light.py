@@ -207,7 +207,6 @@ class PartLight:
 
     @cached_property
     def _readings(self) -> dict[_SeenByLimit, sparse.csr_array]:
-        """Readings of all limits on what some of them read, as one matrix."""
         rows = dict[_SeenByLimit, list[sparse.csr_array]]()
         for limit in self.limits:
             rows.setdefault(_SeenByLimit.by(limit), []).append(limit.readings)

@@ -248,7 +248,6 @@ class LedStudy:
 
     @property
     def _prefixes(self) -> list[str]:
-        """Beginnings of the names of metrics on each receiver."""
         _, *others = self.designed_light.receivers
         return [self.prefix, *(f"{self.prefix}{light.name}: " for light in others)]
 
@@ -301,7 +300,6 @@ class LedStudy:
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
 
     def _changes(self, part: MeasuredPart) -> list[dict[str, Metric]]:
-        """Metrics of ``part`` against those of the lens as designed."""
         return part.change_from(self.designed, self.study.recipe.rays, self.designed_light.receivers)
 
 

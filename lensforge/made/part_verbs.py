@@ -63,15 +63,28 @@ def compare(
     registration: Registration = "rigid",
     rays: int | None = None,
 ) -> PhotoComparison | SurfaceComparison:
-    """Compare the machined part with the design: a photograph with its light, or measured points with its lens.
+    """Compare a machined part with its design: a photograph with the light, or measured points with the lens.
 
-    ``on``, ``off``: photographs with the LED on and off of the first receiver, a plane; ``corners``: pixels (column,
-    row) of the target in them, from the top left clockwise, found if None; ``target_mm``: side of the square that they
-    span, by default they are the receiver's own. ``lens``: that of the light; in the region that its spec names,
-    uniformity is compared too; ``led``: name of the LED in the photographs, by default the first. ``points``: a file of
-    x, y, z (mm) on one ``surface``; ``registration``: motion that is fitted to bring them onto the design; the light is
-    that with each LED. Of lamps with lenses of several kinds ``measured`` is one, and the light is that of all lamps.
-    Raises :class:`InputError`; its message names the argument, and the command line's option has the same name.
+    Args:
+        measured: the light, for a photograph; the lens, for points.
+        on: photograph with the LED on, of the first receiver, a plane.
+        off: photograph with the LED off, which is subtracted.
+        corners: four pixels (column, row) of the target in them, from the top left clockwise; None: they are looked
+            for.
+        target_mm: side of the square that they span, in mm; None: they are the receiver's own.
+        gamma: exponent of the camera: light is its value to this power.
+        lens: the light's; uniformity is then compared in the region that its spec names.
+        led: name of the LED in the photographs; None: the first.
+        points: file of x, y, z (mm) on one face.
+        surface: name of that face.
+        registration: motion that is fitted to bring the points onto the design.
+        rays: number of rays of the light with the measured face, from 1; None: the preset's.
+    Returns: The comparison of the photographs, or of the face and its light.
+    Raises: :class:`InputError` for an argument that is not allowed, or a file that cannot be read.
+    Example:
+        >>> run = lf.load("cad_out/quickstart")
+        >>> comparison = lf.compare(run.lens, points="cloud.csv", surface="inner", rays=2**12)
+        >>> print(comparison.form_deviation_um.rms, comparison.nmse_between)
     """
     on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
     of_points = {"surface": surface, "registration": unless_own(registration, "rigid"), "rays": rays}
@@ -136,7 +149,6 @@ def _compare_photo(
 
 
 def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None":
-    """Region of uniform light in the map of ``light``, by the spec of its ``lens``; None without one."""
     from lensforge.scene.receiver_shapes import receivers_of
     from lensforge.scene.target_pattern import uniform_region
 
@@ -160,13 +172,25 @@ def correct(
 ) -> Correction:
     """Correct one face for its second cut by points measured on the first, and simulate the light of the second.
 
-    The new nominal face is the design less ``gain`` times the measured deviation, of which only waves longer than about
-    ``wavelength_mm`` pass; None: the longest at which the points show no more than noise of what is left out. Where the
-    face would be concave more tightly than the ball cutter of the spec, the wavelength is longer. ``points``: a file of
-    x, y, z (mm) on one ``surface`` of the part, or of its mould insert in lens coordinates; ``registration``: motion
-    that is fitted to bring them onto the design, which is pose, not form. ``result.step`` is the file for the shop.
-    The light is that with each LED, and of all lamps, where those with this lens have the corrected face.
-    Raises :class:`InputError`; its message names the argument.
+    The new face is the design less ``gain`` times the measured deviation. Where it would be concave more tightly than
+    the ball cutter of the spec, the wavelength is longer.
+
+    Args:
+        lens: the lens as designed.
+        points: file of x, y, z (mm) on that face of the part, or of its mould insert in lens coordinates.
+        surface: name of the face.
+        wavelength_mm: shortest wave of the deviation that is corrected, in mm; None: the longest at which what is left
+            of the points is noise alone.
+        gain: share of the deviation that is corrected.
+        registration: motion that is fitted to bring the points onto the design: pose, not form.
+        rays: number of rays, from 1; None: the preset's.
+        threads: number of threads, from 1; None: all cores.
+    Returns: The correction: ``step`` is the file for the shop. The light is that with each LED, and of all lamps.
+    Raises: :class:`InputError` for an argument that is not allowed, or points that do not cover the face.
+    Example:
+        >>> lens = lf.load("cad_out/quickstart").lens
+        >>> correction = lf.correct(lens, points="cloud.csv", surface="inner", wavelength_mm=1.5, rays=2**12)
+        >>> correction.save("second_cut.step")
     """
     from lensforge.made.correction import correct_face
     from lensforge.made.first_cut import Request
@@ -197,9 +221,18 @@ def sensitivity(
     threads: int | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Sensitivity:
-    """Compute the effect of each tolerance of the spec, at its end, on the light of ``lens``.
+    """Compute the effect of each tolerance of the spec, alone and at its end, on the light of a lens.
 
-    ``progress`` is called with the number of lenses traced and of all.
+    Args:
+        lens: the lens.
+        rays: number of rays of each case, from 1; None: the preset's.
+        threads: number of threads, from 1; None: all cores.
+        progress: called with the number of lenses traced and of all.
+    Returns: A row for each tolerance; of several LEDs with each.
+    Raises: :class:`InputError` for an argument that is not allowed.
+    Example:
+        >>> study = lf.sensitivity(lf.load("cad_out/quickstart").lens, rays=2**12)
+        >>> study.save("sensitivity.png")
     """
     from lensforge.made.sensitivity import measure_sensitivity
 
@@ -225,15 +258,27 @@ def tolerance(
     progress: Callable[[int, int], object] | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> Yield:
-    """Draw ``parts`` from the tolerances of the lens's spec: the share that passes, spread of the light, its causes.
+    """Draw parts from the tolerances of a lens: the share that passes, the spread of the light, its causes.
 
-    ``rays``: of each part; by default as many as keep its standard error below a tenth of the spread over the parts.
-    ``tolerances``: others than those of the spec, by a :class:`PartTolerances`, the name of a preset, or a TOML file.
-    ``budget``: also search for the largest amount of each tolerance. ``checkpoint``: a file of measured parts, with
-    which an interrupted study goes on to the same bits. ``scheduler``: a Dask cluster that measures the parts, to the
-    same bits: its address, such as ``tcp://10.0.0.5:8786``, or ``local:4`` for processes of this machine. ``progress``
-    is called with the number of parts measured and of all, in each stage of the study, and cancels by returning False.
-    Raises :class:`InputError` for tolerances that the part cannot bear, and where no scheduler answers.
+    Args:
+        lens: the lens.
+        parts: number of parts, 40 to 100,000.
+        rays: of each part, from 1; None: as many as keep its error below a tenth of the spread over the parts.
+        seed: of the parts, from 0.
+        tolerances: in the place of the spec's: a :class:`PartTolerances`, the name of a preset, or a TOML file.
+        budget: also search for the largest amount of each tolerance.
+        checkpoint: file of measured parts, with which an interrupted study goes on to the same bits.
+        threads: number of threads, from 1; None: all cores.
+        scheduler: address of a Dask cluster, "tcp://10.0.0.5:8786", or "local:4" for processes here; the same bits.
+        progress: called with the number of parts measured and of all, in each stage; cancels by returning False.
+        announce: called with a line on the cluster.
+    Returns: The study: ``pass_rate``, the ``variance`` by cause, the ``table`` of all parts.
+    Raises: :class:`InputError` for tolerances that the part cannot bear, and where no scheduler answers.
+        :class:`Cancelled`: ``progress`` returned False.
+    Example:
+        >>> study = lf.tolerance(lf.load("cad_out/quickstart").lens, parts=40, rays=512, budget=False)
+        >>> print(study.pass_rate)
+        >>> study.save("parts.csv")
     """
     from lensforge.made.yield_study import measure_yield
 

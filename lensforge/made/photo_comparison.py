@@ -217,7 +217,6 @@ def _corner_error(corners: Float[np.ndarray, "4 2"], target_mm: Size) -> Float[n
 
 
 def _alignment(fit: SimilarityFit, by_corners: Float[np.ndarray, "4"]) -> Alignment:
-    """The fit as a record, its errors with those of the corners."""
     scale, errors = float(np.exp(fit.parameters[0])), np.hypot(fit.errors, by_corners)
     units = np.array([scale, np.degrees(1.0), 1.0, 1.0])
     values = [scale, float(np.degrees(fit.parameters[1])), *map(float, fit.parameters[2:])]

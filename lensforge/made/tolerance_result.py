@@ -61,7 +61,8 @@ class ErrorRow(Record):
 class Sensitivity(ResultByLed):
     """Tolerances of the spec, one at a time at its end, and the change of the light by each.
 
-    ``preset``: gives the tolerances that the spec leaves out. The errors are the same with each of several LEDs.
+    ``nominal``: the light as designed. ``rows``: each tolerance with its amount and the change of each metric, the same
+    errors with each LED. ``preset``: gives the tolerances that the spec leaves out.
     """
 
     stage: ClassVar[str] = "sensitivity"
@@ -265,13 +266,19 @@ class ToleranceAmount(Record):
 
 
 class Yield(SimulatedResult):
-    """``parts`` drawn from the tolerances of the spec, each with so many ``lamps``, and their light.
+    """Parts drawn from the tolerances of the spec, and their light.
 
-    ``leds``: names of several LEDs, with each of which every part is measured; their metrics begin with them.
-    ``rays``: of a part, with all LEDs. ``columns``: names of the numbers drawn and of the metrics, in the order of
-    ``table``, which has a row for each part; numbers in the unit of the spec, those of each of several lamps left out.
-    ``roads``: those of the spec. ``worst_maps``: light of the worst parts on the first receiver, of several LEDs by
-    that of ``worst_leds``, with which the part is worst.
+    Names of metrics begin with that of the LED, where there are several.
+
+    ``parts``: number of parts. ``lamps``: of each part. ``leds``: names of several LEDs, with each of which every part
+    is measured. ``rays``: of a part, with all LEDs. ``seed``: of the parts. ``preset``: gives the tolerances that the
+    spec leaves out. ``tolerances``: amount and distribution of each. ``bounds``: what a part must keep. ``pass_rate``:
+    share of the parts that do, with its interval. ``metrics``: spread of each metric over the parts. ``variance``:
+    shares of its variance by cause. ``roads``: those of the spec. ``budget``: largest amount of each tolerance; None
+    where it was not asked for. ``worst``: the worst parts. ``worst_leds``: LED with which each of them is worst.
+    ``notes``: remarks on the study. ``columns``: names of the numbers drawn and of the metrics. ``table``: a row for
+    each part; numbers in the unit of the spec, those of each of several lamps left out. ``worst_maps``: light of the
+    worst parts on the first receiver.
     """
 
     stage: ClassVar[str] = "yield"

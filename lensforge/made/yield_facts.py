@@ -282,6 +282,5 @@ def _causes(study: Yield, name: str) -> Iterator[Fact]:
 
 
 def _change(row: ErrorRow, end: str) -> Group:
-    """The change of every metric by one tolerance at its end; ``end``: of its title."""
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
     return Group("error", f"{row.name}{end}", (size, *metric_facts(row.change)))

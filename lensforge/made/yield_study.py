@@ -307,7 +307,6 @@ def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tupl
 
 
 def _of_lamps(study: PartStudy) -> str:
-    """A remark on the lamps of a part, and on what they have in common."""
     spec, (columns, rows) = study.recipe.lens.spec, periods_of(study.recipe.lens.spec)
     common = "; ".join(factor.words for factor in study.factors if factor.name in study.draws.common) or "nothing"
     piece = "board" if spec.plate is None else "plate"

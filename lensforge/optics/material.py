@@ -26,7 +26,6 @@ MOST_COEFFICIENTS = 24  # formula 4 of refractiveindex.info has 17, tables of po
 
 
 def _series(coefficients: Sequence[float], powers: Sequence[float], um: Waves) -> Waves:
-    """Sum of coefficient times wavelength to a power."""
     terms = (c * um**p for c, p in zip(coefficients, powers, strict=False) if c != 0.0)
     return sum(terms, np.zeros_like(um))
 

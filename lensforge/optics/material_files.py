@@ -89,7 +89,6 @@ def _formula(number: int, coefficients: tuple[float, ...], path: Path, glass: st
 
 
 def _absorption_of(rows: Sequence[Sequence[float]]) -> Absorption | None:
-    """Absorption by rows of wavelength (nm) and absorption (1/mm); None without any."""
     return Absorption(*(tuple(column) for column in zip(*rows, strict=True))) if rows else None
 
 
@@ -125,7 +124,6 @@ def _lines_of(path: Path, glass: str) -> list[Line]:
 
 
 def _absorptions(lines: list[Line], path: Path, glass: str) -> list[tuple[float, float]]:
-    """Wavelength (nm) and absorption (1/mm) of each IT line with a thickness."""
     absorptions = []
     for line in lines:
         words = line.text.split()[1:]
@@ -239,7 +237,6 @@ def _is_absolute(content: Mapping[str, Any], path: Path) -> bool:
 
 
 def _content(path: Path) -> Mapping[str, Any]:
-    """Everything in the file, words alone."""
     raw = read_file(path, missing="give a file of refractiveindex.info", most_bytes=_MOST_BYTES)
     import yaml  # seldom needed, and slow to load
 
@@ -257,7 +254,6 @@ def _content(path: Path) -> Mapping[str, Any]:
 
 
 def _blocks(content: Mapping[str, Any], path: Path) -> dict[str, dict[str, Any]]:
-    """Blocks of data by their type."""
     data = content.get("DATA")
     if not isinstance(data, list) or not all(isinstance(block, dict) for block in data):
         raise InputError(f"{path}: has no list DATA; give a file of refractiveindex.info")
@@ -281,7 +277,6 @@ def _require_plain(events: Iterable[Any]) -> None:
 
 
 def _index(blocks: dict[str, dict[str, Any]], path: Path) -> tuple[Formula | IndexTable, tuple[float, float]]:
-    """The index, and the range (nm) in which it holds."""
     for kind, block in blocks.items():
         if kind.replace("formula", "rii") in COEFFICIENTS:
             low, high = _numbers(block, "wavelength_range", path, 2, 2)

@@ -171,7 +171,6 @@ def _vector(values: Any) -> Vector:
 
 
 def _about(axis: int, angle_deg: float) -> _Matrix:
-    """The right-handed rotation about one of the axes."""
     cosine, sine = cos(radians(angle_deg)), sin(radians(angle_deg))
     if angle_deg % 90.0 == 0.0:
         cosine, sine = round(cosine), round(sine)

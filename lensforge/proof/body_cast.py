@@ -83,7 +83,6 @@ def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLen
 
 
 def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values) -> None:
-    """Take a beam into a body and out of it."""
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
     points, along = body.pose.own_points(beam.points[rows]), body.pose.own_directions(beam.directions[rows])
     enters, points = _from_the_rim(points, along)

@@ -26,12 +26,22 @@ if TYPE_CHECKING:
 
 
 def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | None = None) -> Proof:
-    """Cast rays through the STL and STEP of ``part``, and compare their landings with the design's.
+    """Cast rays through the STL and STEP files of a part, and compare their landings with the design's.
 
-    ``light``: of the same lens. The ray cast shares no code with the design's tracer; further rays are drawn by code
-    that shares nothing with its sampler, and make the light of the design. Of a lens for several LEDs the rays of each
-    are cast. Of several lamps the rays of one are compared one by one, and the light of all lamps with this lens with
-    their sum: with a plate through its mesh. Both files are measured, and compared with the size as exported.
+    The cast shares no code with the design's tracer; further rays are drawn by code of its own, too.
+
+    Args:
+        part: the part.
+        light: of the same lens and source, by :func:`evaluate`.
+        rays: number of rays, from 1; None: the preset's.
+        threads: number of threads, from 1; None: all cores.
+    Returns: The proof, on every receiver; of several LEDs with each. Of several lamps the rays of one are compared one
+        by one, and the light of all with their sum: with a plate through its mesh.
+    Raises: :class:`InputError` for the light of another lens or source.
+    Example:
+        >>> run = lf.load("cad_out/quickstart")
+        >>> proof = lf.verify(run.part, run.light, rays=2**14)
+        >>> print(proof.nmse_vs_design, proof.deviation_mm.rms)
     """
     with threads_of_torch(threads):
         return verify_with(IN_TURN, part, light, rays)
@@ -120,7 +130,6 @@ def _of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:
 
 
 def _of_own_lamps(lens: Lens, light: Light) -> tuple[Lens, Light]:
-    """The lens with those lamps alone that have it, and their light."""
     own = lens.of_own_lamps
     known = own is lens or len(own.spec.all_lamps) == 1  # one lamp alone is not compared
     return own, light if known else evaluate(own, rays=light.rays, pixels=light.pixels)
@@ -136,10 +145,18 @@ def _of_first_lamp(lens: Lens) -> Spec:
 def stray_light(
     part: Part, *, rays: int | None = None, base: Literal["polished", "black"] = "polished", threads: int | None = None
 ) -> StrayLight:
-    """Follow rays through the part with reflections and the base, which the sequential design leaves out.
+    """Follow rays through a part with the reflections and the base, which the sequential design leaves out.
 
-    Of a lens for several LEDs the rays of each; of several lamps the light of all that have the lens, each with the
-    rays of one. Where the part has a plate they go through all of it, from the lamp that is nearest to its middle.
+    Args:
+        part: the part; where it has a plate, rays go through all of it, from the lamp nearest to its middle.
+        rays: number of rays, from 1, each of which splits into about ten; None: the preset's.
+        base: whether the base is polished, or absorbs all that meets it.
+        threads: number of threads, from 1; None: all cores.
+    Returns: The light on every receiver, and where all flux ends; of several LEDs with each.
+    Raises: :class:`InputError` for an argument that is not allowed.
+    Example:
+        >>> stray = lf.stray_light(lf.load("cad_out/quickstart").part, rays=2**12)
+        >>> print(stray.efficiency, stray.efficiency_sequential)
     """
     lens, rays = require(part, Part, "stray_light").lens, count_of("rays", rays)
     with threads_of_torch(threads):

@@ -134,8 +134,6 @@ def _of_ring(ring: FlangeRing, cylinder: str) -> list[Designed]:
 
 @dataclass
 class _Made:
-    """Levels and walls as they are collected."""
-
     levels: dict[float, str] = field(default_factory=dict)
     walls: list[tuple[str, Float[np.ndarray, "_ 3 2"], Float[np.ndarray, "_ 4"]]] = field(default_factory=list)
 
@@ -244,7 +242,6 @@ def _around(
 
 
 def _along(loop: Loop) -> Float[np.ndarray, "s 3 2"]:
-    """A loop of lines and arcs in pieces."""
     pieces = []
     shares = np.arange(_EDGE_PIECES)[:, None] / _EDGE_PIECES + np.array([0.0, 0.5, 1.0]) / _EDGE_PIECES
     for edge in loop:

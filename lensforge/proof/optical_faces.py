@@ -114,7 +114,6 @@ class PlateOfLenses:
 
     @cached_property
     def _seen(self) -> Float[np.ndarray, "k 2"]:
-        """Places in the coordinates of the lit lens."""
         return self.from_lit(np.column_stack([self.places, np.zeros(len(self.places))]))[:, :2]
 
 

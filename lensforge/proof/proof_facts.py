@@ -175,12 +175,10 @@ def _receiver(lit: LitReceiver, designed: float | None, lamp: str) -> Iterator[F
 
 
 def _length(mm: float) -> tuple[float, str]:
-    """A length in mm, a small one in µm."""
     return (1e3 * mm, "µm") if mm < 0.1 else (mm, "mm")
 
 
 def _tracer(lit: LitReceiver, title: str, facts: tuple[Fact, ...], says: str, names: Sequence[str]) -> Group:
-    """The row of one tracer; its state follows from the criteria of ``names`` on the receiver."""
     state = _state(lit.result.criteria, lit.receiver, lit.index, *names)
     return Group("tracer", f"{title}{lit.ending}", facts, says, state)
 

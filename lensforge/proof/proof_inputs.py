@@ -123,7 +123,6 @@ def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
 
 
 def _bounds(window: Window) -> tuple[float | None, float | None, float | None]:
-    """Width, height and radius of a window, None where it has no bound."""
     width, height, radius = (side if isfinite(side) else None for side in astuple(window))
     return width, height, radius
 

@@ -199,12 +199,17 @@ class LampsTogether(Record):
 class Proof(ResultByLed):
     """Rays through the exported part, against the same rays through the design, on every receiver.
 
-    Results that are not of the rays or the mesh are those of the first receiver. ``altered_files``: those whose content
-    was not what export.json describes when the rays were cast. ``sizes``: None where no size as exported was given.
-    ``emission_apart``: largest difference of a moment of the design's rays, as they leave the source, from that of rays
-    which verification has drawn, in standard errors; None where it has drawn none. ``far_facets``: optical facets of
-    the mesh far from every face of the design, of a body of more than two. ``together``: all lamps through their plate.
-    ``forms``: of every file of the part; they and ``sizes`` are told once, with the first LED.
+    Figures that are not of the rays or the mesh are those of the first receiver.
+
+    ``receivers``: the rays on each receiver, in the order of the spec. ``triangles``: of the mesh. ``open_edges``: of
+    the mesh; 0 for a closed one. ``volume_mm3``: of the mesh. ``sizes``: of each file, beside the size as exported;
+    None where that was not given. ``emission_apart``: largest difference of a moment of the design's rays, as they
+    leave the source, from that of rays which verification has drawn, in standard errors; None where it has drawn none.
+    ``facet_height_um``: of the mesh's vertices over the design. ``far_facets``: optical facets of the mesh far from
+    every face of the design, of a body of more than two. ``altered_files``: those whose content was not what
+    export.json describes when the rays were cast. ``plain_cast``: first hits by trimesh's own cast against these.
+    ``together``: all lamps through their plate. ``forms``: form of every file of the part, told once, with the first
+    LED.
     """
 
     stage: ClassVar[str] = "verify"
@@ -229,7 +234,7 @@ class Proof(ResultByLed):
 
     @property
     def first(self) -> ReceiverProof:
-        """The rays on the first receiver."""
+        """Rays on the first receiver."""
         return self.receivers[0]
 
     @stated
@@ -328,8 +333,12 @@ class ReceiverStray(OnReceiver):
 class StrayLight(ResultByLed):
     """Stray light, which the sequential design leaves out: reflections, the base, absorption; on every receiver.
 
-    The flux budget and the efficiencies are those of the first. Of a plate with several ``lenses`` one in the middle is
-    lit; ``neighbours``: share of its light that meets another of them, above z = 0.
+    Flux budget and efficiencies are those of the first receiver.
+
+    ``receivers``: the light on each receiver, in the order of the spec. ``base``: polished, or black and absorbing.
+    ``lenses``: of the plate, of which one in the middle is lit. ``neighbours``: share of its light that meets another
+    of them, above z = 0. ``absorption_per_mm``: of the body. ``cut_off``: share of the mean ray's flux below which a
+    ray is followed no further. ``depth``: largest number of faces that a ray meets.
     """
 
     stage: ClassVar[str] = "stray"
@@ -350,7 +359,7 @@ class StrayLight(ResultByLed):
 
     @property
     def first(self) -> ReceiverStray:
-        """The light on the first receiver."""
+        """Light on the first receiver."""
         return self.receivers[0]
 
     @stated

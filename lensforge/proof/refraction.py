@@ -82,7 +82,6 @@ class RefractingFace:
         return np.where(passes, r_s, whole[0]), np.where(passes, r_p, whole[1])
 
     def _of_layers(self, stack: LayerStack | None, along: PerRay, polarisation: str) -> Amplitudes:
-        """Without a stack that of the bare face."""
         films = () if stack is None else stack.layers
         layers = films if self.inwards else films[::-1]
         indices = [self.before, *(layer.index.at(self.wavelengths_nm) for layer in layers), self.behind]
@@ -100,7 +99,6 @@ class RefractingFace:
 
 
 def _step(one: Complex[np.ndarray, " n"], other: Complex[np.ndarray, " n"]) -> Complex[np.ndarray, " n"]:
-    """Amplitude reflected between two media."""
     return (one - other) / (one + other)
 
 

@@ -305,7 +305,6 @@ def _read(step: bytes, origin: str) -> Any:
 
 
 def _name_of(reader: Any, face: Any) -> str:
-    """Name of a face in the file, "" where it has none."""
     entity = reader.WS().TransferReader().EntityFromShapeResult(face, 1)
     try:
         return str(entity.Name().ToCString())

@@ -255,7 +255,6 @@ def _crossed(u: Float[np.ndarray, " p"], v: Float[np.ndarray, " q"]) -> _Places:
 
 
 def _knots_of(curve: Any) -> int:
-    """Knots of the kernel's curve, 0 of one that is no spline."""
     return int(curve.NbKnots()) if str(curve.GetType()).endswith("BSplineCurve") else 0
 
 

@@ -84,7 +84,6 @@ def number_lines(designs: Sequence[Results]) -> list[Group]:
 
 
 def _line(title: str, facts: Iterable[Fact]) -> Group:
-    """A row of a table with a fact of each design."""
     return Group("line", title, tuple(facts))
 
 
@@ -112,8 +111,6 @@ def difference_lines(designs: Sequence[Results]) -> list[Group]:
 
 @dataclass(frozen=True)
 class _Lit:
-    """The light of one design on one of its receivers."""
-
     name: str
     light: ReceiverLight
     unit: LightUnit
@@ -260,5 +257,4 @@ def _named(figure: Figure, axes: Axes, lit: Sequence[_Lit]) -> Figure:
 
 
 def _spread(values: Sequence[float]) -> float:
-    """Ratio of the largest to the smallest; 1 for none."""
     return max(values) / min(values) if values and min(values) > 0.0 else float("inf") if values else 1.0

@@ -170,7 +170,6 @@ def gap_pictures(results: Results) -> list[PagePicture]:
 
 
 def _quantiles(receiver: ReceiverProof) -> dict[str, Float[np.ndarray, " q"]]:
-    """Distances of the referees that have run, by name."""
     named = {
         "exported mesh": receiver.gaps_mesh_mm,
         "STEP file": receiver.gaps_step_mm,

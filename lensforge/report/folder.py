@@ -36,13 +36,16 @@ _Result = TypeVar("_Result", bound=StageResult)
 
 @dataclass(frozen=True, eq=False)
 class Run(Results):
-    """All results in ``folder``; ``others``: those under other than nominal conditions, by their file's stem."""
+    """All results in a folder.
+
+    ``folder``: result folder.
+    """
 
     folder: Path = Path()
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict on light, files and cutting; of several kinds on the lenses in the folders beside it, too."""
+        """Verdict on light, files and cutting; of several kinds on the lenses in the folders beside it, too."""
         kinds = verdicts_of_kinds(self.folder, self.lens)
         return super().verdict.with_parts(kinds) if kinds else super().verdict
 
@@ -92,7 +95,13 @@ class Run(Results):
 def load(folder: Path | str) -> Run:
     """Read a result folder: the object that :func:`run` returned.
 
-    Raises :class:`InputError` for any other folder, and for a record or a file of other content than the hashes say.
+    Args:
+        folder: result folder.
+    Returns: All results; a stage whose files belong to another lens, part or version counts as not run.
+    Raises: :class:`InputError` for any other folder, and for a file of other content than the hashes say.
+    Example:
+        >>> run = lf.load("cad_out/quickstart")
+        >>> print(run.verdict.light, run.missing)
     """
     return existing(folder).trusted()
 
@@ -196,7 +205,6 @@ class RunFolder:
         return None if self._known is None else self._known.seconds
 
     def _hashes(self) -> dict[str, str]:
-        """Hashes that ``run.json`` states; without one, of what there is."""
         if self._known is not None:
             return self._known.hashes
         return {stem: result.sha256 for stem, result in self._stored.records.items()}

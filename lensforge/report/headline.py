@@ -254,7 +254,6 @@ def _surroundings(lens: LensShape) -> str:
 
 
 def _place(lens: LensShape, name: str) -> str:
-    """The face of that name; one alone on its side by that."""
     before = lens.role(name).before
     if len(bounding(lens.body_roles, before)) > 1:
         return f"on the {name} face"
@@ -272,5 +271,4 @@ def _targets(targets: Sequence[TargetSection]) -> str:
 
 
 def _listed(names: list[str]) -> str:
-    """``names`` in a sentence: "a, b and c"."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

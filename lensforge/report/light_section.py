@@ -338,7 +338,6 @@ def _compared(results: Results) -> dict[str, Light]:
 
 
 def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
-    """A row for each receiver; the notes on the light stand in the first."""
     reasons = list(light_reasons(light, results.lens))
     conditions, source, notes = light.conditions, results.spec.source.title, ()
     if conditions is not None:  # the reasons against the own light stand at the top of the page

@@ -24,11 +24,11 @@ from lensforge.cad.plate_result import Plate
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light, light_criteria
 from lensforge.light.photometry_result import Photometry, photometry_criteria
+from lensforge.made.measured_facts import correction_criteria
 from lensforge.made.measurement_result import (
     Correction,
     PhotoComparison,
     SurfaceComparison,
-    correction_criteria,
     photo_criteria,
     surface_criteria,
 )

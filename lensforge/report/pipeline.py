@@ -13,14 +13,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
+from typing import Literal, TypeVar, Unpack
 
 from lensforge.cad.face_tolerance import face_tolerance
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import evaluate, judging_source, photometry_conditions, searched_source
+from lensforge.light.lens_light import evaluate, photometry, searched_source
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
@@ -40,20 +40,15 @@ from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
 from lensforge.search.design_result import Design, Observer
 from lensforge.search.searches import SearchOptions, Warn, best_design, design
 from lensforge.shop.check_result import Check
-from lensforge.shop.point_tables import GridRequest
-from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
-from lensforge.spec import AnyAccuracy, DrawingSection, Spec
-from lensforge.spec.accuracy import accuracy_of, preset_of
+from lensforge.spec import AnyAccuracy, Spec
+from lensforge.spec.accuracy import accuracy_of
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_base_around_cavity
-from lensforge.spec.part_section import Process, read_drawing
+from lensforge.spec.part_section import Process
 from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_section import date_of
 from lensforge.surfaces.imported_face import LENS_FILE
-
-if TYPE_CHECKING:
-    from lensforge.shop.handover import Handover
 
 _Result = TypeVar("_Result", bound=StageResult)
 
@@ -71,10 +66,21 @@ def build(
 ) -> Part:
     """Make the part: one solid as STEP, STL and 3MF, verified by reading them back.
 
-    ``schema``: of the STEP. ``extension_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
-    ``form_nm``, ``normal_mrad``: largest errors of its optical faces, by default the spec's; ``nodes`` of their splines
-    and ``rings`` of the mesh: by default as many as their tolerances need. ``date``: of the files, by default the
-    spec's. Raises :class:`InputError` for a lens whose surfaces enclose no body.
+    Args:
+        lens: the lens.
+        schema: of the STEP file.
+        extension_deg: also writes the optical faces untrimmed, extended by this angle beyond the rim.
+        nodes: least number of spline nodes across a face; None: as many as the tolerances need.
+        form_nm: largest form error of an optical face, in nm; None: the spec's.
+        normal_mrad: largest error of its normal, in mrad; None: the spec's.
+        rings: number of equal rings of the mesh; None: as many as its tolerance needs.
+        date: of the files, a date or "2026-01-31"; None: the spec's.
+    Returns: The part: the bytes of its files, its errors, ``solid`` for cadquery and ``mesh`` for trimesh.
+    Raises: :class:`InputError` for an argument that is not allowed, or a lens whose surfaces enclose no body.
+    Example:
+        >>> part = lf.build(lf.load("cad_out/quickstart").lens)
+        >>> print(part.volume_mm3, part.form_error_nm.max)
+        >>> part.save("lens.step")
     """
     from lensforge.cad.part_export import build_part
 
@@ -91,10 +97,17 @@ def build(
 
 
 def check(part: Part | Lens, *, process: Process | None = None) -> Check:
-    """Check whether ``part``, or the part of a lens, can be made: best-fit sphere, curvature, cutter, wall, draft.
+    """Check whether a part can be made: best-fit sphere, curvature, cutter, wall, draft.
 
-    ``process``: by which it is judged, by default that of its spec. Raises :class:`InputError` for one that goes with
-    no such part.
+    Args:
+        part: the part, or a lens.
+        process: by which it is made; None: that of its spec.
+    Returns: The check: each face and tool, and ``verdicts`` that say what fails and which field to change.
+    Raises: :class:`InputError` for a process by which no such part is made.
+    Example:
+        >>> check = lf.check(lf.load("cad_out/quickstart").part)
+        >>> for fact in check.verdicts:
+        ...     print(fact.label, fact.state)
     """
     from lensforge.shop.check import check_lens
 
@@ -103,57 +116,6 @@ def check(part: Part | Lens, *, process: Process | None = None) -> Check:
         return check_lens(lens)
     judged = check_lens(replace(lens, spec=lens.spec.made_by(process)))
     return judged.changed(inputs={"lens": lens.sha256}, conditions=Conditions.of(process=process))
-
-
-def photometry(
-    lens: Lens,
-    *,
-    rays: int | None = None,
-    lumens: float | None = None,
-    threads: int | None = None,
-    ies_version: IesVersion = NEWEST,
-) -> Photometry:
-    """Compute the far field of ``lens`` and make its IES, EULUMDAT, TM-33 and TM-25 files, those of each of its LEDs.
-
-    Of several lamps they hold the light of all. ``lumens``: of the source; default: as spec or its file say, or 1000.
-    ``rays``: by default as many as the noise of the intensities asks for. Other lumens than the source's own, and any
-    ``rays`` given, are other ``conditions``. ``ies_version``: year of LM-63: 2019, or 2002 for older programs.
-    """
-    from lensforge.light.photometry_export import measure_photometry
-
-    require(lens, Lens, "photometry")
-    version = require_ies_version(ies_version)
-    rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
-    lumens, by_led = number_of("lumens", lumens), dict[str, Photometry]()
-    with kernel_threads(count_of("threads", threads)):
-        for name, own in lens.by_led.items():
-            source = judging_source(own.spec)
-            measured = measure_photometry(own, source, preset, rays=rays, lumens=lumens, ies_version=version, led=name)
-            conditions = photometry_conditions(own, source, rays, lumens)
-            by_led[name] = measured.changed(conditions=conditions, inputs={"lens": lens.sha256})
-    return Photometry.joined(by_led)
-
-
-def handover(
-    run: Results,
-    *,
-    spacing_mm: float | None = None,
-    error_nm: float = 10.0,
-    interpolation: Literal["bicubic", "linear"] = "bicubic",
-    drawing: DrawingSection | Path | str | None = None,
-) -> "Handover":
-    """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
-
-    ``drawing``: words of its title block and notes, or a TOML file that has them; None: the spec's.
-    ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
-    allows. Raises :class:`InputError` for too many points.
-    """
-    from lensforge.shop.shop_files import make_handover
-
-    require(run, Results, "handover")
-    words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
-    request = GridRequest(spacing_mm, error_nm, interpolation)
-    return make_handover(run.part, run.check, run.yield_facts, request, words)
 
 
 @dataclass(frozen=True)
@@ -182,14 +144,25 @@ def run(
     ended: Callable[[str, float], None] | None = None,
     **options: Unpack[SearchOptions],
 ) -> Run:
-    """Run every stage and write ``folder``: design, evaluate, photometry, export, check, verify, report.
+    """Run every stage and write a result folder: design, evaluate, photometry, export, check, verify, report.
 
-    ``options`` are those of :func:`lensforge.design`. Without ``checkpoint`` the search starts anew and keeps one
-    in the folder until the run has ended; a file given as ``checkpoint`` is never deleted. ``announce`` is called with
-    the name of every later stage as it begins, ``ended`` with its name and seconds as it ends: where there are two
-    cores, some run side by side. A missed criterion raises nothing: see the run's ``verdict``. Raises
-    :class:`InputError` at once where another process or thread writes in ``folder``, as does every stage.
-    ``starts``, ``scheduler``: as of :func:`best_design`; they keep no checkpoint, and take no ``start``.
+    A missed criterion raises nothing: see the run's ``verdict``.
+
+    Args:
+        spec: what is wanted.
+        folder: result folder, which is made where there is none.
+        starts: number of searches, of which the best counts: :func:`best_design`.
+        scheduler: a Dask cluster for them, as of :func:`best_design`; they keep no checkpoint, and take no ``start``.
+        announce: called with the name of every later stage as it begins.
+        ended: called with its name and seconds as it ends; with two cores some stages run side by side.
+        options: as of :func:`design`. Without ``checkpoint`` the search begins anew and keeps one in the folder until
+            the run has ended; a file given as ``checkpoint`` is never deleted.
+    Returns: All results, as :func:`load` reads them.
+    Raises: :class:`InputError` as :func:`design` does, and where another process or thread writes in ``folder``.
+    Example:
+        >>> spec = lf.load_spec("examples/quickstart.toml")
+        >>> run = lf.run(spec, "cad_out/first", accuracy="draft")
+        >>> print(run.verdict.light, run.light.nmse)
     """
     began = time.perf_counter()
     require_spec(spec, "run")
@@ -307,7 +280,6 @@ def write_kinds(first: Run, heard: Listener) -> None:
 
 
 def _of_lens(result: _Result, lens: Lens) -> _Result:
-    """``result``, which is the same for all kinds, as that of ``lens``."""
     return result.changed(inputs={**result.inputs, "lens": lens.sha256})
 
 
@@ -343,10 +315,24 @@ def sweep(
     threads: int | None = None,
     progress: Observer | None = None,
 ) -> Sweep:
-    """Run every stage for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
+    """Run every stage for each value of a field, or for each of several LEDs, in memory.
 
-    Every field of ``scale`` keeps its ratio to the varied one. With ``source`` in their place: for each of these LEDs,
-    files or sources, with names or without. Raises :class:`InputError` for values not allowed.
+    Args:
+        spec: the spec that is varied.
+        field: dotted name of the field, such as "constraints.max_radius_mm".
+        values: its values, at least two, in the field's unit.
+        source: in their place, LEDs: sections, ray files, or :class:`NamedSource`.
+        scale: further fields, which keep their ratio to the varied one.
+        accuracy: as of :func:`design`, as are ``seed``, ``threads`` and ``progress``.
+        seed: of every search.
+        threads: number of threads, from 1; None: all cores.
+        progress: called after every gradient step.
+    Returns: The designs, smallest value first; ``failed`` has the reasons for those without.
+    Raises: :class:`InputError` for an unknown field, or values that it does not take.
+    Example:
+        >>> spec = lf.load_spec("examples/quickstart.toml")
+        >>> sweep = lf.sweep(spec, "constraints.max_radius_mm", [13.0, 14.0], accuracy="draft")
+        >>> sweep.save("sweep.png")
     """
     require_spec(spec, "sweep")
     if source is not None:
@@ -380,10 +366,21 @@ def tradeoff(
     threads: int | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> Tradeoff:
-    """Measure accuracy against computing time for the scene of ``spec``, on ``lens`` or on a draft designed first.
+    """Measure accuracy against computing time for the scene of a spec.
 
-    ``most_rays``: of the largest sample, 2^12 to 2^24. ``accuracy``: of the search whose stages are followed.
-    ``announce`` is called with the name of each study as it starts.
+    Args:
+        spec: the scene.
+        lens: lens on which it is measured, of the same scene; None: a draft, designed first.
+        most_rays: of the largest sample, 2^12 to 2^24.
+        accuracy: of the search whose stages are followed.
+        threads: number of threads, from 1; None: all cores.
+        announce: called with the name of each study as it begins.
+    Returns: A row for each stage of the search, each number of rays and each preset.
+    Raises: :class:`InputError` for an argument that is not allowed, or a lens of another scene.
+    Example:
+        >>> lens = lf.load("cad_out/quickstart").lens
+        >>> study = lf.tradeoff(lens.spec, lens=lens, most_rays=2**12, accuracy="draft")
+        >>> study.save("tradeoff.png")
     """
     from lensforge.report.tradeoff_study import measure, require_same_scene
 

@@ -71,7 +71,6 @@ def _in_optics(bundle: TracedBundle) -> list[Points]:
 
 
 def _behind(lens: Lens, name: str, points: Points, along: Points, met: np.ndarray) -> Points:
-    """Directions behind a face that rays meet at ``points``."""
     from_behind = (met % 2 == FROM_BEHIND)[:, None]
     normals = lens.surfaces[name].normal(points / np.linalg.norm(points, axis=1, keepdims=True))
     normals = np.where(from_behind, -normals, normals)

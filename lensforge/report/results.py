@@ -1,8 +1,9 @@
-"""The results of all stages for one lens, and the names of their files in a result folder."""
+"""The results of all stages for one lens, the names of their files in a result folder, and the handover of them."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from lensforge.cad.part import Part, part_facts
 from lensforge.errors import MissingResult
@@ -16,13 +17,19 @@ from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
+from lensforge.results.arguments import require
 from lensforge.results.criteria import criteria_of, missed
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, design_facts
 from lensforge.shop.check_facts import check_facts, cutting_reasons, spec_of
 from lensforge.shop.check_result import Check
-from lensforge.spec import Spec
+from lensforge.shop.point_tables import GridRequest
+from lensforge.spec import DrawingSection, Spec
+from lensforge.spec.part_section import read_drawing
+
+if TYPE_CHECKING:
+    from lensforge.shop.handover import Handover
 
 REPORT_FILE = "report.html"
 # Results of a whole run, each after those that it is made from.
@@ -36,11 +43,12 @@ _Result = TypeVar("_Result", bound=StageResult)
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """A lens and the results of its stages, by the stem of their files.
+    """A lens and the results of its stages.
 
-    ``outdated``: the reason for each stage whose files belong to another lens, part or version; such a stage counts as
-    not run. ``others``: results under other than nominal conditions; neither verdict nor any stage uses them.
-    ``seconds``: of the whole command that has made them, where one has, up to its report.
+    ``lens``: the lens. ``found``: results by the stem of their files. ``outdated``: the reason for each stage whose
+    files belong to another lens, part or version; such a stage counts as not run. ``others``: results under other
+    conditions than the nominal, by the stem of their files; neither verdict nor any stage uses them. ``seconds``: of
+    the whole command that has made them, where one has, up to its report.
     """
 
     lens: Lens
@@ -51,16 +59,16 @@ class Results:
 
     @property
     def spec(self) -> Spec:
-        """The spec of the lens."""
+        """Spec of the lens."""
         return self.lens.spec
 
     def find(self, kind: type[_Result], stem: str | None = None) -> _Result | None:
-        """The result of class ``kind``; None where that stage has not run."""
+        """Find the result of class ``kind``; None where that stage has not run."""
         result = self.found.get(stem or kind.stage)
         return result if isinstance(result, kind) else None
 
     def take(self, kind: type[_Result]) -> _Result:
-        """The result of class ``kind``. Raises :class:`MissingResult` where that stage has not run."""
+        """Take the result of class ``kind``. Raises :class:`MissingResult` where that stage has not run."""
         result = self.find(kind)
         if result is None:
             why = self.outdated.get(kind.stage, f"there is no result of this stage; run `lensforge {kind.stage}`")
@@ -69,37 +77,37 @@ class Results:
 
     @property
     def design(self) -> Design:
-        """The search. Raises :class:`MissingResult` where it has not run, as do the properties below."""
+        """Search. Raises :class:`MissingResult` where it has not run, as do the properties below."""
         return self.take(Design)
 
     @property
     def light(self) -> Light:
-        """The light on the receiver."""
+        """Light on the receiver."""
         return self.take(Light)
 
     @property
     def part(self) -> Part:
-        """The part and its files."""
+        """Part and its files."""
         return self.take(Part)
 
     @property
     def check(self) -> Check:
-        """The manufacturing check."""
+        """Manufacturing check."""
         return self.take(Check)
 
     @property
     def proof(self) -> Proof:
-        """The rays cast through the exported part."""
+        """Rays cast through the exported part."""
         return self.take(Proof)
 
     @property
     def photometry(self) -> Photometry:
-        """The far field, and the files that hold it."""
+        """Far field, and the files that hold it."""
         return self.take(Photometry)
 
     @property
     def part_or_lens(self) -> Part | Lens:
-        """The part, or before an export the lens."""
+        """Part, or before an export the lens."""
         return self.find(Part) or self.lens
 
     @property
@@ -114,7 +122,7 @@ class Results:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict on light, files and cutting; a stage that has not run leaves its part undecided."""
+        """Verdict on light, files and cutting; a stage that has not run leaves its part undecided."""
         light, check = self.find(Light), self.find(Check)
         unseen: list[Reason] = [("undecided", "the light has not been evaluated")]
         unchecked: list[Reason] = [("undecided", "the part has not been checked")]
@@ -231,3 +239,34 @@ def stem_of(result: StageResult) -> str:
 def conditions_of(result: StageResult) -> Conditions | None:
     """Conditions of ``result`` that are not the lens's own; None for the lens's own record."""
     return result.conditions if isinstance(result, SimulatedResult) else None
+
+
+def handover(
+    run: Results,
+    *,
+    spacing_mm: float | None = None,
+    error_nm: float = 10.0,
+    interpolation: Literal["bicubic", "linear"] = "bicubic",
+    drawing: DrawingSection | Path | str | None = None,
+) -> "Handover":
+    """Make the documents for the shop: drawing, verdicts, tables of points, hashes.
+
+    Args:
+        run: the results of a lens, with its part and its check.
+        spacing_mm: of the dense tables, in mm; None: as wide as ``error_nm`` allows.
+        error_nm: largest error of an ``interpolation`` of them along the normal, in nm.
+        interpolation: by which the shop's program fills them.
+        drawing: words of title block and notes, or a TOML file that has them; None: the spec's.
+    Returns: The bytes of all files.
+    Raises: :class:`InputError` for too many points. :class:`MissingResult`: the run has no part or no check.
+    Example:
+        >>> handover = lf.handover(lf.load("cad_out/quickstart"), spacing_mm=0.5)
+        >>> handover.save("shop")
+        >>> print(sorted(handover.files))
+    """
+    from lensforge.shop.shop_files import make_handover
+
+    require(run, Results, "handover")
+    words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
+    request = GridRequest(spacing_mm, error_nm, interpolation)
+    return make_handover(run.part, run.check, run.yield_facts, request, words)

@@ -135,7 +135,6 @@ def _merged(corners: Float[np.ndarray, "t 3 3"]) -> Any:
 
 
 def _triangle_mesh(points: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "m 3"]) -> Any:
-    """A ``vtkPolyData`` of these points and numbers of points."""
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
@@ -233,7 +232,6 @@ def _actor(mesh: Any, colour: str) -> Any:
 
 
 def _cap(mesh: Any, plane: Any) -> Any:
-    """The face in which ``plane`` cuts a closed mesh."""
     from vtkmodules.vtkCommonDataModel import vtkPlaneCollection
     from vtkmodules.vtkFiltersGeneral import vtkClipClosedSurface
 

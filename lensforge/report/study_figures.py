@@ -240,7 +240,6 @@ def _table(found: Photometry) -> TabulatedIntensity:
 def _at(
     table: TabulatedIntensity, c_deg: Float[np.ndarray, "n n"], gamma_deg: Float[np.ndarray, "n n"]
 ) -> Float[np.ndarray, "n n"]:
-    """Intensities of the table; 0 beyond its last gamma."""
     from scipy.interpolate import RegularGridInterpolator
 
     read = RegularGridInterpolator((table.c_deg, table.gamma_deg), table.values, bounds_error=False, fill_value=0.0)
@@ -256,7 +255,6 @@ def _reach(found: Photometry) -> float:
 
 
 def _round_angles(reach: float) -> list[float]:
-    """Angles of the rings: three or four, at round numbers."""
     step = next(step for step in (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0) if reach / step <= 4.5 or step == 30.0)
     return [float(angle) for angle in np.arange(step, reach, step)]
 

@@ -66,11 +66,12 @@ class SweepRow(Record):
 
 
 class Sweep(StageResult):
-    """Designs by the value of the field ``vary``, smallest first; the fields of ``scale`` keep their ratio to it.
+    """Designs by the value of a field, smallest first, or by the LED, in their order.
 
-    ``spec``: the one that was varied; ``spec_sha256``: its hash, in which every file that it names counts by its
-    content. ``inputs``: the lenses, by folder. Where ``vary`` is "source", values are names of LEDs, in their order.
-    ``failed``: values without a design, each with the reason.
+    ``inputs``: SHA-256 of the lenses, by folder. ``spec``: the one that was varied. ``spec_sha256``: its hash, in which
+    every file that it names counts by its content. ``vary``: dotted name of the field, or "source". ``scale``: fields
+    that keep their ratio to it. ``accuracy``: preset of every search. ``seed``: of every search. ``designs``: figures
+    of each design. ``failed``: values without a design, each with the reason.
     """
 
     stage: ClassVar[str] = "sweep"
@@ -102,7 +103,7 @@ class Sweep(StageResult):
 
     @property
     def criteria(self) -> Criteria:
-        """The criteria of all designs, each named by its design too."""
+        """Criteria of all designs, each named by its design too."""
         return tuple(under(row.folder, criterion) for row in self.designs for criterion in row.criteria)
 
     @property
@@ -111,7 +112,6 @@ class Sweep(StageResult):
         return [*map(self._row, self.designs), *self._losses(), *map(_without_design, self.failed.items())]
 
     def _losses(self) -> Iterator[Group]:
-        """Loss of each LED with the one lens for all against its own."""
         rows = {row.value: row for row in self.designs}
         common = rows.get(ONE_FOR_ALL)
         for name, with_all in ({} if common is None else common.by_led).items():

@@ -69,7 +69,11 @@ class TradeoffRow(Record):
 
 
 class Tradeoff(StageResult):
-    """Accuracy against time: ``accuracy`` by which the lens was designed, ``threads`` used, ``rows`` of all series."""
+    """Accuracy against computing time on one scene.
+
+    ``name``: of the spec. ``accuracy``: by which the lens was designed. ``threads``: used. ``rows``: each setting of
+    all series, with its seconds and its errors.
+    """
 
     stage: ClassVar[str] = "tradeoff"
 
@@ -80,7 +84,7 @@ class Tradeoff(StageResult):
     seconds: NotNegative
 
     def series(self, name: Series) -> tuple[TradeoffRow, ...]:
-        """The rows of a series."""
+        """Rows of a series."""
         return tuple(row for row in self.rows if row.series == name)
 
     @property

@@ -180,7 +180,6 @@ _NOT_OF_THE_SCENE = ("name", "optimise", "evaluate", "base", "plate", "manufactu
 
 
 def _hashes(spec: Spec, section: str) -> list[str]:
-    """Hash of a section of ``spec``, or of each of a list of them; empty where it is not given."""
     content = getattr(spec, section)
     sections = content if isinstance(content, tuple) else () if content is None else (content,)
     return [section_sha256(each) for each in sections]

@@ -151,7 +151,6 @@ def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
 
 
 def _value(spec: Spec, field: str) -> object:
-    """Value of ``field`` in ``spec``. Raises :class:`InputError` where there is no such field."""
     value: object = spec
     for part in field.split("."):
         if isinstance(value, tuple) and part in map(str, range(len(value))):

@@ -109,7 +109,6 @@ def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePictu
 
 
 def _worst_maps(found: Yield) -> Iterator[tuple[str, str, str, np.ndarray]]:
-    """LED, title, caption and map of each of the worst parts."""
     leds = found.worst_leds or ("",) * len(found.worst)
     for worst, led, image in zip(found.worst, leds, found.worst_maps, strict=True):
         state = f"{f', {led}' if led else ''}: {'passes' if worst.passes else 'fails'}"

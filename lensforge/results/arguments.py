@@ -32,7 +32,7 @@ class ShownType(str):
     @staticmethod
     def of(annotation: object) -> "ShownType":
         """The words of an annotation."""
-        return ShownType(re.sub(r"\blensforge\.(\w+\.)+(?=\w)", "", inspect.formatannotation(annotation)))
+        return ShownType(re.sub(r"\blensforge\.(\w+\.)*(?=\w)", "", inspect.formatannotation(annotation)))
 
 
 def count_of(name: str, value: object, least: int = 1, most: int = LARGEST_COUNT) -> int | None:

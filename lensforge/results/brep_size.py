@@ -86,7 +86,6 @@ class _Sectors:
         return float(np.sum(size * np.sum(point * normal, axis=-1))) / 3.0, area
 
     def _cells(self, edge: Any) -> tuple[float, float]:
-        """Length of an edge, and its largest distance from the middle, in cells."""
         cells = (_places(edge) - self._middle) * self._per_unit
         return float(np.hypot(*np.diff(cells, axis=0).T).sum()), float(np.hypot(*cells.T).max())
 
@@ -134,7 +133,6 @@ class _Sectors:
 
     @cached_property
     def _per_unit(self) -> Float[np.ndarray, "2"]:
-        """Cells per unit of both parameters."""
         low_u, high_u, low_v, high_v = self._surface.Bounds()
         knots = np.array([self._surface.NbUKnots(), self._surface.NbVKnots()])
         return np.asarray(np.maximum(_LEAST_CELLS, knots - 1) / np.array([high_u - low_u, high_v - low_v]))

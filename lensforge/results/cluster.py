@@ -163,7 +163,6 @@ def require_scheduler(scheduler: object) -> int:
 
 @contextmanager
 def _connected_by_dask(address: str) -> Iterator[Cluster]:
-    """A cluster that is there."""
     try:
         import dask.config
         from distributed import Client

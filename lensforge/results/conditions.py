@@ -18,10 +18,11 @@ Name = Annotated[str, Field(strict=True, pattern=_ALLOWED)]
 class Conditions(Record):
     """Conditions that differ from the lens's own; None for each that does not.
 
-    ``name``: ends the name of the record's files. ``source``: title of the other source, ``source_sha256``: hash of its
-    fields and files, ``warnings``: on that source, or on the temperature. ``pixels``: across the receiver. ``lumens``:
-    flux of the source. ``temperature_c``: of the lens and the air around it (Celsius). ``tolerances``: name of a preset
-    or of a file, ``tolerances_sha256``: hash of their fields. ``process``: by which the part is made.
+    ``name``: ends the name of the record's files. ``source``: title of the other source. ``source_sha256``: hash of its
+    fields and files. ``warnings``: on that source, or on the temperature. ``accuracy``: preset. ``rays``: number of
+    rays. ``pixels``: across the receiver. ``seed``: of the rays. ``lumens``: flux of the source. ``temperature_c``: of
+    the lens and the air around it. ``tolerances``: name of a preset or of a file. ``tolerances_sha256``: hash of their
+    fields. ``process``: by which the part is made.
     """
 
     name: Name

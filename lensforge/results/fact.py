@@ -27,11 +27,14 @@ _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
 class Fact:
     """One value of a result, and the judgement on it.
 
-    ``key``: name by which a page or a screen selects it. ``value``: in ``unit``, "%" for a share; None where it could
-    not be measured; text where it is no number. It must be ``sense`` ``limit``, but for the ``tolerance`` of its
-    measure; ``possible``: the best that physics allows, on the other side of it. ``state``: of the judgement, "" where
-    there is none. ``notice``: why it deserves a look though no limit judges it, shown in amber. ``place``: the face or
-    the receiver that it is on. ``remedy``: what to try where it fails.
+    ``key``: name by which a page or a screen selects it. ``label``: its name in words. ``value``: in ``unit``; None
+    where it could not be measured; text where it is no number. ``unit``: "%" for a share, "" for a pure number.
+    ``standard_error``: of the value; None for an exact one. ``sense``: side of the limit on which the value must be.
+    ``limit``: bound of the value; None for none. ``possible``: the best that physics allows. ``state``: of the
+    judgement, "" where there is none. ``note``: words beside the value. ``remedy``: what to try where it fails.
+    ``digits``: significant digits that are shown. ``tolerance``: by which its measure may miss the limit. ``place``:
+    the face or the receiver that it is on. ``limit_note``, ``possible_note``: words beside limit and bound. ``notice``:
+    why it deserves a look though no limit judges it, shown in amber.
     """
 
     key: Text
@@ -54,7 +57,7 @@ class Fact:
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
-        """The fact of a ``metric``, judged where ``more`` has a limit; None where it has no meaning."""
+        """Make the fact of a ``metric``, judged where ``more`` has a limit; None where it has no meaning."""
         if metric is None:
             return Fact(key, label, None, note=note, **more)
         fact = Fact(key, label, metric.value, metric.unit, metric.standard_error, note=note, **more)
@@ -62,29 +65,29 @@ class Fact:
 
     @staticmethod
     def share(key: str, label: str, share: Metric | float | None, note: str = "", **more: Any) -> "Fact":
-        """The fact of a share, in per cent; what ``more`` states of its limits is a share, too."""
+        """Make the fact of a share, in per cent; what ``more`` states of its limits is a share, too."""
         metric = share if isinstance(share, Metric | None) else Metric(value=share)
         return Fact.measured(key, label, metric, note, **more).in_percent
 
     def judged(self, error: float | None = 0.0) -> "Fact":
-        """The fact with the state that its limit gives it; ``error``: as of :func:`lensforge.results.verdict.judge`."""
+        """Judge the fact by its limit; ``error``: standard error, 0 for an exact value, None where it is not known."""
         value = None if isinstance(self.value, str) else self.value
         return replace(self, state=judge(value, self.sense, self.limit, error, self.tolerance))
 
     def judged_as(self, other: "Fact | None") -> "Fact":
-        """The fact with limit and state of an ``other`` one on the same value; as it is without one."""
+        """Take limit and state of an ``other`` fact on the same value; unchanged without one."""
         return self if other is None else replace(self, sense=other.sense, limit=other.limit, state=other.state)
 
     @property
     def in_percent(self) -> "Fact":
-        """The fact of a share, all its numbers in per cent."""
+        """Fact of a share, all its numbers in per cent."""
         numbers = ("value", "standard_error", "limit", "possible", "tolerance")
         shares = {name: share for name in numbers if (share := getattr(self, name)) is not None}
         return replace(self, unit="%", **{name: 100.0 * share for name, share in shares.items()})
 
     @property
     def answered(self) -> "Fact":
-        """The answer alone to the question that its label asks: yes where it passes, no where it fails."""
+        """Answer alone to the question that its label asks: yes where it passes, no where it fails."""
         answer = _ANSWERS.get(self.state, NOTHING)
         return Fact(self.key, self.label, answer, state=self.state, note=self.note, remedy=self.remedy)
 
@@ -95,19 +98,19 @@ class Fact:
 
     @property
     def bound(self) -> float:
-        """The limit of a fact that has one."""
+        """Limit of a fact that has one."""
         if self.limit is None:
             raise ValueError(f"{self.key} has no limit")
         return self.limit
 
     @property
     def outcome(self) -> str:
-        """The state in the words of a limit: held, missed or undecided."""
+        """State in the words of a limit: held, missed or undecided."""
         return _OUTCOMES.get(self.state, "")
 
     @property
     def metric(self) -> Metric:
-        """The value, a number, with its unit and its standard error."""
+        """Value, a number, with its unit and its standard error."""
         return Metric(value=float(self.value or 0.0), unit=self.unit, standard_error=self.standard_error)
 
     @property
@@ -121,12 +124,12 @@ class Fact:
 
     @property
     def required(self) -> str:
-        """The limit as text."""
+        """Limit as text."""
         return NOTHING if self.limit is None else limit_text(self.sense, self.limit, self.unit, self.digits)
 
     @property
     def bounded_by(self) -> str:
-        """The bound that physics sets, as text."""
+        """Bound that physics sets, as text."""
         return NOTHING if self.possible is None else limit_text(self._opposite, self.possible, self.unit, self.digits)
 
     @property
@@ -159,7 +162,7 @@ class Fact:
         return f"{self.key} = {quantity(self.value, self.unit, self.standard_error)} {required}: {judgement}"
 
     def plain(self) -> dict[str, object]:
-        """The fact as JSON holds it, without what it lacks."""
+        """Fact as JSON holds it, without what it lacks."""
         content = {
             "key": self.key,
             "label": self.label,

@@ -77,8 +77,6 @@ def _at(record: Any, place: str) -> Any:
 
 
 class _Texts(Formatter):
-    """Formats with words, and figures of a record."""
-
     def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
         """The word of this name, or the figure at this place of the record."""
         if field_name in kwargs:

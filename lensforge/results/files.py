@@ -102,7 +102,6 @@ def _cannot_be_written(path: Path, error: Exception) -> InputError:
 
 
 def _temporary_name(path: Path) -> Path:
-    """A name in the folder of ``path``, with its suffix, that no other file has."""
     return path.parent / f"{_WRITING}{secrets.token_hex(4)}{path.suffix}"
 
 

@@ -1,17 +1,27 @@
-"""A result as it shows itself: HTML for a notebook (table, section as SVG, plot as image), text, and plots as files."""
+"""A result as it shows itself: HTML for a notebook (table, section as SVG, plot as image), text, files, ``help``."""
 
 import base64
 import io
 import itertools
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from html import escape
-from typing import Any
+from inspect import Parameter, Signature
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import BaseModel
 
 from lensforge.results.validation import shortened
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass as _Metaclass
+else:
+    _Metaclass = type(BaseModel)  # which has no public name
 
 MOST_LINES, _MOST_CHARACTERS = 40, 100  # of a text: a result fits on a screen
 _LONG_TEXT, _LONG_LIST = 200, 8  # characters and entries that a terminal shows of one field
@@ -57,6 +67,39 @@ class Brief:
 
     def __repr__(self) -> str:
         return self.words
+
+
+# Members by which records are made, read, written and drawn: no part of what a script uses.
+_MACHINERY = re.compile(
+    "_.*|changed|chart|contents|file_names|follows|joined|light_chart|of|plain|plotted|products|read|rebuild_command|"
+    "renamed|same_as|schema_name|sha256|shown_row|stored_elsewhere|with_parts|with_worst|without_noise|write"
+)
+_MEMBERS = (FunctionType, classmethod, staticmethod, property, cached_property)
+
+
+class Shown(_Metaclass):
+    """Lets ``help`` and completion show of a class the words of its fields, and the members that a script uses.
+
+    ``help_of``: those words with the class's own; a room above knows them.
+    """
+
+    help_of: ClassVar[Callable[[type], str | None]] = lambda cls: vars(cls)["__doc__"]
+
+    @property
+    def __doc__(cls) -> str | None:  # type: ignore[override]  # noqa: N805
+        return Shown.help_of(cls)
+
+    @property
+    def __signature__(cls) -> Signature:  # noqa: N805
+        return Signature([Parameter("fields", Parameter.VAR_KEYWORD)])
+
+    @__signature__.setter
+    def __signature__(cls, value: object) -> None:  # noqa: N805
+        """Leave out pydantic's own, which a class has only once it has been used."""
+
+    def __dir__(cls) -> list[str]:  # noqa: N805
+        members = (item for base in cls.__mro__ for item in vars(base).items() if not hasattr(BaseModel, item[0]))
+        return [name for name, each in members if isinstance(each, _MEMBERS) and not _MACHINERY.fullmatch(name)]
 
 
 def section_html(title: str, outline: Float[np.ndarray, "n 2"], facts: Mapping[str, str]) -> str:

@@ -121,7 +121,7 @@ def unit_of(names: Sequence[str]) -> str:
     """The unit of the value at the path ``names``, outermost name first; ``""`` for a pure number.
 
     The innermost name that implies a unit decides: ``form_error_nm.max`` is in nm, ``draft_deg.min`` in degrees, and
-    ``draft_deg.area_fraction`` is a pure number.
+    a ``share`` within such a field is a pure number.
     """
     for name in reversed(names):
         if (unit := unit_in(name)) or any(word in name for word in _PURE_NUMBERS):

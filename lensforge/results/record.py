@@ -27,7 +27,7 @@ from pydantic.main import IncEx
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.results.files import MIB
-from lensforge.results.notebook_html import Brief, table_html
+from lensforge.results.notebook_html import Brief, Shown, table_html
 from lensforge.results.numerals import quantity
 from lensforge.results.validation import same, with_changes
 
@@ -128,7 +128,7 @@ def read_only(array: np.ndarray, gaps: bool = False) -> np.ndarray:
     return array
 
 
-class Record(BaseModel):
+class Record(BaseModel, metaclass=Shown):
     """Base of all records: frozen, fields typed and within their ranges, unknown fields refused."""
 
     unions: ClassVar[tuple[str, ...]] = ()  # fields that hold one of several records, chosen by ``kind``
@@ -189,7 +189,6 @@ class Record(BaseModel):
         return dict(self._entries())
 
     def _entries(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
-        """The entries of the row; ``whole``: a metric is one."""
         return _flat(self, "", whole)
 
     def __repr_args__(self) -> Iterator[tuple[str | None, object]]:
@@ -201,7 +200,6 @@ class Record(BaseModel):
         return {key: _shown(value) for key, value in self._entries(whole=True)}
 
     def _repr_html_(self) -> str:
-        """HTML for a notebook: the row as a table."""
         return table_html(self.shown_row())
 
 
@@ -352,7 +350,11 @@ Irradiance = Annotated[Float[np.ndarray, "h w"], Array("h", "w", least=0.0)]
 
 
 class Metric(Record):
-    """``value`` in ``unit`` ("" for a ratio) and its standard error; None where there was only one sample."""
+    """A number with its unit and its standard error.
+
+    ``value``: the number. ``unit``: its unit, "" for a ratio. ``standard_error``: of one standard deviation; None where
+    there was only one sample.
+    """
 
     value: Number
     unit: Text = ""

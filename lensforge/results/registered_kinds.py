@@ -40,7 +40,8 @@ class OfSeveralKinds(BaseModel):
             cls.kinds, cls.has_schema = {}, False
         elif (kind := kind_of(cls)) is not None and "kind" in get_annotations(cls):
             known = cls.kinds.setdefault(kind, cls)
-            if (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+            written_in = vars(known).get("_written_in", known.__module__)  # a public class names the library itself
+            if (written_in, known.__qualname__) != (cls.__module__, cls.__qualname__):
                 raise InputError(f"{cls.__name__}: kind = {kind!r} is that of {known.__name__}; take another name")
             cls.kinds[kind] = cls  # a cell of a notebook that runs again makes its class anew
             cls.build_holders_again()

@@ -125,7 +125,12 @@ _Content = MutableMapping[str, Any]  # of a file, or of a result within it
 
 
 class StageResult(Record):
-    """Result of one stage. ``inputs``: SHA-256 of its inputs, by name."""
+    """Result of one stage.
+
+    ``version``: of the program. ``inputs``: SHA-256 of its inputs, by name. ``seconds``: of computing. ``criteria``:
+    what it must keep, each with its judgement. ``rays``: number of rays traced. ``seed``: of these rays. ``warnings``:
+    what limits its use, a sentence each.
+    """
 
     stage: ClassVar[str]
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
@@ -195,7 +200,6 @@ class StageResult(Record):
         return table_text(type(self).__name__, self.shown_row())
 
     def _repr_html_(self) -> str:
-        """HTML for a notebook: the plot, and the row as a table."""
         draw = getattr(self, "plot", None)
         return (plot_html(draw, type(self).__name__) if draw else "") + super()._repr_html_()
 
@@ -212,7 +216,6 @@ class StageResult(Record):
 
     @classmethod
     def _contents(cls, content: _Content, stem: str) -> Iterator[tuple[_Content, str]]:
-        """The contents of these results in that of a file."""
         yield content, stem
 
     def file_names(self, stem: str) -> set[str]:
@@ -312,15 +315,19 @@ class StageResult(Record):
 
 
 class SimulatedResult(StageResult):
-    """Result under ``conditions``: those that are not the lens's own; None for the lens's own record."""
+    """Result under conditions of its own, or under the lens's.
+
+    ``conditions``: those that are not the lens's own; None for the lens's own record.
+    """
 
     conditions: Conditions | None = None
 
 
 class ResultByLed(SimulatedResult):
-    """Result with each of the LEDs that a lens is for: with the first, called ``led``, and ``others``, with the rest.
+    """Result with each of the LEDs that a lens is for.
 
-    The name of its LED ends the names of the files of one of the others.
+    ``led``: name of the LED; it ends the names of the files of all but the first. ``others``: results with the other
+    LEDs.
     """
 
     told_if_any: ClassVar[tuple[str, ...]] = ("led", "others")
@@ -337,7 +344,7 @@ class ResultByLed(SimulatedResult):
 
     @property
     def by_led(self) -> dict[str, Self]:
-        """The result of each LED alone, by its name, the first one's first; "" is the name of the only one."""
+        """Result of each LED alone, by its name, the first one's first; "" is the name of the only one."""
         alone = self.changed(others=()) if self.others else self
         return {each.led: each for each in (alone, *cast("tuple[Self, ...]", self.others))}
 

@@ -89,7 +89,6 @@ _EITHER = rf"{_GROUPS}(?![\d.,eE])"
 
 
 def _has(pattern: str, mark: str, text: str) -> bool:
-    """True where ``text`` has a number of the ``pattern`` with this mark."""
     other = "," if mark == "." else "."
     if mark not in text or (pattern == _THOUSANDS and not re.search(rf"{re.escape(mark)}\d\d\d[.,]", text)):
         return False  # a tenth of the time

@@ -41,7 +41,6 @@ def read_3mf(path: Path, origin: str, remedy: str) -> tuple[Float[np.ndarray, "v
 
 
 def _only_mesh(model: Any, origin: str, remedy: str) -> Any:
-    """The one mesh of a model, which its one item builds where it is."""
     items, objects = model.GetBuildItems(), model.GetObjects()
     if (items.Count(), objects.Count()) != (1, 1) or not items.MoveNext():
         raise InputError(

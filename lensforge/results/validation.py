@@ -39,7 +39,6 @@ def _validated(kind: type[BaseModel], name: str, value: object) -> object:
 
 @cache
 def _alone(kind: type[BaseModel], name: str) -> type[BaseModel]:
-    """A model that has one field of ``kind`` alone."""
     field, config = kind.model_fields[name], ConfigDict(**{**kind.model_config, "frozen": False})
     definition: Any = (field.annotation, field)
     return create_model(kind.__name__, __config__=config, **{name: definition})

@@ -54,7 +54,11 @@ class Reasons(Record):
 
 
 class Verdict(Record):
-    """``light``, ``files`` and ``cutting``: each "pass", "fail" or "undecided", and the reasons."""
+    """Verdict on a run: each "pass", "fail" or "undecided".
+
+    ``light``: by the limits of the spec, else by NMSE and efficiency. ``files``: by constraints, export and
+    verification. ``cutting``: by the manufacturing check. ``reasons``: for each of the three.
+    """
 
     light: State
     files: State
@@ -79,7 +83,7 @@ class Verdict(Record):
 
     @property
     def states(self) -> dict[str, State]:
-        """The three states by their names."""
+        """Three states by their names."""
         return {"light": self.light, "files": self.files, "cutting": self.cutting}
 
     def reasons_of(self, name: str) -> tuple[str, ...]:

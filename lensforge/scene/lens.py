@@ -42,11 +42,14 @@ _DIRECTIONS = 200
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A body of named surfaces (mm), freeform or fixed, in order from the source on: of a double lens inner and outer.
+    """A body of named surfaces, freeform or fixed: of the double lens ``inner`` and ``outer``.
 
-    ``spec``, ``seed``, ``accuracy`` and ``version`` (of the program) are those of its design. Of lamps with lenses of
-    several kinds it is the one of the first of ``kinds``, whose faces come first; all else that takes one lens, takes
-    that one. The light is that of all.
+    Of lamps with lenses of several kinds it is that of the first of ``kinds``; all else that takes one lens, takes that
+    one. The light is that of all.
+
+    ``surfaces``: by name, in order from the source on; lengths in mm. ``spec``: by which it was designed. ``seed``: of
+    its search. ``accuracy``: preset of its search, and of the stages after it. ``version``: of the program that
+    designed it. ``others``: surfaces of the further kinds, by name.
     """
 
     surfaces: Mapping[str, Surface]
@@ -60,7 +63,7 @@ class Lens:
     def double(
         inner: Surface, outer: Surface, spec: Spec, seed: int, accuracy: AnyAccuracy, version: str = __version__
     ) -> "Lens":
-        """A double-freeform lens: ``inner`` faces the source, ``outer`` the target."""
+        """Make a double-freeform lens: ``inner`` faces the source, ``outer`` the target."""
         return Lens({"inner": inner, "outer": outer}, spec, seed, accuracy, version)
 
     @property
@@ -70,11 +73,11 @@ class Lens:
 
     @property
     def kinds(self) -> "tuple[Lens, ...]":
-        """The lens of each kind in the order of ``spec.all_lamps``, each with the others behind it; itself for one."""
+        """Lens of each kind in the order of ``spec.all_lamps``, each with the others behind it; itself for one."""
         return tuple(map(self.of_kind, (each.name for each in self.spec.all_lamps.kinds))) or (self,)
 
     def of_kind(self, name: str) -> "Lens":
-        """The lens of the kind ``name``, with the others behind it. Raises :class:`InputError` for an unknown one."""
+        """Select the lens of the kind ``name``, with the others behind it. Raises :class:`InputError` for no such."""
         every = {self.kind: self.surfaces, **self.others}
         if name not in every:
             known = ", ".join(repr(each.name) for each in self.spec.all_lamps.kinds) or "none, all lamps have one lens"
@@ -83,7 +86,7 @@ class Lens:
 
     @property
     def by_led(self) -> "dict[str, Lens]":
-        """The lens with each of its LEDs alone, by name; "" is the name of the only one."""
+        """Lens with each of its LEDs alone, by name; "" is the name of the only one."""
         if not self.spec.sources:
             return {"": self}
         specs = zip(self.spec.sources, self.spec.of_each_source, strict=True)
@@ -129,7 +132,7 @@ class Lens:
 
     @cached_property
     def body(self) -> Body:
-        """The faces, and the media between them."""
+        """Faces, and the media between them."""
         return Body.of(self.surfaces, self.spec.lens.body_roles)
 
     @property
@@ -139,12 +142,12 @@ class Lens:
 
     @property
     def inner(self) -> Surface:
-        """The surface that faces the source."""
+        """Surface that faces the source."""
         return self.surfaces["inner"]
 
     @property
     def outer(self) -> Surface:
-        """The surface that faces the target."""
+        """Surface that faces the target."""
         return self.surfaces["outer"]
 
     @property
@@ -154,7 +157,7 @@ class Lens:
 
     @property
     def media(self) -> Media:
-        """The body at the design wavelength, what fills the cavity and surrounds the lens, and the bodies behind it."""
+        """Body at the design wavelength, what fills the cavity and surrounds the lens, and the bodies behind it."""
         return self.spec.media
 
     @property
@@ -170,7 +173,7 @@ class Lens:
 
     @property
     def basis(self) -> SrbfBasis:
-        """The radial basis functions of the spec: they shape the free surfaces, and the form errors of both."""
+        """Radial basis functions of the spec: they shape the free surfaces, and the form errors of both."""
         return self.spec.lens.basis
 
     @property
@@ -180,12 +183,12 @@ class Lens:
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group of all surfaces and of the bodies behind them, a name of ``surfaces.symmetry``."""
+        """Largest mirror group of all surfaces and of the bodies behind them, a name of ``surfaces.mirror_group``."""
         own, bodies = [surface.symmetry for surface in self.surfaces.values()], self.media.bodies
         return shared_symmetry(own, lambda name: all(has_mirrors(body, name) for body in bodies))
 
     def to_json(self) -> dict[str, JsonValue]:
-        """The content of ``lens.json``, all digits of every weight."""
+        """Content of ``lens.json``, all digits of every weight."""
         return {
             "schema": SCHEMA,
             "version": self.version,
@@ -214,7 +217,6 @@ class Lens:
         write_json(Path(path), with_checksum(self.to_json()))
 
     def _identity(self) -> dict[str, str]:
-        """The facts that identify the lens."""
         spec = self.spec
         return {
             "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
@@ -249,9 +251,15 @@ def _describe(surface: Surface) -> str:
 
 
 def load_lens(path: Path | str) -> Lens:
-    """Read what :meth:`Lens.save` wrote. Raises :class:`InputError` for anything else, and for earlier versions.
+    """Read what :meth:`Lens.save` wrote.
 
-    A lens that another program writes may leave out the hash of its content.
+    Args:
+        path: the file; one that another program writes may leave out the hash of its content.
+    Returns: The lens.
+    Raises: :class:`InputError` for any other file, and for one of an earlier version.
+    Example:
+        >>> lens = lf.load_lens("cad_out/quickstart/lens.json")
+        >>> print(lens.refractive_index, list(lens.surfaces))
     """
     path = Path(path)
     return _lens_in(read_json_bytes(path), path)

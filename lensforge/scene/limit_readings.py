@@ -125,7 +125,6 @@ def _of_road(
 
 
 def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float) -> LightLimit:
-    """The limit on the share of the flux that ends by one cause."""
     causes = loss_names(Chain.of_lens(spec.lens))
     readings = sparse.csr_array(([1.0 / flux_w], ([0], [causes.index(limit.cause)])), shape=(1, len(causes)))
     return LightLimit(name, index, "loss", "<=", limit.at_most_share, "", readings)
@@ -167,7 +166,6 @@ def _scale(quantity: str, where: str, lumens_per_watt: float | None) -> float:
 
 
 def _readings(limit: LimitSection, receiver: PosedReceiver, where: str) -> sparse.csr_array:
-    """Matrix from pixels to the places of ``limit``."""
     match limit:
         case PointsLimit():
             x, y = np.array(limit.places).T

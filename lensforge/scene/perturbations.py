@@ -155,5 +155,4 @@ def _sobol(dimensions: int, count: int, seed: int) -> Float[np.ndarray, "n d"]:
 
 
 def _inside(levels: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
-    """Levels that are never 0 or 1."""
     return np.clip(levels, 2.0**-53, 1.0 - 2.0**-53)

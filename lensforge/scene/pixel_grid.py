@@ -136,7 +136,7 @@ def rebinned(image: Float[np.ndarray, "*r h w"], grid: PixelGrid) -> Float[np.nd
 def splat_flux(
     hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], grid: PixelGrid
 ) -> Float[np.ndarray, "h w"]:
-    """Flux (W) in each pixel by the splat of the paper's Fig. 3; ``optimisation.collect`` has the gradient."""
+    """Flux (W) in each pixel by the splat of the paper's Fig. 3; ``search.collected_light`` has the gradient."""
     images = np.zeros((CHUNKS, *grid.shape))
     in_chunks(lambda chunk, part: splat(hits[part], flux[part], grid.size, images[chunk]), len(flux))
     return images.sum(axis=0)

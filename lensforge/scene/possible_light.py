@@ -76,7 +76,6 @@ class EtendueCurve:
 
 
 def _curve(volume: Float[np.ndarray, " c"], flux: Float[np.ndarray, " c"], *, estimated: bool) -> EtendueCurve:
-    """The curve of cells of étendue ``volume``, each with its flux."""
     without_extent = volume <= 0.0
     extended, found = volume[~without_extent], flux[~without_extent]
     order = np.argsort(extended / np.where(found > 0.0, found, np.finfo(float).tiny))

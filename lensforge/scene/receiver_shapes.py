@@ -185,7 +185,6 @@ def seen_by_lamp(spec: Spec, number: int) -> Spec:
 
 
 def _alone(section: ReceiverSection) -> ReceiverSection:
-    """The section with targets that imply no receiver of their own."""
     targets = tuple(target.changed(**dict.fromkeys(OF_RECEIVER)) for target in section.targets)
     return section.changed(targets=targets)
 

@@ -369,7 +369,6 @@ def _veiling_on_the_way(view: DriverView) -> CandelaSum:
 
 
 def _veiling_of_points(view: DriverView, x: Points, y: Points) -> CandelaSum:
-    """Veiling luminance for the eye before each point."""
     return _veiling(view, x - view.heading * _BEFORE_POINT_M, y)
 
 

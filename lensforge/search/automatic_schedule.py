@@ -246,7 +246,6 @@ class AutomaticSchedule(Schedule):
 
 
 def _judged(gain: Gain, least: float) -> str:
-    """A gain that is not enough, in words."""
     lowered = 100.0 * max(gain.share, 0.0)
     if gain.share >= least:
         return f"{lowered:.2g} %, which may be noise: its standard error is {100 * gain.standard_error:.2g} %"

@@ -121,7 +121,6 @@ def is_checkpoint(path: Path) -> bool:
 
 
 def _content(path: Path) -> bytes:
-    """The part of the file that its SHA-256 covers."""
     content = read_file(path, missing="no checkpoint to resume from; start anew without resume", most_bytes=_MOST_BYTES)
     if not content.startswith(_FORMAT):
         raise InputError(f"{path}: no checkpoint of a search by this version; {ANEW}")

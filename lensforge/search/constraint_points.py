@@ -269,7 +269,6 @@ def _in_groups(
 
 
 def _nearest_mm(corners: Float[np.ndarray, "t 3 3"]) -> float:
-    """Least distance (mm) of the origin from triangles."""
     import trimesh
 
     return float(np.linalg.norm(trimesh.triangles.closest_point(corners, np.zeros((len(corners), 3))), axis=1).min())

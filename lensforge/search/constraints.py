@@ -124,7 +124,6 @@ def _constraint(spec: Spec, limit: Limit) -> Constraint:
 
 
 def _length_left(spec: Spec, limit: Limit) -> Field:
-    """Field (mm) of a limit on a length."""
     limits = spec.constraints
     reach_mm = limits.min_thickness_mm + _REACH * limits.max_radius_mm
     if limit.kind == "keep_out_clearance_mm":

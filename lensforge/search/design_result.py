@@ -128,10 +128,13 @@ class Start(Record):
 class Design(StageResult):
     """A finished search.
 
-    ``source_outline_mm``: a polygon around the emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface.
-    ``ended``: why a search that chooses its levels went no further, and where it did not gain: it then has the better
-    lens of before. ``kept_start``: it ended with the lens from which it began. ``seconds``: of the search, set-up
-    included. ``starts``: all searches of which this was the best, where there were several.
+    ``lens``: the lens that was found. ``steps``: gradient steps of all levels. ``rays_per_step``: rays of the last of
+    them. ``seconds``: of the search, set-up included. ``max_radius_mm``, ``height_mm``: of the outer surface.
+    ``constraints``: margin to each limit, negative where it is missed. ``source``: the source as it was read.
+    ``source_outline_mm``: a polygon around the emitting area. ``history``: figures of every step, by level. ``ended``:
+    why a search that chooses its levels went no further, and where it did not gain: it then has the better lens of
+    before. ``kept_start``: it ended with the lens from which it began. ``starts``: all searches of which this was the
+    best, where there were several.
     """
 
     stage: ClassVar[str] = "design"
@@ -177,11 +180,13 @@ class Design(StageResult):
 
 @dataclass(frozen=True)
 class Progress:
-    """The state of a search; ``lens()`` builds the lens of the current parameters.
+    """State of a search after a gradient step.
 
-    ``level`` counts from 0; ``functions``: number per face that move in it. ``level_done``: this was its last step,
-    and the level is kept; ``lens()`` is then the best of it. ``steps_total`` of automatic levels: until the end of this
-    stage. ``seconds``: of the search so far, set-up included.
+    ``level``: number of the level, from 0. ``step``: number of the step in it. ``steps_done``: of all levels.
+    ``steps_total``: of all levels; of automatic ones until the end of this stage. ``nmse``, ``efficiency``: by the rays
+    of this step. ``functions``: number per face that move in this level. ``level_done``: this was its last step, and
+    the level is kept; ``lens()`` is then the best of it. ``seconds``: of the search so far, set-up included.
+    ``accuracy``: that of the search. ``lens``: a function that builds the lens of the current parameters.
     """
 
     level: int
@@ -365,7 +370,6 @@ def _search(design: Design) -> Iterator[Fact]:
 
 
 def _starts(design: Design) -> Iterator[Fact]:
-    """The kept search and the next best one."""
     best, following, *_ = sorted(design.starts, key=lambda start: start.rank)
     scatter = Fact("spread", "Standard deviation of the merit", design.spread, digits=2)
     yield Fact("kept", "Kept", f"seed {best.seed} of {len(design.starts)}", note=f"{scatter.label} {scatter.text}")

@@ -165,7 +165,6 @@ class LightPath:
     def _part(
         self, bodies: tuple[ReferenceBody, ...], bundle: RayBundle, start: int, device: torch.device
     ) -> tuple[Tensor, ...]:
-        """Sums of a chunk of ``bundle`` that begins at ``start``."""
         rays = bundle.take(slice(start, start + self.chunk))
 
         def on_device(array: np.ndarray) -> Tensor:

@@ -154,7 +154,6 @@ class Descent:
         )
 
     def _after_stage(self, stage: Stage) -> SearchState:
-        """The state at the beginning of what follows ``stage``."""
         state, problem = self.state, self.problems.of(stage.levels)
         following = self.schedule.next_stage((*state.outcomes, self._outcome(stage, state)))
         coming, kept = following.stage, _kept(following, state)
@@ -175,7 +174,6 @@ class Descent:
         return replace(state, seconds=self.seconds)
 
     def _outcome(self, stage: Stage, state: SearchState) -> Outcome:
-        """Judgement of ``state`` by validation rays, at the end of ``stage``."""
         key = len(state.outcomes), state.steps_done
         if self._judged is None or self._judged[0] != key:
             problem, uniform = self.problems.of(stage.levels), self.problems.spec.has_uniform_region
@@ -251,7 +249,6 @@ def _kept(following: NextStage, state: SearchState) -> _Kept:
 def _with_step(
     history: tuple[Level, ...], stage: Stage, result: Evaluated, least: dict[str, float]
 ) -> tuple[Level, ...]:
-    """``history`` with one more step, of the last level or of a new one."""
     if history and history[-1].level == stage.level:
         earlier, last = history[:-1], history[-1]
     else:
@@ -332,7 +329,6 @@ def search(
 
 
 def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> SearchEnd:
-    """The lens of a search that has taken all its ``stages``, the first of which judged its ``start``."""
     problems, state, first, levels = descent.problems, descent.state, stages[0], stages[-1].levels
     if problems.spec.lens.levels == "auto":
         # those that have so many weights: the last one may have been left out at the very end

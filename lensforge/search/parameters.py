@@ -231,7 +231,7 @@ ChartMirrors = tuple[tuple[tuple[int, int], tuple[int, int]], ...]  # signed per
 
 
 def settled_symmetry(spec: Spec, source: Source) -> Spec:
-    """``spec`` with ``lens.symmetry`` as one of ``surfaces.symmetry``: for "auto" the largest that the scene has.
+    """``spec`` with ``lens.symmetry`` as one of ``surfaces.mirror_group``: for "auto" the largest that the scene has.
 
     Raises :class:`InputError` for a symmetry that source, target or a fixed surface lacks.
     """

@@ -135,7 +135,6 @@ class ProfileParameters(Parametrisation):
     def _of_each(
         self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]
     ) -> tuple[Float[Tensor, "k f"], Float[Tensor, " f"]]:
-        """Weights and offsets of each face, of one that follows another with those of that one."""
         columns = list(self.columns)
         own = list(range(len(columns)))
         if columns == own:

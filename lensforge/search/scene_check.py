@@ -260,7 +260,6 @@ class SceneCheck:
 
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:
-    """Shares of the flux by fate in the starting lens."""
     surfaces = (start_faces(spec) if start is None else start.surfaces).values()
     grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
     scene = Scene(spec.lens.media, grid, chain=Chain.of_lens(spec.lens))

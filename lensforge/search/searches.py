@@ -67,18 +67,30 @@ def design(
     force: bool = False,
     preview: bool = False,
 ) -> Design:
-    """Search for the lens of ``spec``, Eq. (15): coarse to fine, constraints by augmented Lagrangian.
+    """Search for the lens of a spec, coarse to fine: the paper's Eq. (15), constraints by augmented Lagrangian.
 
-    ``seed``: of the rays. ``threads``: by default all cores; the result does not depend on it. ``start``: a lens to
-    begin from; by default that of ``spec.lens.start``, or none. ``checkpoint``: a file that is written every few
-    seconds; where it exists already, the search continues from it and ends with the same bits as an uninterrupted one,
-    unless ``resume`` is False. ``progress`` is called after every gradient step; where it returns False, the search
-    stops with :class:`Cancelled` and leaves its checkpoint. ``device``: where the rays of the search are traced
-    (``cuda`` is experimental). ``warn`` is called with each warning on the source before the search begins; by default
-    they are Python's own, :class:`SourceWarning`. ``force``: search even where less than half of the light that a
-    target asks for can reach it. ``preview``: take fewer steps on levels that the search
-    chooses itself, for a first look.
-    Raises :class:`InputError` for invalid arguments.
+    Args:
+        spec: what is wanted; :func:`load_spec` reads it from a file.
+        accuracy: a preset by name, or one of your own; it sets steps and rays here and in every later stage.
+        seed: of the random rays, 0 to 1,048,576; the same seed gives the same bits.
+        threads: number of threads, from 1; None: all cores. The result does not depend on it.
+        start: lens to begin from; None: that of ``spec.lens.start``, else the faces of the spec.
+        checkpoint: file that is written every few seconds; where it exists already, the search continues from it and
+            ends with the same bits as an uninterrupted one.
+        resume: False begins anew, whatever ``checkpoint`` holds.
+        progress: called with a :class:`Progress` after every gradient step; where it returns False, the search stops
+            with :class:`Cancelled` and leaves its checkpoint.
+        device: where rays are traced; "cuda" is experimental.
+        warn: called with each warning on the source before the search; None: Python's own, :class:`SourceWarning`.
+        force: search even where less than half of the light that a target asks for can reach it.
+        preview: take fewer steps on levels that the search chooses itself, for a first look.
+    Returns: The search: its ``lens``, the ``history`` of its levels, the margins of all ``constraints``.
+    Raises: :class:`InputError` for an argument that is not allowed, or a scene that no lens can light.
+        :class:`Cancelled`: ``progress`` returned False.
+    Example:
+        >>> spec = lf.load_spec("examples/quickstart.toml")
+        >>> design = lf.design(spec, accuracy="draft", progress=lambda step: print(step.steps_done, step.nmse))
+        >>> design.lens.save("lens.json")
     """
     require_spec(spec, "design")
     accuracy = accuracy_of(accuracy)
@@ -104,10 +116,18 @@ def design(
 
 
 def redesign(lens: Lens, source: EmitterSection | Path | str, **options: Unpack[SearchOptions]) -> Design:
-    """Search for a lens of the spec of ``lens`` for another LED, from ``lens`` on, on automatic levels.
+    """Search for a lens for another LED, from a finished lens on, on automatic levels.
 
-    ``source``: in the place of the spec's; of a file as for :func:`lensforge.evaluate`. ``options``: as of
-    :func:`design`, by default with the accuracy and seed of ``lens``. The new spec's name ends with that of the source.
+    Args:
+        lens: lens to begin from; its spec says all but the source.
+        source: the other LED; a section, or a ray file, which takes its place from the spec's source.
+        options: as of :func:`design`; accuracy and seed are by default those of ``lens``.
+    Returns: The search; the name of its spec ends with that of the source.
+    Raises: :class:`InputError` as :func:`design` does.
+    Example:
+        >>> lens = lf.load("cad_out/quickstart").lens
+        >>> design = lf.redesign(lens, lf.DiscSource(diameter_mm=1.6), accuracy="draft")
+        >>> print(design.lens.spec.name)
     """
     require(lens, Lens, "redesign")
     other = other_source(lens.spec, source)
@@ -121,7 +141,6 @@ def redesign(lens: Lens, source: EmitterSection | Path | str, **options: Unpack[
 
 
 def _start_of(spec: Spec, start: Lens | None = None) -> Lens | None:
-    """The lens from which a search goes on: ``start``, or the one that the spec names; None for hemispheres."""
     if start is not None:
         return require(start, Lens, "start")
     return None if spec.lens.start is None else load_lens(spec.lens.start)
@@ -238,13 +257,23 @@ def best_design(
     announce: Callable[[str], None] | None = None,
     **options: Unpack[SearchOptions],
 ) -> Design:
-    """Search ``starts`` times, with the seeds from ``seed`` on, and return the best; its ``starts`` has all of them.
+    """Search several times, with one seed after another, and return the best.
 
-    The best keeps most constraints and limits and, of those, has the smallest NMSE. Rays that judge no lens afterwards,
-    the same for all, choose it: of the figures of many lenses by the rays that judge, the best would be the luckiest.
-    ``scheduler``: a Dask cluster, to the same bits, as of :func:`tolerance`; ``progress`` then hears nothing.
-    ``announce`` is called with a line for each start that has ended. ``options`` as of :func:`design`, but for
-    ``start``, ``checkpoint`` and ``device``.
+    The best keeps most constraints and limits and, of those, has the smallest NMSE. Rays that judge no lens afterwards
+    choose it: by those that do, the best of many would be the luckiest.
+
+    Args:
+        spec: what is wanted.
+        starts: number of searches, 1 to 1,000.
+        scheduler: address of a Dask cluster, "tcp://10.0.0.5:8786", or "local:4" for processes here; the same bits.
+        announce: called with a line for each search that has ended.
+        options: as of :func:`design`, but for ``start``, ``checkpoint`` and ``device``; ``seed`` is the first.
+    Returns: The best search; its ``starts`` has the figures of all, its ``spread`` how far they scatter.
+    Raises: :class:`InputError` as :func:`design` does, and where no scheduler answers.
+    Example:
+        >>> spec = lf.load_spec("examples/quickstart.toml")
+        >>> best = lf.best_design(spec, starts=2, accuracy="draft")
+        >>> print(best.lens.seed, best.spread)
     """
     require_spec(spec, "best_design")
     if any(options.get(name) not in (None, "cpu") for name in ("start", "checkpoint", "device")):

@@ -124,7 +124,6 @@ def _faces(lens: Lens, pair: Pair[Patch], fixture: Points | None) -> dict[str, F
 
 
 def _walls(pair: Pair[Patch]) -> Walls:
-    """Walls of the lens itself, whatever is cut."""
     return Walls(thinnest=_wall(thinnest(*pair)), thickest=_wall(thickest(*pair)))
 
 

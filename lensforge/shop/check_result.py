@@ -313,11 +313,14 @@ class Mould(Record):
 
 
 class Check(SimulatedResult):
-    """The manufacturing check. ``criteria`` are those of the design, ``verdicts`` the findings for the shop.
+    """Manufacturing check. Beside its fields it has one for each face, by its name.
 
-    Beside its fields it has one for each face, by its name. ``scale``: of the faces that are cut against the lens's,
-    1 + shrinkage for a mould insert; faces and ``tools`` are of these, the ``walls`` of the lens. ``mould``: of a part
-    that is moulded. ``chart_axis``: of the maps of all faces.
+    ``process``: by which the part is made. ``scale``: of the faces that are cut against the lens's, 1 + shrinkage for a
+    mould insert; faces and ``tools`` are of these. ``min_wall_mm``: thinnest wall of the lens. ``walls``: thinnest and
+    thickest wall of the lens, with their places. ``relief``: clearance of the shop's ball at the base. ``tools``: how
+    much of each face each tool reaches. ``edges``: the sharpest place of each edge. ``mould``: halves, parting line,
+    gate and cooling of a part that is moulded. ``criteria``: those of the design. ``verdicts``: findings for the shop,
+    each with what to change. ``chart_axis``: places of the nodes of all maps along either axis.
     """
 
     __pydantic_extra__: dict[str, FaceResult]
@@ -344,7 +347,7 @@ class Check(SimulatedResult):
 
     @property
     def faces(self) -> dict[str, FaceResult]:
-        """The faces by name, from the source on."""
+        """Faces by name, from the source on."""
         return self.__pydantic_extra__
 
     @model_validator(mode="after")

@@ -179,7 +179,6 @@ def _rim_in_section(name: str, surface: StarShaped, azimuth_deg: float, view: Vi
 
 
 def _crease_in_section(name: str, crease: Crease, azimuth_deg: float, view: ViewName) -> Iterator[Dimension]:
-    """Width of a crease, and its height on the side of the azimuth."""
     points = crease.points(np.radians(azimuth_deg) + np.array([0.0, np.pi]))
     (high, low), (right, left) = points[:, 2].tolist(), np.hypot(points[:, 0], points[:, 1]).tolist()
     words, scope = f"{name}, {_along(azimuth_deg)}", _SCOPE_OF[view]
@@ -307,7 +306,6 @@ def _widths(plan: Plan[Surface]) -> Iterator[Dimension]:
 
 
 def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:
-    """Width and height of the base where the section cuts it."""
     outlines = body_outlines(lens, 0.0)[1:]  # the first is that of the lens
     if not outlines:
         return

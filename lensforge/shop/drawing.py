@@ -190,7 +190,6 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
 
 
 def _cells(**words: str | None) -> tuple[str, ...]:
-    """Cells of what is stated, and that the others are not."""
     return tuple(f"{name}: {stated or _NONE}" for name, stated in words.items())
 
 
@@ -309,7 +308,6 @@ def _is_wide(content: DrawingContent) -> bool:
 
 
 def _table_width(content: DrawingContent, name: SheetName) -> float:
-    """Width of the table of the optical faces, mm on A3."""
     left, _, right, _ = inside_of(name)
     return (right - left) / unit_of(name) if _is_wide(content) else WIDTH
 

@@ -44,11 +44,10 @@ class PointGrid(Record):
 class Handover(Record):
     """Page with drawings and verdicts, drawings as PDF and DXF, tables of points, as the bytes of files.
 
-    ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one.
-
-    ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning.
-    ``sha256``: of the files that go to the shop, by name, except page and PDF; the page lists them.
-    ``refused``: verdicts of the check that do not hold.
+    ``name``: of the design. ``html``: the page. ``pdf``, ``dxf``: the drawing. ``points_csv``: table for a measuring
+    machine. ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one. ``points``: number of points in
+    the table. ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name,
+    except page and PDF; the page lists them. ``refused``: verdicts of the check that do not hold.
     """
 
     name: Text
@@ -65,7 +64,7 @@ class Handover(Record):
 
     @property
     def files(self) -> dict[str, bytes]:
-        """The files by name."""
+        """Files by name."""
         fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf, POINTS_FILE: self.points_csv}
         plate = {PLATE_PDF_FILE: self.plate_pdf, PLATE_DXF_FILE: self.plate_dxf}
         fixed |= {name: content for name, content in plate.items() if content is not None}
@@ -73,7 +72,7 @@ class Handover(Record):
 
     @property
     def facts(self) -> Group:
-        """The files, the points for a measuring machine, the error of each dense table, and what does not hold."""
+        """Files, the points for a measuring machine, the error of each dense table, and what does not hold."""
         grids = (
             Fact("grid", grid.file, grid.error_nm, "nm", note="max. interpolation error", digits=2)
             for grid in self.grids
@@ -94,6 +93,5 @@ class Handover(Record):
                 temporary.write_bytes(content)
 
     def _repr_html_(self) -> str:
-        """HTML for a notebook: the page in a frame."""
         page = escape(self.html.decode("utf-8"))
         return f'<iframe title="{escape(self.name)}" style="width:100%;height:40em" srcdoc="{page}"></iframe>'

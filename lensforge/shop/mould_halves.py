@@ -144,7 +144,6 @@ def _upright(name: str, points: Float[np.ndarray, "a k 3"]) -> SectionPiece:
 
 
 def _turned_back(piece: SectionPiece) -> SectionPiece:
-    """The piece from the rim to the axis."""
     return SectionPiece(piece.name, piece.points[:, ::-1], piece.facing[:, ::-1], piece.areas[:, ::-1])
 
 
@@ -206,7 +205,6 @@ def _extremes(across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"]) 
 
 
 def _moulded(piece: SectionPiece, free_above: _Marks, free_below: _Marks) -> MouldedFace:
-    """Shares of a face that the halves draw, and the rest."""
     facing, areas = piece.facing, piece.areas
     above, below = free_above & (facing >= -_UPRIGHT), free_below & (facing <= _UPRIGHT)
     undercut = ~(above | below) & (np.abs(facing) > _UPRIGHT) & (areas > 0.0)

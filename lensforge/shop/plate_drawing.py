@@ -144,13 +144,11 @@ class LensLines:
 
 
 def _cross(view: PaperView, place: Place, reach_mm: float) -> list[Stroke]:
-    """The axes of a circle."""
     half = view.scale * reach_mm + 1.5 * view.unit
     return [Stroke(view.at([place] * 2) + half * np.array([(-x, -y), (x, y)]), "axis") for x, y in ((1, 0), (0, 1))]
 
 
 def _label(view: PaperView, text: str, place: Place, away_mm: float) -> Words:
-    """A text up and to the right of a place."""
     x, y = (view.at([place])[0] + view.scale * away_mm + 1.5 * view.unit).tolist()
     return Words((x, y), text, LETTERS * view.unit)
 
@@ -234,12 +232,10 @@ def place_rows(layout: PlateLayout) -> list[PlaceRow]:
 
 
 def _listed(layout: PlateLayout) -> bool:
-    """True where the table has the lenses."""
     return pattern_of(layout.lenses) is None or any(layout.lenses.turns_deg) or layout.lenses.kinds != ()
 
 
 def _words(mark: PlateMark) -> str:
-    """A phrase on what it is, with its sizes."""
     width = f"⌀{shown(mark.diameter_mm)}{'' if mark.tolerance_mm is None else f' ±{shown(mark.tolerance_mm)}'}"
     if not isinstance(mark, PlatePin):
         return f"hole {width}, through"
@@ -338,7 +334,6 @@ def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: 
 
 
 def _below_mm(layout: PlateLayout) -> float:
-    """Depth of the lowest point below z = 0."""
     return layout.plate.thickness_mm + max((pin.height_mm for pin in layout.plate.standing), default=0.0)
 
 

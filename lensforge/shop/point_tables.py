@@ -269,7 +269,6 @@ def dense_tables(lens: Lens, head: list[str], request: GridRequest) -> tuple[Poi
 
 
 def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], request: GridRequest) -> PointGrid:
-    """The record of a table, from its errors at the middles of cells and sides."""
     error_nm = float(errors.max()) + _ROUNDING_NM
     return PointGrid(
         file=f"grid_{table.face.name}.csv",

@@ -39,7 +39,6 @@ def datum_symbol(at: Place, towards: Place, letter: str, unit: float, further_mm
 
 
 def _letters(at: np.ndarray, text: str, unit: float) -> Words:
-    """``text`` with its middle at ``at``."""
     return Words((float(at[0]), float(at[1])), text, LETTERS * unit, "center")
 
 
@@ -97,7 +96,6 @@ def hatch(outlines: list[Points], spacing_mm: float) -> list[Stroke]:
 
 
 def _cuts(chain: Points, level: float) -> np.ndarray:
-    """Places along a level at which a chain crosses it."""
     above = chain[:, 1] > level
     changes = np.flatnonzero(above[1:] != above[:-1])
     start, end = chain[changes], chain[changes + 1]

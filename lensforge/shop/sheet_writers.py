@@ -234,7 +234,6 @@ def _add_dimension(document: "Drawing", sheet: Sheet, dimension: LinearDimension
 
 
 def _add_layout(document: "Drawing", sheet: Sheet) -> None:
-    """A layout of the sheet's size, the whole drawing in it at its scale."""
     width, height = sheet.size_mm
     layout = document.paperspace("Layout1")
     document.layouts.rename("Layout1", sheet.name)

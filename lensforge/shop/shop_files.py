@@ -99,7 +99,6 @@ def _tables(
     grids: tuple[PointGrid, ...],
     hashes: dict[str, str],
 ) -> list[Table]:
-    """Content of the page beside drawing and pictures."""
     lens = part.lens
     sizes = [(size.name, shown(size.value_mm), size.tolerance, size.scope_words) for size in drawn.views.dimensions]
     notes = [f"{number}. {note}" for number, note in enumerate(drawn.notes, 1)]
@@ -224,7 +223,6 @@ def _make(lens: Lens, part: Part) -> Iterator[Fact]:
 
 
 def _grid(grid: PointGrid) -> Fact:
-    """Points, spacing and error of a dense table."""
     spacing, error = quantity(grid.spacing_mm, "mm", digits=4), with_unit(rounded_up(grid.error_nm, 3), "nm")
     note = (
         f"on the face, up to {spacing} apart; {grid.interpolation} interpolation error at most {error} "

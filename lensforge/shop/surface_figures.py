@@ -81,7 +81,6 @@ def uncut_map(residual_mm: ChartMap) -> Figure:
 
 
 def _readable(values_mm: ChartMap) -> tuple[str, float]:
-    """mm, or micrometres where mm would be all zeros."""
     return ("mm", 1.0) if float(np.nanmax(np.abs(values_mm))) >= 0.05 else ("µm", 1e3)
 
 

@@ -123,7 +123,6 @@ def check_tools(
 def _reaches(
     tools: tuple[Tool, ...], face: MilledFace, obstacles: Float[np.ndarray, "m 3"], max_tilt_rad: float
 ) -> list[ToolReach]:
-    """The shares of one face that each tool reaches."""
     contacts = sample_face(face.samples.face, _CONTACT_NODES)
     ball = largest_ball_mm(contacts, face.samples.points)
     away = face.samples.face.away

@@ -38,7 +38,6 @@ def _of_no_revolution(name: str, spec: Spec) -> Fact:
 
 
 def _nose(name: str, tool: TurningTool, spec: Spec) -> Fact:
-    """The nose against the tightest concave part of the meridian."""
     radius_mm, largest_mm = tool.radius_mm, tool.largest_radius_mm
     nose, tolerance = quantity(radius_mm, "mm"), 0.0 if largest_mm is None else FIT_TOLERANCE * largest_mm
     if largest_mm is None:

@@ -270,7 +270,6 @@ def _line_marks(lines: list[ViewLine], box: Box, view: PaperView) -> tuple[Marks
 
 
 def _on_paper(dimensions: list[Dimension], view: PaperView) -> list[LinearDimension]:
-    """Dimensions that are drawn, with their ends on paper."""
     found = []
     for each in dimensions:
         assert each.ends is not None

@@ -171,7 +171,6 @@ def summarise(source: Source, spec: EmitterSection) -> SourceSummary:
 
 
 def _file_warnings(source: Source) -> tuple[str, ...]:
-    """Warnings on the file of an intensity profile; none for a source without one."""
     if isinstance(source, PlacedSource):
         return _file_warnings(source.source)
     return getattr(source, "warnings", ())  # of a planar emitter; its module is loaded for it alone

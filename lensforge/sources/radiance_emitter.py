@@ -161,7 +161,6 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def _problem(arrays: dict[str, np.ndarray]) -> str:
-    """Say what is wrong with ``arrays``; empty if nothing is."""
     x, y, c, gamma, radiance = arrays.values()
     for name, values in list(arrays.items())[:4]:
         revolution = name == "c_deg" and values.shape == (1,)
@@ -280,7 +279,6 @@ class RadianceEmitter:
 
     @cached_property
     def _azimuths(self) -> Float[np.ndarray, "y x c"]:
-        """Flux before each sector of a cell."""
         return np.pad(np.cumsum(self.table.sectors, axis=2), ((0, 0), (0, 0), (1, 0)))
 
 

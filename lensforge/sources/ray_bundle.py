@@ -150,7 +150,7 @@ class Source(Protocol):
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group (a name of ``surfaces.symmetry``) that leaves the emission unchanged."""
+        """Largest mirror group (a name of ``surfaces.mirror_group``) that leaves the emission unchanged."""
         ...
 
     @property

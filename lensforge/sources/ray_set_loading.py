@@ -262,7 +262,6 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
 
 
 def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.ndarray, " 3"]:
-    """Point of the file that ``spec`` puts at the lens origin."""
     if spec.origin == "file":
         return np.zeros(3)
     if spec.origin != "virtual_focus":

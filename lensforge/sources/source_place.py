@@ -74,5 +74,4 @@ class SourcePlace(Record):
 
 
 def _listed(values: tuple[float, ...], unit: str) -> str:
-    """Coordinates in one text."""
     return f"({', '.join(number(value) for value in values)}){'' if unit == '°' else ' '}{unit}"

@@ -58,7 +58,6 @@ _Wavelength = Annotated[float, Field(ge=_LIGHT_NM[0], le=_LIGHT_NM[1])]
 
 
 def _as_rows(value: Any) -> Any:
-    """Rows of a table, of one row or of one number."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [[value]]
     if isinstance(value, list | tuple) and value and not any(isinstance(each, list | tuple) for each in value):

@@ -115,7 +115,6 @@ class Spec(Section):
     @model_validator(mode="before")
     @classmethod
     def _first_of_several(cls, content: Any) -> Any:
-        """Take the first of several sources as the one LED of all that looks at one."""
         if not isinstance(content, Mapping) or not content.get("sources") or content.get("source") is not None:
             return content
         several = content["sources"]
@@ -175,10 +174,7 @@ class Spec(Section):
         return self.changed(**changes)
 
     def with_automatic_levels(self) -> "Spec":
-        """The spec of a search that chooses its levels, without the settings that go with given ones.
-
-        A kind of lens that has no levels to choose is searched as it is.
-        """
+        """The spec of a search that chooses its levels, if the kind has some, without settings of given ones."""
         if type(self.lens).model_fields["levels"].default != "auto":
             return self
         lens = self.lens.changed(levels="auto")
@@ -201,7 +197,7 @@ class Spec(Section):
             raise InputError(f"{str(path)!r}: cannot be written ({error}); try another path") from None
 
     def to_toml(self) -> str:
-        """The spec as TOML: what was given, each kind named."""
+        """Spec as TOML: what was given, each kind named."""
         return tomli_w.dumps(plain({"name": self.name, **self.model_dump(mode="json", exclude_unset=True)}))
 
     @check
@@ -305,10 +301,7 @@ class Spec(Section):
         return PartTolerances.of(self.tolerances, self.lens.faces, self.lens.roles)
 
     def with_tolerances(self, other: PartTolerances) -> "Spec":
-        """The spec with all tolerances of ``other`` in place of its own.
-
-        Raises :class:`InputError` for those of a lens with other faces.
-        """
+        """The spec with the tolerances of ``other``. Raises :class:`InputError` for those of another lens's faces."""
         given = PartTolerances.of(other, other.faces, self.lens.roles)
         none = FaceTolerances()
         faces = {name: face.with_tolerances(given.faces.get(name, none)) for name, face in self.lens.faces.items()}
@@ -376,7 +369,16 @@ class Spec(Section):
 
 
 def load_spec(path: Path | str) -> Spec:
-    """Read ``path``; file names inside it are taken relative to its folder. Raises :class:`InputError`."""
+    """Read a spec from a TOML file.
+
+    Args:
+        path: the file; those that it names count from its folder.
+    Returns: The spec, with all defaults and derived sizes.
+    Raises: :class:`InputError` with a line for each wrong field.
+    Example:
+        >>> spec = lf.load_spec("examples/quickstart.toml")
+        >>> print(spec.replace(target={"distance_mm": 200.0}).to_toml())
+    """
     if not isinstance(path, Path | str):
         raise InputError(f"load_spec: {short(path)} is {its_type(path)}; give the path of a TOML file")
     path = Path(path)

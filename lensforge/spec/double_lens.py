@@ -21,7 +21,7 @@ WHY["lens.outer.offset_mm"] = f"{_OUTER:g} x max_radius_mm, the outer hemisphere
 
 
 class LensSection(LensShape):
-    """A double-freeform lens: an inner face towards the source, an outer one towards the target."""
+    """Double-freeform lens: an inner face towards the source, an outer one towards the target."""
 
     roles, title = SHELL, "double-freeform lens"
     kind: Literal["double"] = "double"

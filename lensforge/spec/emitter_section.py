@@ -49,7 +49,7 @@ class TableIntensity(Section):
 
 
 class PhotometricIntensity(Section):
-    """The far field in an IES LM-63 or EULUMDAT file; its gamma = 0 is the lens axis, C = 0 +x, C = 90 -y."""
+    """Far field in an IES LM-63 or EULUMDAT file; its gamma = 0 is the lens axis, C = 0 +x, C = 90 -y."""
 
     kind: Literal["photometric"] = "photometric"
     file: FilePath

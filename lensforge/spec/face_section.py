@@ -57,7 +57,7 @@ class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stand
 
 
 class FlangeSection(Section):
-    """The flange at the exit's rim of a lens for total internal reflection: a ring, by which a holder takes the lens.
+    """Flange at the exit's rim of a lens for total internal reflection: a ring, by which a holder takes the lens.
 
     A ring around the exit, joined by a cylinder of the lens's diameter. Light that meets that cylinder is absorbed.
     """

@@ -86,7 +86,7 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
 
 
 class PhotometricTarget(FarFieldTarget):
-    """The intensity in an IES LM-63 or EULUMDAT file; its gamma = 0 is the receiver's axis, C = 0 +x, C = 90 -y.
+    """Intensity in an IES LM-63 or EULUMDAT file; its gamma = 0 is the receiver's axis, C = 0 +x, C = 90 -y.
 
     ``centre_deg`` tilts it, ``rotation_deg`` turns its C planes.
     """

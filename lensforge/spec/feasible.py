@@ -58,7 +58,6 @@ def _require_below_glass(lens: LensShape, limits: ConstraintsSection) -> None:
 
 
 def _require_around_lens(flange: FlangeSection, limits: ConstraintsSection) -> None:
-    """A flange against the radius of the lens, and the height that it leaves."""
     if flange.diameter_mm <= 2.0 * limits.max_radius_mm:
         raise ValueError(
             f"lens.flange.diameter_mm = {flange.diameter_mm:g}: must exceed that of the lens, twice "

@@ -202,7 +202,7 @@ class LensMaterial(FacesSection):
     """Material of the body, and what lies on its faces and around it.
 
     Either ``refractive_index`` holds for all wavelengths; or the material is dispersive: a ``material`` of
-    ``materials.catalogue``, one with ``optical_data`` or a ``material_file``, or one with ``abbe_number``.
+    ``optics.material.MATERIALS``, one with ``optical_data`` or a ``material_file``, or one with ``abbe_number``.
     """
 
     refractive_index: _Index = 1.4936
@@ -348,7 +348,6 @@ class LensMaterial(FacesSection):
 
     @property
     def _chromatic(self) -> bool:
-        """True where a coating depends on the wavelength."""
         coatings = [face.coating for face in self.faces.values()]
         glass = None if self.cover_glass is None else self.cover_glass.coating
         return any(each is not None and each.chromatic for each in (*coatings, glass))

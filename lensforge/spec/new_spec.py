@@ -169,7 +169,6 @@ def _sections(content: Mapping[str, Any], derived: Mapping[str, str], notes: Map
 
 
 def _tables(value: object) -> list[Mapping[str, Any]]:
-    """The tables that a value of a spec is: itself, or those in its list."""
     return [each for each in (value if isinstance(value, list) else [value]) if isinstance(each, Mapping)]
 
 

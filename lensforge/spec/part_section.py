@@ -59,7 +59,7 @@ class FeetSection(Section):
 
 
 class BaseSection(Section):
-    """The clamping base: the paper's one-inch cylinder, a square, your own STEP file, or none.
+    """Clamping base: the paper's one-inch cylinder, a square, your own STEP file, or none.
 
     The three lengths of relief and bore, left out, are what the cutter needs at a face that is designed for it,
     and 0 elsewhere. A STEP file has all lengths itself.
@@ -136,7 +136,6 @@ class BaseSection(Section):
                 raise ValueError(f'{stated} goes with kind = "{other}", not "{kind}"; leave it out')
 
     def _given(self, *names: str) -> list[str]:
-        """Names of the fields that are not as when left out."""
         return [name for name in names if getattr(self, name) != type(self).model_fields[name].default]
 
     @check

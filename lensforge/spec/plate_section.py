@@ -162,7 +162,7 @@ class PlateBoss(PlatePin):
 
 
 class PlateGate(Section):
-    """The gate at the edge of the plate, where it is filled: a mark on the drawing, and no part of the solid."""
+    """Gate at the edge of the plate, where it is filled: a mark on the drawing, and no part of the solid."""
 
     place_mm: tuple[Coordinate, Coordinate]
     """Place (x, y) of its middle, on the outline."""

@@ -21,7 +21,7 @@ _THICKER = 1.15  # a back over the minimum wall: the wall varies as the cup move
 
 
 class CupSection(FaceSection):
-    """The mirror of a reflector."""
+    """Mirror of a reflector."""
 
     mirror: Annotated[float, Field(gt=0.0, le=1.0)] = _ALUMINISED
     """Share of the light that it reflects at every angle; the rest is absorbed."""
@@ -117,7 +117,6 @@ class ReflectorSection(ProfiledShape):
             raise InputError(f"lens: {str(error).removeprefix('reflector: ')} (lens.kind = 'reflector')") from None
 
     def _of_a_point(self, conditions: StartConditions, beam: Beam, wall_mm: float, most_mm: float) -> ParabolicCup:
-        """The paraboloid for a point, at first order."""
         best = best_cup(
             conditions.limits.rim_radius_mm,
             wall_mm,

@@ -234,6 +234,5 @@ def _in_ellipse(x: Places, y: Places, width: float, height: float) -> Lit:
 
 
 def _from_spot(x: Places, pitch: float, count: int) -> Places:
-    """Coordinate from the nearest of ``count`` centres."""
     place = x / pitch + 0.5 * (count - 1)
     return pitch * (place - np.clip(np.round(place), 0, count - 1))

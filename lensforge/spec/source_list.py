@@ -31,8 +31,6 @@ _KEPT = tuple(name for name in EmitterSection.model_fields if name != "spectrum"
 
 
 class _SourceList(Section):
-    """The sources of a file, whatever else is in it."""
-
     sources: tuple[NamedSource, ...]
 
 

@@ -14,7 +14,7 @@ from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.design_spec import Spec
-from lensforge.spec.spec_fields import all_sections, sections_in, summary_of, words_of
+from lensforge.spec.spec_fields import all_sections, range_words, sections_in, summary_of, words_of
 
 SCHEMA_FILE = "lensforge.schema.json"
 
@@ -82,18 +82,9 @@ def allowed_words(schema: Mapping[str, Any]) -> str:
 
 
 def _number_words(schema: Mapping[str, Any]) -> str:
-    kind = "whole number" if schema["type"] == "integer" else "number"
-    low, high = (schema.get(name) for name in ("minimum", "maximum"))
-    above, below = (schema.get(name) for name in ("exclusiveMinimum", "exclusiveMaximum"))
-    start = f"above {above:g}" if above is not None else _short(low)
-    end = f"below {below:g}" if below is not None else _short(high)
-    reach = f"{start} to {end}" if start and end else f"at least {start}" if low is not None else start or end
+    kind, reach = "whole number" if schema["type"] == "integer" else "number", range_words(schema)
     whole = "whole number " if kind == "whole number" else ""
     return f"{whole}{reach}" if reach else kind
-
-
-def _short(value: float | None) -> str:
-    return "" if value is None else str(value) if isinstance(value, int) else f"{value:g}"
 
 
 def _list_words(schema: Mapping[str, Any]) -> str:
@@ -168,7 +159,6 @@ def _section_words(title: str, sections: Sequence[type[BaseModel]]) -> Iterator[
 
 
 def _is_shared(name: str, sections: Sequence[type[BaseModel]]) -> bool:
-    """True for a field that means the same in all of ``sections``."""
     texts = {words_of(each, name) for each in sections if name in each.model_fields}
     return len(texts) == 1 and all(name in each.model_fields for each in sections)
 

@@ -28,23 +28,25 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.errors import InputError
+from lensforge.results.notebook_html import Shown
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import same, with_changes
-from lensforge.spec.spec_fields import help_of, signature_of
+from lensforge.spec.spec_fields import signature_of
 from lensforge.spec.spec_files import NamedFrom, full_path
 from lensforge.spec.wrong_fields import spec_error
 
 
-class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metaclass, which has no public name
-    """Turns the validation error of a section that a script constructs into the lines of the command line.
+class _Checked(Shown):
+    # Turns the validation error of a section that a script constructs into the lines of the command line.
+    #
+    # A class that names its field ``positional`` takes that one without its name. Words and signature of a class are
+    # made when they are asked for: reading all of them takes a second. An ``__init__`` of the sections would not do:
+    # for a table within a table pydantic calls it, too, and what it raises has lost its place. Nor would a hook for
+    # new classes, where a signature must be there at once.
 
-    A class that names its field ``positional`` takes that one without its name. Words and signature of a class are
-    made when they are asked for: reading all of them takes a second. An ``__init__`` of the sections would not do: for
-    a table within a table pydantic calls it, too, and what it raises has lost its place. Nor would a hook for new
-    classes, where a signature must be there at once.
-    """
+    __doc__ = vars(Shown)["__doc__"]
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+    def __call__(cls: Any, *args: Any, **kwargs: Any) -> Any:  # noqa: N805
         name: str | None = getattr(cls, "positional", None)
         if args and (name is None or len(args) > 1):
             raise InputError(f"{cls.__name__}: {len(args)} values without names; give its fields by name")
@@ -58,16 +60,15 @@ class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metacla
             raise spec_error(error, cls.__name__, cls) from None
 
     @property
-    def __signature__(cls) -> Signature:
+    def __signature__(cls: Any) -> Signature:  # noqa: N805
         return signature_of(cls)
 
     @__signature__.setter
-    def __signature__(cls, value: object) -> None:
-        """Leave out pydantic's own, which a class has only once it has been used."""
+    def __signature__(cls: Any, value: object) -> None:  # noqa: N805
+        pass  # pydantic's own, which a class has only once it has been used
 
-    @property
-    def __doc__(cls) -> str:  # type: ignore[override]
-        return help_of(cls)
+    def __dir__(cls: Any) -> list[str]:  # noqa: N805
+        return [name for name in super().__dir__() if name in ("replace", "save", "to_toml")]
 
 
 if TYPE_CHECKING:  # a type checker knows no metaclass without a name, and of this one it needs nothing

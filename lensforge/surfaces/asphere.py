@@ -85,7 +85,6 @@ class ImplicitSurface(Surface):
         return by_polar[:, None] * down + (np.sum(tangential * across, axis=1) * around)[:, None] * across
 
     def _at(self, directions: _Vectors) -> _Values:
-        """``rho`` by Newton steps from the profile."""
         rho = self._on_profile(directions)
         for _ in range(_NEWTON_STEPS):
             value, slope = self.equation(rho[:, None] * directions)

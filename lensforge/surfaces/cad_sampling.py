@@ -198,7 +198,6 @@ def _unit(directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 def _apart(crossings: list[tuple[float, float, float, int]]) -> list[float]:
-    """Their distances, rising, each once."""
     distances: list[float] = []
     for distance in sorted(distance for distance, *_ in crossings):
         if not distances or distance - distances[-1] > _SAME_MM:

@@ -58,8 +58,6 @@ def lens_file(path: Path) -> Path:
 
 
 class _Face(Record):
-    """The one entry of a lens file that is needed."""
-
     unions = ("face",)
 
     face: SurfaceRecord

@@ -17,9 +17,9 @@ from scenes import small_spec, sphere
 
 import lensforge as lf
 from lensforge.report.results import EXTRAS, STAGES
-from lensforge.results import Record, StageResult
+from lensforge.results import StageResult
 from lensforge.results.record import values_of
-from lensforge.verbs import EVALUATE, NAMES
+from lensforge.verbs import EVALUATE
 
 ROOT = Path(__file__).parents[2]
 
@@ -316,24 +316,3 @@ def test_every_plot_takes_axes_first_and_choices_by_name() -> None:
 def test_what_cannot_be_plotted_is_one_line(whole_run: lf.Run) -> None:
     run = subprocess.run([sys.executable, "-c", _WRONG, str(whole_run.folder)], capture_output=True, encoding="utf-8")
     assert (run.returncode, run.stdout) == (0, "all refused\n"), run.stderr
-
-
-def test_signatures_show_no_private_path() -> None:
-    """As help shows them: classes without the modules in which they stand, of all that a script calls."""
-    called = {name: each for name, each in NAMES.items() if not isinstance(each, str)}
-    made = (Exception, Warning, Record)  # by verbs alone
-    shown = {
-        name: str(inspect.signature(each))
-        for name, each in called.items()
-        if not (isinstance(each, type) and issubclass(each, made))
-    }
-    assert len(shown) > 100
-    assert [name for name, words in shown.items() if "lensforge." in words] == []
-    assert shown["design"].startswith(
-        "(spec: Spec, *, accuracy: Union[Literal['draft', 'standard', 'reference'], Preset] "
-    )
-    assert shown["design"].endswith(" -> Design") and "start: Lens | None = None" in shown["design"]
-    assert shown["handover"].endswith(" -> Handover"), "known to type checkers alone where it is written"
-    assert shown["Lens"].startswith("(surfaces: collections.abc.Mapping[str, Surface], spec: Spec, seed: int")
-    assert shown["Lens"].endswith(" -> None")
-    assert "spectrum: Union[LineSpectrum, TableSpectrum, " in shown["SquareSource"]

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -99,14 +100,15 @@ def test_help_and_signature_have_every_argument_with_words_unit_and_default() ->
         assert sorted(arguments) == sorted(names), section
         shown = inspect.getdoc(section) or ""
         assert shown.startswith((vars(section)["__doc__"] or "").split("\n")[0].replace("``", "`").strip()[:20])
+        lines = {each.split(" ")[0]: " ".join(each.split()) for each in re.split("\n {4}(?=\\w)", shown)}
         for name in names:
-            field = section.model_fields[name]
-            line = next(line for line in shown.splitlines() if line.startswith(f"    {name}:"))
-            assert words_of(section, name) in line and unit_in(name) in line
-            assert field.is_required() == (arguments[name].default is inspect.Parameter.empty) == ("(needed)" in line)
+            field, line = section.model_fields[name], lines[name]
+            assert words_of(section, name).split(" [")[0] in line and unit_in(name) in line
+            assert field.is_required() == (arguments[name].default is inspect.Parameter.empty) == ("needed): " in line)
             if field.default_factory is None and field.default not in (None, PydanticUndefined):
-                assert arguments[name].default == field.default and line.endswith(f"(default: {field.default!r})")
-    assert "(derived: 0.6 x cavity_radius_mm)" in (lf.ConstraintsSection.__doc__ or "")
+                assert arguments[name].default == field.default and line.endswith(f"Default {field.default!r}.")
+    assert "Left out, derived: 0.6 x cavity_radius_mm." in (lf.ConstraintsSection.__doc__ or "")
+    assert "diameter_mm (float, mm, 1e-6 to 1e9, needed): Diameter." in (lf.DiscSource.__doc__ or "")
     assert str(inspect.signature(lf.DiscSource)).startswith("(*, diameter_mm: float")
 
 

@@ -204,7 +204,6 @@ def _stored_planes(symmetry: int, planes: int, name: str) -> np.ndarray:
 
 
 def _step(angles: np.ndarray) -> str:
-    """The constant step of the angles, 0 where it is not constant."""
     steps = np.diff(angles)
     return f"{steps[0]:.6g}" if len(steps) and np.allclose(steps, steps[0]) else "0"
 

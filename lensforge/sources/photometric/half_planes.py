@@ -241,7 +241,6 @@ def _on_half_planes(
 
 
 def _read_at(kind: Kind, v_deg: V, h_deg: H, table: TabulatedIntensity) -> Float[np.ndarray, "h v"]:
-    """Intensities of ``table`` in the directions of the file."""
     from scipy.interpolate import RegularGridInterpolator
 
     v, h = np.deg2rad(v_deg)[None], np.deg2rad(h_deg)[:, None]

@@ -136,7 +136,6 @@ def _year(digits: str) -> int:
 
 
 def _unnamed_year(keywords: set[str]) -> int:
-    """Year of the edition of a file that names none, by its keywords."""
     if keywords.intersection(_SINCE_2002):
         return 2002
     return 1991 if keywords else 1986

@@ -50,7 +50,6 @@ def draw_polar(axes: "Axes", curves: Mapping[str, tuple[Float[np.ndarray, " n"],
 
 
 def _round_step(step: float) -> float:
-    """The next of 1, 2 and 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(step))
     return float(next(power * each for each in (1.0, 2.0, 5.0, 10.0) if power * each >= step * (1.0 - 1e-9)))
 
@@ -76,16 +75,18 @@ class FarFieldPeak(Record):
 
 
 class PhotometricSummary(StageResult):
-    """Summary of a photometric file.
+    """Summary of a photometric file. What its format does not have is None, 0 or empty.
 
-    ``lumens``: integral of the intensities over all directions. ``stated_lumens``: the luminaire's by the file's own
-    words, ``lamp_lumens``: of its lamps, ``watts`` electric; None where the file states none. ``symmetry``:
-    ``revolution``, or the largest mirror group of the light. ``edition``: of the standard, empty where the format has
-    one only. ``generated``: by simulation or measurement, by the titles of LM-63-2019; "Undefined" where the file does
-    not say. ``laboratory``, and the date on which the data were ``issued``: as the file has them. ``share_above_90``:
-    of the flux, at gamma above 90. ``opening_mm``: width, length and height; the diameter is that of a round opening, 0
-    of another. ``lamps``: each set in words, the first that of the intensities. ``beam_c0`` and ``beam_c90``: in the
-    planes C 0 - C 180 and C 90 - C 270.
+    ``format``: of the file. ``title``, ``luminaire``, ``maker``, ``catalogue``, ``laboratory``: by the file's words.
+    ``edition``: of the standard. ``generated``: by simulation or measurement, by the titles of LM-63-2019. ``issued``:
+    date of the data. ``photometric_type``: of its angles. ``symmetry``: ``revolution``, or the largest mirror group of
+    the light. ``angles``: number and range of its angles. ``lumens``: integral of the intensities over all directions.
+    ``lamp_lumens``: stated flux of the lamps. ``stated_lumens``: stated flux of the luminaire. ``share_above_90``: of
+    the flux, at gamma above 90 degrees. ``peak``: largest intensity, and its direction. ``axis_cd``: intensity on the
+    axis. ``beam_c0``, ``beam_c90``: beam in the planes C 0 - C 180 and C 90 - C 270. ``watts``: electric.
+    ``lumens_per_electric_watt``: flux over that. ``opening_diameter_mm``: of a round opening. ``opening_shape``: in
+    words. ``opening_mm``: its width, length and height. ``lamps``: each set in words, the first that of the
+    intensities.
     """
 
     stage: ClassVar[str] = "photometric_file"
@@ -195,9 +196,15 @@ def holds_far_field(path: Path) -> bool:
 
 
 def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
-    """Summarise a file of light: header and statistics of a ray file, or beam and flux of a photometric file.
+    """Summarise a file of light: statistics of a ray file, or beam and flux of a photometric file.
 
-    The content decides, not the name. Raises :class:`InputError` for a file of no known format.
+    Args:
+        file: the file, of any format that a spec takes; its content decides, not its name.
+    Returns: The summary.
+    Raises: :class:`InputError` for a file of no known format.
+    Example:
+        >>> summary = lf.rays("cad_out/quickstart/lens.ies")
+        >>> print(summary.lumens, summary.beam_c0)
     """
     from lensforge.sources.rayfiles.ray_file_io import read_rayfile
     from lensforge.sources.rayfiles.ray_file_statistics import describe

@@ -253,7 +253,6 @@ def _is_true(element: ElementTree.Element, path: str) -> bool:
 
 
 def _number(element: ElementTree.Element, path: str, name: str) -> float:
-    """Number at ``path``, 0 where the file has none."""
     return finite_number(_text(element, path) or "0", path, name)
 
 

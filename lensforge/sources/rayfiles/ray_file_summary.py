@@ -171,10 +171,13 @@ class Box(Record):
 
 
 class RayFileSummary(StageResult):
-    """Summary of a ray file: header, counts, and statistics of the usable rays; lengths in mm, wavelengths in nm.
+    """Summary of a ray file. What only the rays can say is None where the header alone was read.
 
-    ``header``: its fields by the names of its format. ``effective_rays``: number of rays of equal flux that would have
-    the same noise. What only the rays can say is None where the header alone was read.
+    ``format``: of the file. ``title``: by its header. ``rays``: in the file. ``rays_used``: that carry flux.
+    ``rays_dropped``: the others, by cause. ``effective_rays``: number of rays of equal flux that would have the same
+    noise. ``flux``: in W and lm, and what states it. ``bounding_box_mm``: around the start points, least and largest
+    corner. ``virtual_focus_mm``: point nearest to all rays. ``mean_direction``: of the flux. ``wavelengths_nm``: their
+    range. ``header``: its fields by the names of its format.
     """
 
     stage: ClassVar[str] = "rays"

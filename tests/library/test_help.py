@@ -1,0 +1,43 @@
+"""What ``help`` says of every public name: no private path, every argument and field in words, an example that runs."""
+
+import doctest
+import inspect
+import pydoc
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from presets import FEW_STEPS
+
+import lensforge as lf
+from lensforge.verbs import NAMES
+
+PUBLIC = {name: each for name, each in NAMES.items() if not isinstance(each, str)}
+
+
+@pytest.mark.parametrize("name", [name for name, each in PUBLIC.items() if inspect.isfunction(each)])
+def test_the_example_of_a_verb_runs(
+    whole_run: lf.Run, examples: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch, undrawn: None
+) -> None:
+    """In a folder with the shipped specs, a run, and points measured on its part; drafts are of a few steps."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(whole_run.folder, "cad_out/quickstart")
+    shutil.copy(whole_run.folder.with_name("cloud.csv"), "cloud.csv")
+    Path("examples").symlink_to(examples)
+    lines = doctest.DocTestParser().get_examples(inspect.getdoc(PUBLIC[name]) or "")
+    text = "".join(line.source for line in lines).replace('accuracy="draft"', "accuracy=FEW_STEPS")
+    assert f"lf.{name}(" in text
+    exec(compile(text, name, "exec"), {"lf": lf, "FEW_STEPS": FEW_STEPS})
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_help_is_enough_to_go_on(name: str) -> None:
+    words, shown = inspect.getdoc(PUBLIC[name]) or "", pydoc.plaintext.document(PUBLIC[name], name)
+    assert re.findall(r"lensforge\.[a-z]\w*\.\w", shown) == [], "no private path"
+    assert not words.startswith("The "), "begins with the noun or the verb itself"
+    listed = re.split(r"\n {4}(?=\w)", re.sub(r"(?s)^.*\n(Args|Fields):|\n\w+: .*", "", words))[1:]
+    assert [each for each in listed if not re.match(r"\w+( \([^:]*\))?: (?!Has )\S", " ".join(each.split()))] == []
+    if inspect.isfunction(PUBLIC[name]):
+        assert [each.split(":")[0] for each in listed] == list(inspect.signature(PUBLIC[name]).parameters)
+        assert "\nReturns: " in words and "\nRaises: " in words and "\nExample:\n" in words
