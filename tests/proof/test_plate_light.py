@@ -33,7 +33,6 @@ from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import BaseSection
-from lensforge.spec.lamp_places import kinds_of
 from lensforge.spec.lamps_section import Lamps
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
@@ -188,19 +187,14 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
 
 def test_the_faces_of_a_place_are_sorted_by_those_of_its_kind() -> None:
     """Two faces outwards, of a lens at 3 and 5 mm from its origin, and of the other kind at 5 and 3 mm."""
-    radii = [(1.0, 3.0, 5.0), (1.0, 5.0, 3.0)]
-    names, away = ("inner", "lower", "upper"), (False, True, True)
-    tables = [np.tile(1.0 / np.array(each)[:, None, None], (1, 9, 9)) for each in radii]
-    kinds = tuple(OpticalFaces(names, away, inverse_radii=table) for table in tables)
-    plate = plate_of(replace(Lamps.level([(0.0, 0.0), (20.0, 0.0)], (0.0, 40.0)), kinds=kinds_of(*PLACED)))
+    tables = [np.tile(1.0 / np.reshape(each, (3, 1, 1)), (1, 9, 9)) for each in ((1.0, 3.0, 5.0), (1.0, 5.0, 3.0))]
+    kinds = tuple(OpticalFaces(("inner", "lower", "upper"), (False, True, True), 3, table) for table in tables)
+    plate = replace(plate_of(Lamps.level([(0.0, 0.0), (20.0, 0.0)], (0.0, 40.0))), kinds=(0, 1))
     points = np.array([[0.0, 3.0, 0.1], [20.0, 3.0, 0.1], [0.0, 0.5, 0.8]])
     numbers, apart = replace(kinds[0], plate=plate, of_kinds=kinds).sorted(
         points, points - [[0, 0, 0], [20, 0, 0], [0, 3, 3]]
     )
     assert numbers.tolist() == [1, 2, 0] and apart.max() < 1e-2
-
-
-PLACED = [(0.0, 0.0), (20.0, 0.0)], ("one", "two"), ("", "")
 
 
 def test_the_part_makes_the_light_of_an_endless_lattice() -> None:
