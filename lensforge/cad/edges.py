@@ -130,7 +130,6 @@ def circle_edge(radius_mm: float, height_mm: float, on: tuple[Patch, Any] | None
 
 
 def _tolerance_mm(gap: float) -> float:
-    """The tolerance of an edge whose curves are ``gap`` (mm) apart at most."""
     return max(_MIN_TOLERANCE_MM, _GAP_MARGIN * gap)
 
 

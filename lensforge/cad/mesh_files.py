@@ -127,7 +127,6 @@ def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarra
 
 
 def _write_arrays(folder: Path) -> None:
-    """Work of the child process: the arrays of the 3MF file in ``folder``."""
     vertices, triangles = read_3mf(folder / _THREEMF, read_json(folder / _JOB)["origin"], _AGAIN)
     np.save(folder / "vertices.npy", vertices)
     np.save(folder / "triangles.npy", triangles)

@@ -98,8 +98,8 @@ class Part(StageResult):
     larger by the chord error at most. ``watertight``: the mesh is closed. ``genus``: its handles, 0 for a lens.
     ``faces``: of the solid as read back. ``nodes``: of the spline of each optical face, by its name. ``step_schema``:
     of the STEP. ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: author,
-    organisation and date in its header. ``untrimmed_surfaces``: the faces extended beyond the rim, where they were
-    asked for. ``triangulation``: size and errors of the mesh. ``plate``: the plate of all lenses, where the spec has
+    organisation and date in its header. ``untrimmed_surfaces``: the faces extended beyond the rim, where
+    wanted. ``triangulation``: size and errors of the mesh. ``plate``: the plate of all lenses, where the spec has
     one. ``files``: size and hash of each file, as built; ``altered`` names those that are others by now. ``step``,
     ``stl``, ``threemf``: content of the files. ``surfaces_step``: content of the file of untrimmed faces.
     ``plate_step``, ``plate_stl``, ``plate_threemf``: content of the plate's files.
@@ -263,7 +263,6 @@ _FILES = (
 
 
 def _plate_elsewhere(lens: Lens) -> Iterator[Fact]:
-    """The plate that has this lens, where it is made with that of another kind."""
     if lens.spec.plate is not None and not lens.makes_plate:
         yield Fact("plate_files", "Plate", f"in the folder of the lens {lens.kinds[0].kind}, above this one")
 

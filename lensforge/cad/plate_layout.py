@@ -166,7 +166,6 @@ class PlateLayout:
         return of_lenses_mm3 + thickness * mean_mm2 + pins_mm3 - holes_mm3
 
     def _mean_bore_mm2(self, opening: _Around) -> float:
-        """Mean section of the bore below an opening."""
         scale = self.bore_scale(opening)
         return float(pi * np.mean(np.sum(opening**2, axis=1)) * (1.0 + scale + scale**2) / 3.0)
 

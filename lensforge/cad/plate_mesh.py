@@ -163,7 +163,6 @@ def _at_foot(loop: Loop, foot: Loop, chord_mm: float) -> Iterator[Float[np.ndarr
 
 
 def _rim_of(lens: BodyMesh, boundary: Boundary[Patch]) -> _Ids:
-    """Numbers of the vertices on the rim of ``boundary``, in z = 0, counter-clockwise."""
     ids = np.unique(lens.part(boundary.faces[-1].label))
     ids = ids[lens.vertices[ids, 2] == 0.0]
     x, y = lens.vertices[ids, :2].T

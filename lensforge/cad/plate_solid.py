@@ -76,7 +76,6 @@ def build_plate_solid(plans: Sequence[Plan[Patch]], layout: PlateLayout) -> Soli
 
 
 def _lens_with_bore(plan: Plan[Patch], layout: PlateLayout) -> tuple[Named, Any, Any]:
-    """Faces of a lens and of its bore, its rim, and the foot of the bore."""
     whole = (Arc(0.0, FULL_TURN, "bare"),)
     envelope, rims = optical_faces(plan.envelope, whole, True, FROM_ORIGIN)
     cavity, (mouth,) = optical_faces(plan.cavity, whole, True, TO_ORIGIN)

@@ -162,7 +162,6 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
 
 
 def _shortest_near(one: TrimmedFace[Patch], other: TrimmedFace[Patch], start: Float[np.ndarray, "4"]) -> Span:
-    """The shortest line near that between chart points ``start`` of both faces."""
     from scipy.optimize import minimize
 
     size = float(np.sum((other.shape.points(start[2:]) - one.shape.points(start[:2])) ** 2))

@@ -131,7 +131,6 @@ def main(interrupts: Interrupts | None = None, arguments: Sequence[str] | None =
 
 
 def _show_own_warnings_in_a_line() -> None:
-    """Let a warning of a file be a line, as all warnings of a command are."""
     others, said = warnings.showwarning, set[str]()
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:

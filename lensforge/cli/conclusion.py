@@ -115,7 +115,6 @@ def document(run: Run, *results: StageResult) -> dict[str, object]:
 
 
 def _tell_conditions(result: StageResult) -> None:
-    """Say on stderr where ``result`` is under other than nominal conditions, and warn on its source."""
     conditions = conditions_of(result)
     if conditions is None:
         return

@@ -114,7 +114,6 @@ class StageClock:
         self._console.print(warning_line(words), soft_wrap=True, markup=False)
 
     def _time_left(self, task: Task) -> str:
-        """Words for the time that is left, in the line of the stage that has run longest."""
         left = self._end_expected - time.monotonic()
         first = task.id == next(iter(self._progress.task_ids), None)
         return f", {self._at_least}{duration(left)} left" if first and left > 0.0 else ""

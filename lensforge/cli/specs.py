@@ -220,7 +220,6 @@ def _first_comment(path: Path) -> str:
 
 
 def _named_files(spec: Path) -> list[Path]:
-    """Files beside a shipped spec that it names; those of a vendor are not there."""
     texts = _texts(tomllib.loads(spec.read_text(encoding="utf-8")))
     return [spec.parent / text for text in texts if Path(text).name == text and (spec.parent / text).is_file()]
 

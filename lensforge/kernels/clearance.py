@@ -242,7 +242,6 @@ def nearest_on_table(
 
 
 def _boxes(nodes: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "b b 2 3"]:
-    """Boxes around blocks of nodes, for :func:`nearest_node`."""
     starts = np.arange(0, len(nodes), _BLOCK)
     ends = [each.reduceat(each.reduceat(nodes, starts, axis=0), starts, axis=1) for each in (np.minimum, np.maximum)]
     return np.stack(ends, axis=2)

@@ -277,7 +277,6 @@ def _share_in_target(received: ReceivedFlux, emitted_w: float) -> Metric:
 
 
 def _possible(physics: PossibleLight, target: DrawnTarget, arriving: float) -> Possible:
-    """Bounds for a target; ``arriving``: share of the flux on the pixels."""
     share = physics.in_region(target.coverage)
     return Possible(
         efficiency=physics.in_window().value,

@@ -81,7 +81,7 @@ class Light(ResultByLed):
     ``receivers``: metrics, flux and maps on each receiver, in the order of the spec. ``limits``: those of the spec,
     each with its value and judgement. ``ways``: shares of the emitted flux by way, of a lens of more than two faces.
     ``place``: of the LED, where it is from a ray file or is moved. ``replicates``: independent samples, whose scatter
-    gives the standard errors. ``pixels``: along the longer side of a map as asked; lamps together may need somewhat
+    gives the standard errors. ``pixels``: along the longer side of a map as required; lamps together may need somewhat
     more or fewer. ``filter``: the filter of the maps, in words. ``lumens_per_watt``: efficacy of the light; None where
     nothing states it. ``table_nodes``: across the tables by which faces are traced. ``table_error_nm``: their largest
     error, by face. ``preset_error``: their effect on the light; None where it was not measured. ``fitted``: figures by

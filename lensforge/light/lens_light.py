@@ -53,7 +53,7 @@ def evaluate(
         temperature_c: of the lens and the air around it, at which its index and its size are others.
         name: ends the name of the file of a light under other conditions; None: made from what differs.
         threads: number of threads, from 1; None: all cores.
-    Returns: The light; its ``conditions`` are what differs from the lens's own, None for nothing.
+    Returns: The light; its ``conditions`` are those that are not nominal, None where all are.
     Raises: :class:`InputError` for an argument that is not allowed, or a file that cannot be read.
     Example:
         >>> lens = lf.load("cad_out/quickstart").lens

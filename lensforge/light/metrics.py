@@ -194,7 +194,6 @@ def _ratio_of_squares(
 
 
 def _over_pairs(products: Float[np.ndarray, "r r"]) -> float:
-    """Mean of the products of two different replicates."""
     count = len(products)
     return float((products.sum() - np.trace(products)) / (count * (count - 1)))
 

@@ -281,7 +281,6 @@ class _Passage:
                 yield from self._onward(some, medium if mirrored else behind, mirrored and mirror is None, event)
 
     def _dimmed(self, light: RaysInBody, path_mm: Float[Tensor, " n"], medium: str) -> RaysInBody:
-        """Rays after a way through a medium, of which the body may absorb light."""
         if medium != BODY or self.absorptions is None:
             return light
         through = torch.exp(-self.absorptions[light.numbers] * (light.gone_mm + path_mm))

@@ -108,7 +108,6 @@ def _passage(optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBun
 
 
 def _behind(passage: BodyPassage, before: ExitRays) -> ExitRays:
-    """The rays behind an optic; one that ends in it has no flux, and its fate there."""
     out = passage.exits
     left = out.fates == Fate.LEFT_LENS
     flux = np.where(before.left_lens, np.where(left, out.flux, 0.0), before.flux)

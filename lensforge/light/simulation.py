@@ -90,7 +90,6 @@ class TracedLens:
         return TracedLens(Scene(lens.media, grid), tables, errors)._raised_with(lens)
 
     def _raised_with(self, lens: Lens) -> "TracedLens":
-        """The same, raised and grown where ``lens`` is at another temperature."""
         if not isinstance(lens, LensAtTemperature):
             return self
         return replace(self, raised_mm=lens.raised_mm, grown_mm=lens.reach_mm - lens.designed.reach_mm)

@@ -76,7 +76,6 @@ def read_agf(path: Path, glass: str) -> Material:
 
 
 def _formula(number: int, coefficients: tuple[float, ...], path: Path, glass: str) -> Formula:
-    """The formula of a catalogue; a :class:`FileWarning` tells of coefficients that are not there."""
     name = f"agf {number}"
     found, expected = len(coefficients), COEFFICIENTS[name]
     if any(coefficients[expected:]):
@@ -138,7 +137,6 @@ def _absorptions(lines: list[Line], path: Path, glass: str) -> list[tuple[float,
 
 
 def _temperature_law(td: list[str], ed: list[str], path: Path, glass: str) -> TemperatureLaw:
-    """The law by the words of the lines TD and ED; missing numbers are 0, as in OpticStudio."""
     words = [*td, *["0"] * (SCHOTT_COEFFICIENTS - len(td)), str(REFERENCE_C)][: SCHOTT_COEFFICIENTS + 1]
     *schott, reference_c = (_number(word, path, glass) for word in words)
     known = any(schott[:-1])

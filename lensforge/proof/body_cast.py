@@ -66,7 +66,6 @@ def behind_optics(
 
 
 def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLenses | None) -> None:
-    """Take a beam through all bodies, in the coordinates of the lens that each ray has left."""
     if plate is None:
         for body in media.bodies:
             _through(body, media, beam, waves)

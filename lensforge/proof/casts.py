@@ -122,7 +122,6 @@ def expected_of(lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFace
 
 
 def _of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:
-    """The lens without other lamps, and its light: what can be compared ray by ray."""
     if lens.spec.all_lamps.is_single:
         return lens, light
     alone = replace(lens, spec=_of_first_lamp(lens), others={})

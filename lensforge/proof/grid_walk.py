@@ -88,7 +88,6 @@ def _first_cell(place, cell, count):
 
 @inline
 def _crossing(number, slope, origin, corner, cell):
-    """Distance at which a ray leaves its cell, by one component."""
     return (corner + (number + (1 if slope > 0.0 else 0)) * cell - origin) / slope
 
 

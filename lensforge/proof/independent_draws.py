@@ -150,7 +150,6 @@ def wavelengths(
 
 
 def _accepted(count: int, draw: Callable[[int], tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """The first ``count`` rows that ``draw`` accepts; it returns rows, and which are accepted."""
     accepted, some = [], 0
     while some < count:
         rows, kept = draw(max(2 * (count - some), _BATCH))

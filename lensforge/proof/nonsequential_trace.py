@@ -212,7 +212,6 @@ def _split(optical: OpticalFaces, light: SplitRays, hits: SurfaceHits, at: AtFac
 def _causes(
     optical: OpticalFaces, light: SplitRays, hits: SurfaceHits, transmittance: Float[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Causes of the transmitted and of the reflected rays; an earlier cause is kept."""
     goes_on, whole = optical.goes_on(light.events), transmittance <= 0.0
     back, enters = (light.crossings == 1) & ~hits.away, (light.crossings == 0) & (light.events + 1 >= optical.events)
     missed = [light.crossings >= 2, hits.base | back & ~goes_on, enters]

@@ -250,7 +250,6 @@ def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple
 
 
 def _rectangles(section: RectangleSource | ChipArraySource | ChipsSource) -> _Rectangles:
-    """Centres, sides (mm) and shares or fluxes of the rectangles of a source."""
     if isinstance(section, RectangleSource):
         return _grid(1, 1, (section.width_mm, section.height_mm), (1.0, 1.0))
     if isinstance(section, ChipArraySource):

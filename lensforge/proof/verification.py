@@ -209,7 +209,6 @@ def _on_receiver(
     expected: Expected,
     others: tuple[tuple[BrepCast, Gaps] | None, tuple[MitsubaCast, Gaps] | None, IndependentRays | None],
 ) -> ReceiverProof:
-    """The rays of ``passage`` on one receiver against the design's; ``others``: the other casts there."""
     brep, mitsuba, own_rays = others
     screen, landed = expected.screen, passage.landed(expected.screen)
     image, off, noise_floor = screen.against(landed.landings, landed.flux, expected.irradiance)

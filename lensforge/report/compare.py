@@ -88,7 +88,6 @@ def _line(title: str, facts: Iterable[Fact]) -> Group:
 
 
 def _best(facts: Sequence[Fact]) -> str | None:
-    """Text of the best value; None where all are the same, or none is better than another."""
     known = [(fact.value, fact) for fact in facts if isinstance(fact.value, float)]
     if not known or known[0][1].key not in _BETTER or len({fact.text for fact in facts}) == 1:
         return None

@@ -149,7 +149,6 @@ class RunFolder:
 
     @cached_property
     def _record(self) -> RunRecord | InputError | None:
-        """``run.json``, or why it cannot be read; None without one."""
         try:
             return RunRecord.read(self.path)
         except InputError as error:

@@ -206,7 +206,6 @@ def _steps(start: int, values: np.ndarray) -> np.ndarray:
 
 
 def _draw_levels(axes: Axes, levels: Sequence[Level]) -> list[tuple[int, Level]]:
-    """Bands and numbers of functions; (steps before it, level) for each of ``levels``."""
     starts, start = [], 0
     for index, level in enumerate(levels):
         end = start + len(level.nmse)

@@ -159,7 +159,6 @@ def _show_all_of(axes: Axes, chart: Chart) -> None:
 
 
 def _draw_angles(axes: Axes, chart: Chart, style: tuple[str, float]) -> None:
-    """Circles of the angles from the axis that are labelled; none where the chart is in mm."""
     colour, opacity = style
     for angle in angles_to(0.5 * min(chart.width, chart.height)) if chart.far_field else []:
         circle = Circle((0.0, 0.0), on_chart(angle), fill=False, edgecolor=colour, linewidth=0.5, alpha=opacity)
@@ -364,7 +363,6 @@ def waterfall(lost: Sequence[tuple[str, float]], kept: Sequence[tuple[str, float
 
 
 def _bar(axes: Axes, row: int, label: str, left: float, width: float, colour: str) -> None:
-    """One bar; its label and share are above it, where they fit whatever its width."""
     axes.barh(row + 0.16, width, left=left, height=0.42, color=colour, linewidth=0)
     axes.text(0.0, row - 0.12, label, ha="left", va="bottom")
     share = "< 0.01 %" if 0.0 < width < 5e-5 else f"{100.0 * width:.2f} %"

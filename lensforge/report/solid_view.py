@@ -329,7 +329,6 @@ def _pack(
 
 
 def _with_normals(mesh: Any) -> Any:
-    """``mesh`` with the normals of its vertices, of which those on sharp edges are several."""
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
     normals = vtkPolyDataNormals()

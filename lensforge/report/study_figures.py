@@ -220,7 +220,6 @@ def _road_view(
     levels: Sequence[float],
     top: float,
 ) -> None:
-    """Light of a road at the points of its field, with isolines and the edges of its lanes."""
     half = 0.5 * (across[1] - across[0])
     extent = (0.0, road.pole_spacing_m, across[0] - half, across[-1] + half)
     axes.imshow(

@@ -106,7 +106,6 @@ def measure(
 
 
 def _judging(spec: Spec, source: Source) -> dict[str, Source]:
-    """Each LED of ``source`` as it judges a lens, by its name; "" is the name of the only one."""
     names = [led.name for led in spec.sources] or [""]
     return dict(zip(names, map(held_back, each_of(source)), strict=True))
 

@@ -16,7 +16,7 @@ Name = Annotated[str, Field(strict=True, pattern=_ALLOWED)]
 
 
 class Conditions(Record):
-    """Conditions that differ from the lens's own; None for each that does not.
+    """Conditions that differ from the nominal; None for each that does not.
 
     ``name``: ends the name of the record's files. ``source``: title of the other source. ``source_sha256``: hash of its
     fields and files. ``warnings``: on that source, or on the temperature. ``accuracy``: preset. ``rays``: number of

@@ -315,9 +315,9 @@ class StageResult(Record):
 
 
 class SimulatedResult(StageResult):
-    """Result under conditions of its own, or under the lens's.
+    """Result under nominal conditions, or others.
 
-    ``conditions``: those that are not the lens's own; None for the lens's own record.
+    ``conditions``: those that are not nominal; None where all are.
     """
 
     conditions: Conditions | None = None

@@ -271,7 +271,6 @@ class TextTable:
 def _stated_separator(
     content: bytes | str, name: str, *, comments_behind: bool = True
 ) -> tuple[list[Line], str | None]:
-    """Lines of a table, and the separator that a first line ``sep=`` states."""
     text = decoded_text(content, name) if isinstance(content, bytes) else content
     lines = lines_of(text, comments_behind=comments_behind)
     stated = _STATED.match(lines[0].text) if lines else None

@@ -299,7 +299,6 @@ def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surf
 
 
 def _require_kinds(spec: Spec, own: Mapping[str, Surface], others: Mapping[str, Mapping[str, Surface]]) -> None:
-    """Raise :class:`InputError` where the ``others`` are not the lenses of all kinds of the spec but one."""
     names = {each.name for each in spec.all_lamps.kinds}
     if not (set(others) <= names and len(others) == max(0, len(names) - 1)):
         raise InputError(f"others: lenses {sorted(others)}, must be all but one of the kinds {sorted(names)}")

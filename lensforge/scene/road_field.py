@@ -353,7 +353,6 @@ def _luminance(
 
 
 def _illuminance(road: RoadSection, low_m: float, high_m: float) -> CandelaSum:
-    """Horizontal illuminance of a strip of the road between two places across it."""
     x, y = (each.ravel() for each in np.meshgrid(steps_along(road), lux_across(low_m, high_m)))
     height, reach = road.pole_height_m, _AROUND * road.pole_height_m
     lamps = _Lamps.between(road, -reach, road.pole_spacing_m + reach)

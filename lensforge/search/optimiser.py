@@ -137,7 +137,6 @@ class Descent:
             yield
 
     def _after_step(self, stage: Stage, step: int, problem: Problem, optimiser: Adam, result: Evaluated) -> SearchState:
-        """The state after a step of ``optimiser``, whose parameters are the weights that move and the offsets."""
         weights, offsets = (each.detach() for each in optimiser.parameters)
         every_weight = self.state.weights.clone()
         every_weight[: stage.functions] = weights

@@ -151,7 +151,6 @@ class ValidationRays:
 
 
 def _judgement(merit: Merit[Any], lights: list[list[Any]], missing: float, uniform: bool) -> Judgement:
-    """The judgement of the light of both samples' slices, and of what is missing of the constraints' margins."""
     flux_w = [sum(part.emitted_w for part in parts) for parts in lights]
 
     def judged(left_out: int | None) -> tuple[float, float]:

@@ -132,7 +132,6 @@ def _reaches(
 
 
 def _obstacles(face: MilledFace, plan: Plan[Patch] | None, custom: CustomBaseMesh | None) -> Float[np.ndarray, "m 3"]:
-    """Points of the face itself and of those beside it, and all over the base."""
     on_face = all_points(face.samples.face, _OBSTACLE_NODES)
     if custom is not None:
         return np.concatenate([on_face, custom.points()])

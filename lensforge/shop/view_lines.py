@@ -175,7 +175,6 @@ def _loop(turn: Float[np.ndarray, " n"], radius: Float[np.ndarray, " n"]) -> Poi
 
 
 def _pieces(points: Points, flags: Bool[np.ndarray, " n"], pen: PenName, other: PenName | None) -> list[ViewLine]:
-    """A chain, its flagged pieces in one pen, the others in ``other``, or left out where that is None."""
     if flags.all() or not flags.any():
         whole = pen if flags[0] else other
         return [] if whole is None else [ViewLine(points, closed=False, pen=whole)]

@@ -241,7 +241,6 @@ class RadianceEmitter:
     def _turn(
         self, cells: Cells, numbers: Float[np.ndarray, " n"]
     ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Choose the sector of azimuth, and the position in it, by each number given the cell."""
         if len(self.table.c_deg) == 1:
             return np.zeros(len(numbers), dtype=np.int64), numbers
         low, rest = choose_each(lambda sector: self._azimuths[(*cells, sector)], len(self.table.c_deg) - 1, numbers)
@@ -255,7 +254,6 @@ class RadianceEmitter:
         between: Float[np.ndarray, " n"],
         numbers: Float[np.ndarray, " n"],
     ) -> Float[np.ndarray, " n"]:
-        """Choose ``sin^2 gamma`` by each number given the cell and the azimuth."""
         high = np.minimum(low + 1, len(self.table.c_deg) - 1)
 
         def blend(values: Float[np.ndarray, "y x c g"], node: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

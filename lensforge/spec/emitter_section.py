@@ -27,7 +27,6 @@ class CosineIntensity(Section):
 def _require_function(
     places: tuple[float, ...], name: str, finest: float, values: tuple[float, ...], of_values: str
 ) -> None:
-    """Raise ``ValueError`` where ``values`` are not one for each of ``places``, which rise by ``finest`` at least."""
     if len(places) < 2 or any(b - a < finest for a, b in pairwise(places)):
         raise ValueError(f"{name} must be two numbers or more, each larger than the one before, by {finest:g} at least")
     if len(values) != len(places) or max(values) < LEAST_PEAK:

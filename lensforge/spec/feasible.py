@@ -48,7 +48,6 @@ def require_feasible(lens: LensShape, limits: ConstraintsSection, manufacture: M
 
 
 def _require_below_glass(lens: LensShape, limits: ConstraintsSection) -> None:
-    """A cover glass against the largest height that the lens may have."""
     highest = lens.highest_mm(limits)
     if lens.cover_glass is not None and lens.cover_glass.distance_mm < highest:
         raise ValueError(

@@ -128,5 +128,4 @@ def _with_flange(
 
 
 def _resized(face: ReciprocalSurface, offset_mm: float, towards: Float[np.ndarray, "1 3"]) -> ReciprocalSurface:
-    """The face, scaled about the origin to a distance of ``offset_mm`` in one direction."""
     return shrunk(face, float(face.radius(towards)[0]) / offset_mm)

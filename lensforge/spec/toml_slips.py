@@ -141,7 +141,6 @@ def _cure(line: str) -> tuple[str, str] | None:
 
 
 def _cured_entry(line: str) -> Cure | None:
-    """The cure of the value of a line ``name = value``, with the whole line as what is meant."""
     entry = _ENTRY.match(line)
     found = cured_value(entry[1].split("=")[0].strip(), entry[2]) if entry else None
     if entry is None or found is None:

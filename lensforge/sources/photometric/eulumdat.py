@@ -262,7 +262,6 @@ def _number(word: str, name: str) -> float:
 
 
 def _number_or_0(line: str) -> float:
-    """Number of a line in which some files have a text, or nothing: 0 there."""
     return _number(line, "") if _is_number(line) else 0.0
 
 

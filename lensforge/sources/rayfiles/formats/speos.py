@@ -30,7 +30,6 @@ _MARK = struct.pack("<5f", *(2.0,) * 5)
 
 
 def _require_watts_and_wavelengths(rayfile: RayFile) -> None:
-    """Refuse rays in lumens or without wavelengths, which no SPEOS format holds."""
     if rayfile.flux_unit != "W" or rayfile.wavelengths_nm is None:
         have = "lm" if rayfile.flux_unit != "W" else "no wavelengths"
         raise InputError(
