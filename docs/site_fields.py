@@ -39,10 +39,10 @@ def as_sections(_app: Any, kind: str, _name: str, documented: Any, _options: Any
 def short_signature(
     _app: Any, kind: str, _name: str, documented: Any, _options: Any, arguments: str | None, result: str | None
 ) -> tuple[str | None, str | None] | None:
-    """No signature for classes whose fields stand below; that of a verb as ``help`` shows it."""
+    """No signature for classes whose fields stand below; that of a verb as ``help`` has it."""
     if kind == "class" and arguments:
         return "", ""
-    if kind != "function":
+    if "__signature__" not in vars(documented):
         return None
     shown = re.sub(r"\b(pathlib|collections\.abc|datetime)\.", "", str(inspect.signature(documented)))
     shown = shown.replace("*<class 'SearchOptions'>", "Unpack[SearchOptions]")

@@ -140,13 +140,14 @@ UNLISTED = {
     for each in (Attainable, Group, Surface, TradeoffRow, *(base for each in _CLASSES for base in each.__mro__))
     if each.__module__.startswith("lensforge.")
 }
-_HELP = {each: help_of(each) for each in _CLASSES if is_dataclass(each)}
+vars(Lens.double)["__signature__"] = _shown(Lens.double)
 for _named in (*NAMES.values(), *UNLISTED.values()):
     if isfunction(_named) or is_dataclass(_named):  # sections have theirs when it is asked for
         _made = _named if isfunction(_named) else vars(_named)["__init__"]
         vars(_made)["__signature__"] = _shown(_made)
     if not isinstance(_named, str) and _named.__module__ != "lensforge":
         _named._written_in, _named.__module__ = _named.__module__, "lensforge"
+_HELP = {each: help_of(each) for each in _CLASSES if is_dataclass(each)}
 for _named, _words in _HELP.items():  # other classes have theirs when it is asked for
     _named.__doc__ = _words
 

@@ -206,7 +206,7 @@ class LostFlux(Record):
 
 
 class Photometry(ResultByLed):
-    """Light that leaves the lens upwards, in watts, lumens and candela; of several lamps that of the whole.
+    """The light that leaves the lens upwards, in watts, lumens and candela; of several lamps that of the whole.
 
     The table of ``candela`` is bilinear in its angles, and fitted to the flux of the rays.
 
@@ -215,14 +215,14 @@ class Photometry(ResultByLed):
     where nothing states it. ``source_lm_from``: what states it. ``per_1000_lm``: nothing states it, so lumens and
     candela are per 1000 lm of the source. ``exit_lm``: flux that leaves upwards. ``axis_cd``: intensity on the axis.
     ``peak_cd``: largest intensity, the noise taken off by which the largest of many numbers is too large.
-    ``peak_direction``: node of the table with the largest. ``beam_c0``, ``beam_c90``: beam in the planes C 0 - C 180
-    and C 90 - C 270. ``road``: classes of a lamp for an area or a road, by the spec. ``roads``: each of the spec's
-    roads, judged. ``node_error``: standard error over intensity, where that is above a tenth of the peak: the largest,
-    and the root mean square over solid angle. ``interpolation_error``: rms, relative to the peak, of what a table of
-    half the steps would add. ``files``: each file as read back. ``luminaire``: the same of the file of all lenses of a
-    lamp, where the spec says that it has several. ``luminaire_ies``: content of that file. ``c_deg``: angle C of the
-    table's rows, 0 at +x and 90 at -y. ``gamma_deg``: angle from the lens axis of its columns. ``candela``:
-    intensities. ``candela_standard_error``: of each of them by independent samples of rays, 0 for a single one.
+    ``peak_direction``: node of the table with the largest. ``beam_c0``: beam in the plane C 0 - C 180. ``beam_c90``:
+    beam in the plane C 90 - C 270. ``road``: classes of a lamp for an area or a road, by the spec. ``roads``: each of
+    the spec's roads, judged. ``node_error``: standard error over intensity, where that is above a tenth of the peak:
+    the largest, and the root mean square over solid angle. ``interpolation_error``: rms, relative to the peak, of what
+    a table of half the steps would add. ``files``: each file as read back. ``luminaire``: the same of the file of all
+    lenses of a lamp, where the spec says that it has several. ``luminaire_ies``: content of that file. ``c_deg``: angle
+    C of the table's rows, 0 at +x and 90 at -y. ``gamma_deg``: angle from the lens axis of its columns. ``candela``:
+    intensities in cd. ``candela_standard_error``: of each of them by independent samples of rays, 0 for a single one.
     ``ies``, ``ldt``, ``tm33``, ``tm25``: content of the files.
     """
 

@@ -77,7 +77,7 @@ class Results:
 
     @property
     def design(self) -> Design:
-        """Search. Raises :class:`MissingResult` where it has not run, as do the properties below."""
+        """Result of the search. Raises :class:`MissingResult` where it has not run, as do the properties below."""
         return self.take(Design)
 
     @property

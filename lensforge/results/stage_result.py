@@ -263,8 +263,8 @@ class StageResult(Record):
     def save(self, path: Path | str) -> None:
         """Write the result in the format given by the suffix of ``path``.
 
-        ``.json``: the record, with its arrays as npz next to it. ``.png``, ``.svg``, ``.pdf``: its plot. Others:
-        :meth:`products`. Raises :class:`InputError` for any other suffix.
+        ``.json``: the record, with its arrays as npz next to it. ``.png``, ``.svg``, ``.pdf``: its plot. Others: the
+        files that it holds, such as ``.step`` or ``.ies``. Raises :class:`InputError` for any other suffix.
         """
         path = Path(path)
         products, draw, suffix = self.products(), getattr(self, "plot", None), path.suffix.lower()

@@ -90,17 +90,18 @@ PRESETS: "dict[Accuracy, Preset]" = {}
 
 
 class Preset(Section):
-    """Settings of an accuracy. None of the table has the name of another.
+    """Settings of an accuracy.
 
-    ``name``: of its own, where a setting is another than in the table. ``nodes_per_sigma``: table nodes across the
-    narrowest SRBF's sigma at the apex, while designing. ``evaluate_nodes_per_sigma``: the same where the finished lens
-    is evaluated and verified. ``design_rays``: rays of a gradient step of a search with given levels. ``coarse_steps``,
-    ``fine_steps``: its gradient steps of every level but the last, and of the last. ``effort``: of a search that
-    chooses its levels. ``evaluate_rays``: rays that evaluate the finished lens. ``photometry_rays``: of its far field
-    by itself, at first and at most; the first take half a second, and are enough for a smooth beam. ``verify_rays``:
-    rays of the independent ray cast. ``stray_rays``: the most that are followed through the part; each splits into
-    about ten. ``part``: of splines and meshes. ``studies``: of rays and parts in studies of made parts. ``single``: the
-    search traces rays in single precision. ``table_error``: every evaluation measures the error of its tables.
+    ``name``: of its own, where a setting is none of draft, standard or reference. ``nodes_per_sigma``: table nodes
+    across the narrowest SRBF's sigma at the apex, while designing. ``evaluate_nodes_per_sigma``: the same where the
+    finished lens is evaluated and verified. ``design_rays``: rays of a gradient step of a search with given levels.
+    ``coarse_steps``, ``fine_steps``: its gradient steps of every level but the last, and of the last. ``effort``: of a
+    search that chooses its levels. ``evaluate_rays``: rays that evaluate the finished lens. ``photometry_rays``: of its
+    far field by itself, at first and at most; the first take half a second, and are enough for a smooth beam.
+    ``verify_rays``: rays of the independent ray cast. ``stray_rays``: the most that are followed through the part; each
+    splits into about ten. ``part``: of splines and meshes. ``studies``: of rays and parts in studies of made parts.
+    ``single``: the search traces rays in single precision. ``table_error``: every evaluation measures the error of its
+    tables.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w.-]{0,39}$")]

@@ -71,9 +71,10 @@ def help_of(cls: type[Any]) -> str:
     if fields and not issubclass(cls, Record):
         return "\n".join([*_without_entries(cls), "Args:", *(_argument(cls, name) for name in arguments_of(cls))])
     types = {name: field.annotation for name, field in fields.items()} or get_type_hints(cls, include_extras=True)
-    said = _entries(cls)
+    said, units = _entries(cls), {name: unit_in(name) for name, each in types.items() if short_type(each) != "bool"}
     own = (
-        _entry(name, (short_type(each), unit_in(name)), said.get(name, ""), _has(each)) for name, each in types.items()
+        _entry(name, (short_type(each), units.get(name, "")), said.get(name, ""), _has(each))
+        for name, each in types.items()
     )
     return "\n".join([*_without_entries(cls), "Fields:", *own])
 
@@ -85,7 +86,8 @@ def _argument(section: type[BaseModel], name: str) -> str:
     field, unit = section.model_fields[name], unit_in(name)
     words = words_of(section, name).removesuffix(f" [{unit}]") or _entries(section).get(name, "")
     needed = "needed" if field.is_required() else ""
-    reach = re.sub(r"e\+?(-?)0*", r"e\1", range_words(_bounds(field.annotation, field.metadata)))
+    reach = range_words(_bounds(field.annotation, field.metadata))
+    reach = re.sub(r"e\+?(-?)0*", r"e\1", re.sub(r"\d{9,}", lambda large: f"{int(large[0]):.3g}", reach))
     kind = (short_type(field.annotation), unit, reach, needed)
     return _entry(name, kind, words, _has(field.annotation), default_of(section, name))
 
@@ -112,6 +114,8 @@ def short_type(annotation: Any) -> str:
         return f"{origin.__name__.lower()} of {(' and ' if origin in (tuple, list) else ' to ').join(kinds)}"
     if hasattr(annotation, "dim_str"):
         return f"array [{annotation.dim_str.strip().replace(' ', ', ')}]"
+    if isinstance(annotation, str):  # of a class of its own module
+        return annotation
     named = models_in(annotation) or (annotation,)  # of a base all of its kinds
     return " or ".join(str(getattr(each, "__name__", each)).split(".")[-1] for each in named)
 

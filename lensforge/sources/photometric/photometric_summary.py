@@ -83,7 +83,7 @@ class PhotometricSummary(StageResult):
     the light. ``angles``: number and range of its angles. ``lumens``: integral of the intensities over all directions.
     ``lamp_lumens``: stated flux of the lamps. ``stated_lumens``: stated flux of the luminaire. ``share_above_90``: of
     the flux, at gamma above 90 degrees. ``peak``: largest intensity, and its direction. ``axis_cd``: intensity on the
-    axis. ``beam_c0``, ``beam_c90``: beam in the planes C 0 - C 180 and C 90 - C 270. ``watts``: electric.
+    axis. ``beam_c0``: beam in the plane C 0 - C 180. ``beam_c90``: beam in the plane C 90 - C 270. ``watts``: electric.
     ``lumens_per_electric_watt``: flux over that. ``opening_diameter_mm``: of a round opening. ``opening_shape``: in
     words. ``opening_mm``: its width, length and height. ``lamps``: each set in words, the first that of the
     intensities.
