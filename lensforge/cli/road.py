@@ -33,12 +33,12 @@ from lensforge.spec.road_section import load_roads, names_of
     metavar="DEG",
     help="C of the file towards the street: 90 in Europe, often 0 in America, 270 of a lens with its street at +y.",
 )
-@click.option("--spacing", is_flag=True, help="Find the largest spacing of poles at which each class is held, too.")
+@click.option("--spacing", is_flag=True, help="Also find the largest spacing of poles that meets each class.")
 @with_output
 def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output) -> None:
     """Judge the lamp of a photometric file on a road.
 
-    Luminance for every driver, glare and edges by EN 13201-3, and the class that the road asks for; of an IES LM-63,
+    Luminance for every driver, glare and edges by EN 13201-3, and the class of the road; of an IES LM-63,
     EULUMDAT or TM-33 file.
     """
     from lensforge.light.road_judgement import held_spacing, judge_road, of_file

@@ -323,7 +323,7 @@ def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...
     for name, error in study.kinds[0].maker.errors.items():
         if error.slope > 0.0:
             words = next(factor.words for factor in study.factors if factor.name == name)
-            found.append(f"{words}: what is too fine for the tables of the faces counts as roughness")
+            found.append(f"{words}: finer parts than the tables resolve are taken as roughness")
     for bound in study.bounds:
         spread = metrics[bound.metric]
         if spread.undecided:

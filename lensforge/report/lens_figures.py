@@ -187,7 +187,7 @@ def constraint_history(levels: Sequence[Level]) -> Figure:
             values = np.array(level.constraints[name], dtype=np.float64)
             axes.plot(_steps(start, values), values, color=colour, label=label if start == 0 else None)
     axes.set_yscale("symlog", linthresh=_LINEAR_MM, linscale=0.5)
-    axes.set(ylabel="least margin (mm)")
+    axes.set(ylabel="min. margin (mm)")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
     low, high = axes.get_ylim()
     low = min(low, -_LINEAR_MM)

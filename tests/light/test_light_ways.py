@@ -12,7 +12,7 @@ from scenes import small_spec
 from tir_lenses import spot, spot_lens
 
 import lensforge as lf
-from lensforge.cli.conclusion import _limit_rows, _to_look_at
+from lensforge.cli.conclusion import _limit_rows, _title
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.light_facts import light_facts
 from lensforge.light.light_ways import FluxByWay, LightWay, leak_facts
@@ -87,8 +87,8 @@ def test_an_efficiency_below_nine_tenths_of_possible_is_amber(of_possible: float
     group = light_facts(light.model_copy(update={"receivers": (receiver,)}), start)[0]
     fact = group.fact("efficiency")
     assert fact.notice == notice and fact.state == "" and fact.plain().get("notice", "") == notice
-    assert _to_look_at("pass", [group]) == ("; look at: efficiency" if notice else "")
-    assert _to_look_at("fail", [group]) == "", "reasons say what is wrong"
+    assert _title("light", "pass", [group]) == "Photometry: pass" + ("; look at: efficiency" if notice else "")
+    assert _title("light", "fail", [group]) == "Photometry: fail", "reasons say what is wrong"
     tables = Environment(loader=PackageLoader("lensforge.report")).get_template("tables.html").module
     for shown in (tables.asked_table([fact]), tables.card_list([fact]), tables.fact_table([fact])):
         assert ("look: below 0.9" in shown and 'badge open"' in shown) == bool(notice)

@@ -368,7 +368,7 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
     (bright,) = (each for each in with_remedies(judge_road(dim, of_lens(_lamp(), 2.0)).limits) if "maximum" in each.key)
     (less,) = re.findall(r"× ([0-9.]+) lumens", bright.remedy)
     kept = judge_road(dim, of_lens(_lamp(), 2.0 * float(less))).limits
-    assert {each.state for each in kept if "largest" in each.key} == {"pass"}
+    assert {each.state for each in kept if "maximum" in each.key} == {"pass"}
     uneven = replace(judged(1.0)[0], sense="<=", limit=0.5, key="largest").judged()
     for limits in ((uneven, judged(0.05)[0]), judged(0.0)):
         assert next(with_remedies(limits)).remedy == "no luminous flux meets all limits: the light must be more uniform"

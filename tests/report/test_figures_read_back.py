@@ -70,7 +70,7 @@ def test_lux_on_the_ground_are_those_of_all_lenses_at_the_height_of_the_pole() -
     assert [float(each.split()[0]) for each in words] == pytest.approx(
         [share * top for share in (0.01, 0.05, 0.2, 0.5)], rel=0.15
     )
-    assert any("of the largest" in line.get_label() for line in relative.lines)
+    assert any("of the maximum" in line.get_label() for line in relative.lines)
 
 
 def test_maps_of_a_face_have_x_to_the_right_and_lengths_as_they_can_be_read() -> None:

@@ -187,7 +187,7 @@ def test_the_section_is_to_scale(azimuth):
     paraboloid = drawn["room for the LED"].get_xydata()
     assert paraboloid[0] == pytest.approx([-1.5, 0.0])
     assert paraboloid.max(axis=0) == pytest.approx([1.5, 1.0])
-    assert np.hypot(*drawn["largest distance"].get_xydata().T) == pytest.approx(11.0)
+    assert np.hypot(*drawn["max. distance"].get_xydata().T) == pytest.approx(11.0)
     assert axes.get_aspect() == 1.0
 
 

@@ -180,9 +180,9 @@ def test_a_page_of_the_pdf_is_the_sheet_in_vectors_at_its_size(drawings):
             ["Datum A: plane z = 0, the ring RIM", "No datum feature for the axis"],
             ["Datum B", "Datum C", "flat"],
         ),
-        ("flat", ["Datum A: plane z = 0, the top", "Datum B: axis", "Datum C: clocking flat"], ["Nothing"]),
+        ("flat", ["Datum A: plane z = 0, the top", "Datum B: axis", "Datum C: clocking flat"], ["no azimuth"]),
         ("square", ["Datum B: middle plane", "Datum C: middle plane", "+x is not marked"], ["flat", "axis of the"]),
-        ("full", ["Datum A: bottom of the base, BASE_BOTTOM, at z = -2", "Nothing on"], ["clocking flat", "Datum C"]),
+        ("full", ["Datum A: bottom of the base, BASE_BOTTOM, at z = -2", "no azimuth"], ["clocking flat", "Datum C"]),
         ("below the dome", ["Datum A: bottom of the base", "Datum B: axis of the base's cylinder"], ["Datum C"]),
     ],
 )
