@@ -3,9 +3,6 @@
 STL is in single precision and repeats every vertex in each of its triangles; 3MF keeps shared vertices, unit and face
 names. The same mesh gives the same bytes: the identifiers that 3MF needs are hashes of the content.
 
-lib3mf's functions in Python make an object of every vertex and every triangle, 4 s for half a million; here the same
-functions of the library are called on whole arrays.
-
 Bytes that come from a file are read within bounds, 3MF in a child process, since its library is C++; bytes that this
 process made are read at once.
 """
@@ -21,10 +18,9 @@ from jaxtyping import Float, Int
 
 from lensforge.cad.mesh import BodyMesh
 from lensforge.errors import InputError
-from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, remembered, stl_corners
+from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, read_3mf, remembered, stl_corners
 from lensforge.results.files import file_bytes, read_json, temporary_file, temporary_folder, write_json
 from lensforge.results.sandbox import ChildLimits, serve, work_in_child
-from lensforge.results.threemf_reading import read_3mf
 
 
 def set_geometry(body: Any, vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> None:

@@ -143,8 +143,7 @@ def load_for_pictures() -> None:
     import matplotlib.figure
     import matplotlib.style  # noqa: F401
 
-    import lensforge.light.evaluation
-    import lensforge.results.plots  # noqa: F401
+    import lensforge.light.evaluation  # noqa: F401
 
 
 def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[Light]:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.photopic import efficacy_at
+from lensforge.optics.colorimetry import efficacy_at
 from lensforge.sources.ray_bundle import blocks_of
 from lensforge.sources.source_flux import chip_fluxes
 from lensforge.sources.source_spectrum import Spectrum, spectrum_of

@@ -11,5 +11,5 @@
 - ``exit_space``: the space that light leaves, and étendue from it
 - ``fundamental_limits``: light that étendue and two refractions leave
 - ``image_reading.read_light``: a picture as light
-- ``photopic``: lumens from watts
+- ``colorimetry``: lumens from watts, and colours
 """

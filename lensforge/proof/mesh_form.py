@@ -13,8 +13,8 @@ from jaxtyping import Float, Int
 from lensforge.proof.designed_body import ABOVE_MM, Designed, Levels
 from lensforge.proof.file_form import Chords, DesignedFile, Farthest, FileForm, open_edges, rounding_um
 from lensforge.proof.part_mesh import read_mesh
+from lensforge.results.file_bounds import read_3mf
 from lensforge.results.files import temporary_file
-from lensforge.results.threemf_reading import read_3mf
 
 _FAR_MM = 1e6  # of two faces that do not meet no facet is a part
 

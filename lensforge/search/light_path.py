@@ -32,7 +32,7 @@ from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker
 from lensforge.scene.perturbations import Draws
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.search.collected_light import Collected, collected, collected_on_device, mean_of_lamps
-from lensforge.search.colour_term import SourceColour
+from lensforge.search.image_terms import SourceColour
 from lensforge.search.parameters import Parametrisation
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec

@@ -20,9 +20,8 @@ from lensforge.scene.body import Chain
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.collected_light import Collected
-from lensforge.search.colour_term import Colours, ColourTerm, SourceColour
 from lensforge.search.constraints import AugmentedLagrangian
-from lensforge.search.image_terms import ImageTerms, nmse_loss
+from lensforge.search.image_terms import Colours, ColourTerm, ImageTerms, SourceColour, nmse_loss
 from lensforge.search.kinds import LightOfKinds
 from lensforge.search.light_path import LightPath, Pair
 from lensforge.search.limit_terms import Image, Images, LimitTerm, Losses, RoadTerms, limit_terms

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.optics.photopic import LARGEST_LM_PER_W, luminous_efficacy
+from lensforge.optics.colorimetry import LARGEST_LM_PER_W, luminous_efficacy
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.spec.emitter_section import EmitterSection, FluxSection, SpectrumSpec
 from lensforge.spec.source_sections import ChipsSource

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.random import Generator
 
 from lensforge.errors import FileWarning, InputError, remedy
-from lensforge.optics.photopic import efficacy_at
+from lensforge.optics.colorimetry import efficacy_at
 from lensforge.results.files import MIB
 from lensforge.results.text_dialect import shown
 from lensforge.results.text_table import Column, TextTable

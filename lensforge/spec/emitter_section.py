@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from lensforge.optics.photopic import LARGEST_LM_PER_W
+from lensforge.optics.colorimetry import LARGEST_LM_PER_W
 from lensforge.optics.pose import Pose
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.spec_section import Coordinate, FilePath, Lumens, Section, Watts, Weight, check

@@ -7,12 +7,12 @@ from lensforge.optics.colorimetry import (
     away_from,
     colour_temperature,
     denominator,
+    luminous_efficacy,
     srgb_of,
     tristimulus_at,
     tristimulus_of,
     uv_of,
 )
-from lensforge.optics.photopic import luminous_efficacy
 
 WAVES = np.arange(300.0, 901.0, 5.0)
 HC_OVER_K = 1.438776877e7  # nm K

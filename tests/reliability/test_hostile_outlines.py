@@ -22,7 +22,8 @@ from refusals import one_line
 
 import lensforge as lf
 from lensforge.spec.plate_section import DrawnOutline
-from lensforge.surfaces.step_outline import DRAWING, FOUND, JOB, _write_loops
+from lensforge.surfaces.plane_loop import DRAWING, FOUND, JOB
+from lensforge.surfaces.step_outline import _write_loops
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="forks")
 

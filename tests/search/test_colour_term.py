@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from lensforge.light.lens_light import searched_source, source_of
 from lensforge.optics.colorimetry import denominator, tristimulus_at, uv_of
 from lensforge.scene.pixel_grid import splat_flux
-from lensforge.search.colour_term import SourceColour
+from lensforge.search.image_terms import SourceColour
 from lensforge.search.light_path import landed_through
 from lensforge.search.merit import MeritFunction
 from lensforge.search.optimiser import search

@@ -5,7 +5,7 @@ import pytest
 from rayfile_samples import SHARED, encoded, image
 
 from lensforge.errors import InputError
-from lensforge.optics.photopic import luminous_efficacy
+from lensforge.optics.colorimetry import luminous_efficacy
 from lensforge.sources.rayfiles.ray_file_io import decode, read_rayfile, write_rayfile
 from lensforge.sources.rayfiles.ray_file_statistics import describe
 

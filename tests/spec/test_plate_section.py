@@ -14,8 +14,8 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.spec import Spec, load_spec
 from lensforge.spec.plate_section import DrawnOutline
-from lensforge.surfaces.plane_loop import area_mm2, box_of_loop
-from lensforge.surfaces.step_outline import DRAWING, FOUND, JOB, _write_loops
+from lensforge.surfaces.plane_loop import DRAWING, FOUND, JOB, area_mm2, box_of_loop
+from lensforge.surfaces.step_outline import _write_loops
 
 GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 30.0]}
 ENDLESS = {"kind": "endless", "pitch_mm": 200.0}

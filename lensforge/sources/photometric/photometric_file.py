@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.optics.photopic import LARGEST_LM_PER_W
+from lensforge.optics.colorimetry import LARGEST_LM_PER_W
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
 from lensforge.version import __version__

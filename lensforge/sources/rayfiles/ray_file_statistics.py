@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.optics.photopic import LARGEST_LM_PER_W, luminous_efficacy
+from lensforge.optics.colorimetry import LARGEST_LM_PER_W, luminous_efficacy
 from lensforge.results import Point
 from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, total_of
 from lensforge.sources.rayfiles.formats import FORMATS
