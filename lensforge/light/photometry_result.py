@@ -206,7 +206,7 @@ class LostFlux(Record):
 
 
 class Photometry(ResultByLed):
-    """The light that leaves the lens upwards, in watts, lumens and candela; of several lamps that of the whole.
+    """Light that leaves the lens upwards, in watts, lumens and candela; of several lamps that of the whole.
 
     The table of ``candela`` is bilinear in its angles, and fitted to the flux of the rays.
 

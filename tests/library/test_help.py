@@ -2,6 +2,7 @@
 
 import doctest
 import inspect
+import pickle
 import pydoc
 import re
 import shutil
@@ -11,7 +12,7 @@ import pytest
 from presets import FEW_STEPS
 
 import lensforge as lf
-from lensforge.verbs import NAMES
+from lensforge.verbs import NAMES, UNLISTED
 
 PUBLIC = {name: each for name, each in NAMES.items() if not isinstance(each, str)}
 
@@ -29,6 +30,11 @@ def test_the_example_of_a_verb_runs(
     text = "".join(line.source for line in lines)
     assert f"lf.{name}(" in text
     exec(text.replace('accuracy="draft"', "accuracy=FEW_STEPS"), {"lf": lf, "FEW_STEPS": FEW_STEPS})
+
+
+def test_what_names_the_library_as_its_module_is_found_there() -> None:
+    for each in (*PUBLIC.values(), *UNLISTED.values()):
+        assert each.__module__ == "lensforge" and pickle.loads(pickle.dumps(each)) is each
 
 
 @pytest.mark.parametrize("name", PUBLIC)
