@@ -78,7 +78,7 @@ def test_a_leak_above_a_hundredth_is_said_with_what_to_try(share: float, said: b
     assert not list(leak_facts(small_spec().lens, (), Lost(flange=0.5))), "a lens of two faces has none of these"
 
 
-@pytest.mark.parametrize(("of_possible", "notice"), [(0.899, "below 0.9 of what is possible"), (0.901, "")])
+@pytest.mark.parametrize(("of_possible", "notice"), [(0.899, "below 0.9 of the upper bound"), (0.901, "")])
 def test_an_efficiency_below_nine_tenths_of_possible_is_amber(of_possible: float, notice: str) -> None:
     start = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, FEW)
     light = lf.evaluate(start, rays=2**8)
@@ -90,7 +90,7 @@ def test_an_efficiency_below_nine_tenths_of_possible_is_amber(of_possible: float
     assert _title("light", "pass", [group]) == "Photometry: pass" + ("; look at: efficiency" if notice else "")
     assert _title("light", "fail", [group]) == "Photometry: fail", "reasons say what is wrong"
     tables = Environment(loader=PackageLoader("lensforge.report")).get_template("tables.html").module
-    for shown in (tables.asked_table([fact]), tables.card_list([fact]), tables.fact_table([fact])):
+    for shown in (tables.required_table([fact]), tables.card_list([fact]), tables.fact_table([fact])):
         assert ("look: below 0.9" in shown and 'badge open"' in shown) == bool(notice)
 
 
@@ -110,4 +110,4 @@ def test_shares_that_limits_bound_are_in_per_cent_and_what_is_missed_names_what_
     assert rows[1].replace("\u2009", " ").startswith("beside: 25.00 ± 0.10 % (required ≤ 20 %); lost share")
     assert rows[2].endswith("the road needs × 2 lumens of each lamp, or × 0.5 the spacing of poles")
     tables = Environment(loader=PackageLoader("lensforge.report")).get_template("tables.html").module
-    assert "the road needs × 2 lumens" in tables.asked_table(limits.facts)
+    assert "the road needs × 2 lumens" in tables.required_table(limits.facts)

@@ -112,7 +112,7 @@ def test_lights_under_other_conditions_have_a_row_and_a_picture_for_each_receive
     other = make_light(both.lens, conditions=Conditions.of(rays=64), nmse=Metric(value=0.5))
     results = Results(both.lens, both.found, {}, {"evaluate_64rays": other})
     assert [row.title for row in other_lights(results)] == [
-        "the lens’s own, wall", "the lens’s own, sky", "64rays, wall", "64rays, sky",
+        "nominal, wall", "nominal, sky", "64rays, wall", "64rays, sky",
     ]  # fmt: skip
     assert [row.fact("pixels").text for row in other_lights(results)][:2] == ["16 × 8", "16 × 16"]
     pictures = other_pictures(results)
