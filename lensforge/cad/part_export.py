@@ -32,7 +32,7 @@ from lensforge.cad.plan import Plan
 from lensforge.cad.plate_export import LensOfPlate, build_plate
 from lensforge.cad.plate_result import PLATE_STEP_FILE, PLATE_STL_FILE, PLATE_THREEMF_FILE
 from lensforge.cad.solid import untrimmed_faces
-from lensforge.cad.step import parse_surfaces, require_schema, signed_step, surfaces_bytes
+from lensforge.cad.step import parse_surfaces, parts_bytes, require_schema, signed_step
 from lensforge.results import Extent
 from lensforge.results.criteria import Criteria
 from lensforge.scene.lens import Lens
@@ -163,7 +163,7 @@ def _untrimmed(
     product = f"{lens.spec.name} surfaces"
     if scale != 1.0:
         product = f"{lens.spec.name} surfaces of the mould, the lens scaled by {scale:.12g}"
-    content = surfaces_bytes(untrimmed_faces(patches, envelope), product, schema, header=header)
+    content = parts_bytes(untrimmed_faces(patches, envelope), {}, product, schema, header, ())
     faces = parse_surfaces(content)
     each = [(face.label, face.domain) for face in optical]
     form = worst([face_error(surfaces[label], faces[label], domain=domain) for label, domain in each])

@@ -11,6 +11,11 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from OCP.BRep import BRep_Tool
+from OCP.BRepGProp import BRepGProp, BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
+from OCP.Geom import Geom_BSplineSurface
+from OCP.gp import gp_Pnt
+from OCP.GProp import GProp_GProps
 
 from lensforge.cad.body_export import figures_as_read
 from lensforge.cad.boundary import Pair
@@ -191,19 +196,12 @@ def _to_origin_mm3(wall: Any) -> float:
 
     The plain formula without a bound of its error would take too few points, and what it lacks grows with the distance.
     """
-    from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
-    from OCP.gp import gp_Pnt
-
     faced, trim = BRepGProp_Face(wall), BRepGProp_Domain(wall)
     return float(BRepGProp_Vinert(faced, trim, gp_Pnt(0.0, 0.0, 0.0), _WALL_ERROR).Mass())
 
 
 def _down_to_zero_mm3(level: Any) -> float:
     """Volume between a level face and z = 0, negative below it."""
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
     area = GProp_GProps()
     BRepGProp.SurfaceProperties_s(level, area)
     return float(area.Mass() * BRep_Tool.Pnt_s(parts_of(level, "VERTEX")[0]).Z())
@@ -229,9 +227,6 @@ def copies_off_mm(faces: Shapes, plans: Sequence[Plan[Patch]], layout: PlateLayo
 
 def _poles_of(face: Any) -> Float[np.ndarray, "n n 3"] | None:
     """Poles (mm) of the spline on which a face lies, at its place; None where it lies on no spline."""
-    from OCP.BRep import BRep_Tool
-    from OCP.Geom import Geom_BSplineSurface
-
     surface = BRep_Tool.Surface_s(face)
     return spline_poles(surface) if isinstance(surface, Geom_BSplineSurface) else None
 

@@ -7,6 +7,11 @@ is closed as it is made, without a boolean operation, whatever the number of len
 from collections.abc import Sequence
 from typing import Any
 
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVertex
+from OCP.Geom import Geom_Circle
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+from OCP.TopoDS import TopoDS
+
 from lensforge.cad.edges import Named, face_at, moved, normal_at, walls_below, walls_between, wire, wire_at
 from lensforge.cad.outline import FULL_TURN, Arc
 from lensforge.cad.patch import Patch
@@ -111,16 +116,11 @@ def _walls(
 
 def _wall_facing(side: Any, edge: LoopEdge, *, outwards: bool) -> Any:
     """The wall below an edge, its normal to the right of the edge, or to the left."""
-    from OCP.TopoDS import TopoDS
-
     (_, normal), (x, y) = normal_at(side), edge.right
     return side if (normal.X() * x + normal.Y() * y > 0.0) == outwards else TopoDS.Face_s(side.Reversed())
 
 
 def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVertex
-    from OCP.gp import gp_Pnt
-
     corners = [BRepBuilderAPI_MakeVertex(gp_Pnt(*edge.start, -depth_mm)).Vertex() for edge in loop]
     edges = []
     for edge, start, end in zip(loop, corners, [*corners[1:], corners[0]], strict=True):
@@ -133,9 +133,6 @@ def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:
 
 
 def _circle(edge: LoopEdge, depth_mm: float) -> Any:
-    from OCP.Geom import Geom_Circle
-    from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
-
     x, y = edge.centre or (0.0, 0.0)
     up = gp_Dir(0.0, 0.0, -1.0 if edge.clockwise else 1.0)
     return Geom_Circle(gp_Ax2(gp_Pnt(x, y, -depth_mm), up, gp_Dir(1.0, 0.0, 0.0)), edge.radius_mm)

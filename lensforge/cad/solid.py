@@ -328,7 +328,6 @@ def untrimmed_faces(patches: dict[str, Patch], envelope: Collection[str] = (OUTE
 
 
 def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
-    """The face of a surface or plane within a wire, without ``holes``."""
     maker = BRepBuilderAPI_MakeFace(surface, boundary, True)
     for hole in holes:
         maker.Add(TopoDS.Wire_s(hole.Reversed()))

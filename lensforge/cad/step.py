@@ -207,7 +207,7 @@ def step_bytes(
 
     Raises :class:`InputError` where the CAD kernel does not write the tolerances as they are.
     """
-    content = _bytes({product: solid.shape}, solid.faces, product, schema, header, tolerances)
+    content = parts_bytes({product: solid.shape}, solid.faces, product, schema, header, tolerances)
     if tolerances:
         require_written(content, tolerances)
     return content
@@ -235,14 +235,10 @@ def signed_step(solid: Solid, spec: Spec, product: str, schema: Schema, date: st
     return SignedStep(content, signature, tolerances)
 
 
-def surfaces_bytes(faces: Shapes, product: str, schema: Schema = "AP214", *, header: Signature = _UNSIGNED) -> bytes:
-    """A STEP file of loose faces (TopoDS_Face), each a product under its name."""
-    return _bytes(faces, {}, product, schema, header, ())
-
-
-def _bytes(
+def parts_bytes(
     parts: Shapes, faces: Shapes, product: str, schema: Schema, header: Signature, tolerances: tuple[FormTolerance, ...]
 ) -> bytes:
+    """A STEP file of ``parts``, each a product under its name; ``faces`` of a single one, with names and tolerances."""
     writer = STEPCAFControl_Writer()
     configure(product, schema)
     writer.SetNameMode(True)

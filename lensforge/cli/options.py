@@ -59,15 +59,6 @@ class WholeNumber(click.IntRange):
         return f"from {self.min:,} to {self.max:,}"
 
 
-def _or_none(_context: click.Context, _option: click.Parameter, given: tuple[Any, ...] | None) -> list[Any] | None:
-    """Several values as a verb takes them; None where none was given."""
-    return list(given) if given else None
-
-
-def _number(_context: click.Context, _option: click.Parameter, year: str | None) -> int | None:
-    return None if year is None else int(year)
-
-
 FOLDER = click.argument("directory", metavar="DIR", type=_FILE)
 SPEC = click.argument("spec", type=_FILE)
 OPEN = click.option("--open", "shown", is_flag=True, help="Open the page or picture in the desktop's own program.")
@@ -91,7 +82,7 @@ SEED = click.option("--seed", metavar="N", type=WholeNumber(0, seeds.MOST), defa
 IES_VERSION = click.option(
     "--ies-version",
     type=click.Choice([str(year) for year in get_args(IesVersion)]),
-    callback=_number,
+    callback=lambda _context, _option, year: None if year is None else int(year),
     help=f"Year of LM-63 that an .ies file follows, for programs that read no newer one; default: {NEWEST}.",
 )
 DEVICE = click.option(
@@ -187,7 +178,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         "--corners",
         type=_Corner(),
         nargs=4,
-        callback=_or_none,
+        callback=lambda _context, _option, given: list(given) if given else None,
         help="Corners of the target, clockwise from top left; default: found.",
     ),
     "target_mm": click.option("--target-mm", type=_ABOVE_ZERO, help="Side of the target; default: the receiver's."),

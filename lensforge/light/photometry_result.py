@@ -123,11 +123,6 @@ class CandelaTables:
         )
 
     @property
-    def _step_deg(self) -> float:
-        """Step of gamma in the beam: the ends of a width are each known to a step."""
-        return float(self.whole.gamma_deg[1] - self.whole.gamma_deg[0])
-
-    @property
     def _span_deg(self) -> float:
         """Angle between the table's ends: no width errs by more, where lobes come and go with the noise."""
         return 2.0 * float(self.whole.gamma_deg[-1])
@@ -141,7 +136,8 @@ class CandelaTables:
         def width(table: TabulatedIntensity, level: float) -> float:
             return width_above(*plane_profile(table, c_deg), level) or 0.0
 
-        angle = self.figure(lambda table: width(table, share * peak.value), "°", 2.0 * self._step_deg)
+        step_deg = float(self.whole.gamma_deg[1] - self.whole.gamma_deg[0])  # to which each end of a width is known
+        angle = self.figure(lambda table: width(table, share * peak.value), "°", 2.0 * step_deg)
         if not angle.value > 0.0:
             return None
         if angle.standard_error is None or peak.standard_error is None:

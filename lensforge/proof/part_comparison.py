@@ -120,7 +120,7 @@ def landing_gaps(
         other_way = np.any(landed.met != expected.met, axis=1)
         both, differs = both & ~other_way, differs | (both & other_way)
     if not both.any():
-        return both, differs, np.array([screen.diagonal_mm])
+        return both, differs, np.array([screen.mm_per_unit * np.hypot(screen.width, screen.height)])
     gaps = np.linalg.norm(landed.landings[both] - expected.landings[both], axis=1)
     return both, differs, screen.mm_per_unit * gaps
 

@@ -103,11 +103,6 @@ class Screen(ABC):
         reach = paths / np.maximum(cosines, _FLATTEST)
         return float(np.sqrt(np.sum(light * reach**2) / np.sum(light)))
 
-    @property
-    def diagonal_mm(self) -> float:
-        """Diagonal of the chart; of directions at 1 m."""
-        return float(np.hypot(self.width, self.height)) * self.mm_per_unit
-
     def land(self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
         """Places on the chart where rays from ``points`` (mm) land; NaN for those that never reach the surface."""
         axes = self.axes

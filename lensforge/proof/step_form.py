@@ -19,6 +19,7 @@ from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
+from scipy.interpolate import BSpline
 
 from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, StandingWalls
 from lensforge.proof.file_form import DesignedFile, Farthest, FileForm
@@ -166,8 +167,6 @@ class _Spline:
 
     def on_grid(self, u: Float[np.ndarray, " p"], v: Float[np.ndarray, " q"]) -> Float[np.ndarray, "p q 3"]:
         """Points (mm) at all pairs of parameters."""
-        from scipy.interpolate import BSpline
-
         by_u = BSpline.design_matrix(u, self.knots_u, self.degree_u)
         by_v = BSpline.design_matrix(v, self.knots_v, self.degree_v)
         along_u = by_u @ self.poles.reshape(len(self.poles), -1)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -23,9 +23,7 @@ from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
-
-if TYPE_CHECKING:
-    from scipy.interpolate import NdBSpline
+from scipy.interpolate import NdBSpline
 
 _POINTS, _PANEL_CELLS = 16, 8  # of Gauss, and the cells between knots on which they lie
 _PRECISION = 1e-8  # of faces that are no splines, by the kernel's adaptive integrals: a pole may lie at their edges
@@ -107,10 +105,8 @@ class _Sectors:
         return surface
 
     @cached_property
-    def _homogeneous(self) -> "NdBSpline":
+    def _homogeneous(self) -> NdBSpline:
         """The surface as a spline of scipy: its points, times their weights where it has any, and the weights."""
-        from scipy.interpolate import NdBSpline
-
         surface = self._surface
         knots = tuple(np.array(list(each)) for each in (surface.UKnotSequence(), surface.VKnotSequence()))
         poles = spline_poles(surface)

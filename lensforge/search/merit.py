@@ -214,7 +214,8 @@ class MeritFunction(Merit[SampledLight]):
         emitted_w = float(rays.flux.sum())
         if pair is None:
             light = self.light.collect(tables, rays)
-            amounts = self._images(light), self._flux_term(light), emitted_w
+            images = tuple(terms.mirrored(each.image) for terms, each in zip(self.terms, light, strict=True))
+            amounts = images, self._flux_term(light), emitted_w
             return SampledLight(*amounts, (), self._colours((light,)), _losses((light,)))
         assert isinstance(self.light, LightPath), "a robust search has one lens"
         one, other = (self.light.through(tables, rays, part) for part in pair)
@@ -258,9 +259,6 @@ class MeritFunction(Merit[SampledLight]):
         if not self.limits:
             return torch.zeros((), dtype=torch.float64)
         return torch.stack([limit.loss(images, losses) for limit in self.limits]).sum()
-
-    def _images(self, light: tuple[Collected, ...]) -> Images:
-        return tuple(terms.mirrored(each.image) for terms, each in zip(self.terms, light, strict=True))
 
     def _colours(self, parts: Sequence[tuple[Collected, ...]]) -> Colours:
         colours = []

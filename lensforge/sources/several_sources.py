@@ -48,14 +48,12 @@ class SeveralSources:
         of_each = -(-count // several)
         parts = [source.sample(of_each, seed) for source in self.sources]
         if any(part.waves is not None for part in parts):
-            parts = [self._with_wavelengths(part) for part in parts]
+            own = np.full(of_each, self.wavelength_nm)
+            parts = [part.with_wavelengths(own) if part.waves is None else part for part in parts]
         rays = RayBundle.joined(parts)
         numbers = np.repeat(np.arange(several, dtype=np.int16), of_each)
         in_turn = np.arange(several * of_each).reshape(several, of_each).T.ravel()
         return replace(rays, of_source=numbers).take(in_turn)
-
-    def _with_wavelengths(self, rays: RayBundle) -> RayBundle:
-        return rays if rays.waves is not None else rays.with_wavelengths(np.full(len(rays), self.wavelength_nm))
 
     @property
     def without_wavelengths(self) -> tuple[int, ...]:

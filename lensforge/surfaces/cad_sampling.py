@@ -136,7 +136,6 @@ class FaceCast:
         return np.where(rests, radius, np.nan), np.where(rests[:, None], normals, np.nan)
 
     def _within(self, parameters: Float[np.ndarray, "n 2"], faces: Int[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        """True for places inside the edges of their faces."""
         inside = TopAbs_State.TopAbs_IN
         rows = zip(parameters.tolist(), faces.tolist(), strict=True)
         return np.array([self._edges[face].Perform(gp_Pnt2d(u, v)) == inside for (u, v), face in rows], dtype=bool)
