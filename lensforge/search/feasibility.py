@@ -7,6 +7,7 @@ limits is left as it is, to the bit.
 
 import inspect
 from collections.abc import Iterable
+from operator import itemgetter
 
 import numpy as np
 import torch
@@ -112,21 +113,24 @@ def feasible_lens(
 ) -> tuple[Lens, Margins, Parameters]:
     """The lens of the parameters that a search ``found``, projected to the feasible set, its constraints, and these.
 
-    The projection sees curvatures of a table that is coarser than the one that they are measured by: a limit that is
-    missed by the measured lens is made stricter by that much, and the parameters are projected again.
+    The projection sees faces by coarser tables than those that measure a lens, a draft's curvature by 1 % of the ball's
+    too flat. A limit that the measured lens misses is made stricter by all that the projection sees too much, and the
+    parameters are projected again. Of all lenses that were tried the one that misses least is kept.
     """
     parametrisation, constraints = problem.in_full()
-    stricter: dict[str, float] = {}
-    for left in reversed(range(_CORRECTIONS + 1)):
+    limits, stricter = constraints.constraints, dict[str, float]()
+    tried: list[tuple[float, tuple[Lens, Margins, Parameters]]] = []
+    for _ in range(_CORRECTIONS + 1):
         parameters = Parameters(*project_to_feasible(parametrisation, constraints.tightened(stricter), *found))
         lens = problem.parametrisation.lens(*parameters, problem.spec, seed, accuracy)
         margins = measure_constraints(lens)
-        missed = {each.key: -margins.at(each) for each in constraints.constraints}
-        missed = {each.key: missed[each.key] for each in constraints.constraints if missed[each.key] > each.tolerance}
-        if not (missed and left):
+        tried.append((max(-margins.at(each) / each.tolerance for each in limits), (lens, margins, parameters)))
+        missed = [each for each in limits if -margins.at(each) > each.tolerance]
+        if not missed:
             break
-        stricter = {key: stricter.get(key, 0.0) + missed.get(key, 0.0) for key in {*stricter, *missed}}
-    return lens, margins, parameters
+        seen = constraints.least(constraints.fields(parametrisation.tables(*parameters)))
+        stricter |= {each.key: seen[each.key] - margins.at(each) for each in missed}
+    return min(tried, key=itemgetter(0))[1]
 
 
 class _LBFGS(torch.optim.LBFGS):

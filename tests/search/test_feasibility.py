@@ -77,23 +77,35 @@ def test_every_kind_of_violation_is_mended_with_a_small_step() -> None:
     assert (moved[0] - weights).abs().max() < 0.02
 
 
-def test_a_limit_is_made_stricter_by_all_that_measured_lenses_have_missed(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, misses, stricter = problem_of(small_spec(), (9,)), [0.01, 0.002, 0.0], []
-    tightened = AugmentedLagrangian.tightened
+@pytest.mark.parametrize(("gap_mm", "rounds"), [(0.0, 1), (0.05, 2)])
+def test_a_limit_is_made_stricter_by_all_that_its_points_see_too_much(
+    gap_mm: float, rounds: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sphere 0.03 mm too large, which the points of the projection see smaller by the gap."""
+    problem, measured = problem_of(small_spec(lens__symmetry="square"), (9,)), list[float]()
 
-    def noted(self: AugmentedLagrangian, by: dict[str, float]) -> AugmentedLagrangian:
-        stricter.append(by.get("radius_margin_mm", 0.0))
-        return tightened(self, by)
+    def with_gap(lens: Lens) -> Margins:
+        margins = measure_constraints(lens)
+        measured.append(margins.radius_margin_mm - gap_mm)
+        return margins.changed(radius_margin_mm=measured[-1])
+
+    monkeypatch.setattr(feasibility, "measure_constraints", with_gap)
+    found = Parameters(torch.zeros(9, 2, dtype=torch.float64), torch.tensor([1.0, 7.03 / 6.0], dtype=torch.float64))
+    lens, margins, _ = feasible_lens(problem, found, 0, "draft")
+    assert len(measured) == rounds and margins.radius_margin_mm == measured[-1]
+    margin_mm = lens.spec.constraints.margin_mm
+    assert 0.3 * margin_mm <= margins.radius_margin_mm + 1e-9 <= margin_mm + 2e-9
+
+
+def test_of_lenses_that_all_miss_a_limit_the_one_that_misses_least_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, misses = problem_of(small_spec(), (9,)), iter([0.02, 0.01, 0.05, 0.03])
 
     def measured(_: Lens) -> Margins:
-        return Margins(cavity_clearance_mm=0.1, wall_margin_mm=0.0, radius_margin_mm=-misses[len(stricter) - 1])
+        return Margins(cavity_clearance_mm=0.1, wall_margin_mm=0.0, radius_margin_mm=-next(misses))
 
-    monkeypatch.setattr(AugmentedLagrangian, "tightened", noted)
     monkeypatch.setattr(feasibility, "measure_constraints", measured)
-    ones = torch.ones(2, dtype=torch.float64)
-    found = Parameters(torch.zeros(9, 2, dtype=torch.float64), ones)
-    _, margins, _ = feasible_lens(problem, found, 0, "draft")
-    assert stricter == pytest.approx([0.0, 0.01, 0.012]) and margins.radius_margin_mm == 0.0
+    found = Parameters(*problem.parametrisation.start())
+    assert feasible_lens(problem, found, 0, "draft")[1].radius_margin_mm == -0.01 and not [*misses]
 
 
 def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_before_the_search() -> None:
