@@ -172,7 +172,9 @@ def figures_of(found: dict[str, list[float]]) -> str:
     shares = ", ".join(f"{value:.3f}" for value in found["efficiency"])
     if found.get("aim") == "share":
         return f"In the target {', '.join(f'{value:.3f}' for value in found['share_in_target'])}, efficiency {shares}"
-    return f"NMSE {', '.join(f'{value:.4f}' for value in found['nmse'])}, efficiency {shares}"
+    # Noise of the rays is taken off: what a file of few rays leaves may be below 0.
+    errors = ", ".join(f"{value:.4f}" if value > 0.0 else "0 within its error" for value in found["nmse"])
+    return f"NMSE {errors}, efficiency {shares}"
 
 
 def page(figures: dict[str, dict[str, list[float]]]) -> str:

@@ -56,14 +56,18 @@ def test_the_plan_is_coarse_to_fine_and_the_spec_outranks_the_preset() -> None:
     assert stages[0].rays == 1024
 
 
-def test_a_share_of_the_light_bears_four_times_the_steps_of_a_pattern() -> None:
-    """Of a lens for total internal reflection; those of the usual lens are the same for both."""
+def test_the_first_steps_of_profiles_are_as_large_as_their_light_bears() -> None:
+    """Of a lens for total internal reflection; those of the usual lens are the same for all light."""
     preset = PRESETS["draft"]
-    for spec, pattern, share in ((spot(), 0.5, 2.0), (small_spec(), 1.0, 1.0)):
-        for aim, factor in (("pattern", pattern), ("share", share)):
+    tir = (spot(), (0.25,), (2.0,)), (spot(levels=[9]), (2.0, 0.5), (2.0,))
+    for spec, pattern, share in (*tir, (small_spec(), (1.0,), (1.0,))):
+        for aim, factors in (("pattern", pattern), ("share", share)):
             aimed = spec.replace({"optimise.aim": aim})
-            first = fixed_schedule(aimed, preset, last_only=False).stages[0]
-            assert first.learning_rate == pytest.approx(factor * preset.effort.learning_rate, rel=1e-12)
+            first = [each for each in fixed_schedule(aimed, preset, last_only=False).stages if each.level == 0]
+            rates = [each.learning_rate / preset.effort.learning_rate for each in first]
+            assert rates == pytest.approx(factors, rel=1e-12)
+            assert sum(each.steps for each in first) == (aimed.optimise.steps_per_level or ())[0]
+            assert all(each.steps > 0 for each in first)
 
 
 def test_a_search_is_as_precise_as_its_preset_says() -> None:
