@@ -132,7 +132,7 @@ class NewScene:
         made = self._spec(content)
         scene = SceneCheck.of(made, source_of(made))
         scene.require_light(force=force)
-        for words in scene.warnings():
+        for words in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
             click.echo(f"lensforge: {words}", err=True)
         reasons = _with_derived(content, made)
         for section in ("source", "target"):
@@ -180,3 +180,13 @@ def _relative(file: Path, folder: Path) -> str:
         return file.relative_to(folder.resolve()).as_posix()
     except ValueError:
         return str(file)
+
+
+_OF_TWO_FACES: dict[LightShape, str] = {"beside": "light to one side", "picture": "a picture"}
+
+
+def _unsuited(kind: type[LensShape], shape: LightShape) -> Iterator[str]:
+    """A line where another kind of lens suits light of that ``shape`` better."""
+    if shape in _OF_TWO_FACES and shape not in kind.draws:
+        words = f"a {kind.title} has a larger error there, or less light"
+        yield f"lens: {_OF_TWO_FACES[shape]} takes two faces, --lens {LensShape.usual_kind}; {words}"
