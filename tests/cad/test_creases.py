@@ -56,10 +56,7 @@ def body(cavity: dict[str, Surface], envelope: dict[str, Surface]) -> Body:
     )
 
 
-ROUND = body(
-    {"cavity": Ball.of(2.0)},
-    {"exit": Ball.of(6.0, (0.0, 0.0, -2.0)), "wall": Ball.of(5.0, (0.0, 0.0, 0.5))},
-)
+ROUND = body({"cavity": Ball.of(2.0)}, {"exit": Ball.of(6.0, (0.0, 0.0, -2.0)), "wall": Ball.of(5.0, (0.0, 0.0, 0.5))})
 FREE = body(
     {"cap": Ball.of(3.0, (0.1, 0.0, -0.6)), "side": Ball.of(2.5, (0.0, 0.05, 0.3))},
     {"wall": Ball.of(5.2, (0.2, 0.1, 0.3)), "exit": Ball.of(6.0, (0.0, 0.0, -1.0))},

@@ -49,8 +49,7 @@ def test_the_solid_is_the_user_s_to_cut_fuse_and_export(part, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "field"),
-    [("a.step", "step"), ("a.STP", "step"), ("a.stl", "stl"), ("sub/a.3mf", "threemf")],
+    ("name", "field"), [("a.step", "step"), ("a.STP", "step"), ("a.stl", "stl"), ("sub/a.3mf", "threemf")]
 )
 def test_a_file_is_saved_by_its_suffix_with_exactly_its_bytes(part, tmp_path, name, field):
     part.save(tmp_path / name)

@@ -174,10 +174,7 @@ def test_views_and_sizes_show_it() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        (
-            {"lens": {"kind": "tir", "flange": {**FLANGE, "diameter_mm": 15.0}}},
-            "must exceed that .* above 16",
-        ),
+        ({"lens": {"kind": "tir", "flange": {**FLANGE, "diameter_mm": 15.0}}}, "must exceed that .* above 16"),
         (
             {"constraints": {"max_radius_mm": 8.0, "max_height_mm": 1.2}, "lens": {"kind": "tir", "flange": FLANGE}},
             "thickness_mm = 1: .* below constraints.max_height_mm = 1.2",

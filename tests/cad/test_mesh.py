@@ -57,10 +57,7 @@ def test_volume_of_a_crossing_freeform_matches_the_integral(seed):
 
 @settings(max_examples=min(scaled(40, by_day=12), 1000), deadline=None, derandomize=True)
 @given(
-    seed=st.integers(0, 10_000),
-    relative=st.floats(0.0, 0.03),
-    excess=st.floats(-0.05, 0.05),
-    rings=st.integers(3, 24),
+    seed=st.integers(0, 10_000), relative=st.floats(0.0, 0.03), excess=st.floats(-0.05, 0.05), rings=st.integers(3, 24)
 )
 def test_every_body_is_closed_however_the_rim_crosses_the_cylinder(seed, relative, excess, rings):
     inner, outer = random_surface(1.0, relative, seed), random_surface(2.45, relative, seed + 1)

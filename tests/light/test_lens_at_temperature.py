@@ -52,9 +52,7 @@ def test_the_index_alone_is_that_of_another_material() -> None:
 @pytest.mark.parametrize(
     "base", first_by_day(1, [{"kind": "none"}, {"diameter_mm": 16.0, "height_mm": 2.5}], "another base")
 )
-def test_expansion_alone_conserves_the_light_of_a_scene_that_is_as_much_smaller(
-    base: dict[str, object],
-) -> None:
+def test_expansion_alone_conserves_the_light_of_a_scene_that_is_as_much_smaller(base: dict[str, object]) -> None:
     """Lens, source and receiver of one scale have one light; the seat stays, and the source is nearer to it."""
     e, depth = 5e-4 * 100.0, 2.5 if "height_mm" in base else 0.0
     fields = {"lens__index_per_k": 0.0, "lens__expansion_per_k": 5e-4}

@@ -55,10 +55,7 @@ def two_faces() -> lf.Lens:
     return lf.Lens.double(sphere(1.5), sphere(3.0, -1.6), spec, 0, FEW)
 
 
-SCENES = {
-    "beside opening flange wall": lambda: made(crooked(*CAUSES)),
-    "beside opening total_reflection": two_faces,
-}
+SCENES = {"beside opening flange wall": lambda: made(crooked(*CAUSES)), "beside opening total_reflection": two_faces}
 
 
 @pytest.mark.parametrize("some", SCENES)

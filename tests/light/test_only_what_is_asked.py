@@ -38,10 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_help_loads_nothing_and_a_plain_scene_no_file_reader_no_cad_and_no_pictures(folder: Path) -> None:
-    evaluate = (
-        ["evaluate", str(folder), "--rays", "64"],
-        ["scipy.stats", *COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS],
-    )
+    evaluate = (["evaluate", str(folder), "--rays", "64"], ["scipy.stats", *COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS])
     check = (["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES])
     shown = (["design", "--help"], [*COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"])
     commands = (shown, evaluate, check) if NIGHTLY else (shown, evaluate)  # by day the check's own test: five seconds

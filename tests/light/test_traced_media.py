@@ -112,10 +112,7 @@ def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: st
     assert torch.allclose(twin.hits[gentle], kernels.hits[gentle], rtol=1e-8, atol=1e-6)
     assert torch.allclose(twin.carried, kernels.carried, rtol=1e-10, atol=0.0)
     assert torch.allclose(twin.sin2_exit, kernels.sin2_exit, rtol=0.0, atol=1e-11)
-    for one, other in (
-        (found.absorbed, kernels.exits.absorbed),
-        (found.lost_in_glass, kernels.exits.lost_in_glass),
-    ):
+    for one, other in ((found.absorbed, kernels.exits.absorbed), (found.lost_in_glass, kernels.exits.lost_in_glass)):
         assert (one is None) == (other is None)
         assert one is None or torch.allclose(one, other, rtol=1e-9, atol=1e-15)
     for one, other in zip(*(torch.autograd.grad(each.mixed(Z), tables) for each in (twin, kernels)), strict=True):
@@ -123,8 +120,7 @@ def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: st
 
 
 @pytest.mark.parametrize(
-    ("name", "fresnel"),
-    cases(SCENES, ("coated, coloured", True), ("out of place", True), ("gel and water", False)),
+    ("name", "fresnel"), cases(SCENES, ("coated, coloured", True), ("out of place", True), ("gel and water", False))
 )
 def test_gradients_are_those_of_finite_differences(name: str, fresnel: bool) -> None:
     scene, rays = replace(SCENES[name][0], fresnel=fresnel), SCENES[name][1]

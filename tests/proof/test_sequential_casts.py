@@ -102,9 +102,7 @@ def caster(request, lens_step):
 
 
 @pytest.mark.parametrize(
-    "own",
-    first_by_day(1, [None, np.linspace(0.0, 0.1, len(RAYS))]),
-    ids=["one for all", "of each ray"],
+    "own", first_by_day(1, [None, np.linspace(0.0, 0.1, len(RAYS))]), ids=["one for all", "of each ray"]
 )
 def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
     send, precision = caster

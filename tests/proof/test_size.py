@@ -106,10 +106,7 @@ def test_the_same_body_by_other_facets_and_other_faces_passes(tmp_path, toleranc
 
 @pytest.mark.parametrize(
     ("wrong", "says"),
-    [
-        ({"height": 3.0}, "least z -3 mm, exported -2"),
-        ({"height": 2.1}, "least z -2.1 mm, exported -2"),
-    ],
+    [({"height": 3.0}, "least z -3 mm, exported -2"), ({"height": 2.1}, "least z -2.1 mm, exported -2")],
 )
 def test_another_body_misses_and_says_where(tmp_path, wrong, says):
     found = failed(mesh_of(dome(**wrong), tmp_path / "dome.stl"), step_of(dome(**wrong), tmp_path / "dome.step"))

@@ -16,11 +16,7 @@ from lensforge.spec.tolerances_section import (
     read_tolerances,
 )
 
-TRUTHS = {
-    "uniform": uniform(-1.0, 2.0),
-    "normal": norm(0.0, 0.5),
-    "truncated": truncnorm(-2.0, 2.0, 0.0, 0.5),
-}
+TRUTHS = {"uniform": uniform(-1.0, 2.0), "normal": norm(0.0, 0.5), "truncated": truncnorm(-2.0, 2.0, 0.0, 0.5)}
 
 
 def _factor(distribution: str, kind: str = "spread") -> Factor:

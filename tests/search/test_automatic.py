@@ -210,11 +210,7 @@ def test_the_error_of_a_gain_is_that_of_many_pairs_of_samples() -> None:
         shared, own = draw.normal(size=SLICES), 0.01 * draw.normal(size=(2, SLICES))
         slices = np.array([1.0, 0.8])[:, None] + shared + own
         before, after = (
-            Judgement(
-                merit=float(each.mean()),
-                image=2.0,
-                without=tuple(((each.sum() - each) / (SLICES - 1)).tolist()),
-            )
+            Judgement(merit=float(each.mean()), image=2.0, without=tuple(((each.sum() - each) / (SLICES - 1)).tolist()))
             for each in slices
         )
         gain = before.gain_of(after)

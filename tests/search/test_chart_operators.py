@@ -7,12 +7,7 @@ import pytest
 import torch
 from scipy.interpolate import BSpline
 
-from lensforge.search.constraint_points import (
-    ChartOperator,
-    ChartPoints,
-    RadiusJet,
-    constraint_points,
-)
+from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
 from lensforge.search.face_fields import draft_sine, least_curvature
 from lensforge.surfaces import surface
 from lensforge.surfaces.bicubic_table import TableGrid

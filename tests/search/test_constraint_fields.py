@@ -11,12 +11,7 @@ from scenes import random_surface, small_spec, sphere, table_of
 
 from lensforge.optics.face_roles import DOUBLE, SHELL
 from lensforge.scene.lens import Lens
-from lensforge.search.constraint_points import (
-    ChartOperator,
-    ChartPoints,
-    RadiusJet,
-    constraint_points,
-)
+from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
 from lensforge.search.design_result import Margins, constraint_criteria, limits_of
 from lensforge.search.face_fields import draft_sine, least_curvature, meridian_curvature

@@ -101,11 +101,7 @@ def test_rays_refract_at_the_sphere_itself() -> None:
             {"max_radius_mm": 6.05},
             r"outer.fixed reaches 6\.076\d* mm",
         ),
-        (
-            OUTSIDE | {"inner": {"fixed": FLAT, "concave_radius_mm": 3.2}},
-            {},
-            "has a concave radius of 3 mm",
-        ),
+        (OUTSIDE | {"inner": {"fixed": FLAT, "concave_radius_mm": 3.2}}, {}, "has a concave radius of 3 mm"),
     ],
 )
 def test_fixed_surfaces_that_cannot_be_are_one_line(lens, constraints, message) -> None:

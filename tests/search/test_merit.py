@@ -18,10 +18,7 @@ from lensforge.sources.build_source import SquareEmitter, build_source
 
 SIDE, PIXELS, REGION, N = 60.0, 16, 32.0, 1.5
 ROUGHNESS = {"square": 0.8, "none": 0.3}  # of the outer face: some light is reflected totally
-TARGETS = {
-    "square": {"width_mm": 40.0, "uniform_mm": REGION},
-    "none": {"width_mm": 40.0, "uniform_mm": None},
-}
+TARGETS = {"square": {"width_mm": 40.0, "uniform_mm": REGION}, "none": {"width_mm": 40.0, "uniform_mm": None}}
 
 
 def _spec(symmetry: str, fresnel: bool) -> Any:

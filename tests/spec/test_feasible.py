@@ -83,8 +83,7 @@ def test_the_least_lens_that_is_accepted_exists() -> None:
 
 
 @pytest.mark.parametrize(
-    ("height", "radius", "draft"),
-    first_by_day(1, [(3.0, 1.0, 10.0), (5.0, 2.0, 25.0), (1.0, 4.0, 5.0), (2.0, 1.0, 0)]),
+    ("height", "radius", "draft"), first_by_day(1, [(3.0, 1.0, 10.0), (5.0, 2.0, 25.0), (1.0, 4.0, 5.0), (2.0, 1.0, 0)])
 )
 def test_the_smallest_cavity_with_a_draft_is_the_paraboloid_with_the_steepest_allowed_flank(
     height: float, radius: float, draft: float

@@ -69,7 +69,7 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ),
         ({"target.kind": "rectangl"}, "target.kind = 'rectangl': must be one of flat_top, rectangle, disc, "),
         ({"target.kind": None}, "target: kind is missing; it must be one of flat_top, rectangle, "),
-        ({"constraints.max_radius_mm": None}, "constraints.max_radius_mm: missing: largest distance of the outer "),
+        ({"constraints.max_radius_mm": None}, "constraints.max_radius_mm: missing: outer radius: from the origin"),
         (
             {"target.uniform_mm": "a"},
             "target.uniform_mm = 'a': Input should be a valid number, unable to parse string as a number or must be a",

@@ -236,10 +236,7 @@ def _is_of_cavity(path: Path, number: int) -> bool:
     ("content", "message"),
     first_by_day(
         1,
-        [
-            (b"ISO-10303-21;\nnothing", "not readable as STEP"),
-            (b"", "not readable as STEP|is empty"),
-        ],
+        [(b"ISO-10303-21;\nnothing", "not readable as STEP"), (b"", "not readable as STEP|is empty")],
         "another process",
     ),
 )
