@@ -286,7 +286,7 @@ def _whole(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> 
         marks.words.append(_label(view, "G", layout.plate.gate.place_mm, 0.0))
     pattern, radius = pattern_of(layout.lenses), layout.plate.corner_radius_mm
     for axis in (0, 1):
-        edge = float(view.at(low)[1 - axis])
+        edge = float(view.at([low])[0, 1 - axis])
         sizes = list(_sizes_along(axis, layout, pattern, view))
         lines_beside = placed(sizes, edge - FIRST * unit, -ROW * unit)
         marks.dimensions += lines_beside
@@ -299,7 +299,7 @@ def _whole(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> 
         (tip,), out = view.at([(x, y)]), np.array([-1.0, -1.0]) * 0.5**0.5
         marks.strokes += [Stroke(np.array([tip, tip - 6.0 * unit * out])), arrow_head(tip, out, LETTERS * unit)]
         marks.words.append(_label(view, f"4 × R {shown(radius)}", (x, y), 4.0 * unit / view.scale))
-    corner = view.at((high[0], low[1]))
+    (corner,) = view.at([(high[0], low[1])])
     marks.add(axes_mark((float(corner[0]) + 4.0 * unit, float(corner[1])), "x", "y", unit))
     up = view.scale * (high[1] + _below_mm(layout)) + _GAP * unit
     marks.add(_front(lines, layout, replace(view, origin=(view.origin[0], view.origin[1] + up))))
@@ -363,7 +363,7 @@ def _front(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> 
     ]
     over_all = (end, -_below_mm(layout)), (end, max(own.top_mm for own in lines))
     columns.append(view.dimension("height over all", *over_all, 90, "(", ")"))
-    marks.dimensions += placed(columns, float(view.at((end, 0.0))[0]) + FIRST * view.unit, ROW * view.unit)
+    marks.dimensions += placed(columns, float(view.at([(end, 0.0)])[0, 0]) + FIRST * view.unit, ROW * view.unit)
     return marks
 
 
