@@ -16,7 +16,7 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.search.scene_check import Requirement, light_requirements
-from lensforge.search.start_faces import beam_of, pixel_angles_rad
+from lensforge.search.start_faces import AngularSize, beam_of, pixel_angles_rad
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import LensShape, LightShape
@@ -28,6 +28,9 @@ _NEAR = 0.97
 _CONVEX = 0.9  # of the area of its hull: the pixels of a disc 10 pixels wide have 0.93 of it
 _UNEVEN = 0.05  # share of the light's variance within rings of equal angle: pixels of a round edge have less
 _RINGS = 32
+# Total reflection with levels lights an oval of 2.4 to 1 to an NMSE of 0.002, a line of 20 to 1 to 0.47, and a field
+# whose middle lies 15 degrees off the axis, half of its width, to 0.10.
+_LINE, _BESIDE = 4.0, 0.25  # a line is so much longer than wide; off the axis by so much of the width
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,10 @@ def light_shape(spec: Spec) -> LightShape:
     corners = np.stack((columns, rows), axis=1)[:, None] + np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
     if len(rows) < _CONVEX * ConvexHull(corners.reshape(-1, 2)).volume:
         return "picture"
-    if beam_of(spec).least_rad > 0.0:
+    size = AngularSize.of(spec)
+    if size.wide_rad > _LINE * size.narrow_rad:
+        return "picture"
+    if beam_of(spec).least_rad > 0.0 or size.off_axis_rad > _BESIDE * size.narrow_rad:
         return "beside"
     return "round" if _is_round(light, receiver) else "patch"
 

@@ -27,7 +27,7 @@ from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
-from lensforge.search.start_faces import start_faces
+from lensforge.search.start_faces import AngularSize, start_faces
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
@@ -223,7 +223,19 @@ class SceneCheck:
                 lines.append(f"{field}: {light.possible_words} {self._through()}; try {light.remedies()}")
             elif light.beside:
                 lines.append(f"{field}: off the axis; try {LEVELS}")
-        return tuple(lines)
+        return tuple(lines or self._blur())
+
+    def _blur(self) -> Iterator[str]:
+        """A line where the image of the LED is wider than the target at its narrowest."""
+        extent_mm = max(source.extent_mm or 0.0 for source in self.spec.each_source)
+        narrow, radius_mm = AngularSize.of(self.spec).narrow_rad, self.spec.constraints.max_radius_mm
+        image = 2.0 * extent_mm / radius_mm
+        if image > narrow:
+            larger = f"a larger lens (>= {rounded_up(2.0 * extent_mm / narrow)} mm)"
+            yield (
+                f"target: as seen from the lens {np.degrees(narrow):.3g}° wide at its narrowest, the LED's image up to "
+                f"{np.degrees(image):.3g}°, which blurs it; try {larger}, a smaller source or a wider target"
+            )
 
     def _required(self) -> Iterator[tuple[str, Requirement]]:
         """Targets and limits by the names of their fields."""

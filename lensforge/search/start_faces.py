@@ -1,8 +1,10 @@
 """The faces from which a search begins: those of the kind of the lens for these limits, this source and this beam."""
 
+from dataclasses import dataclass
 from math import radians
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.errors import remedy
 from lensforge.results import Image
@@ -30,11 +32,41 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     return surfaces
 
 
-def pixel_angles_rad(receiver: PosedReceiver) -> Image:
-    """Angle from the axis of the lens, as seen from its origin, under which each pixel's centre lies."""
+def pixel_directions(receiver: PosedReceiver) -> Float[np.ndarray, "h w 3"]:
+    """Unit directions in which the pixels' centres lie, as seen from the origin of the lens."""
     x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
     points = receiver.places(x.ravel(), y.ravel())
-    return np.arccos(np.clip(points[:, 2] / np.linalg.norm(points, axis=1), -1.0, 1.0)).reshape(x.shape)
+    return (points / np.linalg.norm(points, axis=1, keepdims=True)).reshape(*x.shape, 3)
+
+
+def pixel_angles_rad(receiver: PosedReceiver) -> Image:
+    """Angle from the axis of the lens, as seen from its origin, under which each pixel's centre lies."""
+    return np.arccos(np.clip(pixel_directions(receiver)[..., 2], -1.0, 1.0))
+
+
+@dataclass(frozen=True)
+class AngularSize:
+    """Size of some light as seen from the lens (rad): of its middle from the axis, and its widths.
+
+    The widths are those of an even rectangle with the same second moments.
+    """
+
+    off_axis_rad: float
+    narrow_rad: float
+    wide_rad: float
+
+    @staticmethod
+    def of(spec: Spec) -> "AngularSize":
+        """The size of the light that the first receiver wants."""
+        receiver = receivers_of(spec, spec.optimise.pixels)[0]
+        light = target_light(spec.all_receivers[0].targets, receiver).ravel()
+        directions = pixel_directions(receiver).reshape(-1, 3)
+        middle = light @ directions
+        middle /= np.linalg.norm(middle)
+        across = directions - np.outer(directions @ middle, middle)
+        moments = np.linalg.eigvalsh((across * light[:, None]).T @ across / light.sum())
+        narrow, wide = np.sqrt(12.0 * np.maximum(moments[1:], 0.0)).tolist()
+        return AngularSize(float(np.arccos(np.clip(middle[2], -1.0, 1.0))), narrow, wide)
 
 
 def beam_of(spec: Spec) -> Beam:

@@ -71,6 +71,7 @@ def test_a_new_spec_has_the_limits_of_the_shop(
     [
         ("beam:12", "tir"), ("beam:60", "double"), ("disc:60@300", "tir"), ("disc:600@500", "double"),
         ("ring:60x40@300", "double"), ("cross:60x12@300", "double"), ("rectangle:30x20@300", "tir"),
+        ("rectangle:90x30@300", "tir"), ("line:150x30@300", "double"),
     ],
 )  # fmt: skip
 def test_the_kind_of_lens_suits_the_light(light: str, kind: str) -> None:

@@ -210,6 +210,15 @@ def test_no_larger_lens_is_promised_where_a_near_target_is_smaller_than_the_sour
     assert "try a smaller source or a larger target" in words and "larger lens" not in words
 
 
+@pytest.mark.parametrize(("radius_mm", "blurred"), [(13.5, True), (14.6, False)])
+def test_a_target_narrower_than_the_image_of_the_led_is_said(radius_mm: float, blurred: bool) -> None:
+    """A band of 30 mm, 300 mm away, is 0.1 rad wide: the diagonal of a 1 mm LED at 14.1 mm."""
+    band = {"kind": "rectangle", "width_mm": 30.0, "height_mm": 80.0, "distance_mm": 300.0, "rotation_deg": 20.0}
+    content = {"source": {"kind": "square", "side_mm": 1.0}, "constraints": {"max_radius_mm": radius_mm}}
+    words = check(Spec.model_validate({**content, "lens": {"kind": "tir", "levels": [25]}, "target": band})).warnings()
+    assert ["which blurs it; try a larger lens (>= 14.1" in each for each in words] == [True] * blurred
+
+
 def test_an_estimated_luminance_warns_and_stops_nothing() -> None:
     rays = build_source(cob().source).sample(20_000, 1)
     spec = cob().replace(source=RaySource(positions_mm=rays.origins, directions=rays.directions, flux_w=1.0))
