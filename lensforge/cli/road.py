@@ -1,5 +1,6 @@
 """``road``: the photometry of any lamp judged on a road."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from lensforge.results import Group
 from lensforge.sources.photometric.photometric_file import coarse_for_roads, cut_below, far_field_warnings
 from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.spec.road_section import load_roads, names_of
+
+_BETTER = 1.2  # a lamp that lights both sides alike is within a few per cent
 
 
 @click.command()
@@ -60,11 +63,23 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
         lambda: _document(file, groups, found),
         lambda: [Block(f"{group.title}, by {file}", list(rows_of([group]))) for group in groups],
     )
+    turned = [judge_road(each, of_file(lamp, street_c + 180.0, each.lamp_lm)) for each in wanted]
+    if _least_lit(turned) > _BETTER * _least_lit(found):
+        other = (
+            f"with --street-c {(street_c + 180.0) % 360.0:g} the roads get {_least_lit(turned) / _least_lit(found):.3g}"
+        )
+        click.echo(warning_line(f"{other} times the light: is the street on that side of the lamp?"), err=True)
     missed = [
         f"{each.name}: {limit.reason}" for each in found for limit in with_remedies(each.limits) if not limit.holds
     ]
     if missed:
         raise CriterionMissed(f"{file}: {missed[0]}" + (f"; and {len(missed) - 1} more" if missed[1:] else ""))
+
+
+def _least_lit(found: Sequence[RoadJudgement]) -> float:
+    """The least light over what its class requires."""
+    lit = [limit for each in found for limit in each.limits if (limit.note, limit.sense) == ("light", ">=")]
+    return min((limit.metric.value / limit.bound for limit in lit), default=1.0)
 
 
 def _document(file: Path, groups: list[Group], found: list[RoadJudgement]) -> dict[str, object]:

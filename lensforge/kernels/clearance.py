@@ -123,14 +123,20 @@ def squared_gap(box, px, py, pz):
 
 
 @inline
-def nearest_node(nodes, boxes, px, py, pz, window, farthest):
+def nearest_node(nodes, boxes, px, py, pz, window, farthest, guess):
     """Squared distance, row and column of the node of a ``window`` (rows, then columns: first, end) nearest to a point.
 
     Of equally near ones the first, row by row; ``farthest`` and -1 where none is nearer than that. ``boxes``
-    (b, b, 2, 3): least and largest coordinates of blocks of ``nodes`` (n, n, 3).
+    (b, b, 2, 3): least and largest coordinates of blocks of ``nodes`` (n, n, 3). ``guess``: row and column of a node
+    that is likely to be near, which leaves fewer blocks to look into.
     """
     best, row, column = farthest, -1, -1
     first_row, end_row, first_column, end_column = window
+    if first_row <= guess[0] < end_row and first_column <= guess[1] < end_column:
+        dx, dy, dz = nodes[guess][0] - px, nodes[guess][1] - py, nodes[guess][2] - pz
+        squared = dx * dx + dy * dy + dz * dz
+        if squared < best:
+            best, row, column = squared, guess[0], guess[1]
     for r in range(first_row // _BLOCK, (end_row - 1) // _BLOCK + 1):
         for c in range(first_column // _BLOCK, (end_column - 1) // _BLOCK + 1):
             if squared_gap(boxes[r, c], px, py, pz) > best:
@@ -173,6 +179,7 @@ def nearest_points(table, origin, step, nodes, reach, found):
     """
     points, radial, feet, columns, shares = found
     count, first, apart, grid = len(nodes.places), origin + step, nodes.apart, TableSpacing(origin, 1.0 / step)
+    near = 0, 0
     for k in range(len(points)):
         px, py, pz = points[k, 0], points[k, 1], points[k, 2]
         radius = sqrt(px * px + py * py + pz * pz)
@@ -190,7 +197,10 @@ def nearest_points(table, origin, step, nodes, reach, found):
             pz,
             (*rows, max(0, int(j - wide)), min(count, int(j + wide) + 2)),
             ball * ball,
+            near,
         )
+        if row >= 0:
+            near = row, column  # of the next point, which is likely to be beside this one
         own = abs(radial[k]) <= ball and radial[k] * radial[k] <= best
         if own or row >= 0:
             if not own:

@@ -7,7 +7,6 @@ little of the light lands there; ``light.receiver_light`` has both bounds.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
-from operator import attrgetter
 from typing import NamedTuple
 
 from lensforge.light.beam_colour import BeamColour
@@ -28,7 +27,7 @@ from lensforge.scene.lens import Lens
 from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import BeamAngleLimit
-from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES
+from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, names_of
 
 
 class Attainable(NamedTuple):
@@ -60,7 +59,8 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
         if led_light.ways:
             groups.append(replace(way_facts(led_light.ways), title=f"Flux by path{end}"))
         if led_light.limits:
-            groups.append(Group("limits", f"Limits{end}", tuple(limit_facts(led_light, possible or {}, end))))
+            facts = limit_facts(led_light, names_of(lens.spec.roads), possible or {}, end)
+            groups.append(Group("limits", f"Limits{end}", tuple(facts)))
     groups += place_groups(light)
     return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
 
@@ -89,7 +89,7 @@ def _reasons_with(light: Light, lens: Lens, led: str) -> Iterator[Reason]:
     elif not light.limits:
         yield "undecided", "the limits of the spec have not been judged in this light"
     else:
-        yield from reasons_of(limit_facts(light), led)
+        yield from reasons_of(limit_facts(light, names_of(lens.spec.roads)), led)
 
 
 def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Iterator[Reason]:
@@ -99,11 +99,16 @@ def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Itera
             yield fact.state, replace(fact, label=f"{fact.label}{where}").reason
 
 
-def limit_facts(light: Light, possible: LimitBounds | None = None, end: str = "") -> Iterator[Fact]:
-    """A fact for each limit of the spec; ``end``: of its label."""
-    receivers = {receiver.name for receiver in light.receivers}
-    for place, limits in groupby(light.limits, key=attrgetter("place")):
-        for limit in limits if place in receivers else with_remedies([*limits]):
+def limit_facts(
+    light: Light, roads: Sequence[str], possible: LimitBounds | None = None, end: str = ""
+) -> Iterator[Fact]:
+    """A fact for each limit of the spec; ``roads``: names of its roads, ``end``: of each label."""
+
+    def road_of(limit: Fact) -> str:
+        return next((road for road in roads if limit.label.startswith(f"{road}: ")), "")
+
+    for road, limits in groupby(light.limits, key=road_of):
+        for limit in with_remedies([*limits]) if road else limits:
             on = f", on {limit.place}" if len(light.receivers) > 1 else ""
             quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
             fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")

@@ -126,7 +126,8 @@ def _on_criteria(results: Results) -> str:
         return "No criterion has been evaluated."
     if len(criteria) == 1:
         return f"The only criterion {of} is met."
-    return f"All {len(criteria)} criteria {of} are met."
+    missed = "; the required light is not" if results.verdict.light == "fail" else ""
+    return f"All {len(criteria)} criteria {of} are met{missed}."
 
 
 def _waiting(results: Results) -> str:

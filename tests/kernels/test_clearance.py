@@ -23,7 +23,8 @@ def test_the_nearest_node_of_a_window_is_that_of_a_look_at_all(rough: float) -> 
         (a, b), (c, d) = (np.sort(rng.choice(22, size=2, replace=False)) for _ in range(2))
         squared = np.full((21, 21), np.inf)
         squared[a:b, c:d] = ((nodes[a:b, c:d] - point) ** 2).sum(axis=-1)
-        best, row, column = find(nodes, boxes, *point, (a, b, c, d), 60.0)
+        guess = divmod(int(rng.integers(21**2)), 21)
+        best, row, column = find(nodes, boxes, *point, (a, b, c, d), 60.0, guess)
         missed += squared.min() >= 60.0
         wanted = divmod(int(squared.argmin()), 21) if squared.min() < 60.0 else (-1, -1)
         assert (row, column) == wanted and best == pytest.approx(min(squared.min(), 60.0))
