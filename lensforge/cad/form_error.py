@@ -92,11 +92,16 @@ def _fits(_: Lens) -> dict[tuple[tuple[int, ...], FaceTolerance], Pair[Patch]]:
 
 
 def fit_boundaries(
-    pair: Pair[Surface], nodes: Mapping[str, int], least: int = LEAST_NODES, tolerance: FaceTolerance = FINEST
+    pair: Pair[Surface],
+    nodes: Mapping[str, int],
+    least: int = LEAST_NODES,
+    tolerance: FaceTolerance = FINEST,
+    between: bool = True,
 ) -> Pair[Patch]:
     """The boundaries of cavity and body by fitted faces.
 
-    ``nodes``: by name; where left out as many as their ``tolerance`` needs, ``least`` or more.
+    ``nodes``: by name; where left out as many as their ``tolerance`` needs, ``least`` or more, ``between`` the samples,
+    too.
     """
     faces = [face for boundary in pair for face in boundary.of_material]
     fitted = in_parallel_map(
@@ -106,6 +111,7 @@ def fit_boundaries(
             face.domain,
             least,
             FINEST if face.is_flange or face.is_ring else tolerance,
+            between,
         ),
         faces,
     )
@@ -119,10 +125,12 @@ def fit_to_form(
     domain: Domain = WHOLE,
     least: int = LEAST_NODES,
     tolerance: FaceTolerance = FINEST,
+    between: bool = True,
 ) -> Patch:
     """The patch of ``surface`` with ``nodes``; by default ``least``, or as many as its ``tolerance`` needs.
 
-    Its control points have as many decimals as leave it within a fiftieth of that.
+    That is kept at samples and, by default, ``between`` them, too. Its control points have as many decimals as leave it
+    within a fiftieth of that.
     """
     if nodes is not None:
         return rounded_to(fit_patch(surface, nodes, domain.extent), tolerance)
@@ -130,7 +138,7 @@ def fit_to_form(
     while True:
         patch = rounded_to(fit_patch(surface, count, domain.extent), tolerance)
         excess = _excess(form_error(surface, patch.points(chart), patch.normals(chart)), tolerance)
-        if excess <= 1.0:  # now between the samples, too
+        if excess <= 1.0 and between:
             excess = _excess(largest_errors(surface, patch.points_and_normals, chart, domain), tolerance)
         if excess <= 1.0 or count == MAX_NODES:
             return patch

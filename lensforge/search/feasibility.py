@@ -147,11 +147,10 @@ def project_to_feasible(
 ) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
     """Move ``weights`` and ``offsets`` by as little as makes all constraint points feasible, with part of the margin.
 
-    Least squares in the relative parameters, by augmented Lagrangian. Returned unchanged where that does not succeed.
+    Least squares in the relative parameters, by augmented Lagrangian. Where some point stays beyond its limit, moved to
+    where the worst is the least beyond; unchanged where no move lessens that.
     """
-    moved, shortfall = _least_move(parametrisation, constraints, weights, offsets, _ACCEPTED)
-    if shortfall > 1.0:
-        return weights, offsets
+    moved, _ = _least_move(parametrisation, constraints, weights, offsets, _ACCEPTED)
     return weights + moved[1:], offsets + moved[0]
 
 
@@ -205,6 +204,7 @@ def _least_move(
         return constraints.fields(parametrisation.tables(weights + moved[1:], offsets + moved[0]))
 
     shortfall = constraints.shortfall(fields())
+    best, least = moved.detach().clone(), shortfall
     for _ in range(_ROUNDS):
         if shortfall <= accepted:
             break
@@ -221,6 +221,8 @@ def _least_move(
             now = fields()
         constraints.update(now)
         before, shortfall = shortfall, constraints.shortfall(now)
+        if shortfall < least:
+            best, least = moved.detach().clone(), shortfall
         if shortfall > _STALLED * before:
             break
-    return moved.detach(), shortfall
+    return best, least

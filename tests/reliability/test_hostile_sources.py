@@ -49,7 +49,7 @@ def test_a_conversion_never_replaces_the_file_itself(tmp_path):
     (tmp_path / "link.csv").symlink_to(file)
     for name in ("led.csv", "link.csv"):
         found = CliRunner().invoke(cli, ["rays", str(file), "--to", str(tmp_path / name), "--format", "csv"])
-        assert isinstance(found.exception, InputError) and "is the file itself" in str(found.exception)
+        assert isinstance(found.exception, InputError) and "is the input file" in str(found.exception)
     assert file.read_bytes() == before
 
 

@@ -138,7 +138,7 @@ def test_items_are_shared_out_and_those_of_a_lost_process_are_done_here() -> Non
             child._process.kill()
             numbers = [number for _, number in pool.map(eval, _WHO, [{} for _ in range(4)])]
             assert (os.getpid() in numbers) and len(pool._living) == 2 - lost, "the other one goes on"
-        assert numbers == [os.getpid()] * 4 and "it has ended" in told[0] and "done again in this one" in told[0]
+        assert numbers == [os.getpid()] * 4 and "it has ended" in told[0] and "was repeated in this one" in told[0]
     assert dict(IN_TURN.map(operator.sub, 2.0, [1.0, 3.0])) == {0: 1.0, 1: -1.0}
 
 
