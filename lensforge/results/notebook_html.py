@@ -98,7 +98,8 @@ class Shown(_Metaclass):
         """Leave out pydantic's own, which a class has only once it has been used."""
 
     def __dir__(cls) -> list[str]:  # noqa: N805
-        members = (item for base in cls.__mro__ for item in vars(base).items() if item[0] not in dir(BaseModel))
+        of_all = frozenset(dir(BaseModel))
+        members = (item for base in cls.__mro__ for item in vars(base).items() if item[0] not in of_all)
         return [name for name, each in members if isinstance(each, _MEMBERS) and not _MACHINERY.fullmatch(name)]
 
 

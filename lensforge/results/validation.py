@@ -1,7 +1,7 @@
 """Validation shared by records and specs: pydantic errors as one line, and equality bit for bit."""
 
 from collections.abc import Collection, Mapping
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -56,7 +56,7 @@ def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions
     before = zip((None, None, *location), (None, *location), location, strict=False)
     field = ".".join(str(part) for two, one, part in before if not _is_kind(two, one, part, unions))
     field = shortened(field)
-    message = shortened(" ".join(first["msg"].removeprefix("Value error, ").split()), _MOST_OF_MESSAGE)
+    message = shortened(" ".join(plain(first["msg"]).split()), _MOST_OF_MESSAGE)
     more = f" (and {len(causes) - 1} more)" if len(causes) > 1 else ""
     parts = [
         part for part in (origin, f"{field}{given_words(first['input'])}" if field else "", f"{message}{more}") if part
@@ -77,6 +77,26 @@ def given_words(value: object) -> str:
         return f" = a whole number of {value.bit_length()} bits"
     simple = value is None or isinstance(value, str | int | float | Path)
     return f" = {shortened(repr(value) if simple else type(value).__name__)}"
+
+
+_PLAIN = (
+    ("Input should be", "must be"),
+    ("greater than or equal to", "at least"),
+    ("less than or equal to", "at most"),
+    ("greater than", "above"),
+    ("less than", "below"),
+    (", unable to parse string as a number", ""),
+    (", unable to parse string as an integer", ""),
+    ("a valid number", "a number"),
+    ("a valid integer", "a whole number"),
+    ("a valid string", "text"),
+)
+
+
+def plain(message: str) -> str:
+    """Words of pydantic as lensforge says them: "must be at least 0"."""
+    own = message.removeprefix("Value error, ")
+    return own if own != message else reduce(lambda text, pair: text.replace(*pair), _PLAIN, message)
 
 
 def shortened(text: str, most: int = _MOST_CHARACTERS) -> str:

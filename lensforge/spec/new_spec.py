@@ -124,7 +124,10 @@ _HEAD = """#:schema ./{schema}
 # {possible}
 """
 _OPTIONS = {
-    "source": ["flux_lm = 200.0: of the LED; without it 1 W", "position_mm, tilt_deg: where it sits in the lens"],
+    "source": [
+        "flux_lm = 200.0: of the LED; without it 1 W, or what its ray file states",
+        "position_mm, tilt_deg: where it sits in the lens",
+    ],
     "lens": ['symmetry = "auto": the largest that source and target share'],
     "constraints": ['max_height_mm: of the lens; keep_out = "board.step": solids to stay clear of'],
 }

@@ -13,7 +13,7 @@ from lensforge.errors import WrongFields
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
-from lensforge.results.validation import given_words, shortened
+from lensforge.results.validation import given_words, plain, shortened
 from lensforge.spec.spec_fields import all_sections, sections_in, words_of
 from lensforge.spec.toml_slips import cured_number
 
@@ -105,7 +105,7 @@ def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
         near = _nearest(str(context.get("tag", "")), kinds)
         either = f"must be one of {', '.join(kinds)}" + (f"; did you mean {near}?" if near else "")
         return either if error["type"] == _KINDS[0] else f"kind is missing; it {either}"
-    words = _shape_wanted(error, place) or error["msg"].removeprefix("Value error, ")
+    words = _shape_wanted(error, place) or plain(error["msg"])
     given = error["input"] if isinstance(error["input"], str) else ""
     cure = cured_number(place.last, given.strip()) if error["type"] in _NUMBERS else None
     if cure is not None:

@@ -122,7 +122,7 @@ def test_a_coating_that_cannot_be_is_one_line(coating, message):
         ("0,500,0,05\n60,500,0,10\n", r"line 1: '0,05': commas between numbers and in them cannot be told apart"),
         (TABLE.rsplit("\n", 2)[0], r"5 rows for 3 angles and 2 wavelengths; must be one a pair"),
         (TABLE.replace("0,600", "45,600", 1), r"6 rows for 3 angles and 2 wavelengths"),
-        (TABLE.replace("0.03", "3"), r"reflectance.*less than or equal to 1"),
+        (TABLE.replace("0.03", "3"), r"reflectance.*at most 1"),
         (TABLE.replace("\n0,", "\n5,"), r"angle_deg = 5 and 3 in all: must rise from 0"),
     ],
 )

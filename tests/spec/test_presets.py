@@ -69,11 +69,11 @@ def test_a_run_states_all_settings_of_its_preset(small_run: lf.Run) -> None:
 
 STATED = OWN.model_dump(mode="json")
 STATED_WRONGLY: dict[str, tuple[Any, str]] = {
-    "an unknown name": ("fine", "accuracy = 'fine': Input should be 'draft', 'standard' or 'reference'"),
+    "an unknown name": ("fine", "accuracy = 'fine': must be 'draft', 'standard' or 'reference'"),
     "no text": (3, "accuracy = 3: "),
     "a name alone": ({"name": "own"}, r"accuracy\.nodes_per_sigma: Field required"),
     "another setting": ({**STATED, "rays": 5}, r"accuracy\.rays = 5: "),
-    "no rays": ({**STATED, "evaluate_rays": 0}, r"accuracy\.evaluate_rays = 0: .* greater than or equal to 1"),
+    "no rays": ({**STATED, "evaluate_rays": 0}, r"accuracy\.evaluate_rays = 0: .* at least 1"),
     "a name of the table": ({**STATED, "name": "draft"}, "name = 'draft': that of a preset of the program"),
     "text within": ({**STATED, "studies": {"worst_rays": "9"}}, r"accuracy\.studies\.worst_rays = '9': "),
 }

@@ -114,5 +114,5 @@ def test_a_number_in_quotes_is_cured_as_well(tmp_path: Path) -> None:
     spec.write_text('constraints.max_radius_mm = "10 mm"\n[source]\nkind = "rayfile"\nfile = "C:\\temp\\new.ray"\n')
     with pytest.raises(InputError) as caught:
         load_spec(spec)
-    assert "unable to parse string as a number; a number stands without its unit; write 10\n" in f"{caught.value}\n"
+    assert "must be a number; a number stands without its unit; write 10\n" in f"{caught.value}\n"
     assert r"in double quotes \t and \n are none of a path: write / or single quotes" in str(caught.value)
