@@ -177,7 +177,7 @@ def summary(run: Run) -> list[Block]:
         Block(_title("light", verdict.light, light), [*rows_of(light), *rows_of(far_field), *why]),
         Block(f"Lens{search}", [*rows_of(lens), *_kinds(run)]),
         Block(_title("files", verdict.files), [*rows_of(files), *_because(verdict, "files")[:1]]),
-        Block(_title("cutting", verdict.cutting), list(_manufacture(run))),
+        Block(_title("cutting", verdict.cutting, _of_mould(run)), list(_manufacture(run))),
         Block(f"Written: {run.folder / REPORT_FILE}", [("Files", _written(run))]),
     ]
 
@@ -256,12 +256,17 @@ def _search(run: Run, design: Design) -> str:
     return f"{search.fact('steps').text} steps in {search.fact('levels').text} levels"
 
 
+def _of_mould(run: Run) -> list[Group]:
+    check = run.find(Check)
+    return [] if check is None else [group for group in run.facts(check) if group.key == "mould"]
+
+
 def _manufacture(run: Run) -> Iterator[Row]:
     check = run.find(Check)
     if check is None:
         return
     yield from rows_of(_selected(run, (*tip_keys(check.faces), "thinnest"), Check))
-    yield from (_row(fact) for group in run.facts(check) if group.key == "mould" for fact in group.facts if fact.notice)
+    yield from (_row(fact) for group in _of_mould(run) for fact in group.facts if fact.notice)
     groups = [group for group in run.facts(check) if group.key.startswith("findings")]
     missed = [
         f"{fact.label.lower()}: no ({group.title.partition(', ')[2]})"

@@ -6,7 +6,7 @@ import pytest
 from page_text import text_of
 from result_folders import criterion, evaluate_arrays, finding, make_folder, make_results, small_lens, text_target
 
-from lensforge.cli.conclusion import _manufacture
+from lensforge.cli.conclusion import _manufacture, _of_mould, _title
 from lensforge.report.headline import headline, required_facts
 from lensforge.report.stored import load_results
 from lensforge.results import Metric
@@ -69,6 +69,8 @@ def test_what_a_moulder_would_ask_stands_at_the_top_and_on_the_screen(ratio, gat
         [label for label, _ in _manufacture(replace(results, found=found))],
     ):
         assert [label for label in labels if label in of_mould] == told
+    look = f"; look at: {', '.join(told).lower()}" if told else ""
+    assert _title("cutting", "pass", _of_mould(replace(results, found=found))) == f"Manufacture: pass{look}"
 
 
 @pytest.mark.parametrize(("aim", "shown"), [("pattern", ["nmse", "share_in_target"]), ("share", ["share_in_target"])])
