@@ -139,9 +139,12 @@ class Patch:
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin in unit ``directions``, down to a little below z = 0.
 
-        The spline's point lies off the direction of its parameters by no more than the form error, which is neglected.
+        The spline's point lies off the direction of its parameters by no more than the form error: the ray is met with
+        the tangent plane there, where a steep face would be off by as much.
         """
-        return np.linalg.norm(self.points(to_chart(directions)), axis=-1)
+        points, normals = self.points_and_normals(to_chart(directions))
+        radius: Float[np.ndarray, " n"] = (points * normals).sum(axis=-1) / (directions * normals).sum(axis=-1)
+        return radius
 
     def bounded(self, reach: float = 1.0) -> "Patch":
         """The patch over the disc of radius ``reach`` in the chart; at the corners of its square no deeper than there.

@@ -26,6 +26,7 @@ _STEP = 2.0 / (_NODES - 1)  # of the chart, from one to the next
 _STARTS, _APART = 12, 3.0  # pairs of points to start from, this many steps of the samples apart
 _FIRST, _ROUNDING = 16, 1e-9  # of the samples, every so many bound the least distance; relative
 _SAME = 1e-12  # of the chart
+_TOUCHING_MM = 1e-4  # twice the form error of splines: so far two that share an edge may seem to cross there
 _FAR = 1e9  # mm: in the directions of an opening
 _PRECISION = 1e-14  # of the squared distance, relative
 _SPACINGS = (0.02, 0.003)  # of the points by which a ball grows, over the width of the part
@@ -48,7 +49,7 @@ def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
     """The shortest line between the boundaries above z = 0; where they cross, the deepest place along a ray."""
     inwards, outwards = as_pair(cavity, envelope)
     crossing = _radial(inwards, outwards, -1.0)
-    if crossing.thickness_mm <= 0.0:
+    if crossing.thickness_mm <= -_TOUCHING_MM:
         return crossing
     samples = [[_Samples.of(face) for face in each.faces if not face.is_open] for each in (inwards, outwards)]
     pairs = _nearest(*samples)

@@ -104,6 +104,17 @@ def test_the_largest_errors_of_a_spline_are_those_of_dense_samples():
     assert 0.96 * dense.normal_max_mrad < found.normal_max_mrad < 1.02 * dense.normal_max_mrad
 
 
+def test_a_coarse_spline_has_its_own_points_in_their_directions():
+    """They lie off the directions of their parameters by up to 18 nm; what is left is of second order."""
+    patch, chart = fit_patch(random_surface(2.45, 0.05, seed=5, levels=(9, 25, 81)), 24), 0.95 * off_grid_chart(3000)
+    points = patch.points(chart)
+    radius = np.linalg.norm(points, axis=1)
+    directions = points / radius[:, None]
+    off_mm = radius * np.linalg.norm(directions - to_sphere(chart), axis=1)
+    assert 1e-5 < off_mm.max() < 1e-4
+    np.testing.assert_allclose(patch.radius(directions), radius, rtol=0, atol=1e-9)
+
+
 def patch_error(surface, nodes=None, reach=1.0):
     patch, chart = fit_patch(surface, nodes), reach * off_grid_chart(3000)
     return form_error(surface, patch.points(chart), patch.normals(chart))
