@@ -76,7 +76,7 @@ class Spec(Section):
     source: EmitterSection = _unless("sources")
     """The LED: where light starts, how much, and in which directions; or give ``sources``."""
     sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = ()
-    """LEDs that one lens is for, in the place of ``source``. Stages for one LED take the first."""
+    """LEDs that one lens is for, in the place of ``source``. Figures are stated with each."""
     lens: LensShape = Field(default_factory=LensSection)
     """Material, and the two surfaces from which the search starts."""
     bodies: Annotated[tuple[BodySection, ...], Field(max_length=_MOST_BODIES)] = ()

@@ -102,9 +102,9 @@ def _either(words: list[str]) -> str:
 
 _HEAD = """# The spec, field by field
 
-Written by `lensforge schema --page`, from the same descriptions and ranges as the messages and the JSON schema that
-`lensforge schema` prints. An editor with a TOML language server completes and checks a spec whose first line is
-`#:schema ./lensforge.schema.json`, beside a file of that name; `lensforge new` writes both.
+Every field of a spec: its unit, what is allowed, its default and what it does. `lensforge schema --page` prints this
+page, `lensforge schema` the same as a JSON schema. An editor with a TOML language server completes and checks a spec
+whose first line is `#:schema ./lensforge.schema.json`, beside a file of that name; `lensforge new` writes both.
 
 Sections stand in the order of the file. "needed": the section or field has no default;
 "derived": left out, it follows from the sizes of source, target and lens, so that the shortest spec is a source, a
