@@ -143,8 +143,7 @@ class Patch:
         the tangent plane there, where a steep face would be off by as much.
         """
         points, normals = self.points_and_normals(to_chart(directions))
-        radius: Float[np.ndarray, " n"] = (points * normals).sum(axis=-1) / (directions * normals).sum(axis=-1)
-        return radius
+        return (points * normals).sum(axis=-1) / (directions * normals).sum(axis=-1)
 
     def bounded(self, reach: float = 1.0) -> "Patch":
         """The patch over the disc of radius ``reach`` in the chart; at the corners of its square no deeper than there.

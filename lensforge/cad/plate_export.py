@@ -102,11 +102,8 @@ def build_plate(
     if layout is None or not lens.makes_plate:
         return None
     kinds = [own, *(LensOfPlate.fitted(each, nodes, tolerance) for each in lens.kinds[1:])]
-    plans, volumes, product = (
-        [each.plan for each in kinds],
-        [each.volume_mm3 for each in kinds],
-        f"{lens.spec.name} plate",
-    )
+    plans, volumes = [each.plan for each in kinds], [each.volume_mm3 for each in kinds]
+    product = f"{lens.spec.name} plate"
     openings = [rim_points(plan.cavity) for plan in plans]
     _require_walls(layout, openings)
     facets, chord_mm = lens_meshes(tuple(plans), layout.lenses.kind_of_each)

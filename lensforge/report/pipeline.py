@@ -70,7 +70,7 @@ def build(
         lens: the lens.
         schema: of the STEP file.
         extension_deg: also writes the optical faces untrimmed, extended by this angle beyond the rim.
-        nodes: least number of spline nodes across a face; None: as many as the tolerances need.
+        nodes: number of spline nodes across a face; None: as many as the tolerances need.
         form_nm: largest form error of an optical face, in nm; None: the spec's.
         normal_mrad: largest error of its normal, in mrad; None: the spec's.
         rings: number of equal rings of the mesh; None: as many as its tolerance needs.
