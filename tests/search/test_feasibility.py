@@ -97,6 +97,16 @@ def test_a_limit_is_made_stricter_by_all_that_its_points_see_too_much(
     assert 0.3 * margin_mm <= margins.radius_margin_mm + 1e-9 <= margin_mm + 2e-9
 
 
+def test_where_limits_exclude_each_other_the_worst_of_them_is_lessened() -> None:
+    """A radius 5.5 mm less leaves no room for cavity and wall."""
+    parametrisation, constraints = problem_of(small_spec(lens__symmetry="square"), (9,)).in_full()
+    strict = constraints.tightened({"radius_margin_mm": 5.5})
+    start = torch.zeros(9, 2, dtype=torch.float64), torch.tensor([1.0, 7.03 / 6.0], dtype=torch.float64)
+    moved = project_to_feasible(parametrisation, strict, *start)
+    before, after = (strict.shortfall(strict.fields(parametrisation.tables(*each))) for each in (start, moved))
+    assert 1.0 < after < 0.9 * before
+
+
 def test_of_lenses_that_all_miss_a_limit_the_one_that_misses_least_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, misses = problem_of(small_spec(), (9,)), iter([0.02, 0.01, 0.05, 0.03])
 
