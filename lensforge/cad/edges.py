@@ -50,6 +50,11 @@ _RIM_NODES_PER_NODE = 2.5  # along the whole rim, for each node across the patch
 _SPANS_PER_EDGE = 24
 
 
+Named = list[tuple[str, Any]]  # faces; the CAD kernel has no types
+Chain = list[Any]  # of edges
+_Ends = tuple[float, float]  # azimuths (rad)
+
+
 def geom_surface(patch: Patch) -> Any:
     """``Geom_BSplineSurface`` of a patch: the same control points, knots and parameters."""
     poles = TColgp_Array2OfPnt(1, len(patch.control), 1, len(patch.control))
@@ -61,40 +66,51 @@ def geom_surface(patch: Patch) -> Any:
 
 
 def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...], *, split: bool) -> list[list[Any]]:
-    """Chains of edges, one chain for each arc of the patch's rim, together closed: arcs of the unit circle on its face.
+    """Chains of edges, one chain for each arc of the patch's rim, together closed: where it crosses z = 0.
 
     ``split``: long arcs are split, so that each edge has few spans; arcs between crossings may be too shallow for it.
     """
-    unit_circle = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), 1.0)
-    azimuths = np.linspace(0.0, FULL_TURN, int(4 * _RIM_NODES_PER_NODE * patch.nodes))
-    gap = float(np.abs(patch.points(rim_directions(azimuths)[:, :2])[:, 2]).max())
     chains = [_split(arc, patch.nodes) if split else [(arc.start, arc.end)] for arc in arcs]
-
-    def rim(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-        points = patch.points(rim_directions(azimuths)[:, :2])
-        points[:, 2] = 0.0  # from which it differs by less than its form error
-        return points
-
-    curves = [[(_spline_along(rim, ends, patch.nodes), (unit_circle,)) for ends in chain] for chain in chains]
-    return _chains(chains, curves, rim, gap, (face_surface,))
+    return _edges_on(chains, lambda azimuths: _at_rim(patch, azimuths), (patch,), (face_surface,))
 
 
 def crease_edges(crease: Crease, patches: tuple[Patch, Patch], surfaces: tuple[Any, Any]) -> list[Any]:
     """The closed chain of edges of ``crease`` between two faces, on both to rounding, however well they are fitted."""
-    nodes = max(patch.nodes for patch in patches)
+    chain = _split(Arc(0.0, FULL_TURN, "bare"), max(patch.nodes for patch in patches))
+    return _edges_on([chain], lambda azimuths: _on_both(patches, crease.chart(azimuths)), patches, surfaces)[0]
 
-    def places(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 7"]:
-        return _on_both(patches, crease.chart(azimuths))
 
-    chain, curves, gap = _split(Arc(0.0, FULL_TURN, "bare"), nodes), [], 0.0
-    for ends in chain:
-        along = _spline_along(places, ends, nodes)
-        planes, space = [_columns(along, first, 2) for first in (0, 2)], _columns(along, 4, 3)
-        between = np.linspace(*ends, 4 * len(space.c))
-        for patch, plane in zip(patches, planes, strict=True):
-            gap = max(gap, float(np.linalg.norm(patch.points(plane(between)) - space(between), axis=1).max()))
-        curves.append((space, tuple(map(_curve, planes))))
-    return _chains([chain], [curves], lambda azimuths: places(azimuths)[:, 4:], gap, surfaces)[0]
+def _edges_on(
+    chains: list[list[_Ends]],
+    places: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "n d"]],
+    patches: tuple[Patch, ...],
+    surfaces: tuple[Any, ...],
+) -> list[list[Any]]:
+    """Edges over the azimuths of ``chains``; ``places``: chart points of each of the ``patches``, and points (mm)."""
+    nodes, of_space, gap = max(patch.nodes for patch in patches), 2 * len(patches), 0.0
+    curves: list[list[tuple[BSpline, tuple[Any, ...]]]] = []
+    for chain in chains:
+        curves.append([])
+        for ends in chain:
+            along = _spline_along(places, ends, nodes)
+            planes, space = [_columns(along, 2 * k, 2) for k in range(len(patches))], _columns(along, of_space, 3)
+            between = np.linspace(*ends, 4 * len(space.c))
+            for patch, plane in zip(patches, planes, strict=True):
+                gap = max(gap, float(np.linalg.norm(patch.points(plane(between)) - space(between), axis=1).max()))
+            curves[-1].append((space, tuple(map(_curve, planes))))
+    return _chains(chains, curves, lambda azimuths: places(azimuths)[:, of_space:], gap, surfaces)
+
+
+def _at_rim(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 5"]:
+    """Chart points where a patch crosses z = 0, and points (mm) there: beside the unit circle by its form error."""
+    outwards, radius = rim_directions(azimuths)[:, :2], np.ones(len(azimuths))
+    for _ in range(_NEWTON_STEPS):
+        point, by_x, by_y = patch.tangents(radius[:, None] * outwards)
+        radius = radius - point[:, 2] / (by_x[:, 2] * outwards[:, 0] + by_y[:, 2] * outwards[:, 1])
+    place = radius[:, None] * outwards
+    points = patch.points(place)
+    points[:, 2] = 0.0  # to rounding
+    return np.concatenate([place, points], axis=1)
 
 
 def _on_both(patches: tuple[Patch, Patch], chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 7"]:
@@ -131,11 +147,6 @@ def circle_edge(radius_mm: float, height_mm: float, on: tuple[Patch, Any] | None
 
 def _tolerance_mm(gap: float) -> float:
     return max(_MIN_TOLERANCE_MM, _GAP_MARGIN * gap)
-
-
-Named = list[tuple[str, Any]]  # faces; the CAD kernel has no types
-Chain = list[Any]  # of edges
-_Ends = tuple[float, float]  # azimuths (rad)
 
 
 def _chains(

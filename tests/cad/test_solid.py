@@ -118,3 +118,11 @@ def test_a_damaged_step_is_one_line(content):
     with pytest.raises(InputError, match=r"^part\.step: (not readable as STEP|holds 0 solids)") as caught:
         parse_step(content, "part.step")
     assert "\n" not in str(caught.value)
+
+
+def test_a_coarse_spline_is_trimmed_where_it_crosses_the_plane_and_keeps_its_volume_in_a_file() -> None:
+    """Its rim lies beside the unit circle by its form error; a trim there is made anew by who reads it."""
+    inner, outer = (random_surface(radius, 0.05, seed, levels=(9, 25, 81)) for radius, seed in ((6.0, 5), (13.0, 6)))
+    solid = build_solid(plan_of(inner, outer, nodes=24))
+    read = parse_step(step_bytes(solid, "coarse"))
+    assert read.valid and read.default_volume_mm3 == pytest.approx(solid.default_volume_mm3, rel=1e-8)
