@@ -25,6 +25,7 @@ WATTS_UNKNOWN = "input wattage not known: 0 stands for none"
 METHOD, ISSUED, GENERATED = "FILEGENINFO", "ISSUEDATE", "FILEGENTYPE"  # keywords of comments
 ROUND_HOUSING = "Align_Z"
 TURNS = ("C0", "C90", "C180", "C270")
+INTENSITY = "Emitter/LuminousData/LuminousIntensity"
 KELVIN, INDEX = re.compile(r"(\d{4,5})\s*K?", re.IGNORECASE), re.compile(r"(?:Ra|CRI)?\s*(\d{1,3})", re.IGNORECASE)
 # Elements in the order of the schema where others may be kept.
 ORDER = {
@@ -52,46 +53,58 @@ def whole_in(text: str, pattern: re.Pattern[str]) -> str:
 def document(photometric: PhotometricFile) -> str:
     """XML text of ``photometric``: absolute candela, or relative to the lumens of the lamp where they are known."""
     root = Element("IESTM33-22")
-    _put(root, "Version", "1.1")
-    _header(SubElement(root, "Header"), photometric)
-    if any(photometric.housing_mm):
-        _housing(SubElement(root, "Luminaire"), photometric.housing_mm)
-    gonioradiometer = SubElement(SubElement(root, "Equipment"), "Gonioradiometer")
-    _put(gonioradiometer, "Type", "IES_C")  # of the angles; the data themselves say that they are simulated
-    _emitter_element(SubElement(root, "Emitter"), photometric)
-    for path, text in photometric.others:
-        if "/" in path and text:
+    kept = ((path, text) for path, text in photometric.others if "/" in path)
+    for path, text in (*_texts(photometric).items(), *_comments(photometric), *kept):
+        if text:
             _insert(root, path, text)
+    _add_intensities(root, photometric)
     indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
-def _header(header: Element, photometric: PhotometricFile) -> None:
-    _put(header, "Manufacturer", photometric.maker or NOT_STATED)
-    if photometric.catalogue:
-        _put(header, "CatalogNumber", photometric.catalogue)
-    _put(header, "Description", photometric.title or NOT_STATED)
-    _put(header, "Laboratory", photometric.laboratory or NOT_STATED)
-    _put(header, "ReportNumber", photometric.test or NOT_STATED)
-    _put(header, "ReportDate", _date(photometric) or NO_DATE)
-    _put(header, "DocumentCreator", f"lensforge {__version__}")
-    for comment in _comments(photometric):
-        _put(header, "Comment", comment)
+def _texts(photometric: PhotometricFile) -> dict[str, str]:
+    """Texts of the elements by their paths; one without text is left out."""
+    table, lamp, lumens = photometric.intensity, photometric.lamps[0], photometric.written_lumens
+    planes, angles = len(table.c_deg), len(table.gamma_deg)
+    return {
+        "Version": "1.1",
+        "Header/Manufacturer": photometric.maker or NOT_STATED,
+        "Header/CatalogNumber": photometric.catalogue,
+        "Header/Description": photometric.title or NOT_STATED,
+        "Header/Laboratory": photometric.laboratory or NOT_STATED,
+        "Header/ReportNumber": photometric.test or NOT_STATED,
+        "Header/ReportDate": _date(photometric) or NO_DATE,
+        "Header/DocumentCreator": f"lensforge {__version__}",
+        **_housing(photometric.housing_mm),
+        "Equipment/Gonioradiometer/Type": "IES_C",  # of the angles; the data themselves say that they are simulated
+        "Emitter/Quantity": "1",
+        "Emitter/Description": lamp.kind or photometric.title or NOT_STATED,
+        "Emitter/CatalogNumber": lamp.catalogue,
+        "Emitter/RatedLumens": "" if lumens is None else _decimal(lumens),
+        "Emitter/InputWattage": _decimal(photometric.watts),
+        "Emitter/ColorTemperature/FixedCCT": whole_in(lamp.colour, KELVIN),
+        "Emitter/ColorRendering/CIE_CRI/Ra": whole_in(lamp.rendering, INDEX),
+        **_generation(photometric.generated),
+        f"{INTENSITY}/AbsolutePhotometry": _boolean(photometric.absolute),
+        f"{INTENSITY}/NumberMeasured": str(planes * angles),
+        f"{INTENSITY}/NumberHorz": str(planes),
+        f"{INTENSITY}/NumberVert": str(angles),
+        "Emitter/LuminousData/LuminousFlux": _decimal(table.flux()),
+        **_faces(photometric.opening),
+    }
 
 
-def _comments(photometric: PhotometricFile) -> Iterator[str]:
-    """Statements that have no element: keywords of LM-63 with their text, then remarks."""
+def _comments(photometric: PhotometricFile) -> Iterator[tuple[str, str]]:
+    """Statements that have no element of their own: keywords of LM-63 with their text, then remarks."""
     labels = [(METHOD, photometric.method), *(each for each in photometric.others if "/" not in each[0])]
     if photometric.generated not in (SIMULATED, UNDEFINED):
         labels.append((GENERATED, photometric.generated))
     if photometric.issued and not _date(photometric):
         labels.append((ISSUED, photometric.issued))
-    yield from (f"[{keyword}] {text}" for keyword, text in labels if text)
-    yield from photometric.remarks
-    if not _date(photometric):
-        yield DATE_UNKNOWN
-    if photometric.watts <= 0.0:
-        yield WATTS_UNKNOWN
+    texts = [*(f"[{keyword}] {text}" for keyword, text in labels if text), *photometric.remarks]
+    texts += [] if _date(photometric) else [DATE_UNKNOWN]
+    texts += [WATTS_UNKNOWN] if photometric.watts <= 0.0 else []
+    yield from (("Header/Comment", text) for text in texts)
 
 
 def _date(photometric: PhotometricFile) -> str:
@@ -102,62 +115,45 @@ def _date(photometric: PhotometricFile) -> str:
         return ""
 
 
-def _housing(luminaire: Element, housing_mm: tuple[float, float, float]) -> None:
-    length, width, height = (size / 1000.0 for size in housing_mm)
-    dimensions = SubElement(luminaire, "Dimensions")
-    for name, size in (("Length", length), ("Width", width or length), ("Height", height)):
-        _put(dimensions, name, _decimal(size))
-    if width == 0.0:
-        _put(luminaire, "Shape", ROUND_HOUSING)
-    _put(luminaire, "NumEmitter", "1")
+def _housing(housing_mm: tuple[float, float, float]) -> dict[str, str]:
+    if not any(housing_mm):
+        return {}
+    length, width, height = housing_mm
+    sizes = {"Length": length, "Width": width or length, "Height": height}
+    return {
+        **{f"Luminaire/Dimensions/{name}": _metres(size) for name, size in sizes.items()},
+        "Luminaire/Shape": "" if width else ROUND_HOUSING,
+        "Luminaire/NumEmitter": "1",
+    }
 
 
-def _emitter_element(emitter: Element, photometric: PhotometricFile) -> None:
-    """One emitter: what it is, how its data were made, intensities, and the opening from which they come."""
-    lamp, lumens = photometric.lamps[0], photometric.written_lumens
-    _put(emitter, "Quantity", "1")
-    _put(emitter, "Description", lamp.kind or photometric.title or NOT_STATED)
-    if lamp.catalogue:
-        _put(emitter, "CatalogNumber", lamp.catalogue)
-    if lumens is not None:
-        _put(emitter, "RatedLumens", _decimal(lumens))
-    _put(emitter, "InputWattage", _decimal(photometric.watts))
-    if kelvin := whole_in(lamp.colour, KELVIN):
-        _put(SubElement(emitter, "ColorTemperature"), "FixedCCT", kelvin)
-    if index := whole_in(lamp.rendering, INDEX):
-        _put(SubElement(SubElement(emitter, "ColorRendering"), "CIE_CRI"), "Ra", index)
-    if photometric.generated != UNDEFINED:
-        made = SubElement(emitter, "DataGeneration")
-        _put(made, "Simulation", _boolean(photometric.generated == SIMULATED))
-        _put(made, "IntensityScaling", _boolean("scaled" in photometric.generated))
-        _put(made, "AngleInterpolation", _boolean("interpolated" in photometric.generated))
-    data = SubElement(emitter, "LuminousData")
-    _intensities(SubElement(data, "LuminousIntensity"), photometric)
-    _put(data, "LuminousFlux", _decimal(photometric.intensity.flux()))
-    if photometric.opening.shape != POINT:
-        _faces(SubElement(emitter, "EmissionAreas"), photometric.opening)
+def _generation(words: str) -> dict[str, str]:
+    """Generation of the data by the ``words`` of LM-63-2019; nothing where that is undefined."""
+    says = {
+        "Simulation": words == SIMULATED,
+        "IntensityScaling": "scaled" in words,
+        "AngleInterpolation": "interpolated" in words,
+    }
+    return {f"Emitter/DataGeneration/{name}": _boolean(each) for name, each in says.items() if words != UNDEFINED}
 
 
-def _faces(areas: Element, opening: LuminousOpening) -> None:
-    """The lower face of the opening, and its sides where they have a height."""
-    length, width = opening.length_mm, opening.width_mm
-    sizes = [("Length", length), ("Width", width), ("LengthOffset", 0.0), ("WidthOffset", 0.0)]
-    area = _face(areas, "Bottom", sizes)
-    if opening.rounded:
-        _put(area, "Circular", "true")
+def _faces(opening: LuminousOpening) -> dict[str, str]:
+    """The lower face of the opening, and its sides where they have a height; none of a point."""
+    if opening.shape == POINT:
+        return {}
+    length, width = {"Length": opening.length_mm}, {"Width": opening.width_mm}
+    texts = _face("Bottom", length | width)
+    texts["Emitter/EmissionAreas/BottomFace/BottomArea/Circular"] = "true" if opening.rounded else ""
     for turn, height in zip(TURNS, opening.heights_mm, strict=True):
-        name, size = ("Length", length) if turn in ("C0", "C180") else ("Width", width)
         if height > 0.0:
-            _face(areas, turn, [(name, size), ("Height", height), (f"{name}Offset", 0.0), ("HeightOffset", 0.0)])
+            texts |= _face(turn, (length if turn in ("C0", "C180") else width) | {"Height": height})
+    return texts
 
 
-def _face(areas: Element, which: str, sizes_mm: list[tuple[str, float]]) -> Element:
-    face = SubElement(areas, f"{which}Face")
-    _put(face, f"Number{which}", "1")
-    area = SubElement(face, f"{which}Area")
-    for name, size in sizes_mm:
-        _put(area, name, _decimal(size / 1000.0))
-    return area
+def _face(which: str, sizes_mm: dict[str, float]) -> dict[str, str]:
+    place, sizes = f"Emitter/EmissionAreas/{which}Face", sizes_mm | {f"{name}Offset": 0.0 for name in sizes_mm}
+    areas = {f"{place}/{which}Area/{name}": _metres(size) for name, size in sizes.items()}
+    return {f"{place}/Number{which}": "1", **areas}
 
 
 def _insert(root: Element, path: str, text: str) -> None:
@@ -175,23 +171,21 @@ def _insert(root: Element, path: str, text: str) -> None:
     parent.text = single_line(text)
 
 
-def _intensities(parent: Element, photometric: PhotometricFile) -> None:
-    table = photometric.intensity
-    h, v = [_decimal(angle) for angle in table.c_deg], [_decimal(angle) for angle in table.gamma_deg]
-    _put(parent, "AbsolutePhotometry", _boolean(photometric.absolute))
-    for name, count in (("NumberMeasured", len(h) * len(v)), ("NumberHorz", len(h)), ("NumberVert", len(v))):
-        _put(parent, name, str(count))
-    for row, plane in enumerate(h):
-        for column, angle in enumerate(v):
-            SubElement(parent, "IntData", h=plane, v=angle).text = _decimal(table.values[row, column])
-
-
-def _put(parent: Element, name: str, text: str) -> None:
-    SubElement(parent, name).text = single_line(text)
+def _add_intensities(root: Element, photometric: PhotometricFile) -> None:
+    table, parent = photometric.intensity, root.find(INTENSITY)
+    assert parent is not None
+    v = [_decimal(angle) for angle in table.gamma_deg]
+    for plane, values in zip(map(_decimal, table.c_deg), table.values, strict=True):
+        for angle, value in zip(v, values, strict=True):
+            SubElement(parent, "IntData", h=plane, v=angle).text = _decimal(value)
 
 
 def _boolean(value: bool) -> str:
     return "true" if value else "false"
+
+
+def _metres(size_mm: float) -> str:
+    return _decimal(size_mm / 1000.0)
 
 
 def _decimal(number: float) -> str:
