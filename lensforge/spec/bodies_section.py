@@ -7,11 +7,11 @@ outside. The search changes none of them, and no file for the shop has them.
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import CAVITY, DOUBLE, OUTSIDE
@@ -22,7 +22,7 @@ from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.lamps_section import Lamps
-from lensforge.spec.lens_material import OpticalData, with_optical_data
+from lensforge.spec.lens_material import OfMaterial, OpticalData
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section, check
@@ -43,7 +43,7 @@ class ShellFace(Section):
     """Coating of the face."""
 
 
-class BodySection(Section):
+class BodySection(OfMaterial):
     """A given body in the light behind the lens: a dome, a cover, a second optic.
 
     It stands around the lens, or around the bodies named before it: light comes to it from inside its cavity, meets its
@@ -78,11 +78,6 @@ class BodySection(Section):
     outer: ShellFace
     """Face towards the receivers."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _material_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
-        return with_optical_data(content, info)
-
     @check
     def _has_one_index(self) -> None:
         own = self.optical_data is not None
@@ -115,11 +110,8 @@ class BodySection(Section):
             return self.optical_data.material(self.material or self.name)
         if self.refractive_index is None:
             return MATERIALS[str(self.material)]
-        return (
-            None
-            if self.abbe_number is None
-            else by_abbe_number(self.refractive_index, self.abbe_number, self.material or self.name)
-        )
+        name, abbe = self.material or self.name, self.abbe_number
+        return None if abbe is None else by_abbe_number(self.refractive_index, abbe, name)
 
     @property
     def pose(self) -> Pose:

@@ -135,21 +135,25 @@ class OpticalData(Section):
         return Material(name, self._dispersion, self._span, self.source or "the spec", None, absorption, law)
 
 
-def with_optical_data(content: Any, info: ValidationInfo) -> Any:
-    """Fields of a ``[lens]`` with the data of its ``material_file`` in place of that file: they need it no more.
+class OfMaterial(Section):
+    """A section that may name the file of its material, whose data it has in place of that file: it needs it no more.
 
     Raises ``ValueError`` for a file that cannot be read, or where both are given.
     """
-    if not isinstance(content, dict) or not isinstance(content.get("material_file"), str | Path):
-        return content
-    if content.get("optical_data") is not None:
-        raise ValueError("material_file: material_file and optical_data: give one of the two")
-    try:
-        material = read_material(full_path(Path(content["material_file"]), info), content.get("material"))
-    except (InputError, ValueError) as error:
-        raise ValueError(f"material_file: {error}") from None
-    rest = {key: value for key, value in content.items() if key != "material_file"}
-    return rest | {"material": material.name, "optical_data": _fields(material)}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _data_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
+        if not isinstance(content, dict) or not isinstance(content.get("material_file"), str | Path):
+            return content
+        if content.get("optical_data") is not None:
+            raise ValueError("material_file: material_file and optical_data: give one of the two")
+        try:
+            material = read_material(full_path(Path(content["material_file"]), info), content.get("material"))
+        except (InputError, ValueError) as error:
+            raise ValueError(f"material_file: {error}") from None
+        rest = {key: value for key, value in content.items() if key != "material_file"}
+        return rest | {"material": material.name, "optical_data": _fields(material)}
 
 
 def _fields(material: Material) -> dict[str, Any]:
@@ -198,7 +202,7 @@ _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored be
 _Index = Annotated[float, Field(ge=1.0, le=4.0)]
 
 
-class LensMaterial(FacesSection):
+class LensMaterial(OfMaterial, FacesSection):
     """Material of the body, and what lies on its faces and around it.
 
     Either ``refractive_index`` holds for all wavelengths; or the material is dispersive: a ``material`` of
@@ -239,11 +243,6 @@ class LensMaterial(FacesSection):
     """Linear expansion with temperature, for a material that does not state its own."""
     reference_temperature_c: Celsius | None = None
     """Temperature at which the lens has its index and its size; by default 20, or as the material states."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _material_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
-        return with_optical_data(content, info)
 
     @check
     def _one_source_of_the_index(self) -> None:
