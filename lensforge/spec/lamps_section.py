@@ -189,7 +189,8 @@ class LampsSection(Section):
     @property
     def of_one_kind(self) -> Self:
         """The same places, where all lamps have one lens."""
-        return self
+        kinds = type(self).model_fields.get("kinds")
+        return self if kinds is None else self.changed(kinds=kinds.default)
 
     def of_numbers(self, numbers: Sequence[int]) -> "TableLamps":
         """Some of the lamps, by their numbers, with one lens."""
@@ -218,11 +219,6 @@ class LampsWithRim(LampsSection):
     """Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned to face outwards."""
     rim_rings: _Rings = 1
     """Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."""
-
-    @property
-    def of_one_kind(self) -> Self:
-        """The same places, where all lamps have one lens."""
-        return self.changed(kinds="one")
 
 
 class GridLamps(LampsWithRim):
@@ -322,11 +318,6 @@ class TableLamps(LampsSection):
             lamps.append(Lamp(place, axis, turn + side))
         flat = [place[:2] for place in places]
         return Lamps(tuple(lamps), kinds=kinds_of(flat, self.kinds, [""] * len(self.kinds)))
-
-    @property
-    def of_one_kind(self) -> Self:
-        """The same places, where all lamps have one lens."""
-        return self.changed(kinds=())
 
     @check
     def _can_be(self) -> None:
