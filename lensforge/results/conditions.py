@@ -1,7 +1,7 @@
 """Conditions of a simulation that differ from the lens's own, in words and as part of a file's name."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -68,24 +68,24 @@ class Conditions(Record):
 
     def _short(self) -> Iterator[tuple[str, str]]:
         """Each condition but the source: in words, and as part of a name."""
-        if self.accuracy is not None:
-            yield f"accuracy {self.accuracy}", self.accuracy
-        if self.rays is not None:
-            yield f"{self.rays} rays", f"{self.rays}rays"
-        if self.pixels is not None:
-            yield f"{self.pixels} x {self.pixels} pixels", f"{self.pixels}px"
-        if self.seed is not None:
-            yield f"seed {self.seed}", f"seed{self.seed}"
-        if self.lumens is not None:
-            yield f"{self.lumens:g} lm", f"{self.lumens:g}lm".replace("+", "")
-        if self.temperature_c is not None:
-            yield f"{self.temperature_c:g} °C", f"{self.temperature_c:g}C".replace("-", "minus")
-        if self.tolerances is not None:
-            yield f"tolerances {self.tolerances}", _in_a_name(self.tolerances)
-        if self.process is not None:
-            yield self.process, self.process
+        for field, (words, short) in _IN_SHORT.items():
+            if (value := getattr(self, field)) is not None:
+                yield words.format(value), short(value)
 
 
 def _in_a_name(source: str) -> str:
     """``source`` without the characters that a file's name must not have."""
     return re.sub(r"[^\w.-]+", "-", source).strip("-.")[:_LONGEST_SOURCE].rstrip("-._") or "source"
+
+
+# Conditions but the source: in words, and as part of a file's name.
+_IN_SHORT: dict[str, tuple[str, Callable[[Any], str]]] = {
+    "accuracy": ("accuracy {}", str),
+    "rays": ("{} rays", "{}rays".format),
+    "pixels": ("{0} x {0} pixels", "{}px".format),
+    "seed": ("seed {}", "seed{}".format),
+    "lumens": ("{:g} lm", lambda lumens: f"{lumens:g}lm".replace("+", "")),
+    "temperature_c": ("{:g} °C", lambda celsius: f"{celsius:g}C".replace("-", "minus")),
+    "tolerances": ("tolerances {}", _in_a_name),
+    "process": ("{}", str),
+}
