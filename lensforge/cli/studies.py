@@ -1,6 +1,6 @@
 """Studies of many designs: ``sweep`` over a field, a lens for each LED, and ``tradeoff`` of accuracy and time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -30,7 +30,7 @@ from lensforge.results.criteria import require
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.search.searches import SearchOptions, redesign
-from lensforge.spec import Accuracy, Spec, load_spec
+from lensforge.spec import Spec, load_spec
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.spec_files import joined_name
 from lensforge.surfaces.imported_face import LENS_FILE
@@ -105,13 +105,8 @@ def sweep(
     vary: str,
     scale: tuple[str, ...],
     out: Path | None,
-    accuracy: Accuracy,
-    seed: int,
-    resume: bool,
     rays: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    output: Output,
+    **options: Any,
 ) -> None:
     """Design SPEC for each value of one field.
 
@@ -123,16 +118,13 @@ def sweep(
     """
     content = with_rays(load_spec(spec), rays)
     directory = out or Path("cad_out") / f"{content.name}_sweep"
-    options = {"accuracy": accuracy, "seed": seed, "threads": threads}
-    _run_study(content, parse_variation(vary, scale), directory, resume, scheduler, output, options)
+    _run_study(content, parse_variation(vary, scale), directory, **options)
 
 
-def design_for_each(
-    content: Spec, leds: Sequence[str], out: Path | None, *, resume: bool, output: Output, **options: Any
-) -> Path:
+def design_for_each(content: Spec, leds: Sequence[str], out: Path | None, **options: Any) -> Path:
     """Design a spec for each LED of the files ``leds``, and return the page on all."""
-    directory, scheduler = out or Path("cad_out") / f"{content.name}_sources", options.pop("scheduler", None)
-    _run_study(content, sources_of(list(leds), content), directory, resume, scheduler, output, options)
+    directory = out or Path("cad_out") / f"{content.name}_sources"
+    _run_study(content, sources_of(list(leds), content), directory, **options)
     return directory / _PAGE
 
 
@@ -140,10 +132,11 @@ def _run_study(
     content: Spec,
     variation: AnyVariation,
     directory: Path,
+    *,
     resume: bool,
-    scheduler: str | None,
     output: Output,
-    options: Mapping[str, Any],
+    scheduler: str | None,
+    **options: Any,
 ) -> None:
     """Make every design of ``variation``, and print all. Raises :class:`CriterionMissed` where one fails."""
     from lensforge.cli.progress import StageClock
