@@ -26,15 +26,16 @@ if TYPE_CHECKING:
 
 
 _COLOURS = ("#c0392b", "#2f7fd1")
-_RINGS = 5
+_RINGS, _ROUND = 5, (1, 2, 5, 10)  # most rings, and the digits of the step between them
 _STEP_DEG = 30.0
 
 
 def draw_polar(axes: "Axes", curves: Mapping[str, tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]]) -> None:
     """Draw each curve, signed angles gamma (deg) and intensities (cd), on ordinary ``axes`` with rings and rays."""
+    from matplotlib.ticker import MaxNLocator
+
     largest = max(float(values.max()) for _, values in curves.values())
-    ring = _round_step(largest / _RINGS)
-    rings = ring * np.arange(1, int(np.ceil(largest / ring - 1e-9)) + 1)
+    rings = MaxNLocator(_RINGS, steps=_ROUND).tick_values(0.0, largest)[1:]
     turn = np.linspace(0.0, 2.0 * np.pi, 361)
     for radius in rings:
         axes.plot(radius * np.sin(turn), -radius * np.cos(turn), color="0.85", linewidth=0.7, zorder=0)
@@ -47,11 +48,6 @@ def draw_polar(axes: "Axes", curves: Mapping[str, tuple[Float[np.ndarray, " n"],
     axes.set(aspect="equal", title="intensity (cd), gamma = 0 downwards", xticks=[], yticks=[])
     axes.set_frame_on(False)
     axes.legend(frameon=False, loc="upper right")
-
-
-def _round_step(step: float) -> float:
-    power = 10.0 ** np.floor(np.log10(step))
-    return float(next(power * each for each in (1.0, 2.0, 5.0, 10.0) if power * each >= step * (1.0 - 1e-9)))
 
 
 _PLANES = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
