@@ -1,6 +1,6 @@
 """The top of a page or a notebook: the verdict, warnings, criteria, and the facts that a reader looks for first."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,7 +18,7 @@ from lensforge.results.verdict import TITLES
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import tip_keys
 from lensforge.shop.check_result import Check
-from lensforge.spec import ReceiverSection, Spec, TargetSection
+from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.lens_section import LensShape
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
@@ -262,13 +262,8 @@ def _place(lens: LensShape, name: str) -> str:
 
 
 def _on_receiver(receiver: ReceiverSection) -> str:
-    return f"{_targets(receiver.targets)} {receiver.place}"
-
-
-def _targets(targets: Sequence[TargetSection]) -> str:
-    return (
-        f"{len(targets)} targets" if len(targets) > _MOST_NAMED else _listed([target.description for target in targets])
-    )
+    names = [target.description for target in receiver.targets]
+    return f"{_listed(names) if len(names) <= _MOST_NAMED else f'{len(names)} targets'} {receiver.place}"
 
 
 def _listed(names: list[str]) -> str:

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from lensforge.shop.check_result import TurningTool
 from lensforge.shop.face_check import FaceCheck, bounded
-from lensforge.shop.face_samples import FaceSamples, OpticalFace
+from lensforge.shop.face_samples import OpticalFace
 from lensforge.spec import ManufactureSection
 
 Points = Float[np.ndarray, "_ 2"]  # distance from the axis and height (mm)
@@ -203,7 +203,8 @@ def turned_face(face: FaceCheck, tool: LatheTool, fixture: Points) -> TurnedFace
         corner_fraction=setup.share(corner & ~reached),
         bare_fraction=setup.share(bare),
     )
-    return TurnedFace(**{**vars(face), "residual_mm": _on_samples(face.samples, contacts, left_mm)}, tool=record)
+    on_samples_mm = np.interp(np.hypot(*face.samples.chart.T), contacts.chart, left_mm)
+    return TurnedFace(**{**vars(face), "residual_mm": on_samples_mm}, tool=record)
 
 
 def _both_sides(parts: Sequence[Points]) -> Points:
@@ -219,7 +220,3 @@ def _left_mm(face: Meridian, reached: Bool[np.ndarray, " k"], radius_mm: float) 
     centres = (face.points + radius_mm * face.normals)[reached]
     distance, _ = cKDTree(centres).query(face.points)
     return np.where(reached, 0.0, np.maximum(distance - radius_mm, 0.0))
-
-
-def _on_samples(samples: FaceSamples, face: Meridian, values: Float[np.ndarray, " k"]) -> Float[np.ndarray, " m"]:
-    return np.asarray(np.interp(np.hypot(*samples.chart.T), face.chart, values))

@@ -70,8 +70,10 @@ def allowed_words(schema: Mapping[str, Any]) -> str:
         words = list(dict.fromkeys(allowed_words(each) for each in kinds))
         return "table of its kind" if len(words) == 1 and words[0] == "table" and len(kinds) > 1 else _either(words)
     match schema.get("type"):
-        case "number" | "integer":
-            return _number_words(schema)
+        case "number":
+            return range_words(schema) or "number"
+        case "integer":
+            return f"whole number {range_words(schema)}".rstrip()
         case "boolean":
             return "true or false"
         case "string":
@@ -79,12 +81,6 @@ def allowed_words(schema: Mapping[str, Any]) -> str:
         case "array":
             return _list_words(schema)
     return "table"
-
-
-def _number_words(schema: Mapping[str, Any]) -> str:
-    kind, reach = "whole number" if schema["type"] == "integer" else "number", range_words(schema)
-    whole = "whole number " if kind == "whole number" else ""
-    return f"{whole}{reach}" if reach else kind
 
 
 def _list_words(schema: Mapping[str, Any]) -> str:

@@ -170,20 +170,18 @@ def encode(photometric: PhotometricFile, version: IesVersion = NEWEST) -> str:
     sizes = " ".join(f"{size / 1000.0:.6g}" for size in photometric.opening.signed_mm())
     counts = f"{len(table.gamma_deg)} {len(table.c_deg)} {_TYPE_C} {_METRES}"
     changed = generation_code(photometric.generated) if version == NEWEST else "1"
+    tilt = photometric.lamp_tilt or _NO_TILT
+    tilt, *of_tilt = tilt.split() if tilt.upper().startswith(_INCLUDED) else [tilt]
     lines = [
         *label_lines(photometric, version),
-        *_tilt_lines(photometric.lamp_tilt),
+        f"TILT={tilt}",
+        *_number_lines(of_tilt),
         f"{max(lamp.count, 1)} {of_each:.7g} 1 {counts} {sizes}",
         f"{photometric.ballast_factor:.7g} {changed} {photometric.watts:.6g}",
     ]
     for row in (table.gamma_deg, table.c_deg, *table.values / photometric.ballast_factor):
         lines += _number_lines([f"{number:.7g}" for number in row])
     return "\r\n".join(lines) + "\r\n"
-
-
-def _tilt_lines(tilt: str) -> list[str]:
-    first, *numbers = tilt.split() if tilt.upper().startswith(_INCLUDED) else (tilt or _NO_TILT,)
-    return [f"TILT={first}", *_number_lines(numbers)]
 
 
 def _number_lines(words: list[str]) -> list[str]:
