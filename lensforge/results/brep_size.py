@@ -9,7 +9,7 @@ what lies beyond a hole or a hollow edge is counted in one sector and taken away
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from math import ceil
 from typing import Any
 
@@ -25,7 +25,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 from scipy.interpolate import NdBSpline
 
-_POINTS, _PANEL_CELLS = 16, 8  # of Gauss, and the cells between knots on which they lie
+_LEGENDRE, _PANEL_CELLS = np.polynomial.legendre.leggauss(16), 8  # of Gauss, and the cells between knots of a panel
 _PRECISION = 1e-8  # of faces that are no splines, by the kernel's adaptive integrals: a pole may lie at their edges
 _LEAST_CELLS = 64  # across a spline: one of a few knots bends within a cell; areas of a ring or a hole err by 2e-6
 _PROBES = 32  # along an edge, for its length in cells
@@ -152,14 +152,9 @@ def _points_along(edge: Any, at: Float[np.ndarray, " p"]) -> tuple[Float[np.ndar
 def _gauss(cells: float) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Points and weights on 0 to 1, in equal panels."""
     panels = max(1, ceil(cells / _PANEL_CELLS))
-    points, weights = _legendre()
+    points, weights = _LEGENDRE
     places = (np.arange(panels)[:, None] + 0.5 * (points + 1.0)) / panels
     return places.ravel(), np.tile(0.5 * weights / panels, panels)
-
-
-@cache
-def _legendre() -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    return np.polynomial.legendre.leggauss(_POINTS)
 
 
 def explored(shape: Any, kind: Any) -> Iterator[Any]:

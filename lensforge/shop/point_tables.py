@@ -152,7 +152,7 @@ def points_table(lens: Lens, check: Check, head: list[str]) -> str:
         angles = face.ring_angles
         points, normals = face.at(angles)
         departure = np.linalg.norm(points - np.array(sphere.centre_mm), axis=1) - sphere.radius_mm
-        rows = np.column_stack([points, normals, angles, departure]) + 0.0  # no minus zero
+        rows = np.round(np.column_stack([points, normals, angles, departure]), 9) + 0.0  # no minus zero
         lines += [face.name + "," + ",".join(f"{value:.9f}" for value in row) for row in rows.tolist()]
     return "\n".join(lines) + "\n"
 
