@@ -277,7 +277,7 @@ def _manufacture(run: Run) -> Iterator[Row]:
     if missed:
         yield "Not met", "; ".join(missed)
     if run.verdict.cutting != "pass":
-        yield "Remedy", "see `lensforge check`"
+        yield "Remedy", f"see `lensforge check`{', of a further kind in its own folder' if any(_kinds(run)) else ''}"
 
 
 def _written(run: Run) -> str:

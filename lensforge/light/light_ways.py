@@ -105,7 +105,7 @@ _REFLECTS = "light that this face should reflect; {}, or give it a mirror (lens.
 _ALL = "design with more steps, a larger constraints.max_radius_mm or a smaller source"
 _CAUSES = {
     "base": ("below the rim", f"light that leaves the rim of the body below z = 0; {_ALL}"),
-    "flange": ("in the flange", f"light that meets the flange; lower lens.flange.thickness_mm, or {_ALL}"),
+    "flange": ("in the flange", "light on it; take more steps, a smaller source or a lower lens.flange.thickness_mm"),
     "backward": ("through the opening", "light that leaves backwards through the opening; raise the source"),
     "event_limit": ("in the body", "light still reflected back and forth; raise lens.events"),
     "total_reflection": ("at the exit", f"light that the exit reflects totally; {_ALL}"),

@@ -157,7 +157,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
     if least <= 1.0 <= most:
         return ""
     factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
-    words = f"the road needs × {factor:g} lumens of each lamp, or × {three_digits(1.0 / factor):g} the spacing of poles"
+    words = f"so lit the road needs × {factor:g} lumens, or × {three_digits(1.0 / factor):g} the spacing of poles"
     grown = factor ** (1.0 - glare_law("threshold_increment", 1.0)[1])
     glaring = [each for each in limits if each.note == _TI and each.metric.value * grown > each.bound]
     if least > 1.0 and glaring:

@@ -106,7 +106,7 @@ def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str
     if step_lands_alike is False:
         return "lens.step displaces its rays, too, so the mesh is not the cause: the files are another lens; export"
     if fine:
-        return "the facets are fine enough, so a face of lens.stl lies elsewhere, or it has a void: export again"
+        return "export with more --rings; if it stays, a face of lens.stl lies elsewhere, or it has a void"
     if step_lands_alike is None:
         return f"{FINER}; if it stays, the file is not the lens of lens.json"
     return f"lens.step has no ray displacement, so {FINER}; if it stays, lens.stl is not this lens"

@@ -136,7 +136,7 @@ _OPTIONS["target"] = _OPTIONS["receivers.targets"] = [
 ]
 _MEASURED = "measured: 99 % of the ray file's flux starts inside"
 _NOTES = {
-    "lens.levels": "refined until the error stops improving",
+    "lens.levels": '"auto" refines until the error stops improving',
     "lens.material": "its index by wavelength comes from the catalogue",
     "source.origin": "the file's virtual focus lies at the lens origin",
     **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),

@@ -378,7 +378,7 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
         "[[roads]]\n" + "\n".join(f"{name} = {json.dumps(each)}" for name, each in ROAD.items()) + "\nlamp_lm = 9.0"
     )
     ahead, behind = (lensforge("road", path, "--road", roads, "--street-c", street).stderr for street in ("270", "90"))
-    assert "lumens of each lamp, or ×" in ahead and "is the street on that side" not in ahead
+    assert "lumens, or ×" in ahead and "is the street on that side" not in ahead
     assert re.search("with --street-c 270 the roads get 1.[2-9][0-9]* times the light", behind)
 
 
