@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from scipy import sparse
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import BSpline, NdBSpline, make_interp_spline
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
@@ -160,12 +160,9 @@ class ArealFilter:
     def _rows(self, chart: Float[np.ndarray, "n 2"]) -> Any:
         """Values of all basis functions at chart points, a sparse row for each."""
         inside = np.clip(chart, self._knots[0], self._knots[-1])
-        x, y = (BSpline.design_matrix(inside[:, axis], self._knots, _DEGREE) for axis in (0, 1))
-        width, side = _DEGREE + 1, len(self._knots) - _DEGREE - 1
-        columns = x.indices.reshape(-1, width, 1) * side + y.indices.reshape(-1, 1, width)
-        values = x.data.reshape(-1, width, 1) * y.data.reshape(-1, 1, width)
-        ends = np.arange(len(chart) + 1) * width**2
-        return sparse.csr_array((values.ravel(), columns.ravel(), ends), shape=(len(chart), side**2))
+        rows = NdBSpline.design_matrix(inside, (self._knots, self._knots), _DEGREE)
+        rows.resize((len(chart), (len(self._knots) - _DEGREE - 1) ** 2))  # scipy leaves out those after the last used
+        return rows
 
     @cached_property
     def _quadrature(self) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:

@@ -211,14 +211,12 @@ class OpticalFaces:
 
     def _gaps(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "f n"]:
         """Distance (mm) of points above z = 0 from each face, along the line to the origin."""
+        from scipy.ndimage import map_coordinates
+
         assert self.inverse_radii is not None
         radius, last = np.linalg.norm(points, axis=1), self.inverse_radii.shape[1] - 1
         place = 0.5 * last * (1.0 + points[:, :2] / (radius + points[:, 2])[:, None])
-        low = np.minimum(place.astype(np.int64), last - 1)
-        (x, y), (i, j) = (place - low).T, low.T
-        table = self.inverse_radii
-        found = (1.0 - x) * (1.0 - y) * table[:, i, j] + x * (1.0 - y) * table[:, i + 1, j]
-        found += (1.0 - x) * y * table[:, i, j + 1] + x * y * table[:, i + 1, j + 1]
+        found = np.stack([map_coordinates(table, place.T, order=1, mode="nearest") for table in self.inverse_radii])
         gaps: Float[np.ndarray, "f n"] = np.abs(1.0 / np.maximum(found, _FARTHEST) - radius)
         return gaps
 
