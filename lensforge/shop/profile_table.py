@@ -79,7 +79,7 @@ def profile_of(lens: Lens, face: str) -> Profile:
     chart = np.linspace(low, high, _DENSE)
     directions = to_sphere(np.column_stack([chart, np.zeros(_DENSE)]))
     meridian = surface.radius(directions)[:, None] * directions[:, ::2]
-    length = _along(meridian)
+    length = way_along(meridian)
     even = np.linspace(0.0, length[-1], PLACES)
     directions = to_sphere(np.column_stack([np.interp(even, length, chart), np.zeros(PLACES)]))
     places = np.round(surface.radius(directions)[:, None] * directions[:, ::2], DIGITS)
@@ -90,7 +90,7 @@ def spline_through(places: Meridian) -> Float[np.ndarray, "d 2"]:
     """Dense points of the cubic spline through ``places`` over the length of their chords."""
     from scipy.interpolate import CubicSpline
 
-    length = _along(places)
+    length = way_along(places)
     return np.asarray(CubicSpline(length, places)(np.linspace(0.0, length[-1], _DENSE)))
 
 
@@ -103,9 +103,9 @@ def distance_mm(surface: Surface, meridian: Meridian) -> Float[np.ndarray, " n"]
     return np.asarray((away - surface.radius(directions)) * slant)
 
 
-def _along(meridian: Meridian) -> Float[np.ndarray, " n"]:
-    steps = np.linalg.norm(np.diff(meridian, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+def way_along(points: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+    """Length (mm) of the line through the points up to each of them."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
 def profile_rows(lens: Lens, faces: Sequence[str]) -> list[list[str]]:

@@ -21,6 +21,7 @@ from scipy.spatial import cKDTree
 from lensforge.shop.check_result import TurningTool
 from lensforge.shop.face_check import FaceCheck, bounded
 from lensforge.shop.face_samples import OpticalFace
+from lensforge.shop.profile_table import way_along
 from lensforge.spec import ManufactureSection
 
 Points = Float[np.ndarray, "_ 2"]  # distance from the axis and height (mm)
@@ -51,11 +52,11 @@ class Meridian:
         """``count`` points of ``face``, evenly along the meridian, its ends among them."""
         low, high = (float(each[0]) for each in face.domain.radii(np.zeros(1)))
         even = np.linspace(low, high, _FINE)
-        way = _way(face.patch.points(_on_meridian(even)))
+        way = way_along(face.patch.points(_on_meridian(even)))
         chart = np.interp(np.linspace(0.0, way[-1], count), way, even)
         jet = face.patch.jet(_on_meridian(chart))
         normals = face.air_normal(jet)
-        areas = 2.0 * np.pi * jet.point[:, 0] * np.gradient(_way(jet.point))
+        areas = 2.0 * np.pi * jet.point[:, 0] * np.gradient(way_along(jet.point))
         areas[[0, -1]] /= 2.0
         curvatures = -np.sum(jet.xx * normals, axis=1) / np.sum(jet.x**2, axis=1)
         return Meridian(chart, jet.point[:, ::2], normals[:, ::2], areas, curvatures)
@@ -63,17 +64,12 @@ class Meridian:
     @staticmethod
     def near(face: OpticalFace, apart_mm: float) -> Points:
         """Points of ``face`` no farther apart than asked, as far as their number allows."""
-        length = _way(Meridian.of(face, _CONTACTS).points)[-1]
+        length = way_along(Meridian.of(face, _CONTACTS).points)[-1]
         return Meridian.of(face, int(np.clip(np.ceil(length / apart_mm) + 1, _CONTACTS, _FINE))).points
 
 
 def _on_meridian(chart: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 2"]:
     return np.column_stack([chart, np.zeros(len(chart))])
-
-
-def _way(points: Float[np.ndarray, "k d"]) -> Float[np.ndarray, " k"]:
-    """Length (mm) of the line through the points up to each of them."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
 @dataclass(frozen=True)
