@@ -113,6 +113,11 @@ class ReceiverSection(OfSeveralKinds, Section):
             )
 
     @check
+    def _faces_somewhere(self) -> None:
+        if getattr(self, self.faces_by) == ORIGIN:
+            raise ValueError(f"{self.faces_by} = (0, 0, 0) is no direction")
+
+    @check
     def _targets_belong_here(self) -> None:
         for target in self.targets:
             if target.unit != self.unit:

@@ -79,8 +79,6 @@ class PlaneReceiver(ReceiverSection):
     def _is_seen_from_the_lens(self) -> None:
         if self.normal is not None and self.tilt_deg is not None:
             raise ValueError("normal and tilt_deg are both given; leave out one")
-        if self.normal is not None and not any(self.normal):
-            raise ValueError("normal = (0, 0, 0) is no direction")
         away = sum(value**2 for value in self.centre_mm) ** 0.5
         if away == 0.0:
             raise ValueError("centre_mm = (0, 0, 0) is the source; move the plane away")
@@ -141,11 +139,6 @@ class FarFieldReceiver(ReceiverSection):
         """Raise ``ValueError`` where all of it lies behind the source."""
         _require_ahead(self.facing, self.half_angle_deg, True)
 
-    @check
-    def _has_an_axis(self) -> None:
-        if not any(self.axis):
-            raise ValueError("axis = (0, 0, 0) is no direction")
-
 
 class _CurvedReceiver(ReceiverSection):
     """A screen around the lens, whose chart is centred on the direction ``facing``."""
@@ -164,11 +157,6 @@ class _CurvedReceiver(ReceiverSection):
     def clear_mm(self, place_mm: Vector) -> float:
         """Distance of the screen from a place within it."""
         return self.radius_mm - dist(self.centre_mm, place_mm)
-
-    @check
-    def _faces_somewhere(self) -> None:
-        if not any(self.facing):
-            raise ValueError("facing = (0, 0, 0) is no direction")
 
 
 class CylinderReceiver(_CurvedReceiver):
