@@ -78,3 +78,13 @@ def remedy(advice: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise type(error)(f"{error}; {advice}") from None
+
+
+@contextmanager
+def refused(where: object, words: str, *causes: type[Exception]) -> Iterator[None]:
+    """Raise an :class:`InputError` for one of the ``causes`` inside the block: ``words`` on ``where``, … the cause."""
+    try:
+        yield
+    except causes as error:
+        cause = " ".join(str(getattr(error, "strerror", None) or error).split())
+        raise InputError(f"{where}: {words.replace('…', cause)}") from None

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lensforge.errors import InputError
+from lensforge.errors import refused
 from lensforge.optics.media import Media
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles, share
@@ -71,14 +71,11 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
     Returns Mitsuba's version, too. A variant that the caller has set is restored. Raises :class:`InputError` where
     Mitsuba does not load.
     """
-    try:
+    with refused("mitsuba", "does not load (…); reinstall it or remove it", ImportError):
         import mitsuba as mi
 
         before = mi.variant()
         mi.set_variant(VARIANT)
-    except ImportError as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"mitsuba: does not load ({reason}); reinstall it or remove it") from None
     try:
         caster, passage = _Caster(mi, part, media), Passage.of(rays, part.optical.events)
         met: list[list[tuple[int, _Met]]] = [[] for _ in range(part.optical.events)]

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from lensforge.cad.form_error import remember_fit
 from lensforge.cad.part import Part
-from lensforge.errors import InputError
+from lensforge.errors import refused
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.optics.face_roles import CAVITY
 from lensforge.proof.proof_facts import lit_receivers, stray_budget
@@ -214,13 +214,10 @@ def folder_files(folder: Path, own: Collection[str], linked: bool) -> list[FileR
     Nobody knows the others: they may have any size, and stand with it alone. A link is named and not followed, so that
     no file of another folder gets onto the page. Raises :class:`InputError` if unreadable.
     """
-    try:
-        with os.scandir(folder) as entries:
-            files = (each for each in entries if each.is_symlink() or each.is_file(follow_symlinks=False))
-            shown = (each for each in files if each.name != REPORT_FILE and not each.name.startswith("."))
-            first = nsmallest(_MOST_FILES + 1, shown, key=lambda each: (each.name not in own, each.name))
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be read ({error.strerror})") from None
+    with refused(folder, "cannot be read (…)", OSError), os.scandir(folder) as entries:
+        files = (each for each in entries if each.is_symlink() or each.is_file(follow_symlinks=False))
+        shown = (each for each in files if each.name != REPORT_FILE and not each.name.startswith("."))
+        first = nsmallest(_MOST_FILES + 1, shown, key=lambda each: (each.name not in own, each.name))
     paths = sorted(Path(each) for each in first[:_MOST_FILES])
     rows = [_file_row(path, path.name in own, linked) for path in paths]
     return rows if len(first) <= _MOST_FILES else [*rows, FileRow("further files", "", "", "")]
@@ -230,13 +227,11 @@ def _file_row(path: Path, own: bool, linked: bool) -> FileRow:
     name = printable(os.fsencode(path.name).decode(errors="replace"))
     if path.is_symlink():
         return FileRow(name, "a link", "", "")
-    try:
+    with refused(path, "cannot be read (…)", OSError):
         length, digest = path.stat(follow_symlinks=False).st_size, ""
         if own and length <= _MOST_HASHED_BYTES:
             with path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     return FileRow(name, size(length), digest, _purpose(name), quote(os.fsencode(path.name)) if linked else "")
 
 

@@ -10,7 +10,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TypeVar
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.report.headline import further_facts, headline, required_facts
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.report.stored import (
@@ -119,11 +119,9 @@ def folder_of(folder: object) -> Path:
     if not isinstance(folder, Path | str):
         raise InputError(f"{str(folder)[:60]!r} is {its_type(folder)}; give the path of a result folder")
     path = Path(folder)
-    try:
-        is_file = path.is_file()
-        _ = (path / RUN_FILE).exists()  # what is in it can be asked for
-    except OSError as error:  # a name that is too long, a folder that the user may not search
-        raise InputError(f"{str(path)[:60]}: cannot be read ({error.strerror}); give a result folder") from None
+    # A name may be too long, or a folder one that the user may not search: what is in it can be asked for.
+    with refused(str(path)[:60], "cannot be read (…); give a result folder", OSError):
+        is_file, _ = path.is_file(), (path / RUN_FILE).exists()
     if is_file:
         raise InputError(f"{path}: a file, must be a result folder")
     return path

@@ -6,7 +6,7 @@ from math import isfinite
 from pathlib import Path
 from typing import ClassVar
 
-from lensforge.errors import InputError, remedy
+from lensforge.errors import InputError, refused, remedy
 from lensforge.spec import Spec
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.source_list import read_sources, require_told_apart
@@ -129,10 +129,8 @@ def variation_of(field: object, values: Sequence[float], scaled: Sequence[str] =
         raise InputError(
             f"sweep: field = {field!r}, scale = {scaled!r}: a field's dotted name, and a list of such names"
         )
-    try:
+    with refused(f"{field} = {str(values)[:60]}", f"give 2 to {MOST_VALUES} numbers", TypeError, ValueError):
         kept = tuple(sorted({float(value) for value in values}))
-    except (TypeError, ValueError):
-        raise InputError(f"{field} = {str(values)[:60]}: give 2 to {MOST_VALUES} numbers") from None
     if not (2 <= len(kept) <= MOST_VALUES and all(map(isfinite, kept))):
         raise InputError(f"{field}: {len(kept)} values; give 2 to {MOST_VALUES} finite numbers")
     if field in scaled:
@@ -143,10 +141,8 @@ def variation_of(field: object, values: Sequence[float], scaled: Sequence[str] =
 def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
     """Parse ``section.field=v1,v2,...``. Raises :class:`InputError` for anything else."""
     field, _, listed = text.partition("=")
-    try:
+    with refused(f"--vary {text}", "give section.field=value,value,... with numbers as values", ValueError):
         values = [float(part) for part in listed.split(",")]
-    except ValueError:
-        raise InputError(f"--vary {text}: give section.field=value,value,... with numbers as values") from None
     return variation_of(field, values, scaled)
 
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
-from lensforge.errors import InputError, LensforgeError
+from lensforge.errors import InputError, LensforgeError, refused
 from lensforge.results.child_pool import IN_TURN, child_pool
 from lensforge.version import made_by
 
@@ -163,11 +163,9 @@ def require_scheduler(scheduler: object) -> int:
 
 @contextmanager
 def _connected_by_dask(address: str) -> Iterator[Cluster]:
-    try:
+    with refused(f"scheduler = {address}", 'needs Dask (…); pip install "lensforge[dask]"', ImportError):
         import dask.config
         from distributed import Client
-    except ImportError as error:
-        raise InputError(f'scheduler = {address}: needs Dask ({error}); pip install "lensforge[dask]"') from None
     settings = {
         "distributed.scheduler.allowed-failures": _LOST_WORKERS,
         "distributed.comm.timeouts.connect": _SECONDS,

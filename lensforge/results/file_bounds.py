@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 
 _OWN: set[bytes] = set()
 
@@ -86,10 +86,8 @@ def _of_text(content: bytes, most_triangles: int | None, origin: str, remedy: st
     count = content.count(b"endfacet")
     _require_count(count, None if most_triangles is None else MOST_TEXT_TRIANGLES, origin, remedy)
     words = (word for vertex in _VERTEX.finditer(content) for word in vertex.groups())
-    try:
+    with refused(origin, f"not readable as STL (…); {remedy}", ValueError):
         numbers = np.fromiter((float(word) for word in words), dtype=np.float64)
-    except ValueError as error:
-        raise InputError(f"{origin}: not readable as STL ({error}); {remedy}") from None
     if len(numbers) != 9 * count:
         raise InputError(f"{origin}: {count} facets, but {len(numbers) / 3:g} vertices, must be 3 each; {remedy}")
     return numbers.reshape(-1, 3, 3)
@@ -112,10 +110,8 @@ def read_3mf(path: Path, origin: str, remedy: str) -> tuple[Float[np.ndarray, "v
     model = lib3mf.get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)
-    try:
+    with refused(origin, f"not readable as 3MF (…); {remedy}", lib3mf.ELib3MFException):
         reader.ReadFromFile(str(path))
-    except lib3mf.ELib3MFException as error:
-        raise InputError(f"{origin}: not readable as 3MF ({error}); {remedy}") from None
     if model.GetUnit() != lib3mf.ModelUnit.MilliMeter:
         raise InputError(f"{origin}: holds no mesh in mm; {remedy}")
     body = _only_mesh(model, origin, remedy)

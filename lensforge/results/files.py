@@ -9,11 +9,11 @@ import secrets
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.results.json_npz import parse_json
 from lensforge.version import __version__
 
@@ -69,13 +69,12 @@ def require_writable(path: Path | str) -> None:
     folders: list[Path] = []
     temporary = _temporary_name(path)
     try:
-        if os.path.lexists(path) and path.is_dir():
-            raise InputError(f"{path}: cannot be written (it is a folder); give the name of a file")
-        folders = [folder for folder in path.parents if not folder.exists()]  # the deepest first
-        _create(path, temporary)
-        temporary.write_bytes(bytes(_PROBE_BYTES))
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        raise _cannot_be_written(path, error) from None
+        with _written(path):
+            if os.path.lexists(path) and path.is_dir():
+                raise InputError(f"{path}: cannot be written (it is a folder); give the name of a file")
+            folders = [folder for folder in path.parents if not folder.exists()]  # the deepest first
+            _create(path, temporary)
+            temporary.write_bytes(bytes(_PROBE_BYTES))
     finally:
         with suppress(OSError, ValueError):
             temporary.unlink()
@@ -86,19 +85,17 @@ def require_writable(path: Path | str) -> None:
 
 def _create(path: Path, temporary: Path) -> None:
     """Make the folder of ``path`` and, in it, an empty file ``temporary`` with the permissions of a new file."""
-    try:
+    with _written(path):
         with suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()  # refuses a NUL, and a name that is too long
         path.parent.mkdir(parents=True, exist_ok=True)
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    except (OSError, ValueError) as error:
-        raise _cannot_be_written(path, error) from error
 
 
-def _cannot_be_written(path: Path, error: Exception) -> InputError:
-    reason = error.strerror if isinstance(error, OSError) else error
+def _written(path: Path) -> AbstractContextManager[None]:
     shown = str(path) if len(str(path)) <= _LONGEST_SHOWN else f"{str(path)[:_SHOWN]}..."
-    return InputError(f"{shown}: cannot be written ({reason}); give another folder or name")
+    words = "cannot be written (…); give another folder or name"
+    return refused(shown, words, OSError, ValueError)  # ValueError: a NUL in the path
 
 
 def _temporary_name(path: Path) -> Path:
@@ -142,12 +139,9 @@ def read_file(path: Path | str, *, missing: str, most_bytes: int) -> bytes:
     can have, and for a file that is too large or not readable.
     """
     require_regular_file(path, missing=missing, most_bytes=most_bytes)
-    try:
-        with Path(path).open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            content = file.read(min(size, most_bytes) + 1)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); {missing}") from None
+    with refused(path, f"cannot be read (…); {missing}", OSError), Path(path).open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        content = file.read(min(size, most_bytes) + 1)
     if len(content) > size:  # a file of the system's own, which states no size, or one that grows
         raise InputError(f"{path}: holds more than the {size} bytes that it states; is it the right file?")
     return content
@@ -155,13 +149,11 @@ def read_file(path: Path | str, *, missing: str, most_bytes: int) -> bytes:
 
 def require_regular_file(path: Path | str, *, missing: str, most_bytes: int | None = None) -> None:
     """Raise :class:`InputError` as :func:`read_file` does, for readers that need a path."""
-    try:
+    with (
+        refused(repr(str(path)[:_SHOWN]), f"cannot be read (…); {missing}", OSError, ValueError),  # a NUL in the path
+        refused(path, f"no such file; {missing}", FileNotFoundError),
+    ):
         status = Path(path).stat()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; {missing}") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{str(path)[:_SHOWN]!r}: cannot be read ({reason}); {missing}") from None
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path}: {_kind_of(status.st_mode)}, must be a file; {missing}")
     if most_bytes is not None and status.st_size > most_bytes:
@@ -200,10 +192,8 @@ def read_json_bytes(path: Path, missing: str = "run `lensforge design` first") -
 
 def json_in(content: bytes, path: Path) -> Any:
     """Parse the ``content`` of ``path``. Raises :class:`InputError` where it is broken."""
-    try:
+    with refused(path, "not readable as JSON (…)", ValueError):
         return parse_json(content)
-    except ValueError as error:
-        raise InputError(f"{path}: not readable as JSON ({error})") from None
 
 
 def file_bytes(name: str, write: Callable[[Path], None]) -> bytes:
@@ -253,15 +243,13 @@ def require_own(path: Path) -> None:
 
 def is_free_or_own(path: Path) -> bool:
     """True where nothing is lost if ``path`` is overwritten: no file, an empty one, or one of this program's."""
-    try:
+    with refused(path, "cannot be read (…); give another name", OSError, ValueError):  # ValueError: a NUL in the path
         if not path.is_file():
             return not path.exists() and not path.is_symlink()
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
             file.seek(max(0, path.stat().st_size - _TAIL_BYTES))
             tail = file.read(_TAIL_BYTES)
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        raise InputError(f"{path}: cannot be read ({error}); give another name") from None
     return not head or PAGE_MARK in head or (head.startswith(b"%PDF") and PDF_MARK in tail)
 
 

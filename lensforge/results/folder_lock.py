@@ -16,7 +16,7 @@ from datetime import datetime
 from pathlib import Path
 from platform import node
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.results.files import delete_half_written
 
 LOCK_FILE = ".lensforge-lock"
@@ -24,6 +24,7 @@ _MARKER_FILE = f"{LOCK_FILE}-held"  # the lock of file systems without locks
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)  # of such file systems
 _TRIES_SECONDS = 0.2  # without locks: one try finds that the holder has ended, the next takes its place
 _OTHERS = "wait until it has ended, or give another folder"
+_NOT_WRITTEN = "cannot be written (…); give another folder"
 _MOST_BYTES, _SHOWN = 4096, 160  # of a holder's text; of each of its lines, in characters
 
 
@@ -50,12 +51,9 @@ def locked(folder: Path, *, create: bool = False) -> Iterator[None]:
 
 def _make(folder: Path) -> list[Path]:
     """Make ``folder``; return what was missing of its path, the deepest first."""
-    try:
+    with refused(str(folder)[:_SHOWN], _NOT_WRITTEN, OSError, ValueError):  # ValueError: a NUL in the path
         missing = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{str(folder)[:_SHOWN]}: cannot be written ({reason}); give another folder") from None
     return missing
 
 
@@ -109,10 +107,8 @@ def _write_holder(path: Path) -> None:
     since = datetime.now().astimezone().isoformat(" ", "seconds")
     lines = str(os.getpid()), node(), shlex.join([name, *arguments])[:_SHOWN], since
     text = "\n".join("".join(each if each.isprintable() else "?" for each in line) for line in lines)
-    try:
+    with refused(path, _NOT_WRITTEN, OSError):
         path.write_text(text, encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); give another folder") from None
 
 
 def _holder(path: Path) -> str:

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, get_args
 import numpy as np
 from pydantic import Field, ValidationError, model_serializer
 
-from lensforge.errors import InputError, OutdatedResult
+from lensforge.errors import InputError, OutdatedResult, refused
 from lensforge.results.conditions import Conditions
 from lensforge.results.files import MIB, read_file, read_json, replacing
 from lensforge.results.json_npz import arrays_in
@@ -109,10 +109,8 @@ def read_arrays(path: Path, sha256: object, remedy: str) -> dict[str, np.ndarray
     content = read_file(path, missing=remedy, most_bytes=_MOST_ARRAY_BYTES)
     if hashlib.sha256(content).hexdigest() != sha256:
         raise InputError(f"{path}: not the arrays that {path.stem}.json describes; {remedy}")
-    try:
+    with refused(path, f"damaged (…); {remedy}", ValueError):
         return arrays_in(content, None, _MOST_ARRAY_BYTES)
-    except ValueError as error:
-        raise InputError(f"{path}: damaged ({error}); {remedy}") from None
 
 
 SCHEMA_VERSION = 3  # 1: the records of version 0.1.0, which named no schema; 2: of one receiver, a square on the axis
@@ -292,10 +290,8 @@ class StageResult(Record):
         content = read_object(path, cls.schema_name(), cls.rebuild_command(), first) | given
         if _keeps_arrays(cls):
             arrays = read_arrays(folder / f"{name}.npz", content.pop(_ARRAYS, None), cls.rebuild_command())
-            try:
+            with refused(path, f"…; {cls.rebuild_command()}", ValueError):
                 put_arrays(content, arrays)
-            except ValueError as error:
-                raise InputError(f"{path}: {error}; {cls.rebuild_command()}") from None
         for place, own_stem in cls._contents(content, name):
             for field, own, file_name in cls._files(own_stem):
                 file = folder / file_name
@@ -304,10 +300,8 @@ class StageResult(Record):
                     read_file(file, missing=cls.rebuild_command(), most_bytes=own.most_bytes) if there else None
                 )
         result = validated(cls, content, path, cls.rebuild_command())
-        try:
+        with refused(path, f"…; {cls.rebuild_command()}", ValueError):
             require_what_follows(result)
-        except ValueError as error:
-            raise InputError(f"{path}: {error}; {cls.rebuild_command()}") from None
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.rebuild_command()}")

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.errors import FileWarning, InputError
+from lensforge.errors import FileWarning, InputError, refused
 from lensforge.results.files import read_file
 from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of, shown
 
@@ -342,10 +342,8 @@ class Entry:
         word = self.words.get(title)
         if word is None:
             return None
-        try:
+        with refused(f"{self.where}, {title}", "…", ValueError):
             return self.dialect.number(word)
-        except ValueError as error:
-            raise InputError(f"{self.where}, {title}: {error}") from None
 
 
 def read_list(path: Path, wanted: Sequence[Column], *, missing: str, most_bytes: int) -> list[Entry]:

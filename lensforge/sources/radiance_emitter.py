@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.errors import InputError, remedy
+from lensforge.errors import InputError, refused, remedy
 from lensforge.results.files import read_file
 from lensforge.results.json_npz import arrays_in
 from lensforge.seeds import sobol
@@ -150,10 +150,8 @@ def read_radiance(path: Path) -> RadianceTable:
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:
     content = read_file(path, missing="give a NumPy archive of a radiance table", most_bytes=_LARGEST)
-    try:
+    with refused(path, "not readable as a NumPy archive (…)", ValueError):
         arrays = arrays_in(content, _NAMES, _LARGEST)
-    except ValueError as error:
-        raise InputError(f"{path}: not readable as a NumPy archive ({error})") from None
     missing = [name for name in _NAMES if name not in arrays]
     if missing:
         raise InputError(f"{path}: no array {missing[0]!r}; it needs {', '.join(_NAMES)}")

@@ -10,7 +10,7 @@ from typing import Annotated, Any, TypeVar
 import tomli_w
 from pydantic import Field, model_validator
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.optics.media import Media
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
@@ -190,11 +190,9 @@ class Spec(Section):
         if not isinstance(path, Path | str):
             raise InputError(f"save: {short(path)} is {its_type(path)}; give the path of a TOML file")
         content = self.to_toml()
-        try:
-            with replacing(Path(path)) as temporary:
-                temporary.write_text(content, encoding="utf-8")
-        except ValueError as error:  # a NUL in the path, half a character in a text
-            raise InputError(f"{str(path)!r}: cannot be written ({error}); try another path") from None
+        wrong = refused(repr(str(path)), "cannot be written (…); try another path", ValueError)
+        with wrong, replacing(Path(path)) as temporary:  # a NUL in the path, half a character in a text
+            temporary.write_text(content, encoding="utf-8")
 
     def to_toml(self) -> str:
         """Spec as TOML: what was given, each kind named."""

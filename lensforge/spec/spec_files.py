@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationInfo
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.results.files import MIB, read_file, require_regular_file
 from lensforge.results.validation import its_type
 from lensforge.spec.toml_slips import tables_of
@@ -212,8 +212,5 @@ def _paths(value: object) -> Iterator[Path]:
 
 def _file_sha256(path: Path) -> str:
     require_regular_file(path, missing=_NAMED)
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); {_NAMED}") from None
+    with refused(path, f"cannot be read (…); {_NAMED}", OSError), path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.results import Record
 from lensforge.results.file_bounds import MOST_STEP_MIB, require_small_step
 from lensforge.results.files import MIB, read_file, read_json, temporary_folder, write_json
@@ -79,10 +79,8 @@ def face_of_lens(path: Path, name: str) -> GivenFace:
     if CHECKSUM in content:
         require_checksum(content, path, _LENS_REMEDY)
     record = validated(_Face, {"face": face}, path, _LENS_REMEDY)
-    try:
+    with refused(f"{path}: {name}", f"…; {_LENS_REMEDY}", InputError):
         surface = record.face.surface()
-    except InputError as error:
-        raise InputError(f"{path}: {name}: {error}; {_LENS_REMEDY}") from None
     return GivenFace(surface, f"{name} face of {path.parent.name}/{path.name}", 0.0, 0.0)
 
 

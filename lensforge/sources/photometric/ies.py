@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.half_planes import converted, not_below_zero, tabulated
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, Labels, label_lines, read_labels
@@ -196,10 +196,8 @@ def _words(text: str, name: str) -> list[str]:
 
 
 def _numbers(words: list[str], name: str) -> Float[np.ndarray, " n"]:
-    try:
+    with refused(name, "not all that follows TILT= are numbers; export it again", ValueError):
         numbers = np.array([number_in(word) for word in words])
-    except ValueError:
-        raise InputError(f"{name}: not all that follows TILT= are numbers; export it again") from None
     if not np.all(np.abs(numbers) < HUGE):
         raise InputError(f"{name}: its numbers are not all finite and below {HUGE:g}; export it again")
     return numbers

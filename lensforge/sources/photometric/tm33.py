@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.half_planes import tabulated
 from lensforge.sources.photometric.ies_labels import NOT_STATED
@@ -194,10 +194,8 @@ def _parsed(text: str, name: str) -> ElementTree.Element:
         raise InputError(f"{name}: XML with a DOCTYPE, which TM-33 does not have and which may hide more; export again")
     if text.count("<") > MOST_NUMBERS:
         raise InputError(f"{name}: more than {MOST_NUMBERS} tags; not a photometric file")
-    try:
+    with refused(name, "its XML is damaged (…); export it again", ElementTree.ParseError, ValueError):
         root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"{name}: its XML is damaged ({single_line(str(error))}); export it again") from None
     for element in root.iter():
         element.tag = str(element.tag).rpartition("}")[2]
     return root

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.results.files import require_regular_file
 from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of
 from lensforge.results.text_table import TextTable
@@ -40,12 +40,10 @@ class FileImage:
         """Map ``path``. Raises :class:`InputError` if it is missing, no regular file, empty, or not readable."""
         path = Path(path)
         require_regular_file(path, missing="give the path of a ray file")
-        try:
+        with refused(path, "not readable (…)", OSError, ValueError):  # ValueError: while another program empties it
             if path.stat().st_size == 0:
                 raise InputError(f"{path}: the file is empty; fetch it again")
             return cls(path, np.asarray(np.memmap(path, dtype=np.uint8, mode="r")))
-        except (OSError, ValueError) as error:  # ValueError: mapped while another program empties it
-            raise InputError(f"{path}: not readable ({getattr(error, 'strerror', None) or error})") from error
 
     @property
     def size(self) -> int:
