@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from lensforge.errors import InputError
 from lensforge.optics.face_roles import CAVITY, DOUBLE, OUTSIDE
 from lensforge.optics.material import MATERIALS, Material, by_abbe_number
 from lensforge.optics.media import FaceCoating, Media, Medium, SecondaryOptic
@@ -25,7 +24,7 @@ from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.lens_material import OfMaterial, OpticalData
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section, check
+from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section, check, fault_of
 from lensforge.surfaces.placed_bodies import depths, outside_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -159,10 +158,8 @@ def require_bodies(sections: Sequence[BodySection], lens: LensShape, limits: Con
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise ValueError(f"bodies: two have the name {twice!r}; give each its own")
-    try:
+    with fault_of("bodies"):
         bodies = media_with(sections, lens).bodies
-    except InputError as error:
-        raise ValueError(f"bodies: {error}") from None
     _require_within(bodies[0], _largest_lens(lens, limits), "the lens", "lower constraints.max_radius_mm")
     for one, other in pairwise(bodies):
         _require_within(other, outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")

@@ -18,7 +18,7 @@ from lensforge.optics.media import CoatingLayer, CoverGlass, Film, IndexCurve, L
 from lensforge.results.files import MIB
 from lensforge.results.text_table import Column, TextTable
 from lensforge.spec.spec_files import full_path
-from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section, check
+from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section, check, fault_of
 
 _MOST_BYTES = 32 * MIB
 _COLUMNS = (
@@ -128,10 +128,8 @@ class CoatingSection(Section):
             return content
         if len([value for value in content.values() if value is not None]) > 1:
             raise ValueError("file: give nothing else beside it")
-        try:
+        with fault_of("file"):
             angles, waves, rows = read_coating(full_path(Path(content["file"]), info))
-        except (InputError, ValueError) as error:
-            raise ValueError(f"file: {error}") from None
         return {"angle_deg": angles, "wavelength_nm": waves, "reflectance": rows}
 
     @check

@@ -9,9 +9,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from lensforge.errors import InputError
 from lensforge.results.registered_kinds import OfSeveralKinds
-from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, Section, check
+from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, Section, check, fault_of
 from lensforge.surfaces.asphere import Asphere, Biconic, SurfaceShape
 from lensforge.surfaces.imported_face import GivenFace, face_of_cad, face_of_lens, lens_file
 from lensforge.surfaces.point_cloud import face_of_points
@@ -68,10 +67,8 @@ class _ByFormula(FixedFace):
 
     @check
     def _is_star_shaped(self) -> None:
-        try:
+        with fault_of():
             _ = self.surface
-        except InputError as error:
-            raise ValueError(str(error)) from None
 
 
 class FixedSphere(_ByFormula):
@@ -280,10 +277,8 @@ class GivenSurface(FixedFace):
 
 def _resolved(face: FixedFace) -> FixedFace:
     """The face itself in place of the file that holds it: a spec needs that file no more."""
-    try:
+    with fault_of():
         return face.resolved()
-    except InputError as error:
-        raise ValueError(str(error)) from None
 
 
 FixedSurface = Annotated[FixedFace, AfterValidator(_resolved)]

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
-from lensforge.errors import InputError
 from lensforge.optics.face_roles import RIM_FLANGE
 from lensforge.optics.material import (
     D_LINE_NM,
@@ -36,7 +35,7 @@ from lensforge.optics.media import FaceCoating, Media, Medium, Mirror
 from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
 from lensforge.spec.spec_files import full_path
-from lensforge.spec.spec_section import FilePath, Label, Section, check
+from lensforge.spec.spec_section import FilePath, Label, Section, check, fault_of
 
 _Wavelength = Annotated[float, Field(ge=100.0, le=20_000.0)]
 _MOST_ROWS = 10_000  # of tables: 0.1 nm over the visible range and more
@@ -99,18 +98,13 @@ class OpticalData(Section):
         low, high = self._span
         if not low < high:
             raise ValueError(f"range_nm = [{low:g}, {high:g}]: must rise")
-        try:
-            self._require_indices()
-        except InputError as error:
-            raise ValueError(str(error)) from None
-
-    def _require_indices(self) -> None:
-        waves = np.linspace(*self._span, _CHECKED)
-        indices = self._dispersion.index(waves)
+        tried = np.linspace(low, high, _CHECKED)
+        with fault_of():
+            indices = self._dispersion.index(tried)
         wrong = ~((indices >= _LEAST_INDEX) & (indices <= _LARGEST_INDEX))
         if wrong.any():
-            raise InputError(
-                f"its index at {waves[wrong][0]:.4g} nm is {indices[wrong][0]:.4g}, must be {_LEAST_INDEX:g} to "
+            raise ValueError(
+                f"its index at {tried[wrong][0]:.4g} nm is {indices[wrong][0]:.4g}, must be {_LEAST_INDEX:g} to "
                 f"{_LARGEST_INDEX:g}; the formulas take wavelengths in um"
             )
 
@@ -148,10 +142,8 @@ class OfMaterial(Section):
             return content
         if content.get("optical_data") is not None:
             raise ValueError("material_file: material_file and optical_data: give one of the two")
-        try:
+        with fault_of("material_file"):
             material = read_material(full_path(Path(content["material_file"]), info), content.get("material"))
-        except (InputError, ValueError) as error:
-            raise ValueError(f"material_file: {error}") from None
         rest = {key: value for key, value in content.items() if key != "material_file"}
         return rest | {"material": material.name, "optical_data": _fields(material)}
 
@@ -266,10 +258,8 @@ class LensMaterial(OfMaterial, FacesSection):
             raise ValueError(f"abbe_number: {self.material} has its own dispersion; leave out one of the two")
         if self.absorption_per_mm > 0.0 and known.absorption is not None:
             raise ValueError(f"absorption_per_mm: {self.material} has its own absorption; leave out one of the two")
-        try:
+        with fault_of("design_wavelength_nm"):
             index = known.index_at(self.design_wavelength_nm)
-        except InputError as error:
-            raise ValueError(f"design_wavelength_nm: {error}") from None
         if "refractive_index" in given and abs(self.refractive_index - index) > _SAME_INDEX:
             raise ValueError(
                 f"refractive_index = {self.refractive_index:g}, but {self.material} has {index:.6g} at "

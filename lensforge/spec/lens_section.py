@@ -15,7 +15,7 @@ from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_material import LensMaterial
 from lensforge.spec.part_section import Cutting, Process
 from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.spec_section import FilePath, check
+from lensforge.spec.spec_section import FilePath, check, fault_of
 from lensforge.surfaces.imported_face import lens_file
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
@@ -105,10 +105,8 @@ class LensShape(LensMaterial, OfSeveralKinds):
         if not (self.levels or self.may_be_round):
             raise ValueError("levels is empty: give at least one count")
         if self.levels and self.levels != "auto":
-            try:
+            with fault_of():
                 _ = self.basis
-            except InputError as error:
-                raise ValueError(str(error)) from None
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from lensforge.optics.pose import ORIGIN
 from lensforge.spec.receiver_fields import ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
-from lensforge.spec.spec_section import Coordinate, Label, Section, check
+from lensforge.spec.spec_section import Coordinate, Label, Section, check, fault_of
 from lensforge.spec.target_sections import DegreesOff, InOneUnit, Unit
 
 Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
@@ -295,10 +295,8 @@ def require_limits_fit(
             raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
         if isinstance(limit, LossLimit) and limit.cause not in causes:
             raise ValueError(f"limits.{number}.cause = {limit.cause!r}: of this lens it is one of {', '.join(causes)}")
-        try:
+        with fault_of(f"limits.{number}"):
             _require_limit_fits(limit, by_name[name].unit, by_name[name].extent, f"receiver {name!r}")
-        except ValueError as error:
-            raise ValueError(f"limits.{number}: {error}") from None
 
 
 _FAR = 5.0  # widths of a lamp: there 1/r^2 errs by less than 1 % (five-times rule, CIE S 025)

@@ -14,7 +14,6 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from lensforge.errors import InputError
 from lensforge.results.file_bounds import MOST_STEP_MIB, require_small_step
 from lensforge.results.files import MIB, read_file, temporary_folder, write_json
 from lensforge.results.sandbox import ChildLimits, work_in_child
@@ -28,6 +27,7 @@ from lensforge.spec.spec_section import (
     MillimetresOrZero,
     Section,
     check,
+    fault_of,
     rounded_up,
 )
 from lensforge.surfaces import plane_loop
@@ -174,10 +174,8 @@ class PlateGate(Section):
 
 def _drawn(outline: Path | DrawnOutline | None) -> DrawnOutline | None:
     """The outline itself in place of the file that holds it: a spec needs that file no more."""
-    try:
+    with fault_of():
         return read_outline(outline) if isinstance(outline, Path) else outline
-    except InputError as error:
-        raise ValueError(str(error)) from None
 
 
 class PlateSection(Section):

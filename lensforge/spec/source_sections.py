@@ -19,6 +19,7 @@ from lensforge.spec.spec_section import (
     Numbers,
     Section,
     check,
+    fault_of,
     numbers_of,
 )
 
@@ -253,10 +254,8 @@ class RaySource(Placement):
         """Split ``rays``, an array (n, 7) of x, y, z (mm), the direction's three components, and flux, into columns."""
         if not isinstance(content, Mapping) or "rays" not in content:
             return content
-        try:
+        with fault_of("rays"):
             rows = numbers_of(content["rays"])
-        except ValueError as error:
-            raise ValueError(f"rays: {error}") from None
         if rows.ndim != 2 or rows.shape[1] not in (6, 7):
             raise ValueError(f"rays: shape {rows.shape}, must be (n, 7): x, y, z (mm), direction (3), flux; or (n, 6)")
         columns = {"positions_mm": rows[:, :3], "directions": rows[:, 3:6]}

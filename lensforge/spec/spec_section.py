@@ -4,7 +4,8 @@ Arrays are given as arrays or nested lists, and written as text without loss.
 """
 
 import base64
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import date, datetime
 from inspect import Signature
@@ -27,7 +28,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 from lensforge.results.notebook_html import Shown
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import same, with_changes
@@ -88,6 +89,15 @@ def check(method: Callable[[Any], None]) -> Any:
         return section
 
     return model_validator(mode="after")(checked)
+
+
+@contextmanager
+def fault_of(field: str = "") -> Iterator[None]:
+    """Raise what is wrong inside the block as the ``ValueError`` of a check, behind the name of the ``field``."""
+    try:
+        yield
+    except (InputError, ValueError) as error:
+        raise ValueError(": ".join(filter(None, (field, str(error))))) from None
 
 
 class Section(_Model):
@@ -166,10 +176,8 @@ def iso_date(value: Any) -> str:
 
 def date_of(name: str, value: object) -> str | None:
     """The argument ``name`` as the text of a date; None stays None. Raises :class:`InputError` for anything else."""
-    try:
+    with refused(f"{name} = {str(value)[:60]!r}", "…", ValueError):
         return None if value is None else iso_date(value)
-    except ValueError as error:
-        raise InputError(f"{name} = {str(value)[:60]!r}: {error}") from None
 
 
 # From a nanometre to a kilometre, with room to spare: squares and ratios of lengths stay within floating point.
