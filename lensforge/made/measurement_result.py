@@ -1,7 +1,7 @@
 """Results of measuring the part: a photograph of its light, points on a face, and a face corrected by them."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -31,12 +31,8 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart
 from lensforge.results.criteria import Criteria, at_least, at_most
-from lensforge.results.plots import plot_curves, plot_face
+from lensforge.results.plots import Axes, plot_curves, plot_face
 from lensforge.spec.part_section import Process
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _ERRORS = 3.0  # standard errors from which a cause is named
 

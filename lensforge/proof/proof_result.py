@@ -1,6 +1,6 @@
 """Results of rays through the exported part: against the design, by its files and their size, and its stray light."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -27,10 +27,7 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart, light_unit
 from lensforge.results.criteria import Criteria, criteria_of
-from lensforge.results.plots import plot_curves, plot_map
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from lensforge.results.plots import Axes, plot_curves, plot_map
 
 
 class PartFlux(Record):

@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, ClassVar, get_args
+from typing import Annotated, ClassVar, get_args
 
 from pydantic import Field, model_validator
 
@@ -28,14 +28,11 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, under
-from lensforge.results.plots import new_axes
+from lensforge.results.plots import Axes, new_axes
 from lensforge.results.verdict import TITLES
 from lensforge.search.design_result import Margins
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.spec_files import section_sha256
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # A name of a spec, and so never the way out of the sweep's own folder.
 FolderName = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_-]{1,64}$")]

@@ -1,17 +1,14 @@
 """Accuracy against computing time on one scene: what each setting costs, and which error it leaves."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 from pydantic import Field
 
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Record, StageResult, Text
 from lensforge.results.arguments import require_choice
-from lensforge.results.plots import plot_curves
+from lensforge.results.plots import Axes, plot_curves
 from lensforge.spec import AnyAccuracy
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Series = Literal["search", "rays", "presets"]
 TradedError = Literal["nmse", "efficiency"]

@@ -1,7 +1,7 @@
 """Plots of arrays, on the caller's axes or new ones; each returns its axes."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,9 @@ from lensforge.results import Image
 from lensforge.results.chart import WATTS, Chart, LightUnit
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.axes import Axes as Axes
+else:
+    Axes = Any  # Matplotlib is loaded where something is drawn
 
 
 def plot_map(

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -13,12 +13,9 @@ from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria
 from lensforge.results.fact import StoredAs
 from lensforge.results.notebook_html import screenful
-from lensforge.results.plots import plot_face
+from lensforge.results.plots import Axes, plot_face
 from lensforge.results.stage_result import SimulatedResult
 from lensforge.spec.part_section import Process
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 class _FaceClearance(Record):

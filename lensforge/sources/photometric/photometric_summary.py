@@ -14,14 +14,12 @@ from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
 from lensforge.results import Count, NotNegative, Number, Record, Share, StageResult, Text
-from lensforge.results.plots import new_axes
+from lensforge.results.plots import Axes, new_axes
 from lensforge.sources.intensity import PlaneBeam, TabulatedIntensity, beam_in_plane, plane_profile
 from lensforge.sources.photometric.photometric_file import far_field_warnings
 from lensforge.sources.photometric.photometric_io import TITLES, photometric_format, read_photometric
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
 
 

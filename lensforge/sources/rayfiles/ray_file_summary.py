@@ -5,7 +5,7 @@ The plots show start points from the front and from the side, directions, and in
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -15,16 +15,12 @@ from lensforge.errors import InputError
 from lensforge.results import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.files import replacing
-from lensforge.results.plots import new_axes
+from lensforge.results.plots import Axes, new_axes
 from lensforge.results.validation import shortened
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.rayfiles.ray_file import FluxUnit, HeaderValue, RayFile, no_usable_ray, usable_blocks
 from lensforge.sources.rayfiles.ray_file_rows import HUGE, as_float64
 from lensforge.sources.source_summary import RaysDropped
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Panel = Literal["front", "side", "directions", "intensity"]
 _PIXELS = 160
