@@ -6,9 +6,7 @@ how many parts pass, how far their metrics scatter, and which tolerance decides.
 
 import csv
 import io
-from math import sqrt
-from statistics import NormalDist
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -31,13 +29,9 @@ from lensforge.results import (
     stated,
 )
 from lensforge.results.arguments import require_choice
-from lensforge.results.plots import plot_bars, plot_distribution
+from lensforge.results.plots import Axes, plot_bars, plot_distribution
 from lensforge.results.verdict import CERTAIN
 from lensforge.spec.tolerances_section import Factor
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
 
@@ -109,11 +103,10 @@ class PassRate(Record):
     @staticmethod
     def of(passed: int, count: int) -> "PassRate":
         """Share ``passed`` of ``count`` parts (Wilson, J. Am. Stat. Assoc. 22, 209, 1927)."""
-        z = NormalDist().inv_cdf(0.5 + 0.5 * _CONFIDENCE)
-        share, spread = passed / count, z * z / count
-        middle = (share + 0.5 * spread) / (1.0 + spread)
-        half = z / (1.0 + spread) * sqrt(share * (1.0 - share) / count + 0.25 * spread / count)
-        return PassRate(value=share, low=max(0.0, middle - half), high=min(1.0, middle + half))
+        from scipy.stats import binomtest  # a second, which only studies of parts need
+
+        within = binomtest(passed, count).proportion_ci(_CONFIDENCE, "wilson")
+        return PassRate(value=passed / count, low=float(within.low), high=float(within.high))
 
 
 class MetricBound(Record):
