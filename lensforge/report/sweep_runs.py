@@ -230,11 +230,7 @@ def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
     field = sweep.vary.split(".")[-1]
     names = [row.value if isinstance(row.value, str) else f"{field} = {row.value:g}" for row in sweep.designs]
     return template("sweep.html").render(
-        name=sweep.spec.name,
-        field=sweep.vary,
-        scale=sweep.scale,
-        accuracy=sweep.accuracy,
-        seed=sweep.seed,
+        sweep=sweep,
         plot=picture("sweep", sweep_figure(sweep), f"Error and efficiency against {_label(sweep)}"),
         designs=_of_kind(sweep, "design"),
         losses=_of_kind(sweep, "loss"),

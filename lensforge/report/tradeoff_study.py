@@ -196,9 +196,7 @@ _ERRORS: tuple[tuple[TradedError, str, str], ...] = (("nmse", BLUE, "o"), ("effi
 def tradeoff_page(tradeoff: Tradeoff) -> str:
     """The page: one self-contained HTML file."""
     return template("tradeoff.html").render(
-        name=tradeoff.name,
-        accuracy=tradeoff.accuracy,
-        threads=tradeoff.threads,
+        tradeoff=tradeoff,
         seconds=number(tradeoff.seconds, 3),
         sections=[(title, [row.facts for row in tradeoff.series(name)]) for name, title in _SERIES.items()],
         pictures=[
