@@ -17,7 +17,7 @@ from lensforge.cli.new_scene import CUTTERS, NewScene, millimetres
 from lensforge.cli.options import with_force
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
-from lensforge.results.files import replacing, require_writable
+from lensforge.results.files import require_writable, write_file
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, receiver_beside, source_in, target_in
 from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
@@ -142,8 +142,7 @@ def _schema_text() -> str:
 
 def _write(path: Path, text: str) -> None:
     require_writable(path)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(path, text.encode())
 
 
 _PACKAGE = Path(lensforge.__file__).parent
@@ -178,8 +177,7 @@ def examples(name: str | None) -> None:
     if here:
         raise InputError(f"{here[0]}: exists and is not overwritten; copy {stem} into another folder")
     for path in wanted:
-        with replacing(Path(path.name)) as temporary:
-            temporary.write_bytes(path.read_bytes())
+        write_file(path.name, path.read_bytes())
     click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {shlex.quote(wanted[0].name)}")
 
 

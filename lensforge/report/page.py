@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.figure_style import to_svg
-from lensforge.results.files import replacing, require_own
+from lensforge.results.files import require_own, write_file
 
 _TEMPLATES = Path(__file__).with_name("templates")
 
@@ -53,8 +53,7 @@ def _environment() -> Environment:
 def write_page(page: str, path: Path) -> None:
     """Write ``page`` to ``path``. Raises :class:`InputError` where that file is not one of this program's."""
     require_own(path)
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    write_file(path, page.encode())
 
 
 def _breakable(path: str) -> Markup:

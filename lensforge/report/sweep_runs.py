@@ -25,7 +25,7 @@ from lensforge.report.variation import AnyVariation, SourceVariation, Variant
 from lensforge.results import Group
 from lensforge.results.cluster import connected
 from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure
-from lensforge.results.files import replacing, require_own
+from lensforge.results.files import require_own, write_file
 from lensforge.results.folder_lock import locked
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
@@ -57,8 +57,7 @@ def write_run(files: Files, folder: Path) -> None:
     """Write the files of a run into its folder, those last that name the hashes of others."""
     with locked(folder, create=True):
         for name in sorted(files, key=lambda each: (each.endswith("run.json"), each.endswith(".json"))):
-            with replacing(folder / name) as temporary:
-                temporary.write_bytes(files[name])
+            write_file(folder / name, files[name])
 
 
 PAGE, TABLE = "sweep.html", "sweep.csv"

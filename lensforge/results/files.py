@@ -127,9 +127,13 @@ def _flush_folder(folder: Path) -> None:
 
 def write_json(path: Path, content: Any) -> None:
     """Write ``content`` as indented JSON; NaN and infinity are refused, so that any reader can parse it."""
-    text = json.dumps(content, indent=2, allow_nan=False)
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_file(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
+
+
+def write_file(path: Path | str, content: bytes) -> None:
+    """Write ``content``, all of it or nothing, as :func:`replacing` does."""
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(content)
 
 
 def read_file(path: Path | str, *, missing: str, most_bytes: int) -> bytes:

@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, model_serializer
 
 from lensforge.errors import InputError, OutdatedResult, refused
 from lensforge.results.conditions import Conditions
-from lensforge.results.files import MIB, read_file, read_json, replacing
+from lensforge.results.files import MIB, read_file, read_json, write_file
 from lensforge.results.json_npz import arrays_in
 from lensforge.results.notebook_html import PLOT_KINDS, plot_file, plot_html, table_text
 from lensforge.results.record import (
@@ -251,8 +251,7 @@ class StageResult(Record):
     @staticmethod
     def _write(folder: Path, files: Mapping[str, bytes]) -> None:
         for name in sorted(files, key=lambda each: each.endswith(".json")):
-            with replacing(Path(folder) / name) as temporary:
-                temporary.write_bytes(files[name])
+            write_file(Path(folder) / name, files[name])
 
     def products(self) -> dict[str, bytes]:
         """Content of the further files that :meth:`save` can write, by suffix; most results have none."""
@@ -278,8 +277,7 @@ class StageResult(Record):
         else:
             kinds = ", ".join([*products, ".json", *(f".{kind}" for kind in (PLOT_KINDS if draw is not None else ()))])
             raise InputError(f"{path}: {its_type(self)} is saved as one of {kinds}; give such a name")
-        with replacing(path) as temporary:
-            temporary.write_bytes(content)
+        write_file(path, content)
 
     @classmethod
     def read(cls, folder: Path, stem: str | None = None, **given: object) -> Self:

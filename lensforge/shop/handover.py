@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, PlainSerializer
 
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
-from lensforge.results.files import replacing, require_own
+from lensforge.results.files import require_own, write_file
 from lensforge.shop.check_result import Findings
 
 HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
@@ -89,8 +89,7 @@ class Handover(Record):
         for name in (HTML_FILE, *(name for name in self.files if name.endswith(".pdf"))):
             require_own(Path(folder) / name)
         for name, content in self.files.items():
-            with replacing(Path(folder) / name) as temporary:
-                temporary.write_bytes(content)
+            write_file(Path(folder) / name, content)
 
     def _repr_html_(self) -> str:
         page = escape(self.html.decode("utf-8"))

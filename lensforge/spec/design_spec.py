@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from lensforge.errors import InputError, refused
 from lensforge.optics.media import Media
-from lensforge.results.files import replacing
+from lensforge.results.files import write_file
 from lensforge.results.validation import its_type
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
 from lensforge.spec.derived_values import derived_sizes
@@ -190,9 +190,9 @@ class Spec(Section):
         if not isinstance(path, Path | str):
             raise InputError(f"save: {short(path)} is {its_type(path)}; give the path of a TOML file")
         content = self.to_toml()
-        wrong = refused(repr(str(path)), "cannot be written (…); try another path", ValueError)
-        with wrong, replacing(Path(path)) as temporary:  # a NUL in the path, half a character in a text
-            temporary.write_text(content, encoding="utf-8")
+        # A NUL in the path, half a character in a text.
+        with refused(repr(str(path)), "cannot be written (…); try another path", ValueError):
+            write_file(path, content.encode())
 
     def to_toml(self) -> str:
         """Spec as TOML: what was given, each kind named."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.results import Count, Record, Text
-from lensforge.results.files import MIB, read_file, replacing
+from lensforge.results.files import MIB, read_file, write_file
 from lensforge.results.text_dialect import decoded
 from lensforge.results.validation import shortened
 from lensforge.sources.photometric import ies
@@ -86,9 +86,7 @@ def write_photometric(path: Path, photometric: PhotometricFile, *, ies_version: 
 
     ``ies_version``: year of LM-63 that an IES file follows, 2019 or 2002.
     """
-    content = encoded(Path(path), photometric, ies_version)
-    with replacing(Path(path)) as temporary:
-        temporary.write_bytes(content)
+    write_file(path, encoded(Path(path), photometric, ies_version))
 
 
 def encoded(path: Path, photometric: PhotometricFile, ies_version: IesVersion = NEWEST) -> bytes:
