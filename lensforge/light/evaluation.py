@@ -6,7 +6,7 @@ standard error.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import astuple
 
 import numpy as np
@@ -37,10 +37,12 @@ from lensforge.light.receiver_light import (
     RegionLight,
     WindowSize,
 )
+from lensforge.light.seen_lens import SeenLens
 from lensforge.light.simulation import ReplicateMetrics, TracedLens, lit_mask, simulate, traced_light
 from lensforge.results import Metric
 from lensforge.results.chart import light_unit
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lens import Lens
 from lensforge.scene.light_ends import LOSSES, NUMBER_BY_FATE
 from lensforge.scene.limit_readings import LightLimit, light_limits
@@ -56,6 +58,7 @@ from lensforge.spec.accuracy import Preset
 from lensforge.spec.light_limits import ColourSection
 
 _SCRAMBLES, _RAYS = 8, 2**8  # few: each is traced through the exact surfaces, which is slow
+_RAYS_OF_OUTLINE = 2**16  # the hull of so many places on a disc lacks 0.1 % of its area
 
 
 def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: TracedLens) -> PresetError:
@@ -180,20 +183,28 @@ def evaluate_traced(
         (drawn_target(section.targets, receiver), coarser_target(section.targets, receiver))
         for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]
-    simulation = simulate(traced, source, receivers, rays, seed, drawn, coloured=colour is not None)
+    views = eye_views(spec) if any(limit.of_view for limit in limits) else ()
+    simulation = simulate(
+        traced, source, (*receivers, *views), rays, seed, [*drawn, *[()] * len(views)], coloured=colour is not None
+    )
+    looked_at, seen = simulation.received[: len(receivers)], simulation.received[len(receivers) :]
     light = SourceLight.of(bounds_by or source, traced.scene.media, lens=spec.lens)
     variance = spec.evaluate.filter_variance
     space = spec.lens.exit_space(spec.constraints).grown(traced.grown_mm)
     lit = tuple(
         receiver_light(section, PossibleLight(light, receiver, space), received, variance, simulation.emitted_w, colour)
-        for section, receiver, received in zip(spec.all_receivers, receivers, simulation.received, strict=True)
+        for section, receiver, received in zip(spec.all_receivers, receivers, looked_at, strict=True)
     )
-    images = [gaussian3(received.images, variance) for received in simulation.received] if limits else []
-    losses = [_losses(received, simulation.by_way) for received in simulation.received] if limits else []
+    images = (
+        [*(gaussian3(each.images, variance) for each in looked_at), *(each.images for each in seen)] if limits else []
+    )
+    losses = [_losses(received, simulation.by_way) for received in looked_at] if limits else []
+    names = [each.name for each in lit] + [""] * len(views)
     return Light(
         receivers=lit,
-        limits=(*judged_limits(limits, images, [each.name for each in lit], losses), *colour_limits(colour, lit)),
+        limits=(*judged_limits(limits, images, names, losses), *colour_limits(colour, lit)),
         ways=simulation.by_way.ways(simulation.emitted_w),
+        seen=tuple(_seen(traced, source, seed, zip(views, seen, strict=True))),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
         pixels=side,
@@ -206,6 +217,16 @@ def evaluate_traced(
         seconds=time.perf_counter() - started,
         criteria=light_criteria(lit[0].flux),
     )
+
+
+def _seen(
+    traced: TracedLens, source: Source, seed: int, views: Iterable[tuple[EyeView, ReceivedFlux]]
+) -> Iterator[SeenLens]:
+    """The lens in every view; some rays more tell its outline."""
+    exits = None
+    for view, received in views:
+        exits = exits or traced.trace(source.sample(min(_RAYS_OF_OUTLINE, source.ray_count or _RAYS_OF_OUTLINE), seed))
+        yield SeenLens.of(view, received.images, exits)
 
 
 def receiver_light(

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
+from lensforge.light.seen_lens import SeenLens
 from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
@@ -80,21 +81,22 @@ class Light(ResultByLed):
 
     ``receivers``: metrics, flux and maps on each receiver, in the order of the spec. ``limits``: those of the spec,
     each with its value and judgement. ``ways``: shares of the emitted flux by way, of a lens of more than two faces.
-    ``place``: of the LED, where it is from a ray file or is moved. ``replicates``: independent samples, whose scatter
-    gives the standard errors. ``pixels``: along the longer side of a map as required; lamps together may need somewhat
-    more or fewer. ``filter``: the filter of the maps, in words. ``lumens_per_watt``: efficacy of the light; None where
-    nothing states it. ``table_nodes``: across the tables by which faces are traced. ``table_error_nm``: their largest
-    error, by face. ``preset_error``: their effect on the light; None where it was not measured. ``fitted``: figures by
-    the rays of the search.
+    ``seen``: the lens as eyes of limits see it. ``place``: of the LED, where it is from a ray file or is moved.
+    ``replicates``: independent samples, whose scatter gives the standard errors. ``pixels``: along the longer side of a
+    map as required; lamps together may need somewhat more or fewer. ``filter``: the filter of the maps, in words.
+    ``lumens_per_watt``: efficacy of the light; None where nothing states it. ``table_nodes``: across the tables by
+    which faces are traced. ``table_error_nm``: their largest error, by face. ``preset_error``: their effect on the
+    light; None where it was not measured. ``fitted``: figures by the rays of the search.
     """
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
-    told_if_any: ClassVar[tuple[str, ...]] = ("ways", "place")
+    told_if_any: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: JudgedLimits = ()
     ways: tuple[LightWay, ...] = ()
+    seen: tuple[SeenLens, ...] = ()
     place: SourcePlace | None = None
     others: "tuple[Light, ...]" = ()
     rays: Annotated[Count, Field(ge=1)]

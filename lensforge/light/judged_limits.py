@@ -53,6 +53,7 @@ _QUANTITIES = {
     "share": "share of the flux",
     "loss": "lost share of the flux",
     "beam_angle": "beam angle",
+    "luminance": "luminance of the brightest spot",
     "threshold_increment": "threshold increment",
     "ratio": "ratio of means",
     "mean_over_min": "mean/min of the light",

@@ -16,6 +16,7 @@ from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judged_figures
 from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement, with_remedies
+from lensforge.light.seen_lens import radiance_unit, seen_facts
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
 from lensforge.results import Fact, Group
 from lensforge.results.chart import LightUnit, light_unit
@@ -58,6 +59,9 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
             groups.append(Group("light", f"{title}{end}", (*_figures(led_light, index, lens), *leaks)))
         if led_light.ways:
             groups.append(replace(way_facts(led_light.ways), title=f"Flux by path{end}"))
+        if led_light.seen:
+            seen = seen_facts(led_light.seen, radiance_unit(led_light.lumens_per_watt))
+            groups.append(Group("seen", f"The lens as seen{end}", seen))
         if led_light.limits:
             facts = limit_facts(led_light, names_of(lens.spec.roads), possible or {}, end)
             groups.append(Group("limits", f"Limits{end}", tuple(facts)))
@@ -109,7 +113,7 @@ def limit_facts(
 
     for road, limits in groupby(light.limits, key=road_of):
         for limit in with_remedies([*limits]) if road else limits:
-            on = f", on {limit.place}" if len(light.receivers) > 1 else ""
+            on = f", on {limit.place}" if len(light.receivers) > 1 and limit.place else ""
             quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
             fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")
             most = (possible or {}).get((limit.label, limit.bound))

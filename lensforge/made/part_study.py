@@ -186,9 +186,10 @@ class LedStudy:
 
     @cached_property
     def limits(self) -> tuple[LightLimit, ...]:
-        """Limits of the spec on its receivers."""
+        """Limits of the spec on its receivers; a part has too few rays for the spots that eyes see."""
         efficacy = summarise(self._source, self.emitter).lumens_per_watt
-        return light_limits(self.study.spec, self.study.receivers, efficacy, self._source.flux_w)
+        every = light_limits(self.study.spec, self.study.receivers, efficacy, self._source.flux_w)
+        return tuple(limit for limit in every if not limit.of_view)
 
     @cached_property
     def designed_pictures(self) -> list[list[list[Channels]]]:

@@ -11,12 +11,13 @@ from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Polygon
 from matplotlib.ticker import PercentFormatter
 from PIL import Image as PictureFile
 from scipy.ndimage import map_coordinates
 
 from lensforge.light.receiver_light import Flux, MissedByCause
+from lensforge.light.seen_lens import SeenLens
 from lensforge.results import Image
 from lensforge.results.chart import WATTS, Chart, LightUnit, angles_to, on_chart
 from lensforge.results.figure_style import (
@@ -37,6 +38,7 @@ from lensforge.results.plots import draw_outline
 _WANTED, _LANDED = 0.01, 0.05  # of the target's peak: darker places need not be seen
 _MARGIN = 1.2  # of the frame over what it holds
 _WORTH = 0.85  # of the receiver's sides: a frame that cuts less away is no gain
+_LONGEST = 1e4  # luminance beside a scale: above in thousands
 _FLATTEST = 0.5  # height over width; at most it is 1, where the receiver is wide enough
 
 
@@ -93,6 +95,22 @@ def irradiance_map(
     if mask is not None and mask.any():
         draw_border(axes, mask, chart)
     add_colour_bar(bar, shown, unit.label, "max" if image.max() > _ROUNDED * top else "neither")
+    return figure
+
+
+@in_report_style
+def seen_lens(seen: SeenLens, unit: LightUnit) -> Figure:
+    """The lens as an eye sees it with its outline, in false colour from 0 to its brightest spot, which has a circle."""
+    top, side = float(seen.map.max()) or 1.0, min(_MARGIN * 2.0 * np.abs(seen.outline).max(initial=0.0), seen.side_mm)
+    chart, (row, column) = Chart(seen.side_mm, seen.side_mm), np.unravel_index(seen.map.argmax(), seen.map.shape)
+    if unit.per_watt * top > _LONGEST:
+        unit = LightUnit(unit.quantity, f"k{unit.symbol}", 1e-3 * unit.per_watt)
+    figure = irradiance_map(seen.map, chart, top, unit=unit, frame=Chart(side, side) if side else chart)
+    place = chart.x(len(seen.map))[column], chart.y(len(seen.map))[row]
+    for patch in (Circle(place, 0.5 * seen.spot_mm), Polygon(seen.outline) if side else None):
+        if patch is not None:
+            patch.set(fill=False, edgecolor="white", linewidth=0.7)
+            figure.axes[0].add_patch(patch)
     return figure
 
 

@@ -12,6 +12,7 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import Attainable, light_reasons, mask_words, unit_on, window_words
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, ReceiverLight
+from lensforge.light.seen_lens import radiance_unit
 from lensforge.report import colour_figures, light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
@@ -160,8 +161,25 @@ def first_picture(results: Results) -> PagePicture | None:
 
 
 def receiver_pictures(results: Results) -> list[ReceiverPictures]:
-    """The pictures of every receiver of the lens's own light."""
-    return [_of_receiver(shown, results.light) for shown in shown_receivers(results)]
+    """The pictures of every receiver of the lens's own light, and those of the lens as the eyes of limits see it."""
+    return [*(_of_receiver(shown, results.light) for shown in shown_receivers(results)), *_seen_by_eyes(results)]
+
+
+def _seen_by_eyes(results: Results) -> Iterator[ReceiverPictures]:
+    light = results.find(Light)
+    drawn = [
+        picture(
+            numbered("seen", index),
+            light_figures.seen_lens(seen, radiance_unit(own.lumens_per_watt)),
+            f"{seen.name}, {led}" if led else seen.name,
+            f"Each pixel: the mean over the spot of {number(seen.spot_mm, 2)} mm about it. Circle: the brightest.",
+        )
+        for index, (led, own, seen) in enumerate(
+            (led, own, seen) for led, own in (light.by_led if light else {}).items() for seen in own.seen
+        )
+    ]
+    if drawn:
+        yield ReceiverPictures("The lens as seen", drawn, ())
 
 
 def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:

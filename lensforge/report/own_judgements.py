@@ -53,8 +53,8 @@ def _bounds(spec: Spec) -> Iterator[tuple[str, Sense, float]]:
     for number, limit in enumerate(spec.limits):
         for least, most in map(limit.bounds, limit.quantities()):
             bounds: dict[Sense, float | None] = {">=": least, "<=": most}
-            name = limit.name or f"limits.{number}"
-            yield from ((name, sense, bound) for sense, bound in bounds.items() if bound is not None)
+            names = limit.labels(number)
+            yield from ((name, sense, bound) for name in names for sense, bound in bounds.items() if bound is not None)
 
 
 def _limits(light: Light, lens: Lens) -> Iterator[Fact]:

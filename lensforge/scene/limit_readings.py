@@ -12,6 +12,7 @@ from scipy import sparse
 from lensforge.errors import InputError
 from lensforge.results import Sense
 from lensforge.scene.body import Chain
+from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.light_ends import loss_names
 from lensforge.scene.receiver import PosedReceiver, equal_area
 from lensforge.scene.road_classes import asked_of
@@ -23,6 +24,7 @@ from lensforge.spec.light_limits import (
     LimitSection,
     LineLimit,
     LossLimit,
+    LuminanceLimit,
     PointsLimit,
     Quantity,
     ZoneLimit,
@@ -30,7 +32,8 @@ from lensforge.spec.light_limits import (
 from lensforge.spec.road_section import names_of
 
 _UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
-_PHOTOMETRIC = ("lx", "cd")
+_UNITS |= {"w_per_m2_sr": "W/(m² sr)", "cd_per_m2": "cd/m²"}
+_PHOTOMETRIC = ("lx", "cd", "cd_per_m2")
 _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
 _SENSES: tuple[Sense, Sense] = (">=", "<=")
 
@@ -43,7 +46,8 @@ class LightLimit:
     angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of a
     threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
     first place is over the second. Of a loss the readings are of the flux (W) by cause, as ``scene.light_ends`` orders
-    them. ``road``: number of the road whose class asks for it, ``share`` its weight.
+    them. Of a luminance they are spots on the view of an eye; views are numbered behind the receivers. ``road``: number
+    of the road whose class asks for it, ``share`` its weight.
     """
 
     name: str
@@ -69,6 +73,11 @@ class LightLimit:
         return self.quantity == "loss"
 
     @property
+    def of_view(self) -> bool:
+        """True where it reads the view of an eye, and no receiver."""
+        return self.quantity == "luminance"
+
+    @property
     def is_share(self) -> bool:
         """True where it bounds a share of the flux of the source, whatever that is."""
         return self.quantity in ("share", "loss")
@@ -84,15 +93,26 @@ class LightLimit:
 
 
 def light_limits(
-    spec: Spec, receivers: Sequence[PosedReceiver], lumens_per_watt: float | None, flux_w: float
+    spec: Spec,
+    receivers: Sequence[PosedReceiver],
+    lumens_per_watt: float | None,
+    flux_w: float,
+    views: Sequence[EyeView] | None = None,
 ) -> tuple[LightLimit, ...]:
     """The limits of ``spec`` on pictures of ``receivers``; those with two bounds twice. ``flux_w``: of the source.
+
+    ``views``: of the eyes, by default as an evaluation sees them.
 
     Raises :class:`InputError` for lux or candela of a source whose lumens are not known, and zones without a pixel.
     """
     names = [section.name for section in spec.all_receivers]
     found: list[LightLimit] = []
+    seen = enumerate(eye_views(spec) if views is None else views, len(names))
     for number, limit in enumerate(spec.limits):
+        if isinstance(limit, LuminanceLimit):
+            scale = _scale(limit.unit or "", f"limits.{number}", lumens_per_watt)
+            found += [_of_view(limit, scale, *next(seen)) for _ in limit.eyes()]
+            continue
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
         if isinstance(limit, LossLimit):
@@ -128,6 +148,12 @@ def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float)
     causes = loss_names(Chain.of_lens(spec.lens))
     readings = sparse.csr_array(([1.0 / flux_w], ([0], [causes.index(limit.cause)])), shape=(1, len(causes)))
     return LightLimit(name, index, "loss", "<=", limit.at_most_share, "", readings)
+
+
+def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> LightLimit:
+    assert limit.at_most is not None and limit.unit is not None
+    readings = scale / view.pixel_measure * view.spots()
+    return LightLimit(view.label, index, "luminance", "<=", limit.at_most, _UNITS[limit.unit], readings)
 
 
 def _bounds_of(

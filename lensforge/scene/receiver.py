@@ -106,6 +106,12 @@ class PosedReceiver(ABC):
         in_pieces(work, len(points), worth=_WORTH_SHARING)
         return by
 
+    def adjoint(
+        self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
+    ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
+        """Sensitivities to exit rays and to their flux, from those to their hits and to the flux that lands."""
+        return self.sensitivities(rays, by_hits), by_flux
+
     def land_by_arrays(self, rays: ExitRays) -> Landings:
         """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable."""
         points, directions = self.pose.own_points(rays.points), self.pose.own_directions(rays.directions)

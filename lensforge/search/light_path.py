@@ -224,9 +224,9 @@ class _Landing(torch.autograd.Function):
             if missed.any():  # their hit and flux are constants; those of rays lost in the lens never count
                 own = torch.from_numpy(missed)
                 by_hits, by_flux = by_hits.masked_fill(own[:, None], 0.0), by_flux.masked_fill(own, 0.0)
-            by = receiver.sensitivities(exits, by_hits.contiguous().numpy())
+            by, of_flux = receiver.adjoint(exits, by_hits.contiguous().numpy(), by_flux.contiguous().numpy())
             total = by if total is None else Sensitivities(*(a + b for a, b in zip(total, by, strict=True)))
-            total_flux = total_flux + by_flux.numpy()
+            total_flux = total_flux + of_flux
         by_tables = ctx.traced.gradients(total, total_flux, by_sin2.contiguous().numpy())
         return torch.from_numpy(by_tables), None, None, None
 

@@ -35,7 +35,7 @@ def smoothed(flux: Image) -> Image:
 
 # The search aims this far inside each bound, relative to it: the picture of a step has noise, and pixels of its own.
 _MARGIN = 0.03
-_ROAD_MARGIN = 0.06  # a far field of 200 pixels blurs glare, and shows a road up to 3 % too good
+_WIDE_MARGIN = 0.06  # a far field of 200 pixels shows a road up to 3 % too good; so does the wide kernel of eyes
 # Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
 _OF_EACH, _AT_MOST = 30.0, 300.0
 _OF_FLUX = 0.4  # the excess of a loss counts as a part of so much: with 0.1 a search for an oval keeps its narrow start
@@ -64,7 +64,7 @@ class LimitTerm:
         if self.limit.of_losses:
             by_cause = losses[self.limit.receiver]
             return self.of_light(torch.mv(self.readings, by_cause), by_cause)
-        picture = smoothed(images[self.limit.receiver])
+        picture = images[self.limit.receiver] if self.limit.of_view else smoothed(images[self.limit.receiver])
         return self.of_light(torch.mv(self.readings, picture.reshape(-1)), picture)
 
     def of_light(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, ""]:
@@ -97,7 +97,7 @@ class LimitTerm:
 
     def _beyond(self, relative: Float[Tensor, " k"], at_least: bool) -> Float[Tensor, " k"]:
         """Excess of light relative to its bound over that with its margin."""
-        margin = _ROAD_MARGIN if self.limit.of_road else _MARGIN
+        margin = _WIDE_MARGIN if self.limit.of_road or self.limit.of_view else _MARGIN
         return 1.0 + margin - relative if at_least else relative - (1.0 - margin)
 
     def _beside_the_beam(self, light: Float[Tensor, " k"]) -> Float[Tensor, " k"]:

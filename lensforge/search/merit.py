@@ -17,6 +17,7 @@ from torch import Tensor
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.body import Chain
+from lensforge.scene.eye_view import eye_views
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.collected_light import Collected
@@ -50,6 +51,8 @@ class Evaluated:
 @dataclass(frozen=True)
 class SampledLight:
     """Light of a sample of rays: flux (W) on each receiver's pixels, the terms of the flux (W), and that emitted.
+
+    Behind the images of receivers stand those of the eyes of limits.
 
     ``halves``: in a robust search, half of the difference between the images of two opposite parts, for each pair; the
     images are then the mean over all parts. ``colours``, ``losses``: the mean likewise, where they count.
@@ -172,10 +175,12 @@ class MeritFunction(Merit[SampledLight]):
         single = single and not isinstance(spec.lamps, EndlessLamps)  # whose light comes from any distance
         scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens), single=single)
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
-        asked = light_limits(spec, receivers, efficacy, source.flux_w)
+        views = eye_views(spec, searched=True)
+        asked = light_limits(spec, receivers, efficacy, source.flux_w, views)
         crossing = source if scene.chain is not None and aims(source) else None
         losses = max((limit.readings.shape[1] for limit in asked if limit.of_losses), default=0)
-        light, term, colour = LightPath(scene, receivers, device, source=crossing, losses=losses), None, spec.colour
+        places, term, colour = (*receivers, *views), None, spec.colour
+        light = LightPath(scene, places, device, source=crossing, losses=losses)
         if colour is not None and colour.weight > 0.0:
             light = replace(light, colour=SourceColour.of(source))
             wanted, shares = zip(*((each.wanted, each.share) for each in terms), strict=True)
@@ -214,15 +219,14 @@ class MeritFunction(Merit[SampledLight]):
         emitted_w = float(rays.flux.sum())
         if pair is None:
             light = self.light.collect(tables, rays)
-            images = tuple(terms.mirrored(each.image) for terms, each in zip(self.terms, light, strict=True))
-            amounts = images, self._flux_term(light), emitted_w
+            amounts = self._mirrored([each.image for each in light]), self._flux_term(light), emitted_w
             return SampledLight(*amounts, (), self._colours((light,)), _losses((light,)))
         assert isinstance(self.light, LightPath), "a robust search has one lens"
         one, other = (self.light.through(tables, rays, part) for part in pair)
-        both = list(zip(self.terms, one, other, strict=True))
+        both = [(a.image, b.image) for a, b in zip(one, other, strict=True)]
         # only the mean over all parts has the symmetry of the scene: each part alone has none
-        images = tuple(terms.mirrored(0.5 * (a.image + b.image)) for terms, a, b in both)
-        halves = tuple(0.5 * (a.image - b.image) for _, a, b in both)
+        images = self._mirrored([0.5 * (a + b) for a, b in both])
+        halves = tuple(0.5 * (a - b) for a, b in both)
         flux = 0.5 * (self._flux_term(one) + self._flux_term(other))
         return SampledLight(images, flux, emitted_w, (halves,), self._colours((one, other)), _losses((one, other)))
 
@@ -241,17 +245,22 @@ class MeritFunction(Merit[SampledLight]):
         return float(error + of_flux) + of_colours, float(of_images) + of_colours
 
     def _judged(self, first: Images, second: Images, uniform: bool, losses: Losses) -> Float[Tensor, ""]:
-        parts = zip(self.terms, first, second, strict=True)
+        parts = zip(self.terms, first, second, strict=False)
         error = torch.stack([terms.share * terms.judge(one, other, uniform) for terms, one, other in parts]).sum()
         joined = tuple(0.5 * (one + other) for one, other in zip(first, second, strict=True))
         return error + self._limit_term(joined, losses)
 
+    def _mirrored(self, images: Sequence[Tensor]) -> Images:
+        """The images with the mirrors of the scene; behind those of receivers come the views of eyes, as they are."""
+        own = len(self.terms)
+        return (*(terms.mirrored(each) for terms, each in zip(self.terms, images, strict=False)), *images[own:])
+
     def _weighted(self, images: Images, value: Callable[[ImageTerms, Image], float]) -> float:
         """Mean of ``value`` over the receivers by their shares."""
-        return sum(terms.share * value(terms, image) for terms, image in zip(self.terms, images, strict=True))
+        return sum(terms.share * value(terms, image) for terms, image in zip(self.terms, images, strict=False))
 
     def _image_loss(self, images: Images, uniform: bool) -> Float[Tensor, ""]:
-        pairs = zip(self.terms, images, strict=True)
+        pairs = zip(self.terms, images, strict=False)
         return torch.stack([terms.share * terms.loss(image, uniform) for terms, image in pairs]).sum()
 
     def _limit_term(self, images: Images, losses: Losses) -> Float[Tensor, ""]:
@@ -262,7 +271,7 @@ class MeritFunction(Merit[SampledLight]):
 
     def _colours(self, parts: Sequence[tuple[Collected, ...]]) -> Colours:
         colours = []
-        for terms, *same in zip(self.terms, *parts, strict=True):
+        for terms, *same in zip(self.terms, *parts, strict=False):
             own = [each.colours for each in same if each.colours is not None]
             if own:
                 colours.append(torch.stack([terms.mirrored(each) for each in torch.stack(own).mean(dim=0)]))
@@ -272,7 +281,7 @@ class MeritFunction(Merit[SampledLight]):
         """Flux (W) that has no gradient in the images."""
         even = any(terms.mask is not None for terms in self.terms)
         lost = (_UNIFORM_TOTAL_REFLECTION if even else _TOTAL_REFLECTION) * light[0].total_reflection
-        received = [terms.share * terms.flux_term(each) for terms, each in zip(self.terms, light, strict=True)]
+        received = [terms.share * terms.flux_term(each) for terms, each in zip(self.terms, light, strict=False)]
         return lost + torch.stack(received).sum()
 
 

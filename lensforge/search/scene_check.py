@@ -107,7 +107,7 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
     targets = tuple(_of_target(pattern, each, spec) for pattern, each in zip(wanted, physics, strict=True))
     lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
-    limited = (_of_limit(limit, physics[limit.receiver], source.flux_w, spec) for limit in limits)
+    limited = (_of_limit(each, physics[each.receiver], source.flux_w, spec) for each in limits if not each.of_view)
     return targets, tuple(each for each in limited if each is not None)
 
 

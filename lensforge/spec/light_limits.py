@@ -20,13 +20,13 @@ Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
-LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "relative"]
+LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative"]
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
-_OfLight = Literal["light", "relative", "min_over_mean", "min_over_max", "share", "loss", "beam_angle"]
+_OfLight = Literal["light", "relative", "min_over_mean", "min_over_max", "share", "loss", "beam_angle", "luminance"]
 _OfRoads = Literal["threshold_increment", "ratio", "mean_over_min", "max_over_min", "veiling_ratio"]
 Quantity = Literal[_OfLight, _OfRoads]  # what decides on a limit
-OF_FAR_FIELD = ("w_per_sr", "cd")
-_MOST_POINTS = 1000
+_OF_SURFACES, _OF_FAR_FIELD, _OF_EYES = ("w_per_m2", "lx"), ("w_per_sr", "cd"), ("w_per_m2_sr", "cd_per_m2")
+_MOST_POINTS, _MOST_EYES = 1000, 16
 _ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
 _OF_RECEIVERS = ("distance_mm", "receiver_mm", "half_angle_deg")
 _OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")
@@ -50,14 +50,18 @@ class LimitSection(InOneUnit):
     at_most: Amount | None = None
     """Maximum light, in ``unit``."""
     unit: LightUnitName | None = None
-    """Unit of both: irradiance or illuminance on surfaces, intensity in the far field, or "relative" to the maximum on
-    the receiver.
+    """Unit of both: irradiance or illuminance on surfaces, intensity in the far field, radiance or luminance for eyes,
+    or "relative" to the maximum on the receiver.
     """
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
         """Its places on the receiver, in their unit."""
         return tuple(self.length(name) for name in self.needs)
+
+    def labels(self, number: int) -> list[str]:
+        """Name of each of its judgements, where it is limit ``number``: of one, unless many are judged apart."""
+        return [self.name or f"limits.{number}"]
 
     def bounds(self, quantity: str) -> tuple[float | None, float | None]:
         """Least and largest value of ``quantity``, a unit of light or one of ``others``; None where it has no bound."""
@@ -222,8 +226,60 @@ class LossLimit(LimitSection):
             raise ValueError("a loss is bounded by at_most_share alone")
 
 
+_Point = tuple[Coordinate, Coordinate, Coordinate]
+_Angle = Annotated[float, Field(ge=1e-3, le=45.0)]
+
+
+class LuminanceLimit(LimitSection):
+    """Luminance of the lens as eyes see it: at most so much on average over any spot. Each eye is judged alone.
+
+    They see one lens, of several lamps that of the first, lit by its own LED. Studies of parts leave it out: a part has
+    too few rays for a spot.
+    """
+
+    kind: Literal["luminance"] = "luminance"
+    eyes_mm: Annotated[tuple[_Point, ...], Field(min_length=1, max_length=_MOST_EYES)] | None = None
+    """Places (x, y, z) of the eyes, outside of the lens."""
+    eyes_deg: (
+        Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_EYES)] | None
+    ) = None
+    """Directions (x, y) from the axis of eyes far away; or give ``eyes_mm``."""
+    spot_deg: _Angle | None = None
+    """Diameter of the spot at ``eyes_mm``; by default a minute of arc, 1/60, the finest that eyes resolve."""
+    spot_mm: Annotated[float, Field(ge=1e-3, le=1e3)] | None = None
+    """Diameter of the spot on the lens, for ``eyes_deg``: 0.58 is a minute of arc 2 m away."""
+    blur_deg: Annotated[float, Field(ge=0.1, le=30.0)] = 2.0
+    """Largest angle at which a ray counts that does not just meet the eye: less is sharper, and has more noise."""
+
+    def eyes(self) -> Iterator[tuple[str, tuple[float, ...]]]:
+        """Words for each eye, and its place (mm), or its direction (degrees)."""
+        unit = "mm" if self.eyes_deg is None else "°"
+        for eye in self.eyes_mm or self.eyes_deg or ():
+            yield f"({', '.join(f'{each:g}' for each in eye)}) {unit}".replace(" °", "°"), eye
+
+    def labels(self, number: int) -> list[str]:
+        """Name with the place of each eye."""
+        return [f"{self.name or f'limits.{number}'}, seen from {words}" for words, _ in self.eyes()]
+
+    @check
+    def _is_seen(self) -> None:
+        if (self.eyes_mm is None) == (self.eyes_deg is None):
+            raise ValueError("give either eyes_mm, places (x, y, z), or eyes_deg, directions (x, y) of eyes far away")
+        if self.receiver is not None:
+            raise ValueError("receiver: eyes see the lens itself; leave it out")
+        if self.at_least is not None or self.unit not in _OF_EYES:
+            raise ValueError(
+                f"the luminance of a spot has a largest value; give at_most, and unit: {', '.join(_OF_EYES)}"
+            )
+        if self.eyes_deg is not None and self.spot_mm is None:
+            raise ValueError("spot_mm: missing; eyes far away are at no distance: 0.58 is a minute of arc 2 m away")
+        if self.spot_mm is not None and self.spot_deg is not None:
+            raise ValueError("spot_deg and spot_mm are given; give one, in the far field spot_mm")
+
+
 LightLimitSpec = Annotated[
-    PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit | LossLimit, Field(discriminator="kind")
+    PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit | LossLimit | LuminanceLimit,
+    Field(discriminator="kind"),
 ]
 
 
@@ -272,9 +328,9 @@ def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, fl
         words = "degrees" if far_field else "mm"
         raise ValueError(f"its places are in {limit.given_unit}, on {receiver} they are in {words}")
     light = limit.unit
-    if light not in (None, "relative") and (light in OF_FAR_FIELD) != far_field:
-        allowed = "w_per_sr, cd" if far_field else "w_per_m2, lx"
-        raise ValueError(f"its light is in {light}, on {receiver} it is in one of {allowed}, relative")
+    allowed = (*(_OF_FAR_FIELD if far_field else _OF_SURFACES), "relative")
+    if light not in (None, *allowed):
+        raise ValueError(f"its light is in {light}, on {receiver} it is in one of {', '.join(allowed)}")
     for place in limit.places:
         require_on("the place", place, unit, extent, receiver)
 
@@ -293,6 +349,8 @@ def require_limits_fit(
         if name not in by_name:
             known = ", ".join(str(each) for each in by_name)
             raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
+        if isinstance(limit, LuminanceLimit):
+            continue
         if isinstance(limit, LossLimit) and limit.cause not in causes:
             raise ValueError(f"limits.{number}.cause = {limit.cause!r}: of this lens it is one of {', '.join(causes)}")
         with fault_of(f"limits.{number}"):

@@ -40,6 +40,10 @@ COLOURS = {
 LAMPS = {"lamps": {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": 20.0}}
 KINDS = {"lamps": {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0, "kinds": "place"}}
 TABLE = {"kind": "table", "places_mm": [[-25.0, 6.0], [0.0, 0.0], [21.0, -9.0]], "turns_deg": [20.0, 0.0, 245.0]}
+EYES = {
+    "kind": "luminance", "at_most": 1.0, "unit": "w_per_m2_sr", "blur_deg": 30.0, "spot_mm": 4.0,
+}  # fmt: skip
+SEEN = {"limits": [EYES | {"eyes_mm": [[8.0, -3.0, 15.0], [40.0, 9.0, 20.0]]}, EYES | {"eyes_deg": [[-20.0, 35.0]]}]}
 SPECS: dict[str, dict[str, Any]] = {
     "free": {},
     "symmetric": {"lens__symmetry": "square"},
@@ -71,6 +75,8 @@ SPECS: dict[str, dict[str, Any]] = {
         "target": None,
         "receivers": list(RECEIVERS.values()),
     },
+    "seen by eyes": SEEN,
+    "seen by eyes, robust, coloured": SEEN | COLOURS | ROBUST | tolerance_changes(LARGE),
     "robust, large": ROBUST | tolerance_changes(LARGE),
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},
     "coloured, all receivers": COLOURS | {"target": None, "receivers": list(RECEIVERS.values())},
@@ -81,7 +87,7 @@ SPECS: dict[str, dict[str, Any]] = {
 
 ON_DEVICES = [  # scenes in which rays are traced in other ways
     "free", "ray file", "dispersed", "lossless", "all receivers", "lamps in a ring",
-    "lenses of two kinds, turned, all receivers", "robust, large", "coloured, robust, dispersed",
+    "lenses of two kinds, turned, all receivers", "robust, large", "seen by eyes", "coloured, robust, dispersed",
 ]  # fmt: skip
 
 

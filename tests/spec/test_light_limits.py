@@ -15,6 +15,7 @@ def far(*limits: dict[str, object]) -> Spec:
     return small_spec(**FAR).replace(limits=limits)
 
 
+SEEN = {"kind": "luminance", "eyes_mm": [[0.0, 300.0, 900.0]], "unit": "cd_per_m2", "at_most": 3e4}
 GOOD = [
     {"kind": "points", "at_deg": [[0, 0], [10, -5]], "unit": "cd", "at_least": 10.0, "at_most": 20.0},
     {"kind": "line", "from_deg": [-10, 0], "to_deg": [10, 0], "unit": "relative", "at_least": 0.5},
@@ -23,6 +24,7 @@ GOOD = [
      "at_least_min_over_mean": 0.5, "at_least_share": 0.2},
     {"kind": "glare", "from_deg": 45.0, "unit": "cd", "at_most": 2.0, "name": "glare", "receiver": "light"},
     {"kind": "beam_angle", "at_least_deg": 20.0, "at_most_deg": 40.0, "azimuth_deg": 90.0},
+    {"kind": "luminance", "eyes_mm": [[0.0, 300.0, 900.0]], "unit": "cd_per_m2", "at_most": 3e4, "spot_deg": 0.1},
 ]  # fmt: skip
 
 
@@ -49,6 +51,15 @@ def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) 
         ({"kind": "glare", "from_deg": 50.0, "unit": "cd", "at_least": 1.0}, "no least one"),
         ({"kind": "beam_angle", "unit": "cd", "at_most": 1.0}, "at_least_deg and at_most_deg"),
         ({"kind": "zone", "unit": "cd", "at_most": 1.0, "receiver": "wall"}, "none of that name; known: light"),
+        ({"kind": "zone", "unit": "cd_per_m2", "at_most": 1.0}, "in one of w_per_sr, cd, relative"),
+        (SEEN | {"eyes_deg": [[0, 50]], "spot_mm": 1.0}, "give either eyes_mm, places"),
+        ({"kind": "luminance", "unit": "cd_per_m2", "at_most": 1.0}, "give either eyes_mm, places"),
+        (SEEN | {"at_least": 0.5}, "has a largest value"),
+        (SEEN | {"unit": "cd"}, "unit: w_per_m2_sr, cd_per_m2"),
+        (SEEN | {"receiver": "light"}, "eyes see the lens itself; leave it out"),
+        (SEEN | {"spot_mm": 1.0, "spot_deg": 1.0}, "spot_deg and spot_mm are given"),
+        (SEEN | {"eyes_mm": None, "eyes_deg": [[0, 50]]}, "spot_mm: missing; eyes far away are at no distance"),
+        ({"kind": "luminance", "eyes_mm": [[0, 0, 900]]}, "sets no limit"),
     ],
 )  # fmt: skip
 def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], words: str) -> None:

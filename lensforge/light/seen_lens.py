@@ -1,0 +1,84 @@
+"""The lens as an eye sees it: the picture of its luminance, and the mean over its outline."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.light.metrics import jackknife_metric, scaled
+from lensforge.results import Fact, Irradiance, Metric, Positive, Record, Text
+from lensforge.results.chart import LightUnit
+from lensforge.results.numerals import quantity
+from lensforge.results.record import Array
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.eye_view import EyeView
+
+
+class SeenLens(Record):
+    """The lens as the eye of a limit sees it: x is to the right, and the axis up where it does not point at the eye.
+
+    ``label``: of the limit. ``side_mm``: of the square picture, at the lens; ``spot_mm``: diameter of a spot. ``map``:
+    radiance (W/(m² sr)), [row y, column x], of the spot about each pixel. ``outline``: corners (mm) of the convex
+    outline of all places that light leaves, and ``mean`` the radiance over it; None where no light leaves.
+    """
+
+    label: Text
+    side_mm: Positive
+    spot_mm: Positive
+    outline: Annotated[Float[np.ndarray, "k 2"], Array("k", 2)]
+    mean: Metric | None
+    map: Irradiance
+
+    @staticmethod
+    def of(view: EyeView, pictures: Float[np.ndarray, "r h w"], exits: ExitRays) -> "SeenLens":
+        """The lens by ``pictures`` of flux times the kernel (W/sr) of every replicate; ``exits`` tell its outline."""
+        outline = view.outline(exits)
+        radiance = pictures.mean(axis=0) / view.pixel_measure
+        spots = (view.spots() @ radiance.ravel()).reshape(radiance.shape)
+        means = pictures.sum(axis=(1, 2)) / (1e-6 * _area(outline) or np.inf)
+        return SeenLens(
+            label=view.label,
+            side_mm=view.grid.width,
+            spot_mm=view.spot_mm,
+            outline=outline,
+            mean=jackknife_metric(means, float, "W/(m² sr)") if len(outline) else None,
+            map=spots,
+        )
+
+    @property
+    def outline_mm2(self) -> float:
+        """Area of the outline."""
+        return _area(self.outline)
+
+    @property
+    def name(self) -> str:
+        """The eye in words, after those on its limit."""
+        return self.label.rpartition(", seen ")[2].capitalize()
+
+
+def _area(corners: Float[np.ndarray, "k 2"]) -> float:
+    """Area of a polygon."""
+    x, y = corners.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def radiance_unit(lumens_per_watt: float | None) -> LightUnit:
+    """Candela per m² if the source's luminous efficacy is known, else W/(m² sr)."""
+    if lumens_per_watt is None:
+        return LightUnit("radiance", "W/(m² sr)", 1.0)
+    return LightUnit("luminance", "cd/m²", lumens_per_watt)
+
+
+def seen_facts(seen: Sequence[SeenLens], unit: LightUnit) -> tuple[Fact, ...]:
+    """The mean luminance for every eye."""
+    return tuple(
+        Fact.measured(
+            "mean_luminance",
+            f"{each.name}, mean",
+            scaled(each.mean, unit.per_watt, unit.symbol),
+            f"{unit.quantity} over the {quantity(each.outline_mm2, 'mm²', digits=4)} of its outline",
+        )
+        for each in seen
+        if each.mean is not None
+    )

@@ -1,0 +1,169 @@
+"""Views of the lens by eyes: pictures of its luminance, by the rays that leave it.
+
+The picture is on a plane through the lens across the line of sight. A ray crosses it along d. Few rays just meet an
+eye, so that each counts by a smooth kernel of its angle with the line e from there to the eye, whose integral over
+directions is 1. With x = (1 - d e) / h, per sr,
+
+    K = 3 / (2 pi h) (1 - x)^2    for x < 1,    h = 1 - cos(blur).
+
+The mean of d e under the kernel is 1 - h / 4: over that, a luminance that is the same to all sides keeps its value.
+"""
+
+from dataclasses import dataclass, field
+from math import asin, ceil, cos, pi, radians, sin, tan
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+from scipy import sparse
+from scipy.spatial import ConvexHull
+
+from lensforge.errors import InputError
+from lensforge.optics.arrays import Array, lengths, like, module_of, replaced, rows_of
+from lensforge.optics.pose import Pose
+from lensforge.scene.exit_rays import ExitRays, Sensitivities
+from lensforge.scene.pixel_grid import PixelGrid
+from lensforge.scene.receiver import Kernel, Landings
+from lensforge.scene.receiver_shapes import Plane
+from lensforge.spec import Spec
+from lensforge.spec.light_limits import LuminanceLimit
+from lensforge.surfaces.placed_bodies import reach_mm
+
+_MINUTE_DEG = 1.0 / 60.0  # of arc
+_ON_AXIS = 1e-9  # sine: eyes on the axis see x to the right, all others the axis upright
+_FAR_MM = 1e7  # of an eye in a direction: lines from the lens to it are parallel within 1e-6 rad
+_AROUND = 1.05  # of the picture over the space of the lens
+_DEPTH = 0.5  # of the plane towards the eye, over the reach of that space: exits are about there
+_PIXELS_OF_SPOT, _MOST_PIXELS = 4, 768  # across a spot, and along a side of the picture
+_FINER = 8  # sub-pixels along a side, by which pixels are shared with the disc of a spot
+# A step of a search has few rays: a spot is at least this part of the picture's width, the kernel at least so wide.
+_SEARCHED_SPOT, _SEARCHED_BLUR_DEG = 1.0 / 16.0, 5.0
+
+
+@dataclass(frozen=True)
+class EyeView(Plane):
+    """The plane of the pose through the lens, as an eye on its z axis sees it from ``distance_mm``: x is to the right.
+
+    Flux lands times the kernel that ends at ``blur_rad``: over the area of a pixel it is radiance, W/(m² sr).
+    ``spot_mm``: diameter of a spot on the plane. ``wide_rad``: half angle at which the eye sees the lens. ``label``: of
+    the limit.
+    """
+
+    kernels: ClassVar[tuple[Kernel, Kernel] | None] = None
+    distance_mm: float = field(kw_only=True)
+    wide_rad: float = field(kw_only=True)
+    spot_mm: float = field(kw_only=True)
+    blur_rad: float = field(kw_only=True)
+    label: str = field(kw_only=True)
+
+    def land_by_arrays(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, with their flux times the kernel; NumPy or torch."""
+        least = cos(self.blur_rad + self.wide_rad)  # cosine to the axis of rays that the kernel may count
+        rows = rows_of(rays.left_lens & (rays.directions @ like(rays.directions, self.pose.axis) > least))
+        points, directions = self.pose.own_points(rays.points[rows]), self.pose.own_directions(rays.directions[rows])
+        found = self._chart(points, directions)
+        hits = replaced(module_of(found).zeros_like(rays.points[:, :2]), rows, found)
+        flux = rays.flux[rows] * self._kernel(found, directions)
+        flux = replaced(module_of(flux).zeros_like(rays.flux), rows, flux)
+        return Landings(hits, flux, flux > 0.0, rays.left_lens & ~(flux > 0.0))
+
+    def _kernel(self, hits: Float[Array, "n 2"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
+        """The kernel (1/sr) of rays through places of the plane, per area that the eye sees of it."""
+        xp, width = module_of(hits), 2.0 * sin(0.5 * self.blur_rad) ** 2
+        away = xp.stack([-hits[:, 0], -hits[:, 1], self.distance_mm + 0.0 * hits[:, 0]], 1)
+        lines = away / lengths(away)[:, None]
+        rest = 1.0 - 0.5 * ((lines - directions) ** 2).sum(1) / width
+        kernel = 1.5 / (pi * width * (1.0 - 0.25 * width)) * xp.where(rest > 0.0, rest, 0.0) ** 2
+        return kernel / lines[:, 2]
+
+    def adjoint(
+        self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
+    ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
+        """Sensitivities to exit rays and to their flux from those to their hits and to the flux that lands."""
+        import torch
+
+        points, directions, flux = (
+            torch.tensor(each, requires_grad=True) for each in (rays.points, rays.directions, rays.flux)
+        )
+        with torch.enable_grad():  # a search asks from within its own step backwards
+            landed = self.land_by_arrays(ExitRays(points, directions, flux, flux, torch.tensor(rays.fates)))
+        by = torch.tensor(by_hits), torch.tensor(by_flux)
+        found = torch.autograd.grad((landed.hits, landed.flux), (points, directions, flux), by)
+        by_points, by_directions, of_flux = (each.numpy() for each in found)
+        return Sensitivities(by_points, by_directions), of_flux
+
+    def outline(self, rays: ExitRays) -> Float[np.ndarray, "k 2"]:
+        """Corners (mm), as the eye sees them, of the convex outline of all places that light leaves to any side."""
+        points = self.pose.own_points(rays.points[rays.left_lens & (rays.flux > 0.0)])
+        seen = points[:, :2] / (1.0 - points[:, 2:] / self.distance_mm)
+        return np.asarray(seen[ConvexHull(seen).vertices]) if len(seen) > 2 else np.zeros((0, 2))
+
+    def spots(self) -> sparse.csr_array:
+        """Matrix from pixels to the means over a spot about the centre of each."""
+        reach = ceil(0.5 * self.spot_mm / self.grid.pixel[0] + 0.5)
+        fine = (np.arange((2 * reach + 1) * _FINER) + 0.5) / _FINER - reach - 0.5  # in pixels
+        disc = np.hypot(fine, fine[:, None]) * self.grid.pixel[0] <= 0.5 * self.spot_mm
+        shares = disc.reshape(2 * reach + 1, _FINER, 2 * reach + 1, _FINER).sum(axis=(1, 3)) / disc.sum()
+        rows, columns = self.grid.shape
+        down, across = (
+            [sparse.eye_array(count, k=shift, format="csr") for shift in range(-reach, reach + 1)]
+            for count in (rows, columns)
+        )
+        parts = (share * sparse.kron(down[j], across[i]) for (j, i), share in np.ndenumerate(shares) if share)
+        return sparse.csr_array(sum(parts))
+
+
+def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
+    """Views by all eyes of the luminance limits of ``spec``, in their order, of the lens of its first lamp.
+
+    ``searched``: as coarse as the few rays of a step need it. Raises :class:`InputError` for an eye within the space of
+    the lens, and for spots too fine for a picture of it.
+    """
+    limits = [(number, each) for number, each in enumerate(spec.limits) if isinstance(each, LuminanceLimit)]
+    if not limits:
+        return ()
+    reach, lamp = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies)), spec.all_lamps.lamps[0].pose
+    return tuple(
+        _view(limit, label, lamp.own_points(place), reach, searched)
+        for number, limit in limits
+        for label, place in zip(limit.labels(number), map(_place, (eye for _, eye in limit.eyes())), strict=True)
+    )
+
+
+def _place(eye: tuple[float, ...]) -> Float[np.ndarray, "3"]:
+    """Place (mm) of an eye, or of one so far away in a direction (degrees along x and y)."""
+    if len(eye) > 2:
+        return np.array(eye)
+    x, y = np.radians(eye)
+    gamma = np.hypot(x, y)
+    return _FAR_MM * np.array([np.sinc(gamma / pi) * x, np.sinc(gamma / pi) * y, np.cos(gamma)])
+
+
+def _view(limit: LuminanceLimit, label: str, eye: Float[np.ndarray, "3"], reach: float, searched: bool) -> EyeView:
+    away = float(np.linalg.norm(eye))
+    if away <= _AROUND * reach:
+        raise InputError(f"{label}: it lies in the lens's space, to {_AROUND * reach:.4g} mm; move it farther away")
+    distance, wide = away - _DEPTH * reach, asin(_AROUND * reach / away)
+    side = 2.0 * distance * tan(wide)
+    spot, blur = limit.spot_mm or 2.0 * distance * tan(0.5 * radians(limit.spot_deg or _MINUTE_DEG)), limit.blur_deg
+    if searched:
+        spot, blur = max(spot, _SEARCHED_SPOT * side), max(blur, _SEARCHED_BLUR_DEG)
+    pixels = ceil(_PIXELS_OF_SPOT * side / spot)
+    if pixels > _MOST_PIXELS:
+        least = _PIXELS_OF_SPOT * side / _MOST_PIXELS
+        raise InputError(
+            f"{label}: a spot of {spot:.2g} mm is too fine for a picture of {side:.3g} mm; give spot_mm = {least:.2g} "
+            "or more, or move the eye farther away"
+        )
+    z = eye / away
+    x = np.cross([0.0, 0.0, 1.0], z) if np.hypot(*z[:2]) > _ON_AXIS else np.array([1.0, 0.0, 0.0])
+    x /= np.linalg.norm(x)
+    return EyeView(
+        Pose.of_axes(np.stack([x, np.cross(z, x), z]), _DEPTH * reach * z),
+        PixelGrid.square(side, pixels),
+        distance_mm=distance,
+        wide_rad=wide,
+        spot_mm=min(spot, side),
+        blur_rad=radians(blur),
+        label=label,
+    )

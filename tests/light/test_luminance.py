@@ -1,0 +1,229 @@
+"""Luminance of the lens as eyes see it: by light sent the other way, at closed forms, and as limits judge it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from presets import FEW
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.errors import InputError
+from lensforge.kernels.fate import Fate
+from lensforge.light.evaluation_result import Light
+from lensforge.report.light_section import receiver_pictures
+from lensforge.report.results import Results
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.eye_view import EyeView, eye_views
+from lensforge.scene.limit_readings import light_limits
+from lensforge.search.limit_terms import LimitTerm
+from lensforge.search.parameters import settled_symmetry
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
+from lensforge.surfaces.asphere import sphere
+
+SIDE, INNER, OUTER, RAISED, INDEX = 1.6, 2.2, 6.0, 1.5, 1.5  # mm; the outer sphere magnifies the LED
+SOURCE = {"kind": "square", "side_mm": SIDE, "flux_w": 2.0, "position_mm": [0.5, -0.3, 0.5], "tilt_deg": [20.0, -12.0]}
+RADIANCE = 2.0 / (np.pi * (1e-3 * SIDE) ** 2)  # of a Lambertian square
+LIMIT = {"kind": "luminance", "at_most": 0.5 * RADIANCE, "unit": "w_per_m2_sr"}
+NEAR, BESIDE, FAR = (-20.0, 14.0, 30.0), (6.0, -25.0, 3.0), (30.0, 10.0)
+
+
+def crooked(*limits: dict[str, object], **more: object) -> Spec:
+    """A small beam from an LED beside the axis that is tilted, and limits."""
+    lens = {"levels": [9, 25], "refractive_index": INDEX, "inner": {"offset_mm": INNER}, "outer": {"offset_mm": 7.0}}
+    spec = small_spec(source=SOURCE, lens=lens, evaluate={"rays": 2**20, "pixels": 16}, constraints={
+        "cavity_height_mm": 0.5, "cavity_radius_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 8.0})  # fmt: skip
+    return spec.replace(limits=[LIMIT | limit for limit in limits], **more)
+
+
+def balls(spec: Spec) -> lf.Lens:
+    """Spheres: the cavity about the origin, and the outer face higher."""
+    return lf.Lens.double(sphere(INNER), sphere(OUTER, RAISED), spec, 0, FEW)
+
+
+def passed(d: np.ndarray, normals: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Directions behind a face by Snell's law in vectors, and the share that passes it by Fresnel's formulas.
+
+    ``normals`` are along the light, ``ratio``: of the index before to that behind.
+    """
+    cosine = (d * normals).sum(axis=1)
+    square = 1.0 - ratio**2 * (1.0 - cosine**2)
+    behind = np.sqrt(np.maximum(square, 1e-30))
+    s = (ratio * cosine - behind) / (ratio * cosine + behind)
+    p = (cosine - ratio * behind) / (cosine + ratio * behind)
+    share = np.where(square > 0.0, 1.0 - 0.5 * (s**2 + p**2), 0.0)
+    return ratio * d + (behind - ratio * cosine)[:, None] * normals, share
+
+
+def to_sphere(p: np.ndarray, d: np.ndarray, centre: np.ndarray, radius: float, sign: float) -> tuple[np.ndarray, ...]:
+    """First (-1) or last (1) points of lines on a sphere, their unit normals, and whether they meet it."""
+    away = p - centre
+    half = (away * d).sum(axis=1)
+    square = half**2 - (away**2).sum(axis=1) + radius**2
+    points = p + (sign * np.sqrt(np.maximum(square, 0.0)) - half)[:, None] * d
+    return points, (points - centre) / radius, (square > 0.0) & (points[:, 2] > 0.0)
+
+
+def radiance_backwards(points: np.ndarray, directions: np.ndarray, spec: Spec) -> np.ndarray:
+    """Radiance along lines: from the eye into the balls, through the cavity, and down to the LED or beside it."""
+    d, pose = -directions, spec.source.pose
+    p, normals, met = to_sphere(points, d, np.array([0.0, 0.0, RAISED]), OUTER, -1.0)
+    d, first = passed(d, -normals, 1.0 / INDEX)
+    p, normals, cavity = to_sphere(p, d, np.zeros(3), INNER, -1.0)
+    d, second = passed(d, -normals, INDEX)
+    own, along = pose.own_points(p), pose.own_directions(d)
+    hits = own[:, :2] - (own[:, 2] / along[:, 2])[:, None] * along[:, :2]
+    lit = met & cavity & (along[:, 2] < 0.0) & (np.abs(hits) < 0.5 * SIDE).all(axis=1)
+    return np.where(lit, RADIANCE * first * second, 0.0)
+
+
+def seen_backwards(view: EyeView, spec: Spec, times: int = 4000) -> np.ndarray:
+    """Radiance of each pixel under the kernel of its view: means over lines drawn by it."""
+    rng, grid, h = np.random.default_rng(1), view.grid, 1.0 - np.cos(view.blur_rad)
+    picture = np.zeros(grid.shape)
+    for row, y in enumerate(grid.y()):
+        x = np.repeat(grid.x(), times)
+        at = np.stack([x, np.full_like(x, y), 0.0 * x], axis=1)
+        at[:, :2] += (rng.random((len(x), 2)) - 0.5) * grid.pixel
+        e = np.array([0.0, 0.0, view.distance_mm]) - at
+        e /= np.linalg.norm(e, axis=1, keepdims=True)
+        cosine, turn = 1.0 - h * (1.0 - np.cbrt(rng.random(len(x)))), 2.0 * np.pi * rng.random(len(x))
+        one = np.cross(e, [1.0, 0.0, 0.0])
+        one /= np.linalg.norm(one, axis=1, keepdims=True)
+        around = np.cos(turn)[:, None] * one + np.sin(turn)[:, None] * np.cross(e, one)
+        d = cosine[:, None] * e + np.sqrt(1.0 - cosine**2)[:, None] * around
+        light = radiance_backwards(view.pose.points(at), view.pose.directions(d), spec)
+        picture[row] = (light * d[:, 2] / e[:, 2]).reshape(-1, times).mean(axis=1) / (1.0 - 0.25 * h)
+    return picture
+
+
+def test_the_picture_is_that_of_light_sent_from_the_eye_to_the_led() -> None:
+    """Of two eyes near the lens, and one far away; the LED is shifted and tilted, and magnified."""
+    spec = crooked({"eyes_mm": [NEAR, BESIDE], "blur_deg": 6.0, "spot_deg": 3.0},
+                   {"eyes_deg": [FAR], "blur_deg": 6.0, "spot_mm": 1.5})  # fmt: skip
+    light = lf.evaluate(balls(spec), accuracy=FEW)
+    for view, seen in zip(eye_views(spec), light.seen, strict=True):
+        exact = view.spots() @ seen_backwards(view, spec).ravel()
+        assert exact.max() > 0.1 * RADIANCE and seen.label == view.label
+        apart = np.linalg.norm(seen.map.ravel() - exact) / np.linalg.norm(exact)
+        assert apart < 0.03 and seen.map.sum() == pytest.approx(exact.sum(), rel=0.02)
+        assert seen.map.max() == pytest.approx(exact.max(), rel=0.04)
+
+
+@pytest.mark.parametrize("blur", [0.5, 4.0, 25.0])
+def test_a_surface_of_one_luminance_to_all_sides_keeps_it_exactly(blur: float) -> None:
+    """An element of any tilt in the plane of the picture, by Gauss's rule over the cap of the kernel."""
+    (view,) = eye_views(crooked({"eyes_mm": [NEAR], "blur_deg": blur, "spot_mm": 1.0}))
+    place, normal = np.array([2.0, -3.0, 0.0]), np.array([0.3, -0.2, 0.9])
+    e = np.array([0.0, 0.0, view.distance_mm]) - place
+    e /= np.linalg.norm(e)
+    h, (nodes, weights) = 1.0 - np.cos(view.blur_rad), np.polynomial.legendre.leggauss(4)
+    one = np.cross(e, normal) / np.linalg.norm(np.cross(e, normal))
+    cosine, turn = (each.ravel() for each in np.meshgrid(1.0 - 0.5 * h * (nodes + 1.0), 0.25 * np.pi * np.arange(8)))
+    d = cosine[:, None] * e + np.sqrt(1.0 - cosine**2)[:, None] * (
+        np.cos(turn)[:, None] * one + np.sin(turn)[:, None] * np.cross(e, one)
+    )
+    flux = 3.0 * d @ normal * np.tile(0.5 * h * weights, 8) * 0.25 * np.pi  # of an area of 1, L = 3
+    there, fates = np.tile(view.pose.points(place), (32, 1)), np.full(32, Fate.LEFT_LENS, dtype=np.int8)
+    landed = view.land(ExitRays(there, view.pose.directions(d), flux, flux, fates))
+    assert landed.flux.sum() == pytest.approx(3.0 * (normal @ e) / e[2], rel=1e-9), "L times the area that is covered"
+    assert np.allclose(landed.hits, place[:2], atol=1e-9) and landed.landed.all()
+    assert not view.land(ExitRays(there, -view.pose.directions(d), flux, flux, fates)).landed.any()
+
+
+def test_the_picture_is_upright_and_a_spot_is_the_mean_over_a_disc() -> None:
+    """From the right of the lens its +y is to the right, its axis up; of several lamps the first one is seen."""
+    beside = crooked({"eyes_deg": [(60.0, 0.0)], "spot_mm": 2.5})
+    (view,) = eye_views(beside)
+    sine, cosine = 0.5 * 3.0**0.5, 0.5
+    assert np.allclose(view.pose.axes, [[0.0, 1.0, 0.0], [-cosine, 0.0, sine], [sine, 0.0, cosine]])
+    spots, pixel = view.spots(), view.grid.pixel[0]
+    middle = spots[view.grid.columns * (view.grid.rows // 2) + view.grid.columns // 2]
+    assert middle.sum() == pytest.approx(1.0)
+    centres = np.stack(np.meshgrid(view.grid.x(), view.grid.y()), axis=-1).reshape(-1, 2)
+    away = np.linalg.norm(centres - middle @ centres, axis=1)
+    assert middle.max() == pytest.approx(pixel**2 / (np.pi * 1.25**2), rel=0.03), "whole pixels are within"
+    assert away[middle.toarray().ravel() > 0.0].max() < 1.25 + 0.75 * pixel
+    turned = {"kind": "table", "places_mm": [[50.0, 8.0], [0.0, 0.0]], "turns_deg": [90.0, 0.0]}
+    first = crooked({"eyes_mm": [(50.0, 18.0, 40.0)]} | {"spot_mm": 1.0}, lamps=turned)
+    alone = crooked({"eyes_mm": [(10.0, 0.0, 40.0)]} | {"spot_mm": 1.0})
+    assert np.allclose(eye_views(first)[0].pose.frame, eye_views(alone)[0].pose.frame)
+
+
+def test_each_eye_is_judged_and_the_second_decides() -> None:
+    """On both sides of a bound; in cd/m² where the lumens are known."""
+    eyes = {"eyes_mm": [BESIDE, NEAR], "blur_deg": 6.0, "spot_deg": 3.0, "name": "desk"}
+    lens = balls(crooked(eyes))
+    dim, bright = lf.evaluate(lens, accuracy=FEW).limits
+    assert [each.key for each in (dim, bright)] == [
+        "desk, seen from (6, -25, 3) mm",
+        "desk, seen from (-20, 14, 30) mm",
+    ]
+    assert 0.0 < bright.standard_error < 0.02 * bright.value and dim.value < 0.9 * bright.value
+    for bound, states in ((0.5 * (dim.value + bright.value), ["pass", "fail"]), (1.1 * bright.value, ["pass"] * 2)):
+        spec = crooked(eyes | {"at_most": 200.0 * bound, "unit": "cd_per_m2"})
+        spec = spec.replace(source={"luminous_efficacy_lm_per_w": 200.0})
+        light = lf.evaluate(balls(spec), accuracy=FEW)
+        assert [each.state for each in light.limits] == states
+        assert light.limits[1].value == pytest.approx(200.0 * bright.value, rel=1e-9)
+    unknown = crooked(eyes | {"unit": "cd_per_m2"})
+    with pytest.raises(
+        InputError, match=r"^limits.0: its bound is in cd_per_m2, but .* not known; give source.flux_lm"
+    ):
+        lf.evaluate(balls(unknown), accuracy=FEW)
+
+
+def test_the_page_shows_the_lens_as_seen_and_its_mean_over_the_outline(tmp_path: Path) -> None:
+    spec = crooked({"eyes_deg": [FAR], "spot_mm": 1.5}, evaluate={"rays": 2**16})
+    lens = balls(spec)
+    light = lf.evaluate(lens, accuracy=FEW)
+    light.write(tmp_path)
+    assert Light.read(tmp_path) == light
+    (seen,) = light.seen
+    intensity = seen.mean.value * seen.outline_mm2 * 1e-6  # W/sr
+    (view,) = eye_views(spec)
+    pixel = 1e-6 * view.grid.pixel[0] ** 2
+    assert intensity == pytest.approx(seen.map.sum() * pixel, rel=0.02), "spots at the edge reach beyond the picture"
+    assert np.pi * 5.0**2 < seen.outline_mm2 < np.pi * OUTER**2, "a part of the outer sphere"
+    results = Results(lens, {"evaluate": light}, {})
+    *_, pictures = receiver_pictures(results)
+    assert pictures.heading == "The lens as seen" and [each.title for each in pictures.seen] == ["From (30, 10)°"]
+    (group,) = (each for each in results.facts(light) if each.key == "seen")
+    assert group.facts[0].value == seen.mean.value and group.facts[0].unit == "W/(m² sr)"
+
+
+def test_the_search_pays_for_spots_above_the_bound_alone() -> None:
+    """Of a picture of one radiance; and the symmetry of a lens does not ask where eyes are."""
+    spec = crooked({"eyes_mm": [NEAR], "at_most": 10.0, "spot_mm": 0.5})
+    views = eye_views(spec, searched=True)
+    (limit,) = light_limits(spec, (), None, 1.0, views)
+    assert views[0].spot_mm == pytest.approx(views[0].grid.width / 16.0) and views[0].blur_rad == np.radians(5.0)
+    term, ones = LimitTerm.of(limit), torch.full(views[0].grid.shape, views[0].pixel_measure, dtype=torch.float64)
+    inside = np.isclose(limit.of(ones.numpy()[None]), 1.0)  # at the edge a spot is in part beyond the picture
+    assert inside.mean() > 0.7
+    images = (ones, 9.3 * ones)
+    assert term.loss(images).item() == 0.0
+    found = term.loss((ones, 12.0 * ones)).item()
+    excess = np.maximum(limit.of(12.0 * ones.numpy()[None]) / 10.0 - 0.94, 0.0)
+    assert found == pytest.approx(300.0 * np.mean(excess**2 / (1.0 + excess)))
+    square = small_spec(lens__symmetry="auto")
+    looked_at = square.replace(limits=[LIMIT | {"eyes_deg": [FAR], "spot_mm": 1.0}])
+    source = build_source(square.source)
+    assert (
+        settled_symmetry(looked_at, source).lens.symmetry == settled_symmetry(square, source).lens.symmetry == "square"
+    )
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ({"eyes_mm": [(1.0, 2.0, 7.0)]}, r"it lies in the lens's space, to 8.4 mm; move it farther away"),
+        ({"eyes_mm": [(0.0, 0.0, 100.0)]}, r"a spot of 0.028 mm is too fine .* give spot_mm = 0.08\d or more"),
+    ],
+)
+def test_an_eye_that_sees_no_picture_is_refused_in_one_line(limit: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=rf"^limits.0, seen from .* mm: {words}") as refusal:
+        eye_views(crooked(limit))
+    assert "\n" not in str(refusal.value)
