@@ -1,5 +1,6 @@
 """Surfaces whose curvature, best sphere and cutter are known in closed form, written as radii over the sphere."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,20 +15,30 @@ INNER_LEVELS = (9, 25, 81)
 
 
 @dataclass(frozen=True)
+class OfRadius(Surface):
+    """A surface by the radius (mm) of unit directions alone."""
+
+    radius: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
+    detail_rad: float = 0.3
+
+
+@dataclass(frozen=True)
 class Ellipsoid(Surface):
     """Semi-axes and centre (mm); the origin must be inside."""
 
     axes: tuple[float, float, float]
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    @property
-    def detail_rad(self) -> float:
-        return 0.3
+    detail_rad: float = 0.3
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         scaled, shift = directions / np.array(self.axes), np.array(self.centre) / np.array(self.axes)
         quadratic, linear = np.sum(scaled**2, axis=1), scaled @ shift
         return (linear + np.sqrt(linear**2 - quadratic * (shift @ shift - 1.0))) / quadratic
+
+    def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        radius = self.radius(directions)[:, None]
+        outward = (radius * directions - np.array(self.centre)) / np.square(self.axes)
+        return radius * (directions - outward / np.sum(outward * directions, axis=1, keepdims=True))
 
 
 def sphere(radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Ellipsoid:

@@ -1,11 +1,9 @@
 """Bodies whose cavity and envelope have several faces: closed forms of spheres that meet, files as read back."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from jaxtyping import Float
-from known_shapes import Ellipsoid
+from known_shapes import OfRadius, sphere
 from nightly import first_by_day
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
@@ -35,20 +33,6 @@ Centre = tuple[float, float, float]
 NONE = BaseSection(kind="none")
 
 
-class Ball(Ellipsoid):
-    """A sphere, and the gradient of its radius."""
-
-    @staticmethod
-    def of(radius: float, centre: Centre = (0.0, 0.0, 0.0)) -> "Ball":
-        return Ball((radius, radius, radius), centre)
-
-    def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        rho = self.radius(directions)[:, None]
-        outward = rho * directions - np.array(self.centre)
-        along = np.sum(outward * directions, axis=1, keepdims=True)
-        return rho * (directions - outward / along)
-
-
 def body(cavity: dict[str, Surface], envelope: dict[str, Surface]) -> Body:
     return Body(
         tuple(Face(name, surface, CAVITY, BODY) for name, surface in cavity.items())
@@ -56,10 +40,10 @@ def body(cavity: dict[str, Surface], envelope: dict[str, Surface]) -> Body:
     )
 
 
-ROUND = body({"cavity": Ball.of(2.0)}, {"exit": Ball.of(6.0, (0.0, 0.0, -2.0)), "wall": Ball.of(5.0, (0.0, 0.0, 0.5))})
+ROUND = body({"cavity": sphere(2.0)}, {"exit": sphere(6.0, (0.0, 0.0, -2.0)), "wall": sphere(5.0, (0.0, 0.0, 0.5))})
 FREE = body(
-    {"cap": Ball.of(3.0, (0.1, 0.0, -0.6)), "side": Ball.of(2.5, (0.0, 0.05, 0.3))},
-    {"wall": Ball.of(5.2, (0.2, 0.1, 0.3)), "exit": Ball.of(6.0, (0.0, 0.0, -1.0))},
+    {"cap": sphere(3.0, (0.1, 0.0, -0.6)), "side": sphere(2.5, (0.0, 0.05, 0.3))},
+    {"wall": sphere(5.2, (0.2, 0.1, 0.3)), "exit": sphere(6.0, (0.0, 0.0, -1.0))},
 )
 
 
@@ -265,8 +249,8 @@ def test_walls_are_measured_between_the_faces_where_they_bound_the_body(free_bod
 
 def test_the_wall_at_a_corner_of_the_cavity_is_on_the_crease() -> None:
     """Both balls of the cavity come nearer to the envelope towards the circle in which they meet, and beyond it."""
-    (cap, side), radius = (Ball.of(4.5, (0.2, 0.0, -2.0)), Ball.of(2.6, (0.0, 0.0, 0.8))), 5.0
-    pair = boundaries(body({"cap": cap, "side": side}, {"wall": Ball.of(radius)}))
+    (cap, side), radius = (sphere(4.5, (0.2, 0.0, -2.0)), sphere(2.6, (0.0, 0.0, 0.8))), 5.0
+    pair = boundaries(body({"cap": cap, "side": side}, {"wall": sphere(radius)}))
     fits = {face.name: fit_to_form(face.shape, domain=face.domain) for each in pair for face in each.faces}
     between = np.array(side.centre) - np.array(cap.centre)
     away = np.linalg.norm(between)
@@ -291,37 +275,29 @@ def test_the_section_has_its_corner_at_the_crease() -> None:
     assert np.sort(np.abs(corners))[1] < 1e-9
 
 
-@dataclass(frozen=True)
-class Wave(Surface):
-    """Nearer than 5 mm between 22.5 and 67.5 degrees from the axis."""
-
-    @property
-    def detail_rad(self) -> float:
-        return 0.3
-
-    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        return 5.0 + 0.2 * np.cos(4.0 * np.arccos(np.clip(directions[:, 2], -1.0, 1.0)))
+# Nearer than 5 mm between 22.5 and 67.5 degrees from the axis.
+WAVE = OfRadius(lambda u: 5.0 + 0.2 * np.cos(4.0 * np.arccos(np.clip(u[:, 2], -1.0, 1.0))))
 
 
 @pytest.mark.parametrize(
     ("envelope", "line"),
     [
-        ({"exit": Ball.of(5.0), "wall": Wave()}, r"^exit: cut into 2 pieces seen from the origin, by wall"),
+        ({"exit": sphere(5.0), "wall": WAVE}, r"^exit: cut into 2 pieces seen from the origin, by wall"),
         (
-            {"exit": Ball.of(5.0), "wall": Ball.of(5.2, (0.5, 0.0, 0.0))},
+            {"exit": sphere(5.0), "wall": sphere(5.2, (0.5, 0.0, 0.0))},
             r"^faces exit, wall: from the axis to the rim at azimuth \d+ degrees the body is bounded by (exit|wall):",
         ),
-        ({"exit": Ball.of(5.0), "wall": Ball.of(6.0)}, r"^wall: nowhere the nearest"),
+        ({"exit": sphere(5.0), "wall": sphere(6.0)}, r"^wall: nowhere the nearest"),
         (
-            {"exit": Ball.of(5.0), "wall": Ball.of(5.004, (0.0, 0.0, -0.005))},
+            {"exit": sphere(5.0), "wall": sphere(5.004, (0.0, 0.0, -0.005))},
             r"^faces wall and exit: almost touch along their crease; let them meet at 1 degree or more$",
         ),
         ({}, r"^faces cavity: none bounds the body; the body is not closed, add one$"),
-        ({"exit": Ball.of(3.0, (0.0, 0.0, -1.5)), "wall": Ball.of(5.0)}, r"^wall = -0\.\d+ mm in the direction"),
+        ({"exit": sphere(3.0, (0.0, 0.0, -1.5)), "wall": sphere(5.0)}, r"^wall = -0\.\d+ mm in the direction"),
     ],
     ids=["twice", "not around", "hidden", "grazing", "open", "crossing the cavity"],
 )
 def test_other_arrangements_are_one_line(envelope: dict[str, Surface], line: str) -> None:
     with pytest.raises(InputError, match=line) as caught:
-        build_body(body({"cavity": Ball.of(2.0)}, envelope))
+        build_body(body({"cavity": sphere(2.0)}, envelope))
     assert "\n" not in str(caught.value)

@@ -48,6 +48,8 @@ def without_motion(of, error):
 class CutAgain(Surface):
     """Radial error (mm) of the part that the same machine cuts from a STEP file, read back by the CAD kernel."""
 
+    detail_rad = 0.05
+
     def __init__(self, step, side, of, error):
         face = parse_step(step).faces[{"inner": INNER, "outer": OUTER}[side]]
         chart = grid(_NODES)
@@ -57,11 +59,7 @@ class CutAgain(Surface):
         self.change = RectBivariateSpline(
             axis, axis, (np.linalg.norm(points, axis=1) - nominal).reshape(_NODES, _NODES), kx=5, ky=5
         )
-        self.of, self.error, self.detail = of, error, 0.05
-
-    @property
-    def detail_rad(self):
-        return self.detail
+        self.of, self.error = of, error
 
     def radius(self, u):
         chart = np.clip(to_chart(u), -HALF_WIDTH, HALF_WIDTH)
@@ -73,18 +71,3 @@ class CutAgain(Surface):
     def along_normals(self, u):
         """The error along the normal (mm)."""
         return self.radius(u) * cosine(self.of, u)
-
-
-class Uncorrected(Surface):
-    """The machine's error alone."""
-
-    detail_rad = 0.05
-
-    def __init__(self, error):
-        self.error = error
-
-    def radius(self, u):
-        return self.error(u)
-
-    def gradient(self, u):
-        raise NotImplementedError

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from known_shapes import OfRadius
 from measured_lenses import directions, lens
 from nightly import first_by_day
-from second_cuts import CutAgain, Uncorrected, cosine, machine_error, measured, without_motion
+from second_cuts import CutAgain, cosine, machine_error, measured, without_motion
 
 import lensforge as lf
 from lensforge.cad.patch import fit_patch
@@ -76,7 +77,7 @@ def test_the_second_cut_has_the_light_of_the_design(corrected, side):
     rays = {"inner": 2**17, "outer": 2**19}[side]
     leds = {"": build_source(LENS.spec.source)}
     cuts = ChangedLens(LENS, side, leds, PRESETS["draft"].evaluate_nodes_per_sigma, rays)
-    design, first, second = cuts.lights(None, Uncorrected(error), again)[""]
+    design, first, second = cuts.lights(None, OfRadius(error, 0.05), again)[""]
     changes = [each.replicates.change_from(design.replicates, cuts.rays) for each in (first, second)]
     uncorrected, left, lost = changes[0].nmse, changes[1].nmse, changes[1].efficiency
     assert abs(uncorrected.value) > 3.0 * uncorrected.standard_error

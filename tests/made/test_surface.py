@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from known_shapes import OfRadius
 from measured_lenses import dent, directions, lens, probed
 from nightly import first_by_day
 from presets import FEW
@@ -21,7 +22,6 @@ from lensforge.search.profiles import ProfileParameters
 from lensforge.spec import parse_spec
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.srbf import SrbfSurface, fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface
 
 LENS = lens()
 PATCH, (TRACED, _) = fit_patch(LENS.outer), ChangedLens.of(LENS, "outer", 16384)
@@ -48,16 +48,13 @@ def test_the_mean_square_of_the_form_is_over_the_area_of_the_face():
     """
     raised = sphere(8.0, 4.0)
 
-    class Change(Surface):
-        detail_rad = 0.3
-
-        def radius(self, directions):
-            normals = directions * raised.radius(directions)[:, None] / 8.0 - [0.0, 0.0, 0.5]
-            return 4e-3 * normals[:, 2] / np.sum(normals * directions, axis=1)
+    def change(u):
+        normals = u * raised.radius(u)[:, None] / 8.0 - [0.0, 0.0, 0.5]
+        return 4e-3 * normals[:, 2] / np.sum(normals * u, axis=1)
 
     pixels = FacePixels.of(fit_patch(raised))
     assert np.nansum(pixels.area_mm2) == pytest.approx(3.0 * np.pi * 8.0**2, rel=1e-3)
-    height, inside = pixels.map_um(Change()), np.isfinite(pixels.area_mm2)
+    height, inside = pixels.map_um(OfRadius(change)), np.isfinite(pixels.area_mm2)
     extent = DeviationExtent.of(height[inside], pixels.area_mm2[inside])
     assert extent.rms == pytest.approx(4.0 * np.sqrt(0.25), rel=5e-4)
     assert (extent.max, extent.pv) == (pytest.approx(4.0, rel=1e-6), pytest.approx(6.0, rel=1e-2))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chains import REACH, clear, upwards
-from known_shapes import Ellipsoid
+from known_shapes import sphere as ball
 from tir_lenses import TIR, spot, spot_lens
 
 import lensforge as lf
@@ -26,26 +26,14 @@ from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 
-
-class Ball(Ellipsoid):
-    def gradient(self, directions: np.ndarray) -> np.ndarray:
-        radius = self.radius(directions)[:, None]
-        outward = radius * directions - np.array(self.centre)
-        return radius * (directions - outward / np.sum(outward * directions, axis=1, keepdims=True))
-
-
-def ball(*centre: float) -> Ball:
-    return Ball((9.0, 9.0, 9.0), centre)
-
-
 TURN, STEP = 2e-3, 0.02
 ALONG = (0.0, -np.sin(TURN), np.cos(TURN))  # the axis of a face tilted about x by the right hand
-CONIC, BALL = ConicFace(REACH, 5.0, 0.8), ball(0.0, 0.0, 2.0)
+CONIC, BALL = ConicFace(REACH, 5.0, 0.8), ball(9.0, (0.0, 0.0, 2.0))
 # Deviations, the wall as designed, and what is moved: a conic about the origin stays one as it is tilted about it.
 MOVED = {
     "wall_tilt_deg": ([TURN, 0.0], CONIC, {"wall": ConicFace(REACH, 5.0, 0.8, ALONG)}),
-    "wall_shift_mm": ([STEP, -STEP], BALL, {"wall": ball(STEP, -STEP, 2.0)}),
-    "wall_gap_mm": ([STEP], BALL, {"wall": ball(0.0, 0.0, 2.0 + STEP)}),
+    "wall_shift_mm": ([STEP, -STEP], BALL, {"wall": ball(9.0, (STEP, -STEP, 2.0))}),
+    "wall_gap_mm": ([STEP], BALL, {"wall": ball(9.0, (0.0, 0.0, 2.0 + STEP))}),
     "exit_tilt_deg": ([TURN, 0.0], CONIC, {"exit": PlaneFace(REACH, 8.0 / np.cos(TURN), ALONG)}),
     "exit_gap_mm": ([STEP], CONIC, {"exit": PlaneFace(REACH, 8.0 + STEP)}),
 }

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from known_shapes import exported, sphere
+from known_shapes import OfRadius, exported, sphere
 from presets import CHECKED, FEW
 from scenes import random_surface, small_spec
 from shop_lenses import OfSpheres
@@ -125,20 +125,13 @@ def test_a_crooked_profile_is_reached_where_no_ray_of_the_tool_is_in_the_way() -
         assert 10 < sum(wanted) < 161 and np.count_nonzero(found != wanted) <= 3, "but where a flank just touches"
 
 
-class Grooved(Surface):
-    """A dome with a ring of a hollow, rho = 4 + 0.25 cos(6 polar angle)."""
-
-    detail_rad = 0.3
-
-    def radius(self, directions: np.ndarray) -> np.ndarray:
-        return 4.0 + 0.25 * np.cos(6.0 * np.arccos(np.clip(directions[:, 2], -1.0, 1.0)))
-
-
 def test_the_hollows_of_the_meridian_count_alone() -> None:
+    """A dome with a ring of a hollow, rho = 4 + 0.25 cos(6 polar angle)."""
+    grooved = OfRadius(lambda u: 4.0 + 0.25 * np.cos(6.0 * np.arccos(np.clip(u[:, 2], -1.0, 1.0))))
     polar = np.linspace(0.0, np.pi / 2.0, 200_001)
     rho, first, second = 4.0 + 0.25 * np.cos(6.0 * polar), -1.5 * np.sin(6.0 * polar), -9.0 * np.cos(6.0 * polar)
     kappa = (rho**2 + 2.0 * first**2 - rho * second) / (rho**2 + first**2) ** 1.5
-    found = turned(Grooved(), AirSide.OUTSIDE, tool(0.1, 20.0))
+    found = turned(grooved, AirSide.OUTSIDE, tool(0.1, 20.0))
     assert found.largest_radius_mm == pytest.approx(-1.0 / kappa.min(), rel=2e-4)
 
 
