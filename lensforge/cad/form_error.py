@@ -22,6 +22,7 @@ from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.seeds import sobol
 from lensforge.spec.accuracy import preset_of
+from lensforge.surfaces.mirror_group import first_images
 from lensforge.surfaces.surface import Surface, to_chart
 
 SAMPLES = 4096
@@ -129,12 +130,14 @@ def fit_to_form(
 ) -> Patch:
     """The patch of ``surface`` with ``nodes``; by default ``least``, or as many as its ``tolerance`` needs.
 
-    That is kept at samples and, by default, ``between`` them, too. Its control points have as many decimals as leave it
-    within a fiftieth of that.
+    That is kept at samples, one of mirror images each, and, by default, ``between`` them, too. Its control points have
+    as many decimals as leave it within a fiftieth of that.
     """
     if nodes is not None:
         return rounded_to(fit_patch(surface, nodes, domain.extent), tolerance)
     chart, count = chart_samples(domain=domain), default_nodes(surface.detail_rad, least, FIRST_PER_SIGMA)
+    if not domain.edges:  # creases may have other images than the face
+        chart = chart[first_images(chart, surface.symmetry)]
     while True:
         patch = rounded_to(fit_patch(surface, count, domain.extent), tolerance)
         excess = _excess(form_error(surface, patch.points(chart), patch.normals(chart)), tolerance)
@@ -188,8 +191,8 @@ def _errors(
     """Distance (nm) and angle between normals (mrad) from ``surface`` at each point, both at least 0."""
     radius = np.linalg.norm(points, axis=1)
     directions = points / radius[:, None]
-    rho = surface.radius(directions)
-    exact = directions - surface.gradient(directions) / rho[:, None]
+    rho, gradient = surface.radius_and_gradient(directions)
+    exact = directions - gradient / rho[:, None]
     exact /= np.linalg.norm(exact, axis=1, keepdims=True)
     distance = np.abs(radius - rho) * np.sum(exact * directions, axis=1) * 1e6
     sine = np.linalg.norm(np.cross(normals, exact), axis=1)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from time import monotonic
 from typing import Any, Unpack
 
 import click
@@ -26,10 +27,10 @@ from lensforge.cli.studies import design_for_each, run_with_progress
 from lensforge.errors import CriterionMissed, FailedDesigns, InputError, LensforgeError
 from lensforge.kernels.parallel import thread_count
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import evaluate_to_picture, load_for_pictures
+from lensforge.light.lens_light import evaluate_to_picture
 from lensforge.report.folder import Run, opened
 from lensforge.report.results import REPORT_FILE
-from lensforge.results.child_pool import Called, ChildPool, child_pool
+from lensforge.results.child_pool import child_pool
 from lensforge.scene.lens import Lens
 from lensforge.search import searches
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
@@ -39,7 +40,7 @@ from lensforge.spec import Spec, load_spec
 from lensforge.spec.spec_files import alike
 
 _PICTURE_FILE = "light.png"  # of a preview
-_LEVEL_RAYS = 2**15  # of a picture on the way
+_LEVEL_RAYS, _PAUSE_S = 2**15, 1.0  # of a picture on the way, and until the next
 _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 2.8 times its errors
 
 
@@ -144,29 +145,24 @@ def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, l
 
 
 class _Looks:
-    """Looks at a lens on its way, by a second process where there is one: each renews ``picture``."""
+    """Looks at a lens on its way: each renews ``picture``."""
 
-    def __init__(self, picture: Path, second: ChildPool, *, shown: bool) -> None:
-        self._picture, self._second, self._to_show = picture, second, shown
-        self._last: Called[Light] | None = None
+    def __init__(self, picture: Path, *, shown: bool) -> None:
+        self._picture, self._to_show, self._next = picture, shown, 0.0
 
     def on_step(self, step: Progress) -> None:
-        """Look at the end of a level, but where the look before is still on its way."""
-        if step.level_done and (self._last is None or self._last.is_done):
+        """Look at the end of a level, but not twice in a second."""
+        if step.level_done and monotonic() > self._next:
             lens = step.lens()
             self.at(lens, min(_LEVEL_RAYS, lens.spec.evaluate.rays or _LEVEL_RAYS))
 
-    def at(self, lens: Lens, rays: int | None = None) -> Called[Light]:
-        """Look at ``lens`` after the look before; the first picture is shown, if asked, as soon as it is there."""
-        if self._last is not None:
-            self._last.result()
-        self._last = self._second.call(evaluate_to_picture, lens, self._picture, rays)
-        if self._to_show or not self._second.runs:
-            self._last.result()
+    def at(self, lens: Lens, rays: int | None = None) -> Light:
+        """Look at ``lens``; the first picture is shown, if asked, as soon as it is there."""
+        light = evaluate_to_picture(lens, self._picture, rays)
         if self._to_show:
             click.launch(str(self._picture))
-        self._to_show = False
-        return self._last
+        self._to_show, self._next = False, monotonic() + _PAUSE_S
+        return light
 
 
 @click.command()
@@ -183,17 +179,18 @@ def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options
     The picture is there after the first level of the search, and is renewed until the search has ended.
     """
     from lensforge.cli.progress import DesignProgress, StageClock
+    from lensforge.kernels.compiled import are_compiled
     from lensforge.search.scene_check import compile_search_kernels
 
     content = load_spec(spec)
     content = content.replace({"evaluate.rays": min(content.evaluate.rays or _PREVIEW_RAYS, _PREVIEW_RAYS)})
     directory = out or Path("cad_out") / f"{content.name}_preview"
-    picture, processes = directory / _PICTURE_FILE, int((options.get("threads") or thread_count()) > 1)
-    with StageClock("design", quiet=output.quiet) as clock, child_pool(processes, clock.warn) as second:
+    picture, several = directory / _PICTURE_FILE, (options.get("threads") or thread_count()) > 1
+    compiling = int(several and not are_compiled())
+    with StageClock("design", quiet=output.quiet) as clock, child_pool(compiling, clock.warn) as second:
         if second.runs:
             second.call(compile_search_kernels, content)
-            second.call(load_for_pictures)
-        heard, looks = DesignProgress(clock, content), _Looks(picture, second, shown=shown)
+        heard, looks = DesignProgress(clock, content), _Looks(picture, shown=shown)
 
         def on_step(step: Progress) -> None:
             heard.on_step(step)
@@ -203,7 +200,7 @@ def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options
             options.update({"accuracy": "draft", "preview": True, "progress": on_step, "warn": clock.warn})
             made = here.write(searches.design(content, **options))
             clock.begin("evaluate")
-            light = here.write(looks.at(made.lens).result())
+            light = here.write(looks.at(made.lens))
             run = here.run
         clock.total()
     title = f"{content.name}: a draft, {run.design.steps} steps"

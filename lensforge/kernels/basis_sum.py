@@ -81,7 +81,7 @@ def decay(exponent):
 
 
 BLOCK = 32  # directions: some vectors, and a small part of the sphere
-VALUE_ROWS, SLOPE_ROWS = 4, 6  # of workspace for a block: turned directions, and their sums
+ROWS = 7  # of workspace for a block: turned directions, and their sums
 _MARGIN = 1.0 + 1e-9  # a block is taken by its rounded mean, each direction of it by its own distance
 _ANTIPODE = 1e-8  # cosine of half the angle below which a slope, which has no direction there, takes no ratio
 
@@ -112,36 +112,21 @@ def _reached(mean, centre, reach):
 
 
 @kernel
-def _add_values(x, y, z, centre, sigma, reach, weight, total):
-    """Add one function to a block; ``reach``: squared chord beyond which it is left out."""
-    cx, cy, cz, inverse = centre[0], centre[1], centre[2], 1.0 / (sigma * sigma)
-    if reach <= NEAR:
-        for k in range(len(x)):
-            squared = (x[k] - cx) ** 2 + (y[k] - cy) ** 2 + (z[k] - cz) ** 2
-            value = weight * decay(angle_squared(min(squared, reach)) * inverse)
-            total[k] += value if squared <= reach else 0.0
-    else:
-        for k in range(len(x)):
-            squared = min((x[k] - cx) ** 2 + (y[k] - cy) ** 2 + (z[k] - cz) ** 2, 4.0)
-            value = weight * decay(4.0 * angle_squared(half_angle(squared)) * inverse)
-            total[k] += value if squared <= reach else 0.0
+def _add(directions, centre, sigma, reach, weight, sums):
+    """Add one function, and its slope towards its centre, before its component along the direction is removed.
 
-
-@kernel
-def _add_slopes(directions, centre, sigma, reach, weight, slopes):
-    """Add one function's slope towards its centre, before its component along the direction is removed.
-
-    ``directions`` and ``slopes`` by x, y and z, each an array.
+    ``directions`` by x, y and z, ``sums`` of values and by these, each an array.
     """
     x, y, z = directions
-    sx, sy, sz = slopes
+    values, sx, sy, sz = sums
     cx, cy, cz, inverse = centre[0], centre[1], centre[2], 1.0 / (sigma * sigma)
     if reach <= NEAR:
         for k in range(len(x)):
             squared = (x[k] - cx) ** 2 + (y[k] - cy) ** 2 + (z[k] - cz) ** 2
             own = min(squared, reach)
-            slope = weight * decay(angle_squared(own) * inverse) * angle_per_sine(own) * (2.0 * inverse)
-            slope = slope if squared <= reach else 0.0
+            value = weight * decay(angle_squared(own) * inverse) if squared <= reach else 0.0
+            slope = value * angle_per_sine(own) * (2.0 * inverse)
+            values[k] += value
             sx[k] += slope * cx
             sy[k] += slope * cy
             sz[k] += slope * cz
@@ -151,56 +136,40 @@ def _add_slopes(directions, centre, sigma, reach, weight, slopes):
             half = half_angle(squared)
             cosine = 1.0 - 0.5 * half  # of half of the angle: sin g = 2 sin(g/2) cos(g/2)
             ratio = angle_per_sine(half) / cosine if cosine > _ANTIPODE else 1.0
-            slope = weight * decay(4.0 * angle_squared(half) * inverse) * ratio * (2.0 * inverse)
-            slope = slope if squared <= reach else 0.0
+            value = weight * decay(4.0 * angle_squared(half) * inverse) if squared <= reach else 0.0
+            slope = value * ratio * (2.0 * inverse)
+            values[k] += value
             sx[k] += slope * cx
             sy[k] += slope * cy
             sz[k] += slope * cz
 
 
 @kernel
-def sum_values(directions, images, centres, sigmas, reaches, weights, rows, total):
-    """Fill ``total`` (n,) at unit directions (n, 3); ``reaches`` (m,): squared chords beyond which to leave out.
+def sum_functions(directions, images, centres, sigmas, reaches, weights, rows, total):
+    """Fill ``total`` (n, 4) with the sum and its tangential gradient (per rad) at unit directions (n, 3).
 
-    ``rows`` (VALUE_ROWS, BLOCK): workspace.
-    """
-    for start in range(0, len(directions), BLOCK):
-        some = directions[start : start + BLOCK]
-        count = len(some)
-        x, y, z, values = rows[0, :count], rows[1, :count], rows[2, :count], rows[3, :count]
-        values[:] = 0.0
-        for image in range(len(images)):
-            mean = _turn(some, images[image], x, y, z)
-            for j in range(len(weights)):
-                if _reached(mean, centres[j], reaches[j]):
-                    _add_values(x, y, z, centres[j], sigmas[j], reaches[j], weights[j], values)
-        for k in range(count):
-            total[start + k] = values[k] / len(images)
-
-
-@kernel
-def sum_slopes(directions, images, centres, sigmas, reaches, weights, rows, total):
-    """Fill ``total`` (n, 3) with the tangential gradient (per rad) of the sum at unit directions (n, 3).
-
-    ``rows`` (SLOPE_ROWS, BLOCK): workspace.
+    ``reaches`` (m,): squared chords beyond which to leave out. ``rows`` (ROWS, BLOCK): workspace.
     """
     for start in range(0, len(directions), BLOCK):
         some = directions[start : start + BLOCK]
         count = len(some)
         x, y, z = rows[0, :count], rows[1, :count], rows[2, :count]
-        sx, sy, sz = rows[3, :count], rows[4, :count], rows[5, :count]
+        sx, sy, sz, values = rows[3, :count], rows[4, :count], rows[5, :count], rows[6, :count]
         total[start : start + count] = 0.0
+        values[:] = 0.0
         for image in range(len(images)):
             turn = images[image]
             mean = _turn(some, turn, x, y, z)
             sx[:], sy[:], sz[:] = 0.0, 0.0, 0.0
             for j in range(len(weights)):
                 if _reached(mean, centres[j], reaches[j]):
-                    _add_slopes((x, y, z), centres[j], sigmas[j], reaches[j], weights[j], (sx, sy, sz))
+                    _add((x, y, z), centres[j], sigmas[j], reaches[j], weights[j], (values, sx, sy, sz))
             for k in range(count):
                 # towards the centres; the component along the direction is removed
                 along = sx[k] * x[k] + sy[k] * y[k] + sz[k] * z[k]
                 tx, ty, tz = sx[k] - along * x[k], sy[k] - along * y[k], sz[k] - along * z[k]
                 for axis in range(3):
                     turned_back = tx * turn[axis, 0] + ty * turn[axis, 1] + tz * turn[axis, 2]
-                    total[start + k, axis] += turned_back / len(images)
+                    total[start + k, 1 + axis] += turned_back / len(images)
+        for k in range(count):
+            total[start + k, 0] = values[k] / len(images)

@@ -132,18 +132,14 @@ def photometry(
 
 
 def evaluate_to_picture(lens: Lens, picture: Path, rays: int | None = None) -> Light:
-    """Simulate ``lens`` as :func:`evaluate` does, and draw it in the file ``picture``, which is replaced whole."""
-    light = evaluate(lens, rays=rays)
+    """Simulate ``lens`` as :func:`evaluate` does, and draw it in the file ``picture``, which is replaced whole.
+
+    With ``rays`` of its own it is a look on the way, whose tables' error nobody asks for.
+    """
+    quick = None if rays is None else preset_of(lens.accuracy).replace("look", table_error=False)
+    light = evaluate(lens, rays=rays, accuracy=quick)
     light.save(picture)
     return light
-
-
-def load_for_pictures() -> None:
-    """Load what :func:`evaluate_to_picture` needs: it takes a second."""
-    import matplotlib.figure
-    import matplotlib.style  # noqa: F401
-
-    import lensforge.light.evaluation  # noqa: F401
 
 
 def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[Light]:

@@ -1,6 +1,8 @@
 """Rays through one body by the compiled kernels on all cores, and back: the lens, or given optics behind it."""
 
 from dataclasses import dataclass
+from functools import cache
+from threading import get_ident
 
 import numpy as np
 from jaxtyping import Float, Int8
@@ -20,6 +22,8 @@ from lensforge.kernels.trace import trace
 from lensforge.kernels.traced_body import ByRaysOut, RaysIn, RaysOut, TracedBody, Ways
 
 _WORTH_SHARING = 2**11  # rays: a millisecond of work
+# Memory of a thread for kernels, made once: its zeros take as long as the work on some hundred rays.
+_kept = cache(lambda _thread, make, *given: make(*given))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +72,7 @@ class BodyPassage:
         run = precision.kernel(trace)
 
         def work(part: slice) -> None:
-            run(rays.part(part), body, ways.part(part), exits.part(part), empty_packet(precision))
+            run(rays.part(part), body, ways.part(part), exits.part(part), _kept(get_ident(), empty_packet, precision))
 
         in_pieces(work, count, worth=_WORTH_SHARING)
         return BodyPassage(body, rays, ways, exits, precision)
@@ -90,7 +94,7 @@ class BodyPassage:
             run = self.precision.kernel(adjoint_of_pairs)
 
             def work(chunk: int, part: slice) -> None:
-                ways, packet = self.ways.part(part), adjoint_memory(0, self.precision).packet
+                ways, packet = self.ways.part(part), _kept(get_ident(), adjoint_memory, 0, self.precision).packet
                 run(self.rays.part(part), self.body, ways, self.exits.fates[part], by.part(part), totals[chunk], packet)
 
             in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)
@@ -120,7 +124,7 @@ class BodyPassage:
                 by.part(part),
                 same_way(met[part]),
                 gradients,
-                adjoint_memory(events),
+                _kept(get_ident(), adjoint_memory, events),
             )
 
         in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)

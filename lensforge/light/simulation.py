@@ -5,7 +5,7 @@ Metrics of one lens come from its replicates; their change from one lens to anot
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int8, Shaped
@@ -68,6 +68,7 @@ class TracedLens:
     kinds: "tuple[TracedLens, ...]" = ()
 
     @staticmethod
+    @lru_cache(maxsize=2)  # light, photometry and proof of a lens ask for the same
     def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         """Tabulate all surfaces from the exact sum; the tables' error against it is measured at once."""
         if not lens.others:

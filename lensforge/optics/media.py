@@ -216,9 +216,16 @@ class Surface(Protocol):
         """``rho`` (mm) on a square chart grid centred on the axis; a surface with mirror images may use them."""
         return self.radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
 
+    def radius_and_gradient(
+        self, directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
+        """Both, which a surface may find faster than one after the other."""
+        return self.radius(directions), self.gradient(directions)
+
     def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Unit normals pointing away from the origin: ``u - grad(rho)/rho``, normalised."""
-        outward = directions - self.gradient(directions) / self.radius(directions)[:, None]
+        radius, gradient = self.radius_and_gradient(directions)
+        outward = directions - gradient / radius[:, None]
         return outward / np.linalg.norm(outward, axis=1, keepdims=True)
 
 

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Literal
 from lensforge import seeds
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
+from lensforge.kernels.parallel import kernel_threads, thread_count
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import evaluate, inputs_of, judging_source, rays_of
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
-from lensforge.results.arguments import count_of, require, threads_of_torch
+from lensforge.results.arguments import count_of, require
 from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
@@ -43,7 +44,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
         >>> proof = lf.verify(run.part, run.light, rays=2**14)
         >>> print(proof.nmse_vs_design, proof.deviation_mm.rms)
     """
-    with threads_of_torch(threads):
+    with kernel_threads(count_of("threads", threads)):
         return verify_with(IN_TURN, part, light, rays)
 
 
@@ -72,8 +73,6 @@ def _verified(
     part: Part, lit: tuple[Lens, Light], rays: int | None, inputs: dict[str, str], second: ChildPool, *, measured: bool
 ) -> Proof:
     """The part with the one LED of a lens, whose light is known; ``measured``: form and size of its files, too."""
-    import torch
-
     from lensforge.proof.form_inputs import designed_files
     from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
@@ -103,7 +102,7 @@ def _verified(
         optical=optical,
     )
     referees = Referees(mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0)
-    return verify_in_sandbox(files, of_design, referees, torch.get_num_threads(), second).changed(conditions=conditions)
+    return verify_in_sandbox(files, of_design, referees, thread_count(), second).changed(conditions=conditions)
 
 
 def expected_of(lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFaces") -> "list[Expected]":
@@ -158,13 +157,11 @@ def stray_light(
         >>> print(stray.efficiency, stray.efficiency_sequential)
     """
     lens, rays = require(part, Part, "stray_light").lens, count_of("rays", rays)
-    with threads_of_torch(threads):
+    with kernel_threads(count_of("threads", threads)):
         return StrayLight.joined({name: _stray_light(part, own, rays, base) for name, own in lens.by_led.items()})
 
 
 def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polished", "black"]) -> StrayLight:
-    import torch
-
     from lensforge.proof.proof_inputs import optical_of, optical_on, plate_of, screens_of, stands_of
 
     spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(lens.spec)
@@ -181,6 +178,6 @@ def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polish
         names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
         base=base,
         optical=optical,
-        threads=torch.get_num_threads(),
+        threads=thread_count(),
         inputs={"lens": part.lens.sha256, "export": part.sha256},
     ).changed(conditions=conditions)

@@ -14,7 +14,7 @@ from lensforge.cad.boundary import TrimmedFace, lens_boundaries
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import FlangeRing, ring_of
-from lensforge.cad.form_error import chart_samples
+from lensforge.cad.form_error import chart_samples, remember_fit
 from lensforge.cad.keep_out import mesh_error_mm
 from lensforge.cad.outline import circle
 from lensforge.cad.part import SURFACES_FILE, Part
@@ -67,6 +67,7 @@ _NO_AREA_MM = 1e-4  # a ring this narrow is none: a base flush with the rim
 def designed_files(part: Part) -> Iterator[DesignedFile]:
     """Every file that the export has written, with the body that it should hold."""
     lens, plate = part.lens, layout_of(part.lens)
+    remember_fit(lens, part.nodes)  # by which the base has room for the cutter
     body, chord_mm = designed_lens(lens), 1e-3 * part.triangulation.chord_error_um
     tolerance_um = 1e-3 * part.face_tolerance.form_nm
     round_mm = mesh_error_mm(lens.spec.base, part.triangulation.rings, chord_mm)

@@ -196,11 +196,13 @@ def _second_process(spec: Spec, warn: Warn) -> Iterator[ChildPool]:
     """
     import torch
 
+    from lensforge.kernels.compiled import are_compiled
     from lensforge.search.scene_check import compile_search_kernels
 
     with child_pool(int(torch.get_num_threads() > 1), warn) as second:
         if second.runs:
-            second.call(compile_search_kernels, spec)
+            if not are_compiled():
+                second.call(compile_search_kernels, spec)
             second.call(_load_cad_kernel)
         yield second
 
@@ -256,7 +258,7 @@ def _side_by_side(here: RunFolder, heard: Listener, second: ChildPool, threads: 
     here.write(part)
     heard.ended(Part.stage, part.seconds)
     heard.begins(Check.stage)
-    with heard.timed(Proof.stage), threads_of_torch(max(1, threads - 1)):
+    with heard.timed(Proof.stage), kernel_threads(max(1, threads - 1)):
         proof = verify_with(second, part, light)
         check_result = here.write(checked.result())
         heard.ended(Check.stage, check_result.seconds)

@@ -59,13 +59,15 @@ def ignore_settings_of_libraries(environ: MutableMapping[str, str] = os.environ)
     """Leave out of the environment what would change or end the work of libraries that are yet to load.
 
     Compilers that are switched off or print (numba, torch), resources of another CAD program, numbers of threads that
-    are no numbers, and a style or window of matplotlib: a command draws files in a style of its own.
+    are no numbers, and a style or window of matplotlib: a command draws files in a style of its own. Linear algebra has
+    one thread where nobody asks for more: its arrays are small, and threads that wait for them spin.
     """
     for name, value in list(environ.items()):
         no_number = name in _THREAD_NUMBERS and not re.fullmatch(r"[1-9]\d{0,3}(,[1-9]\d{0,3})*", value.strip())
         if no_number or name.startswith(_NOT_OURS):
             del environ[name]
     environ.update({"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull})
+    environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def collect_garbage_seldom() -> None:
@@ -86,7 +88,7 @@ def keep_freed_memory() -> None:
 
 def return_freed_memory() -> None:
     """Return memory to the system: allocators keep it, after a search of minutes half of what its process holds."""
-    gc.collect()  # arrays in cycles, which wait for their turn
+    gc.collect(1)  # arrays in cycles, which wait for their turn; what is older are libraries
     if sys.platform == "linux":
         with suppress(AttributeError, OSError):  # other C libraries than glibc have no such function
             ctypes.CDLL(None).malloc_trim(0)

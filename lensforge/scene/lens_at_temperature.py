@@ -67,6 +67,13 @@ class LensAtTemperature(Lens):
         lens = self.spec.lens
         return None if lens.dispersion is None else lens.dispersion.at(lens.temperature_law, self.temperature_c)
 
+    def __eq__(self, other: object) -> bool:
+        """True where ``other`` is the same lens at the same temperature."""
+        alike = isinstance(other, LensAtTemperature) and self.temperature_c == other.temperature_c
+        return alike and super().__eq__(other)
+
+    __hash__ = Lens.__hash__
+
     def to_json(self) -> dict[str, JsonValue]:
         """The content of the ``lens.json`` of the lens as designed: its hash names this one, too."""
         return self.designed.to_json()

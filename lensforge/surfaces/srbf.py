@@ -8,7 +8,6 @@ Where the paper is silent: the centres are a Fibonacci grid on the *hemisphere*,
 mirror symmetry, in which case each basis function is averaged over its mirror images.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Literal
@@ -143,11 +142,7 @@ class SrbfSurface(Surface):
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
-        from lensforge.kernels.basis_sum import VALUE_ROWS, sum_values
-
-        total = np.empty(len(directions))
-        self._sum(sum_values, VALUE_ROWS, directions, total)
-        return self.offset_mm + total
+        return self.radius_and_gradient(directions)[0]
 
     def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
         """``rho`` (mm) on a square chart grid centred on the axis: its mirror images come from one evaluation."""
@@ -157,31 +152,28 @@ class SrbfSurface(Surface):
 
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Tangential gradient of ``rho`` on the unit sphere (mm/rad), orthogonal to ``directions``."""
-        from lensforge.kernels.basis_sum import SLOPE_ROWS, sum_slopes
+        return self.radius_and_gradient(directions)[1]
 
-        total = np.empty((len(directions), 3))
-        self._sum(sum_slopes, SLOPE_ROWS, directions, total)
-        return total
-
-    def _sum(
-        self, kernel: Callable[..., None], rows: int, directions: Float[np.ndarray, "n 3"], total: np.ndarray
-    ) -> None:
-        """Fill ``total``, a row for each direction, by a kernel of ``kernels.basis_sum`` with ``rows`` of workspace.
+    def radius_and_gradient(
+        self, directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
+        """Both, by one sum over the functions.
 
         Directions go to the kernel as neighbours: it is quick where a block of them is a small part of the sphere.
         """
-        from lensforge.kernels.basis_sum import BLOCK
+        from lensforge.kernels.basis_sum import BLOCK, ROWS, sum_functions
 
         basis, order = self.basis, _as_neighbours(directions, BLOCK)
-        ordered, sums = np.ascontiguousarray(directions[order]), np.empty_like(total)
+        ordered, (sums, total) = np.ascontiguousarray(directions[order]), np.empty((2, len(directions), 4))
         images, weights = np.stack(group(basis.symmetry)), np.ascontiguousarray(self.weights_mm)
 
         def work(_: int, part: slice) -> None:
-            space = np.empty((rows, BLOCK))
-            kernel(ordered[part], images, basis.centres, basis.sigmas, basis.reaches, weights, space, sums[part])
+            space = np.empty((ROWS, BLOCK))
+            sum_functions(ordered[part], images, basis.centres, basis.sigmas, basis.reaches, weights, space, sums[part])
 
         in_chunks(work, len(ordered))
         total[order] = sums
+        return self.offset_mm + total[:, 0], total[:, 1:]
 
 
 def _as_neighbours(directions: Float[np.ndarray, "n 3"], together: int) -> Int[np.ndarray, " n"]:
