@@ -156,14 +156,12 @@ def save_small(name: str, cut: bytes, light: np.ndarray) -> None:
 def draw_small(name: str) -> None:
     """Design a draft, and save its small picture."""
     import lensforge as lf
-    from lensforge.report.solid_view import Rendering
+    from lensforge.report.solid_view import solid_views
 
     spec = lf.load_spec(EXAMPLES / f"{name}.toml").replace({"optimise.seconds": None})
     lens = lf.design(spec, accuracy="draft", force=True).lens
     part = lf.build(lens)
-    rendering = Rendering(part.stl, spec.constraints.max_radius_mm, part.plate_stl)
-    pictures = rendering.result().pictures
-    rendering.close()
+    pictures = solid_views(part.stl, spec.constraints.max_radius_mm, part.plate_stl).pictures
     save_small(name, pictures.get("plate", pictures["cut"]), lf.evaluate(lens, rays=RAYS).receivers[0].map)
 
 

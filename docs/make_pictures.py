@@ -16,7 +16,7 @@ from PIL import Image
 from lensforge.report.folder import load
 from lensforge.report.lens_figures import lens_section
 from lensforge.report.light_figures import irradiance_map
-from lensforge.report.solid_view import Rendering
+from lensforge.report.solid_view import solid_views
 from lensforge.results.chart import light_unit
 from lensforge.results.files import replacing
 
@@ -49,9 +49,7 @@ def light_of(directory: Path) -> list[Figure]:
 def panels_of(directory: Path) -> list[Figure | bytes]:
     """The lens, its section, its light."""
     run = load(directory)
-    rendering = Rendering(run.part.stl, run.spec.constraints.max_radius_mm)
-    views = rendering.result()
-    rendering.close()
+    views = solid_views(run.part.stl, run.spec.constraints.max_radius_mm)
     section = lens_section(run.lens, 0.0, np.array(run.design.source_outline_mm))
     return [views.pictures["above"], section, *light_of(directory)]
 

@@ -13,22 +13,12 @@ from lensforge.report import lens_page
 from lensforge.report.solid_view import SolidViews
 
 
-class NoViews:
-    """In the place of the renderer of three-dimensional views, which takes a process and seconds."""
-
-    def __init__(self, *_: object) -> None: ...
-
-    def result(self) -> SolidViews:
-        return SolidViews({}, problem="No 3-D picture: not drawn.")
-
-    def close(self) -> None: ...
-
-
 @contextmanager
 def without_views() -> Iterator[None]:
-    """Reports without three-dimensional views."""
+    """Reports without three-dimensional views, which take a process and seconds."""
+    none = SolidViews({}, problem="No 3-D picture: not drawn.")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lens_page, "Rendering", NoViews)
+        patch.setattr(lens_page, "solid_views", lambda *_: none)
         yield
 
 

@@ -27,7 +27,7 @@ from lensforge.cli.studies import design_for_each, run_with_progress
 from lensforge.errors import CriterionMissed, FailedDesigns, InputError, LensforgeError
 from lensforge.kernels.parallel import thread_count
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import evaluate_to_picture
+from lensforge.light.lens_light import evaluate
 from lensforge.report.folder import Run, opened
 from lensforge.report.results import REPORT_FILE
 from lensforge.results.child_pool import child_pool
@@ -37,6 +37,7 @@ from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.design_result import Progress
 from lensforge.search.searches import SearchOptions
 from lensforge.spec import Spec, load_spec
+from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import alike
 
 _PICTURE_FILE = "light.png"  # of a preview
@@ -157,8 +158,10 @@ class _Looks:
             self.at(lens, min(_LEVEL_RAYS, lens.spec.evaluate.rays or _LEVEL_RAYS))
 
     def at(self, lens: Lens, rays: int | None = None) -> Light:
-        """Look at ``lens``; the first picture is shown, if asked, as soon as it is there."""
-        light = evaluate_to_picture(lens, self._picture, rays)
+        """Look at ``lens``; the first picture is shown, if asked, as soon as it is there. ``rays``: on the way."""
+        quick = None if rays is None else preset_of(lens.accuracy).replace("look", table_error=False)
+        light = evaluate(lens, rays=rays, accuracy=quick)
+        light.save(self._picture)
         if self._to_show:
             click.launch(str(self._picture))
         self._to_show, self._next = False, monotonic() + _PAUSE_S

@@ -131,17 +131,6 @@ def photometry(
     return Photometry.joined(by_led)
 
 
-def evaluate_to_picture(lens: Lens, picture: Path, rays: int | None = None) -> Light:
-    """Simulate ``lens`` as :func:`evaluate` does, and draw it in the file ``picture``, which is replaced whole.
-
-    With ``rays`` of its own it is a look on the way, whose tables' error nobody asks for.
-    """
-    quick = None if rays is None else preset_of(lens.accuracy).replace("look", table_error=False)
-    light = evaluate(lens, rays=rays, accuracy=quick)
-    light.save(picture)
-    return light
-
-
 def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[Light]:
     from lensforge.light.evaluation import evaluate_lens
 

@@ -172,19 +172,15 @@ class _Pieces:
 
 
 def _cut(face: Any) -> list[Any]:
-    """The untrimmed surface of a spline of many knots in rectangles, of the side of ``face``, or all of its plane.
+    """The untrimmed surface of a spline in rectangles of some knots, of the side of ``face``, or all of its plane.
 
     Other faces stay whole. The kernel's intersector takes 1.4 ms for a place in a plane whose edge is a spline.
     """
     kind, surface, pieces = BRepAdaptor_Surface(face), BRep_Tool.Surface_s(face), []
-    if kind.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
-        bounds, knots = ReadFace(face).bounds, (1, 1)
-    elif kind.GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface:
-        bounds, knots = surface.Bounds(), (kind.NbUKnots(), kind.NbVKnots())
-        if max(knots) <= _KNOTS_OF_PIECE:
-            return [face]
-    else:
+    spline = kind.GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
+    if not spline and kind.GetType() != GeomAbs_SurfaceType.GeomAbs_Plane:
         return [face]
+    bounds, knots = ReadFace(face).bounds, (kind.NbUKnots(), kind.NbVKnots()) if spline else (1, 1)
     along_u, along_v = (
         np.linspace(low, high, 1 + -(-count // _KNOTS_OF_PIECE)).tolist()
         for low, high, count in zip(bounds[::2], bounds[1::2], knots, strict=True)

@@ -1,8 +1,10 @@
 """The report on one lens: a self-contained page, or the output of a notebook, from its results."""
 
 import base64
-from contextlib import closing
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 from lensforge.cad.boundary import lens_boundaries
@@ -20,10 +22,11 @@ from lensforge.report.headline import task
 from lensforge.report.page import template
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import REPORT_FILE, Results
-from lensforge.report.solid_view import Rendering, SolidViews
+from lensforge.report.solid_view import SolidViews, solid_views
 from lensforge.report.stored import RUN_FILE
 from lensforge.report.yield_section import yield_sections
 from lensforge.results import Group, StageResult
+from lensforge.results.files import made_once
 from lensforge.results.numerals import number, percent
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import finding_groups, words_of
@@ -45,15 +48,18 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
         views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
         return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
     radius_mm = float(lens_boundaries(results.lens)[1].radius(fibonacci_hemisphere(500)).max())  # to a per cent
-    with closing(Rendering(part.stl, radius_mm, part.plate_stl)) as rendering:
-        context = _context(results, folder, beside)
-        return template(REPORT_FILE).render(**context, **_solid(rendering.result()))
+    of = part.stl, radius_mm, part.plate_stl
+    solid = ThreadPoolExecutor(1).submit(
+        made_once, ("solid", *of), lambda: solid_views(*of), lambda made: not made.problem
+    )
+    context = _context(results, folder, beside)  # meanwhile
+    return template(REPORT_FILE).render(**context, **_solid(solid.result()))
 
 
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
     lens, design, proof = results.lens, results.find(Design), results.find(Proof)
     possible = light_section.possible_limits(results.spec)
-    lights = light_section.other_lights(results)
+    lights, pictures = light_section.other_lights(results), _pictures(results)
     return {
         "lens": lens,
         "subtitle": task(lens.spec),
@@ -73,9 +79,9 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "facts": _facts(results),
         "left_by_tool": words_of(results.spec).left,
         "far_proof": proof is not None and any(each.far_field for each in proof.receivers),
-        "first": light_section.first_picture(results),
         "photometry": _photometry_sentence(results),
-        "pictures": _pictures(results),
+        "first": pictures.pop("first"),
+        "pictures": pictures,
         "measured": measured_sections(results),
         "seen_at_once": FIRST,
         "yields": yield_sections(results),
@@ -132,18 +138,27 @@ def _photometry_sentence(results: Results) -> str:
     return f"By {number(photometry.rays)} rays{noise}. Candela and lumens {basis}."
 
 
+# Pictures of the page by their section, and the results that they show beside the lens: they see no others.
+_PICTURES: dict[str, tuple[Callable[[Results], object], tuple[type[StageResult], ...]]] = {
+    "first": (light_section.first_picture, (Light,)),
+    "light": (light_section.receiver_pictures, (Light,)),
+    "photometry": (light_section.photometry_pictures, (Photometry,)),
+    "history": (exported_part.history_pictures, (Design,)),
+    "sections": (exported_part.section_pictures, (Design, Part)),
+    "surfaces": (exported_part.surface_pictures, (Check,)),
+    "verification": (exported_part.verification_pictures, (Design, Light, Proof)),
+    "gaps": (exported_part.gap_pictures, (Proof,)),
+    "stray": (exported_part.stray_pictures, (Design, Light, StrayLight)),
+}
+
+
 def _pictures(results: Results) -> dict[str, object]:
-    return {
-        "light": light_section.receiver_pictures(results),
-        "photometry": light_section.photometry_pictures(results),
-        "other": light_section.other_pictures(results),
-        "history": exported_part.history_pictures(results),
-        "sections": exported_part.section_pictures(results),
-        "surfaces": exported_part.surface_pictures(results),
-        "verification": exported_part.verification_pictures(results),
-        "gaps": exported_part.gap_pictures(results),
-        "stray": exported_part.stray_pictures(results),
-    }
+    drawn = dict[str, object]()
+    for name, (draw, kinds) in _PICTURES.items():
+        shown = {stem: result for stem, result in results.found.items() if isinstance(result, kinds)}
+        of = [name, results.lens.sha256, *((stem, result.sha256) for stem, result in shown.items())]
+        drawn[name] = made_once(of, partial(draw, Results(results.lens, shown)))
+    return drawn | {"other": light_section.other_pictures(results)}
 
 
 def results_html(results: Results) -> str:

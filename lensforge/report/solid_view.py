@@ -10,7 +10,6 @@ view (mm) and the z of its centre (mm) (float32); then positions about the origi
 
 import json
 from collections.abc import Mapping
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,36 +67,24 @@ class SolidViews:
     problem: str = ""
 
 
-class Rendering:
-    """A rendering of the bytes of an STL, and of a plate's, in the background: figures can be drawn meanwhile."""
-
-    def __init__(self, stl: bytes, optics_radius_mm: float, plate_stl: bytes | None = None) -> None:
-        with ExitStack() as stack:
-            self._folder = stack.enter_context(temporary_folder(_MESH))
-            for name, content in {_MESH: stl, _PLATE: plate_stl}.items():
-                if content is not None:
-                    (self._folder / name).write_bytes(content)
-            (self._folder / _RADIUS).write_text(json.dumps(optics_radius_mm), encoding="utf-8")
-            self._child = stack.enter_context(Child(Path(__file__).resolve(), self._folder, _LIMITS))
-            self._stack = stack.pop_all()
-
-    def result(self) -> SolidViews:
-        """Wait for the pictures. Raises :class:`InputError` when the bytes are no mesh."""
-        ending, words = self._child.wait()
+def solid_views(stl: bytes, optics_radius_mm: float, plate_stl: bytes | None = None) -> SolidViews:
+    """Render the bytes of an STL, and of a plate's, in a child process. Raises :class:`InputError` for no mesh."""
+    with temporary_folder(_MESH) as folder:
+        for name, content in {_MESH: stl, _PLATE: plate_stl}.items():
+            if content is not None:
+                (folder / name).write_bytes(content)
+        (folder / _RADIUS).write_text(json.dumps(optics_radius_mm), encoding="utf-8")
+        with Child(Path(__file__).resolve(), folder, _LIMITS) as child:
+            ending, words = child.wait()
         if ending is Ending.REFUSED:
             raise InputError(words)
         if ending in (Ending.TIME, Ending.MEMORY):
             return SolidViews({}, problem=f"No 3-D picture: the renderer {words}.")
         if ending is not Ending.DONE:
             return SolidViews({}, problem="No 3-D picture: this machine has no off-screen renderer (OpenGL).")
-        folder = self._folder
         bounds = json.loads((folder / "bounds.json").read_text(encoding="utf-8"))
         pictures = {path.stem: path.read_bytes() for path in folder.glob("*.png")}
         return SolidViews(pictures, tuple(bounds), (folder / "mesh.bin").read_bytes())
-
-    def close(self) -> None:
-        """End the process if it still runs, and remove its files."""
-        self._stack.close()
 
 
 def _render(folder: Path) -> None:

@@ -1,8 +1,5 @@
-"""Style of all figures; a figure as SVG for a page (its ink is the page's text colour), as PNG, or as a file.
+"""Style of all figures; a figure as SVG for a page (its ink is the page's text colour), as PNG, or as a file."""
 
-Maps have the 256 colours of their scale: as images with a palette they take half the size."""
-
-import base64
 import io
 import re
 from collections.abc import Callable, Mapping
@@ -12,39 +9,12 @@ from types import MappingProxyType
 from typing import Any, ParamSpec
 
 import matplotlib.style
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from PIL import Image
-
-_EMBEDDED = re.compile(r"(data:image/png;base64,)([A-Za-z0-9+/=\s]+)")
-_MOST_COLOURS = 256  # of a palette
-
-
-def with_palettes(svg: str) -> str:
-    """``svg`` with every embedded PNG that has at most 256 colours replaced by one with a palette, pixel by pixel."""
-    return _EMBEDDED.sub(lambda match: match[1] + _with_palette(match[2]), svg)
-
-
-def _with_palette(encoded: str) -> str:
-    """A picture in base64 with a palette; as it was where its colours are too many, or a palette saves nothing."""
-    png = base64.b64decode(encoded)
-    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGBA"))
-    colours, indices = np.unique(np.ascontiguousarray(pixels).view("<u4")[..., 0], return_inverse=True)
-    if len(colours) > _MOST_COLOURS:
-        return encoded
-    rgba = colours.view(np.uint8).reshape(-1, 4)
-    picture = Image.fromarray(indices.reshape(pixels.shape[:2]).astype(np.uint8))
-    picture.putpalette(rgba[:, :3].tobytes())  # which makes it one with a palette
-    buffer = io.BytesIO()
-    picture.save(buffer, format="png", optimize=True, transparency=rgba[:, 3].tobytes())
-    small = buffer.getvalue()
-    return base64.b64encode(small).decode() if len(small) < len(png) else encoded
-
 
 # Drawn in this colour, replaced by `currentColor` in the page, so that one picture serves light, dark and print.
 INK = "#0b0b0d"
@@ -160,7 +130,7 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", svg)
     svg = re.sub(r"font: ([\d.]+px) [^;\"]+", r"font-size: \1", svg)
     svg = re.sub(r"font-family: [^;\"]+;? ?", "", svg)
-    svg = with_palettes(svg.replace(INK, "currentColor"))
+    svg = svg.replace(INK, "currentColor")
     width = f"{figure.get_figwidth() * 96.0:.0f}"
     return re.sub(
         r'<svg ([^>]*?)width="[^"]*"([^>]*?)height="[^"]*"|<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"',

@@ -11,7 +11,7 @@ from result_folders import make_light, small_lens
 from shown_folders import SKY, WALL
 from undrawn import without_views
 
-from lensforge.report import light_section, page
+from lensforge.report import page
 from lensforge.report.lens_page import render_report
 from lensforge.report.light_section import ReceiverPictures, receiver_pictures
 from lensforge.report.results import Results
@@ -37,7 +37,7 @@ class DrawnPage(NamedTuple):
 
 def draw_page(results):
     """The page on ``results`` without three-dimensional views."""
-    kept, found, draw = [], {}, page.to_svg
+    found, draw = {}, page.to_svg
 
     def drawn(figure, name, title):
         found[name] = faults(figure)
@@ -45,8 +45,7 @@ def draw_page(results):
 
     with without_views(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(page, "to_svg", drawn)
-        patch.setattr(light_section, "receiver_pictures", lambda each: kept.append(receiver_pictures(each)) or kept[-1])
-        return DrawnPage(render_report(results), kept[0], found)
+        return DrawnPage(render_report(results), receiver_pictures(results), found)
 
 
 _TOUCH = 1.0  # pixel: boxes of texts have a margin

@@ -22,10 +22,12 @@ def test_a_command_ignores_what_would_change_or_end_its_libraries() -> None:
         "NUMBA_DISABLE_JIT": "1", "NUMBA_OPT": "zz", "TORCH_LOGS": "garbage", "CSF_STEPDefaults": "/nowhere",
         "OMP_NUM_THREADS": "0", "MKL_NUM_THREADS": "x", "MPLBACKEND": "Qt4Agg", "MATPLOTLIBRC": "/home/x",
     }  # fmt: skip
-    kept = {"HOME": "/home/x", "OPENBLAS_NUM_THREADS": "4", "LC_ALL": "C"}  # 1 where nobody asks for more
+    kept = {"HOME": "/home/x", "OPENBLAS_NUM_THREADS": "4", "LC_ALL": "C"}
     environ = {**foreign, **kept}
     ignore_settings_of_libraries(environ)
     assert environ == {**kept, "MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
+    ignore_settings_of_libraries(nothing := dict[str, str]())
+    assert nothing["OPENBLAS_NUM_THREADS"] == "1", "where nobody asks for more"
 
 
 def drawn() -> str:
