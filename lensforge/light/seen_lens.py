@@ -1,7 +1,7 @@
 """The lens as an eye sees it: the picture of its luminance, and the mean over its outline."""
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +12,9 @@ from lensforge.results.chart import LightUnit
 from lensforge.results.numerals import quantity
 from lensforge.results.record import Array
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.eye_view import EyeView
+
+if TYPE_CHECKING:
+    from lensforge.scene.eye_view import EyeView  # which loads the kernels
 
 
 class SeenLens(Record):
@@ -31,7 +33,7 @@ class SeenLens(Record):
     map: Irradiance
 
     @staticmethod
-    def of(view: EyeView, pictures: Float[np.ndarray, "r h w"], exits: ExitRays) -> "SeenLens":
+    def of(view: "EyeView", pictures: Float[np.ndarray, "r h w"], exits: ExitRays) -> "SeenLens":
         """The lens by ``pictures`` of flux times the kernel (W/sr) of every replicate; ``exits`` tell its outline."""
         outline = view.outline(exits)
         radiance = pictures.mean(axis=0) / view.pixel_measure

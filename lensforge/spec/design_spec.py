@@ -25,7 +25,6 @@ from lensforge.spec.lens_section import LensShape
 from lensforge.spec.light_limits import (
     ColourSection,
     LightLimitSpec,
-    LuminanceLimit,
     PhotometrySection,
     require_limits_fit,
     require_seen_from_afar,
@@ -259,8 +258,7 @@ class Spec(Section):
             lenses, receivers = self.photometry.lenses, self.all_receivers
             require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
             others = {"sources": bool(self.sources), "optimise.robust": self.optimise.robust}
-            others["a limit of kind luminance"] = any(isinstance(each, LuminanceLimit) for each in self.limits)
-            require_kinds(self.lamps, receivers, others)
+            require_kinds(self.lamps, receivers, others, self.limits)
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lensforge.spec.lamps_section import Lamps, LampsSection
+from lensforge.spec.light_limits import LimitSection
 from lensforge.spec.part_section import BaseSection
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.receiver_sections import PlaneReceiver
@@ -74,9 +75,15 @@ def _require_period(receiver: ReceiverSection, period: tuple[float, float]) -> N
         )
 
 
-def require_kinds(section: LampsSection, receivers: Sequence[ReceiverSection], others: Mapping[str, bool]) -> None:
-    """Raise ``ValueError`` where lenses of several kinds cannot be: with any of the fields ``others``."""
+def require_kinds(
+    section: LampsSection,
+    receivers: Sequence[ReceiverSection],
+    others: Mapping[str, bool],
+    limits: Sequence[LimitSection],
+) -> None:
+    """Raise ``ValueError`` where lenses of several kinds cannot be: with any of the fields ``others``, seen by eyes."""
     kinds = section.lamps.kinds
+    others = {**others, "a limit of kind luminance": any(limit.kind == "luminance" for limit in limits)}
     given = next((name for name, is_given in others.items() if is_given), None)
     if kinds and given is not None:
         raise ValueError(f"lamps.kinds: {given} goes with lamps of one lens; leave out one of the two")

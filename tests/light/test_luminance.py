@@ -216,14 +216,10 @@ def test_the_search_pays_for_spots_above_the_bound_alone() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("limit", "words"),
-    [
-        ({"eyes_mm": [(1.0, 2.0, 7.0)]}, r"it lies in the lens's space, to 8.4 mm; move it farther away"),
-        ({"eyes_mm": [(0.0, 0.0, 100.0)]}, r"a spot of 0.028 mm is too fine .* give spot_mm = 0.08\d or more"),
-    ],
-)
-def test_an_eye_that_sees_no_picture_is_refused_in_one_line(limit: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=rf"^limits.0, seen from .* mm: {words}") as refusal:
-        eye_views(crooked(limit))
-    assert "\n" not in str(refusal.value)
+@pytest.mark.parametrize(("eye", "words"), [
+    ((1.0, 2.0, 7.0), r"it lies in the lens's space, to 8.4 mm; move it farther away"),
+    ((0.0, 0.0, 100.0), r"a spot of 0.028 mm is too fine .* give spot_mm = 0.08\d or more"),
+])  # fmt: skip
+def test_an_eye_that_sees_no_picture_is_refused_in_one_line(eye: tuple[float, ...], words: str) -> None:
+    with pytest.raises(InputError, match=rf"^limits.0, seen from .* mm: {words}[^\n]*$"):
+        eye_views(crooked({"eyes_mm": [eye]}))

@@ -40,9 +40,7 @@ COLOURS = {
 LAMPS = {"lamps": {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": 20.0}}
 KINDS = {"lamps": {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0, "kinds": "place"}}
 TABLE = {"kind": "table", "places_mm": [[-25.0, 6.0], [0.0, 0.0], [21.0, -9.0]], "turns_deg": [20.0, 0.0, 245.0]}
-EYES = {
-    "kind": "luminance", "at_most": 1.0, "unit": "w_per_m2_sr", "blur_deg": 30.0, "spot_mm": 4.0,
-}  # fmt: skip
+EYES = {"kind": "luminance", "at_most": 1.0, "unit": "w_per_m2_sr", "blur_deg": 30.0, "spot_mm": 4.0}
 SEEN = {"limits": [EYES | {"eyes_mm": [[8.0, -3.0, 15.0], [40.0, 9.0, 20.0]]}, EYES | {"eyes_deg": [[-20.0, 35.0]]}]}
 SPECS: dict[str, dict[str, Any]] = {
     "free": {},

@@ -21,6 +21,7 @@ from lensforge.light.judged_limits import limit_value
 from lensforge.light.road_judgement import judge_road
 from lensforge.light.road_lighting import RoadJudgement
 from lensforge.optics.pose import Pose
+from lensforge.scene.eye_view import eye_views
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.perturbations import quantiles
@@ -186,7 +187,12 @@ def plate(name: str) -> Case:
 
 
 def unit(name: str) -> Case:
-    """A picture of 0.5 mW a pixel, half of that in the zone, by an LED of 200 lm/W."""
+    """A picture of 0.5 mW a pixel, half of that in the zone, by an LED of 200 lm/W; of eyes one of 1 W/(m² sr)."""
+    if name.startswith(("w_per_m2_sr", "cd_per")):
+        eyes = {"kind": "luminance", "eyes_deg": [[0, 0]], "spot_mm": 3.0, "unit": name, "at_most": 1.0}
+        (view,) = eye_views(seen := small_spec().replace(limits=[eyes]))
+        (limit,), ones = light_limits(seen, (), 200.0, 1.0), np.full((16, *view.grid.shape), view.pixel_measure)
+        return limit_value(limit, ones).value, pytest.approx(200.0 if "cd" in name else 1.0)
     far = name in ("w_per_sr", "cd")
     beam, disc = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}, {"kind": "disc", "diameter_mm": 50.0}
     target = beam if far else disc | PLACE

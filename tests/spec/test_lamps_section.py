@@ -204,6 +204,8 @@ def test_kinds_that_cannot_be(lamps: dict[str, Any], words: str) -> None:
     ("changes", "words"),
     [
         ({"optimise__robust": True, "plate": {"thickness_mm": 2.0}}, "optimise.robust goes with"),
+        ({"limits": [{"kind": "luminance", "eyes_mm": [[0, 0, 900]], "unit": "cd_per_m2", "at_most": 1.0}]},
+         "a limit of kind luminance goes with lamps of one lens"),
         (
             {"target": None, "receivers": [{"kind": "far_field", "half_angle_deg": 60.0, "targets": [
                 {"kind": "disc", "diameter_deg": 40.0}]}]},
