@@ -42,8 +42,8 @@ class StarTarget(ShapeTarget):
     radius_deg: DegreesWide | None = None
 
     @property
-    def bounds_mm(self) -> tuple[float, float] | None:
-        return None if self.radius_mm is None else (2.0 * self.radius_mm, 2.0 * self.radius_mm)
+    def bounds(self) -> tuple[float, float]:
+        return 2.0 * self.size("radius"), 2.0 * self.size("radius")
 
     def contains(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.hypot(x, y) <= 0.5 * self.size("radius") * (1.0 + np.cos(self.points * np.arctan2(y, x)))

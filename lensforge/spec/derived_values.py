@@ -96,9 +96,9 @@ def receiver_of(target: Any) -> dict[str, float]:
 
 def _pattern_mm(target: Any) -> float | None:
     """Side (mm) of the square about the axis that holds a pattern; None for a kind without a size."""
-    if target.bounds_mm is None:
+    if target.bounds is None:
         return None
-    across, height = max(target.bounds_mm), target.bounds_mm[1]
+    across, height = max(target.bounds), target.bounds[1]
     turned = hypot(across, height) if target.rotation_deg else across
     x, y = target.centre
     return float(turned + 2.0 * max(abs(x), abs(y)))

@@ -31,7 +31,7 @@ from lensforge.spec.light_limits import (
 )
 from lensforge.spec.part_section import BaseSection, Cutting, DrawingSection, ManufactureSection, Process
 from lensforge.spec.plate_section import PlateSection, require_plate
-from lensforge.spec.receiver_fields import ReceiverSection, named
+from lensforge.spec.receiver_fields import ReceiverSection, named, require_target_fits
 from lensforge.spec.receiver_sections import implied_receiver
 from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
@@ -212,6 +212,7 @@ class Spec(Section):
         field = "receivers.centre_mm: distance of the plane" if self.receivers else "target.distance_mm"
         for receiver in self.all_receivers:
             receiver.require_outside(self.lens, self.constraints, field)
+            require_target_fits(receiver, self.all_lamps.period_mm is not None)
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
         require_bodies(self.bodies, self.lens, self.constraints, self.all_lamps)
         require_limits_fit(self.limits, self.all_receivers, self.lens.leaks)

@@ -29,6 +29,7 @@ class BeamTarget(FarFieldTarget, SoftTarget):
     needs: ClassVar[tuple[str, ...]] = ("fwhm",)
     words: ClassVar[str] = "{0.profile} beam {fwhm}"
     across: ClassVar[str] = "fwhm"
+    is_round: ClassVar[bool] = True
 
     kind: Literal["beam"] = "beam"
     fwhm_deg: BeamAngle | tuple[BeamAngle, BeamAngle] | None = None
@@ -69,11 +70,17 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
     needs: ClassVar[tuple[str, ...]] = ("to",)
     words: ClassVar[str] = "batwing to {to}"
     across: ClassVar[str] = "to"
+    is_round: ClassVar[bool] = True
     has_own_edge: ClassVar[bool] = True
 
     kind: Literal["batwing"] = "batwing"
     to_deg: Annotated[float, Field(ge=0.1, le=85.0)] | None = None
     """Angle from the axis up to which the light is even."""
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Twice the angle."""
+        return 2.0 * self.size("to"), 2.0 * self.size("to")
 
     def light(self, x: Places, y: Places) -> Places:
         """Even illuminance on a plane, which falls at its edge as the integral of a Gaussian."""

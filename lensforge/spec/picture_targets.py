@@ -61,10 +61,10 @@ class TextTarget(PictureTarget):
     """One line of visible characters."""
 
     @property
-    def bounds_mm(self) -> tuple[float, float] | None:
+    def bounds(self) -> tuple[float, float]:
         """Width, and the height of as many narrow glyphs unless it is given."""
-        width_mm = self.width_mm
-        return None if width_mm is None else (width_mm, self.height_mm or _GLYPH * width_mm / len(self.text))
+        width = self.size("width")
+        return width, self.length("height") or _GLYPH * width / len(self.text)
 
 
 class ImageTarget(PictureTarget):

@@ -3,6 +3,8 @@
 A kind of receiver is a class that extends :class:`ReceiverSection`: it registers itself.
 """
 
+from cmath import rect
+from math import hypot, radians
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
@@ -17,6 +19,7 @@ from lensforge.spec.target_sections import TargetSection, Unit
 
 OF_RECEIVER = ("distance_mm", "receiver_mm", "half_angle_deg")  # fields of a target that stands alone
 _MOST_TARGETS = 1000
+_SAME = 1e-9  # relative: rounding of a place
 _Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 Direction = tuple[_Number, _Number, _Number]
 
@@ -138,13 +141,37 @@ def _require_on_receiver(target: TargetSection, extent: tuple[float, float]) -> 
         raise ValueError(f"edge_{unit} = {target.edge:g} must not exceed the receiver's {_words(width, height, unit)}")
 
 
+def require_target_fits(receiver: ReceiverSection, endless: bool) -> None:
+    """Raise ``ValueError`` for a target beyond its receiver, and for a region of uniform light beyond the target.
+
+    ``endless``: of lamps without end, whose pattern goes on beyond a receiver of one period.
+    """
+    for target in receiver.targets:
+        unit, turn = target.unit, rect(1.0 - _SAME, radians(target.rotation_deg))
+        for place in () if endless else target.outline:
+            at = complex(*target.centre) + place * turn
+            what = f"target: {target.description}: its edge at"
+            require_on(what, (at.real, at.imag), unit, receiver.extent, "the receiver")
+        mask, bounds = target.pair("uniform"), target.bounds
+        if mask is None or bounds is None or not target.outline or len(receiver.targets) > 1:
+            continue
+        width, height = (side / whole for side, whole in zip(mask, bounds, strict=True))
+        if (hypot(width, height) if target.is_round else max(width, height)) > 1.0 + _SAME:
+            raise ValueError(
+                f"target: uniform_{unit} = {' x '.join(f'{side:g}' for side in mask)} reaches beyond the light of the "
+                f"{target.description}; lower it until it lies within, or leave it out"
+            )
+
+
 def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str) -> None:
     """Raise ``ValueError`` for a place off a receiver, whose ``extent`` is in the same unit; ``what``: its words."""
     (x, y), half_width, half_height = place, 0.5 * extent[0], 0.5 * extent[1]
     off = x * x + y * y > half_width**2 if unit == "deg" else abs(x) > half_width or abs(y) > half_height
     if off:
         reach = f"{half_width:g} deg" if unit == "deg" else f"{half_width:g} in x and {half_height:g} in y"
-        raise ValueError(f"{what} ({x:g}, {y:g}) is off {receiver}, which reaches {reach}")
+        raise ValueError(
+            f"{what} ({x:g}, {y:g}) is off {receiver}, which reaches {reach}; move it, or make {receiver} larger"
+        )
 
 
 def _words(width: float, height: float, unit: str) -> str:

@@ -70,6 +70,7 @@ class DiscTarget(ShapeTarget):
     words: ClassVar[str] = "disc, {diameter} wide"
     across: ClassVar[str] = "diameter"
     has_word: ClassVar[bool] = True
+    is_round: ClassVar[bool] = True
 
     kind: Literal["disc"] = "disc"
     diameter_mm: Millimetres | None = None
@@ -86,6 +87,7 @@ class EllipseTarget(SizedTarget, ShapeTarget):
 
     words: ClassVar[str] = "ellipse, {width} × {height}"
     has_word: ClassVar[bool] = True
+    is_round: ClassVar[bool] = True
 
     kind: Literal["ellipse"] = "ellipse"
 
@@ -101,6 +103,7 @@ class RingTarget(ShapeTarget):
     words: ClassVar[str] = "ring, {inner_diameter} to {outer_diameter} wide"
     across: ClassVar[str] = "outer_diameter"
     has_word: ClassVar[bool] = True
+    is_round: ClassVar[bool] = True
 
     kind: Literal["ring"] = "ring"
     outer_diameter_mm: Millimetres | None = None
@@ -138,6 +141,11 @@ class PolygonTarget(ShapeTarget):
     def corners(self) -> tuple[tuple[float, float], ...]:
         """The corners, in the target's unit."""
         return self.corners_mm or self.corners_deg or ()
+
+    @property
+    def outline(self) -> tuple[complex, ...]:
+        """The corners."""
+        return tuple(complex(*corner) for corner in self.corners)
 
     @property
     def description(self) -> str:
@@ -204,12 +212,10 @@ class SpotsTarget(ShapeTarget):
     pitch_deg: DegreesWide | None = None
 
     @property
-    def bounds_mm(self) -> tuple[float, float] | None:
-        """Side of the square that holds the longer of row and column, along x and y."""
-        if self.diameter_mm is None or self.pitch_mm is None:
-            return None
-        side_mm = self.diameter_mm + (max(self.columns, self.rows) - 1) * self.pitch_mm
-        return side_mm, side_mm
+    def bounds(self) -> tuple[float, float]:
+        """Width and height of all spots."""
+        diameter, pitch = self.size("diameter"), self.size("pitch")
+        return diameter + (self.columns - 1) * pitch, diameter + (self.rows - 1) * pitch
 
     def contains(self, x: Places, y: Places) -> Lit:
         """True in any disc."""

@@ -4,6 +4,7 @@ Every target has a place on its receiver, and a brightness among several. A kind
 of these and says what light it is: it registers itself.
 """
 
+from math import cos, pi, sin
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -22,6 +23,8 @@ HalfAngle = Annotated[float, Field(ge=0.1, le=90.0)]
 Unit = Literal["mm", "deg"]
 _UNITS: tuple[Unit, Unit] = ("deg", "mm")
 Places = Float[np.ndarray, "..."]
+_CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+_CIRCLE = tuple((cos(k * pi / 32.0), sin(k * pi / 32.0)) for k in range(64))
 Side = Millimetres | tuple[Millimetres, Millimetres]
 SideDegrees = DegreesWide | tuple[DegreesWide, DegreesWide]
 
@@ -74,6 +77,7 @@ class TargetSection(OfSeveralKinds, InOneUnit):
     far_field_only: ClassVar[bool] = False
     words: ClassVar[str]  # for it, by its fields and by the names of its lengths
     across: ClassVar[str] = "width"  # the length that says how wide it is, where it has one
+    is_round: ClassVar[bool] = False  # an ellipse bounds it, not a rectangle
     has_own_edge: ClassVar[bool] = False  # its light falls at the edge already
     has_word: ClassVar[bool] = False  # `lensforge new` takes what it needs in a word, ring:OUTERxINNER
 
@@ -154,10 +158,18 @@ class TargetSection(OfSeveralKinds, InOneUnit):
         return 0.0
 
     @property
-    def bounds_mm(self) -> tuple[float, float] | None:
-        """Width and height of the pattern on a plane, as high as wide without a height; None without a size."""
-        width_mm = getattr(self, f"{self.across}_mm", None)
-        return None if width_mm is None else (width_mm, getattr(self, "height_mm", None) or width_mm)
+    def bounds(self) -> tuple[float, float] | None:
+        """Width and height of the pattern in its unit, as high as wide without a height; None without a size."""
+        across = self.pair(self.across)
+        return None if across is None else (across[0], self.length("height") or across[1])
+
+    @property
+    def outline(self) -> tuple[complex, ...]:
+        """Places x + iy about its centre that bound the pattern; none where its size is not known."""
+        if self.bounds is None or ("height" in self.takes and self.pair("height") is None):
+            return ()
+        around = _CIRCLE if self.is_round else _CORNERS
+        return tuple(complex(0.5 * self.bounds[0] * x, 0.5 * self.bounds[1] * y) for x, y in around)
 
     @property
     def description(self) -> str:

@@ -12,12 +12,13 @@ from lensforge.errors import FileWarning, InputError
 from lensforge.optics.pose import Pose
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver
-from lensforge.scene.receiver_shapes import Plane, receivers_of
+from lensforge.scene.receiver_shapes import Plane, build_receiver, receivers_of
 from lensforge.scene.target_pattern import coarser_target, drawn_target, target_light, uniform_region
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import write_photometric
 from lensforge.sources.photometric.photometric_file import LampSet, PhotometricFile, turned_over
 from lensforge.spec import RectangleTarget
+from lensforge.spec.receiver_sections import FarFieldReceiver
 from lensforge.spec.shape_targets import RingTarget
 
 PIXELS = 128
@@ -149,10 +150,9 @@ OBLONG = Plane(AXIAL, PixelGrid(120.0, 80.0, 24, 8))  # pixels of 5 x 10 mm
 
 
 def far_field(half_angle_deg: float, *targets: dict[str, Any], pixels: int = 64) -> tuple[np.ndarray, PosedReceiver]:
-    section = {"kind": "far_field", "half_angle_deg": half_angle_deg, "targets": list(targets)}
-    spec = small_spec(target=None, receivers=[section])
-    (receiver,) = receivers_of(spec, pixels)
-    return target_light(spec.all_receivers[0].targets, receiver), receiver
+    section = FarFieldReceiver(half_angle_deg=half_angle_deg, targets=targets)
+    receiver = build_receiver(section, pixels)
+    return target_light(section.targets, receiver), receiver
 
 
 def test_soft_edges_fall_as_the_integral_of_a_gaussian_along_both_sides_of_oblong_pixels() -> None:

@@ -222,6 +222,39 @@ def test_a_target_that_does_not_fit_its_receiver_is_one_line(receiver: Table, ta
     _require_one_line(_content([_on(receiver, target)]), message, "spec.toml: receivers")
 
 
+# Fields of a target at the limit of what it must lie in, one that is 1 % too large, and what is said of that.
+_TURNED: Table = {"kind": "rectangle", "height_mm": 30.0, "rotation_deg": 30.0}
+AT_A_LIMIT: list[tuple[Table, Table, Table, str]] = [
+    (PLANE, {"kind": "rectangle", "height_mm": 9.0, "width_mm": 200.0}, {"width_mm": 202.0}, "edge at (101, 4.5) is"),
+    (
+        PLANE,
+        {**_TURNED, "width_mm": 200.0},
+        {"width_mm": 226.0},
+        "edge at (-105.361, -43.5096) is off the",
+    ),
+    (PLANE, {**DISC, "centre_mm": [60.0, 0.0]}, {"centre_mm": [61.0, 0.0]}, "disc, 80 mm wide: its edge at (101, 0)"),
+    (FAR, {"kind": "beam", "fwhm_deg": 120.0}, {"fwhm_deg": 121.2}, "its edge at (60.6, 0) is off the receiver"),
+    (FAR, {"kind": "batwing", "to_deg": 60.0}, {"to_deg": 60.6}, "its edge at (60.6, 0) is off the receiver"),
+    (FAR, {"kind": "rectangle", "width_deg": 96.0, "height_deg": 72.0}, {"width_deg": 98.0}, "at (49, 36) is off"),
+    (PLANE, {**DISC, "uniform_mm": [48.0, 64.0]}, {"uniform_mm": [48.5, 64.6]}, "uniform_mm = 48.5 x 64.6 reaches"),
+    (PLANE, {**_TURNED, "width_mm": 60.0, "uniform_mm": [60.0, 9.0]}, {"uniform_mm": 60.6}, "reaches beyond the light"),
+]
+
+
+@pytest.mark.parametrize(("receiver", "fits", "larger", "message"), AT_A_LIMIT)
+def test_a_target_lies_on_its_receiver_and_its_uniform_region_in_it(receiver, fits, larger, message) -> None:
+    """A corner of the turned rectangle at 100 cos 30 - 15 sin 30; of the far one at 60, by 3, 4 and 5."""
+    parse_spec(_content([_on(receiver, fits)]), "spec.toml")
+    _require_one_line(_content([_on(receiver, {**fits, **larger})]), message, "spec.toml: target")
+
+
+def test_the_pattern_of_lamps_without_end_goes_on_beyond_one_period() -> None:
+    lamps = {"kind": "endless", "pitch_mm": 40.0}
+    target = {"kind": "rectangle", "width_mm": 90.0, "height_mm": 90.0, "distance_mm": 100.0, "receiver_mm": 40.0}
+    assert _spec(target=target, lamps=lamps).of_one_lamp.lamps is None
+    _require_one_line(_content([], target=target), "its edge at (45, 45) is off the receiver")
+
+
 SQUARE: Table = {"distance_mm": 100.0, "receiver_mm": 100.0}
 
 
