@@ -212,7 +212,7 @@ def _limit_rows(group: Group) -> Iterator[Row]:
     others = [fact for fact in group.facts if not fact.holds]
     yield "Limits", f"{len(group.facts) - len(others)} of {len(group.facts)} met"
     for fact in others[:_MOST_LIMITS]:
-        yield f"  {fact.outcome}", "; ".join(filter(None, (f"{fact.label}: {fact.sentence}", fact.remedy)))
+        yield f"  {fact.outcome}", "; ".join(filter(None, (f"{fact.label}: {fact.sentence}", fact.advice)))
     if len(others) > _MOST_LIMITS:
         yield "", f"and {len(others) - _MOST_LIMITS} more, in evaluate.json"
 

@@ -164,7 +164,7 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
     judged = {} if lens.spec.has_limits else judged_figures(receiver, transmittance_of(lens.media))
     if lens.spec.optimise.aim == "pattern":
         yield _error_of_pattern(receiver, judged.get("nmse"))
-    yield _share_in_target(receiver, judged.get("share_in_target"))
+    yield _share_in_target(receiver, judged.get("share_in_target"), light.rays)
     most, whole = receiver.possible.efficiency, lens.spec.all_lamps.whole
     yield Fact.share(
         "efficiency",
@@ -201,15 +201,19 @@ def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
     )
 
 
-def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
-    possible = receiver.possible
-    fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], receiver.share_in_target, sense=">=")
+def _share_in_target(receiver: ReceiverLight, judged: Fact | None, rays: int) -> Fact:
+    """The fact; its error is that of the rays, no larger than of independent ones, and that of the target's pixels."""
+    possible, share = receiver.possible, receiver.share_in_target
+    of_rays = share.value * (1.0 - share.value) / rays
+    pixels = (share.standard_error or 0.0) ** 2 > 2.0 * of_rays
+    fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], share, sense=">=")
     return replace(
         fact,
         note="share of the LED’s flux in the bright part of the target",
         possible=possible.share_in_target,
         possible_note=f"{_estimate(receiver)}{possible.law}",
         remedy=_remedy(receiver, "a wider target"),
+        decided_by="take more pixels (evaluate.pixels)" if pixels else "take more rays",
     ).in_percent
 
 

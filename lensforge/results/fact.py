@@ -34,7 +34,7 @@ class Fact:
     judgement, "" where there is none. ``note``: words beside the value. ``remedy``: what to try where it fails.
     ``digits``: significant digits that are shown. ``tolerance``: by which its measure may miss the limit. ``place``:
     the face or the receiver that it is on. ``limit_note``, ``possible_note``: words beside limit and bound. ``notice``:
-    why it deserves a look though no limit judges it, shown in amber.
+    why it deserves a look though no limit judges it, shown in amber. ``decided_by``: what makes its error smaller.
     """
 
     key: Text
@@ -54,6 +54,7 @@ class Fact:
     limit_note: Text = ""
     possible_note: Text = ""
     notice: Text = ""
+    decided_by: Text = "take more rays"
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
@@ -149,8 +150,13 @@ class Fact:
         """Reason why it does not pass, with what to try; empty where it passes or nothing judges it."""
         if self.state in ("pass", ""):
             return ""
-        ends = f": {self.remedy}" if self.remedy else ""
+        ends = f": {self.advice}" if self.advice else ""
         return f"{self.label} = {self.text}, must be {self.required}{self._doubt}{ends}"
+
+    @property
+    def advice(self) -> str:
+        """What to try: where nothing is decided, that which decides."""
+        return self.decided_by if self.state == "undecided" else self.remedy
 
     def __str__(self) -> str:
         """The judgement in one line, by the name that scripts know: by how much a limit is missed, and what to try."""
