@@ -243,15 +243,5 @@ def _around(
 
 
 def _along(loop: Loop) -> Float[np.ndarray, "s 3 2"]:
-    pieces = []
     shares = np.arange(_EDGE_PIECES)[:, None] / _EDGE_PIECES + np.array([0.0, 0.5, 1.0]) / _EDGE_PIECES
-    for edge in loop:
-        if edge.centre is None:
-            start, end = np.array(edge.start), np.array(edge.end)
-            pieces.append(start + shares[..., None] * (end - start))
-        else:
-            first, last = edge.azimuths
-            turns = first + shares * (last - first)
-            around = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
-            pieces.append(np.array(edge.centre) + edge.radius_mm * around)
-    return np.concatenate(pieces)
+    return np.concatenate([edge.at(shares) for edge in loop])

@@ -53,14 +53,21 @@ class LoopEdge:
         first, last = self.azimuths
         return self.radius_mm**2 * (last - first) + self.centre[0] * (y1 - y0) - self.centre[1] * (x1 - x0)
 
+    def at(self, shares: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 2"]:
+        """Points along it, from its start at 0 to its end at 1."""
+        if self.centre is None:
+            return np.array(self.start) + shares[..., None] * np.subtract(self.end, self.start)
+        first, last = self.azimuths
+        turns = first + shares * (last - first)
+        return np.array(self.centre) + self.radius_mm * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+
     def points(self, chord_mm: float) -> Float[np.ndarray, "n 2"]:
         """Points from its start up to, and without, its end; chords of an arc are within ``chord_mm`` of it."""
         if self.centre is None:
             return np.array([self.start])
         first, last = self.azimuths
         step = 2.0 * np.arccos(max(1.0 - chord_mm / self.radius_mm, 0.5))
-        turns = np.linspace(first, last, max(ceil(abs(last - first) / step), 2), endpoint=False)
-        return np.array(self.centre) + self.radius_mm * np.column_stack([np.cos(turns), np.sin(turns)])
+        return self.at(np.linspace(0.0, 1.0, max(ceil(abs(last - first) / step), 2), endpoint=False))
 
     @property
     def farthest(self) -> tuple[Place, ...]:
