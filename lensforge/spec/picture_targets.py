@@ -100,9 +100,6 @@ class ArrayTarget(PictureTarget):
         names = (name for name in type(self).model_fields if name != "values")
         return hash((self.values.shape, *(getattr(self, name) for name in names)))
 
-    def __eq__(self, other: object) -> bool:
-        return super().__eq__(other)
-
     @check
     def _is_light(self) -> None:
         if self.values.size > _MOST_VALUES:
