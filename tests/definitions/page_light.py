@@ -20,15 +20,15 @@ def hard_bins(lens, place, flux):
     return np.bincount(i[on] * n + j[on], weights=flux[on], minlength=n * n).reshape(n, n)
 
 
-def filtered(lens, image):
-    variance = lens["spec"]["evaluate"]["filter_variance"]
+def filtered(image, variance):
     if variance == 0:
         return image
     e = np.exp(-1 / (2 * variance))
     taps = np.array([e, 1, e]) / (1 + 2 * e)
+    rows, columns = image.shape
     wide = np.pad(image, 1, mode="edge")
-    rows = sum(tap * wide[i : i + len(image)] for i, tap in enumerate(taps))
-    return sum(tap * rows[:, i : i + len(image)] for i, tap in enumerate(taps))
+    wide = sum(tap * wide[i : i + rows] for i, tap in enumerate(taps))
+    return sum(tap * wide[:, i : i + columns] for i, tap in enumerate(taps))
 
 
 # -- Section 9: target -------------------------------------------------------------------------------------------------
@@ -63,6 +63,16 @@ def pattern(target, x, y, folder):
     return np.where(on, picture[np.clip(row, 0, h - 1), np.clip(column, 0, w - 1)], 0.0)
 
 
+def blurred(image, q):
+    """Convolved with a Gaussian of standard deviations ``q`` along rows and columns; nothing outside."""
+    for axis, own in enumerate(q):
+        if own > 0:
+            i = np.arange(-np.floor(4 * own + 0.5), np.floor(4 * own + 0.5) + 1)
+            taps = np.exp(-(i**2) / (2 * own**2))
+            image = ndimage.convolve1d(image, taps / taps.sum(), axis=axis, mode="constant")
+    return image
+
+
 def target_image(lens, folder):
     """T, whose pixels add up to 1, and the sub-pixels in which it is above a tenth of its largest pixel."""
     target, n = lens["spec"]["target"], lens["spec"]["evaluate"]["pixels"]
@@ -70,11 +80,8 @@ def target_image(lens, folder):
     centres = ((np.arange(n * k) + 0.5) / (n * k) - 0.5) * target["receiver_mm"]
     fine = pattern(target, centres[None, :], centres[:, None], folder)
     q = (target.get("edge_mm") or 0) * k * n / target["receiver_mm"]
-    if q > 0 and target["kind"] != "flat_top":
-        i = np.arange(-np.floor(4 * q + 0.5), np.floor(4 * q + 0.5) + 1)
-        taps = np.exp(-(i**2) / (2 * q**2))
-        for axis in (0, 1):
-            fine = ndimage.convolve1d(fine, taps / taps.sum(), axis=axis, mode="constant")
+    if target["kind"] != "flat_top":
+        fine = blurred(fine, (q, q))
     image = fine.reshape(n, k, n, k).mean(axis=(1, 3))
     return image / image.sum(), fine > 0.1 * image.max()
 
@@ -116,6 +123,6 @@ def light(lens, pair, rays, folder="."):
         bins.append(hard_bins(lens, place[landed], flux[landed]) / len(p))
         share = share_in_target(lens, place[landed], flux[landed], inside) / len(p)
         budgets.append(budget(lens, fate, place, flux, absorbed, in_glass) | {"share_in_target": share})
-    images = [filtered(lens, image) for image in bins]
+    images = [filtered(image, lens["spec"]["evaluate"]["filter_variance"]) for image in bins]
     figures = {name: np.array([b[name] for b in budgets]) for name in budgets[0]}
     return {"target": t, "bins": bins, "images": images, "figures": figures}

@@ -291,12 +291,16 @@ def into_own_frame(source, p, d):
     return source["scale"] * (p - np.array(origin)) @ turn.T, d @ turn.T
 
 
-def placed(source, p, d):
-    a, b, c = np.radians([*source["tilt_deg"], source["rotate_z_deg"]])
+def turn_of(tilt_deg, rotate_z_deg=0.0):
+    a, b, c = np.radians([*tilt_deg, rotate_z_deg])
     about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
     about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
     about_z = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
-    turn = about_y @ about_x @ about_z
+    return about_y @ about_x @ about_z
+
+
+def placed(source, p, d):
+    turn = turn_of(source["tilt_deg"], source["rotate_z_deg"])
     return p @ turn.T + np.array(source["position_mm"]), d @ turn.T
 
 

@@ -7,7 +7,6 @@ from page_colour import beam_colour, flux_and_efficacy, tristimulus_at
 from page_figures import (
     NEAR,
     RAY,
-    filtered,
     jackknife,
     largest,
     least,
@@ -16,12 +15,12 @@ from page_figures import (
     nmse,
     plain,
     ratio,
-    raw_nmse,
     rsd,
     scaled,
     state_of,
     width_above,
 )
+from page_light import filtered, raw_nmse
 from page_road import road_limits
 from page_scene import (
     at_temperature,

@@ -11,7 +11,7 @@ from oracle_study import Bent, change_of, figures, hemisphere, metrics_of, metri
 from page_body import Part
 from page_chain import from_chart
 from page_colour import flux_and_efficacy
-from page_figures import filtered
+from page_light import filtered
 from page_scene import exits, faces_of, receivers_of
 from page_step import spline_faces
 from page_tracer import unit

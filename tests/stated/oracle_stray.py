@@ -9,7 +9,7 @@ from oracle_part import base_of, body_of, bore_scale, depth_mm, kept_of, placed,
 from oracle_part import lamps_of as plate_lamps
 from oracle_proof import arrays
 from page_chain import fields_behind, room_in
-from page_figures import filtered
+from page_light import filtered
 from page_scene import exits, faces_of, lamps_of, receivers_of, through
 from page_tracer import behind_glass, coated, refractive_index, unit
 

@@ -5,7 +5,8 @@ from crooked import Expected
 from oracle_part import kept_of
 from page_chain import leave_chain
 from page_colour import flux_and_efficacy
-from page_figures import CLOSE, apart_of, error_over_pairs, filtered, jackknife, least_parts
+from page_figures import CLOSE, apart_of, error_over_pairs, jackknife, least_parts
+from page_light import filtered
 from page_scene import faces_of, mask_of, receivers_of, target_light, through
 from page_tracer import BACKWARD, LANDED, OUTSIDE_CAVITY, TOTAL, Functions, leave, unit
 

@@ -1,27 +1,11 @@
 """Figures of replicates with their standard errors by section 10 of docs/definitions.md alone, in plain loops."""
 
-import sys
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parents[1] / "definitions"))
-import page_light
-
 FOURS = [b for b in combinations(range(16), 4) if b[0] ^ b[1] ^ b[2] ^ b[3] == 0]
 EIGHTS = [[k for k in range(16) if (k & q).bit_count() % 2 == odd] for q in range(1, 16) for odd in (0, 1)]
-
-
-def filtered(image, variance):
-    if variance == 0:
-        return image
-    e = np.exp(-1 / (2 * variance))
-    taps = np.array([e, 1, e]) / (1 + 2 * e)
-    rows, columns = image.shape
-    wide = np.pad(image, 1, mode="edge")
-    wide = sum(tap * wide[i : i + rows] for i, tap in enumerate(taps))
-    return sum(tap * wide[:, i : i + columns] for i, tap in enumerate(taps))
 
 
 def jackknife(values, figure=None):
@@ -144,9 +128,6 @@ def width_above(at, light, level):
     if last + 1 < len(light):
         high = np.interp(-level, [-light[last], -light[last + 1]], [at[last], at[last + 1]])
     return high - low
-
-
-raw_nmse = page_light.raw_nmse
 
 
 # -- Figures as a record has them, and how near the program must come ---------------------------------------------

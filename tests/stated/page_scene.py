@@ -1,17 +1,14 @@
 """Rays from the source to each receiver by sections 6 to 9 of docs/definitions.md alone: bodies, lamps, targets."""
 
-import sys
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 
 import numpy as np
-from scipy import ndimage
-
-sys.path.append(str(Path(__file__).parents[1] / "definitions"))
 import page_chain
 import page_tracer
-from page_tracer import FATES
+from page_light import blurred
+from page_tracer import FATES, turn_of
+from scipy import ndimage
 
 # -- Section 7: rays behind the lens and the further bodies ------------------------------------------------------------
 
@@ -86,14 +83,6 @@ def exits_of_each(lens, faces, bundles, raised=0.0):
         lost = {name: share[rows] for name, share in every.in_bodies.items()}
         yield Exits(left, *parts, lost, every.ways and every.ways[rows])
         first += size
-
-
-def turn_of(tilt_deg, rotate_z_deg=0.0):
-    a, b, c = np.radians([*tilt_deg, rotate_z_deg])
-    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
-    about_z = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
-    return about_y @ about_x @ about_z
 
 
 class Sphere:
@@ -347,16 +336,6 @@ def in_shape(target, x, y):
         return (abs(x) <= w) & (abs(y) <= h)
     assert target["kind"] == "ellipse"
     return (x / w) ** 2 + (y / h) ** 2 <= 1
-
-
-def blurred(image, q):
-    """Convolved with a Gaussian of standard deviations ``q`` along rows and columns; nothing outside."""
-    for axis, own in enumerate(q):
-        if own > 0:
-            i = np.arange(-np.floor(4 * own + 0.5), np.floor(4 * own + 0.5) + 1)
-            taps = np.exp(-(i**2) / (2 * own**2))
-            image = ndimage.convolve1d(image, taps / taps.sum(), axis=axis, mode="constant")
-    return image
 
 
 DRAWN = {}
