@@ -47,11 +47,12 @@ _DECIMALS = 9  # of a mm in 3MF, whose vertices are single precision: 1e-6 mm at
 
 def stl_bytes(mesh: BodyMesh) -> bytes:
     """An STL file of ``mesh``; shared vertices have equal coordinates in it."""
-    import trimesh
-
-    content = trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(file_type="stl")
-    assert isinstance(content, bytes)
-    return remembered(content)
+    corners = mesh.vertices[mesh.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    records = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("none", "<u2")])
+    records["normal"] = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), np.finfo(float).tiny)
+    records["corners"] = corners
+    return remembered(bytes(80) + len(records).to_bytes(4, "little") + records.tobytes())
 
 
 def parse_stl(content: bytes, origin: str = "lens.stl") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:

@@ -159,8 +159,9 @@ class _Looks:
 
     def at(self, lens: Lens, rays: int | None = None) -> Light:
         """Look at ``lens``; the first picture is shown, if asked, as soon as it is there. ``rays``: on the way."""
-        quick = None if rays is None else preset_of(lens.accuracy).replace("look", table_error=False)
-        light = evaluate(lens, rays=rays, accuracy=quick)
+        own = preset_of(lens.accuracy)
+        coarse = own.replace("look", table_error=False, evaluate_nodes_per_sigma=own.nodes_per_sigma)
+        light = evaluate(lens, rays=rays, accuracy=None if rays is None else coarse)
         light.save(self._picture)
         if self._to_show:
             click.launch(str(self._picture))

@@ -49,9 +49,7 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
         return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
     radius_mm = float(lens_boundaries(results.lens)[1].radius(fibonacci_hemisphere(500)).max())  # to a per cent
     of = part.stl, radius_mm, part.plate_stl
-    solid = ThreadPoolExecutor(1).submit(
-        made_once, ("solid", *of), lambda: solid_views(*of), lambda made: not made.problem
-    )
+    solid = ThreadPoolExecutor(1).submit(made_once, ("solid", *of), lambda: solid_views(*of), lambda it: not it.problem)
     context = _context(results, folder, beside)  # meanwhile
     return template(REPORT_FILE).render(**context, **_solid(solid.result()))
 

@@ -269,7 +269,7 @@ def pdf_mark() -> bytes:
 
 _Made = TypeVar("_Made")
 _homes: list[Path] = []  # of the user's cache; none for a script
-_MOST_KEPT = 1000  # files: some 30 MB
+_MOST_KEPT = 1000  # files: some 130 MB
 
 
 def keep_what_is_made() -> None:
@@ -289,13 +289,12 @@ def made_once(
         return make()
     key = hashlib.sha256(pickle.dumps((_sources(), of)))
     path = _homes[0] / f"{key.hexdigest()}.pickle"
-    with suppress(OSError, EOFError, pickle.UnpicklingError):
+    with suppress(Exception):  # none yet, or a damaged one
         return cast(_Made, pickle.loads(path.read_bytes()))
     made = make()
     with suppress(OSError, InputError):  # a full disk, or none to write on
-        if not lasting(made):
-            return made
-        write_file(path, pickle.dumps(made))
+        if lasting(made):
+            write_file(path, pickle.dumps(made))
         for oldest in sorted(path.parent.iterdir(), key=lambda each: each.stat().st_mtime)[:-_MOST_KEPT]:
             oldest.unlink()
     return made
