@@ -253,7 +253,8 @@ def _selected(run: Run, keys: tuple[str, ...], *kinds: type[StageResult]) -> lis
 
 def _search(run: Run, design: Design) -> str:
     search = next(group for group in run.facts(design) if group.key == "search")
-    return f"{search.fact('steps').text} steps in {search.fact('levels').text} levels"
+    levels = search.fact("levels").text
+    return f"{search.fact('steps').text} steps in {levels} level{'' if levels == '1' else 's'}"
 
 
 def _of_mould(run: Run) -> list[Group]:
@@ -274,10 +275,13 @@ def _manufacture(run: Run) -> Iterator[Row]:
         for fact in group.facts
         if fact.state == "fail" and fact.key not in ("cutter", "nose")
     ]
-    if missed:
-        yield "Not met", "; ".join(missed)
+    of_kinds = [(each.name, why) for each in kinds(run, linked=False) for why in run.verdict.reasons_of("cutting")]
+    others = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
+    if missed or others:
+        yield "Not met", "; ".join((*missed, *(why for _, why in others)))
     if run.verdict.cutting != "pass":
-        yield "Remedy", f"see `lensforge check`{', of a further kind in its own folder' if any(_kinds(run)) else ''}"
+        at = "" if missed or not others else f" {run.folder / others[0][0]}"
+        yield "Remedy", f"see `lensforge check{at}`"
 
 
 def _written(run: Run) -> str:

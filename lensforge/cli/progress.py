@@ -184,7 +184,9 @@ class DesignProgress:
     def __init__(self, clock: StageClock, spec: Spec) -> None:
         self._clock = clock
         automatic = spec.lens.levels == "auto"
-        self._of_levels, self._of_steps = ("", False) if automatic else (f"/{len(spec.lens.shape_levels)}", True)
+        searches = 2 if spec.all_lamps.kinds else 1  # for one lens, and from it for those of all kinds
+        levels = "" if automatic else f"/{searches * len(spec.lens.shape_levels)}"
+        self._of_levels, self._of_steps = levels, not automatic
         self._last: Step | None = None
         self._level_began = 0, 0.0  # step and seconds
         self._searching = True

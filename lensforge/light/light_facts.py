@@ -29,6 +29,7 @@ from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import BeamAngleLimit
 from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, names_of
+from lensforge.spec.spec_section import rounded_up
 
 
 class Attainable(NamedTuple):
@@ -382,7 +383,7 @@ def spacing_fact(held: HeldSpacing | None) -> Fact:
     if held is None:
         return Fact("largest_spacing", "Largest spacing", "class met at none")
     beyond = "" if held.beyond is None else f"; beyond, {held.beyond.label} is missed"
-    note = f"class met from {quantity(held.least, 'm')} up{beyond}"
+    note = f"class met from {rounded_up(held.least, 3)} m up{beyond}"
     return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
 
 

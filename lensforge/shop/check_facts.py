@@ -134,10 +134,14 @@ def tip_keys(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(f"{name}_{kind.tip}" for name in names for kind in (Cutter, TurningTool))
 
 
+_FLAT_MM = 1e3  # a concave region of a larger radius is flat for every tip
+
+
 def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:
     """The largest ball that reaches the whole face, or nose that fits its concave parts, against the shop's."""
     largest, shop_mm = cutter.largest_radius_mm, cutter.radius_mm
-    if largest is None:
+    limits = largest is not None and largest < _FLAT_MM
+    if not limits:
         does = f"no concave region limits the {cutter.tip}"
     elif isinstance(cutter, TurningTool):
         does = "radius that fits the concave parts of the meridian"
@@ -146,7 +150,7 @@ def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:
     return Fact(
         f"{name}_{cutter.tip}",
         f"Largest {cutter.tip}, {name} face",
-        "any" if largest is None else largest,
+        largest if limits else "any",
         "mm",
         sense=">=",
         limit=shop_mm,

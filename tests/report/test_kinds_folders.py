@@ -4,10 +4,14 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import pytest
 from filled import filled
+from result_folders import make_results
 from scenes import small_spec, sphere
 
 import lensforge as lf
+from lensforge.cli.conclusion import _manufacture
+from lensforge.cli.progress import DesignProgress
 from lensforge.report.headline import kinds
 from lensforge.report.results import Results
 from lensforge.report.stored import RunRecord, verdicts_of_kinds
@@ -17,6 +21,8 @@ from lensforge.results.criteria import at_most
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Margins
+from lensforge.shop.check_facts import _largest
+from lensforge.shop.check_result import Cutter
 
 GRID = {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0, "kinds": "place"}
 PASSES = Verdict.of([], [], [])
@@ -50,6 +56,32 @@ def test_a_kind_counts_by_the_record_of_its_own_lens(tmp_path: Path) -> None:
     assert later.files == "undecided" and "the folder corner has no part of this lens" in later.reasons.files[0]
     assert verdicts_of_kinds(tmp_path, lens.of_kind("corner")) == {}
     assert verdicts_of_kinds(tmp_path, replace(lens, others={}, spec=small_spec())) == {}
+
+
+def test_the_screen_names_the_kind_that_cannot_be_cut_and_its_folder(tmp_path: Path) -> None:
+    """All rows of the first kind, whose check is shown, may hold."""
+    lens, verdict = three_kinds(), PASSES.with_parts({"edge": FAILS, "corner": PASSES})
+    found = make_results(("check",), lens)
+    run = SimpleNamespace(folder=tmp_path, lens=lens, spec=lens.spec, find=found.find, facts=found.facts)
+    rows = dict(_manufacture(SimpleNamespace(**vars(run), verdict=verdict)))
+    assert rows["Not met"] == "edge: too tight" and rows["Remedy"] == f"see `lensforge check {tmp_path / 'edge'}`"
+    assert not {"Not met", "Remedy"} & set(dict(_manufacture(SimpleNamespace(**vars(run), verdict=PASSES))))
+
+
+@pytest.mark.parametrize(("kinds_of", "shown"), [("place", "level 4/4"), ("one", "level 4/2")])
+def test_the_levels_of_both_searches_are_counted(kinds_of: str, shown: str) -> None:
+    heard = list[str]()
+    spec = small_spec(lamps={**GRID, "kinds": kinds_of}, base={"kind": "none"}, target__receiver_mm=200.0)
+    clock = SimpleNamespace(live=True, show=heard.append, note=heard.append, expect=lambda *_, **__: None)
+    DesignProgress(clock, spec).on_step(SimpleNamespace(level=3, nmse=0.1, steps_done=1, steps_total=9, seconds=1.0))
+    assert heard[-1] == f"{shown}, NMSE 0.1000"
+
+
+@pytest.mark.parametrize(("radius_mm", "shown"), [(999.0, 999.0), (1000.0, "any"), (None, "any")])
+def test_what_is_nearly_flat_limits_no_tip(radius_mm: float | None, shown: float | str) -> None:
+    cutter = Cutter(radius_mm=1.0, reachable_fraction=1.0, largest_radius_mm=radius_mm, residual_mm=0.0)
+    check = SimpleNamespace(relief=SimpleNamespace(beyond_shop=lambda *_: ""))
+    assert _largest("inner", cutter, check, "pass").value == shown
 
 
 def test_each_page_leads_to_those_of_the_other_kinds() -> None:
