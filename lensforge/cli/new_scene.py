@@ -17,7 +17,7 @@ from lensforge.optics.material import MATERIALS
 from lensforge.shop.findings import GOOD_DRAFT_DEG
 from lensforge.sources.build_source import cavity_around
 from lensforge.spec import Spec, parse_spec
-from lensforge.spec.derived_values import WHY
+from lensforge.spec.derived_values import WHY, rounded_length
 from lensforge.spec.lens_section import LensShape, LightShape
 from lensforge.spec.new_spec import new_text
 from lensforge.spec.part_section import Process
@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
 Tables = dict[str, Any]  # of a spec, by their names
 
 _OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
+_SPARE_MM = 0.02  # that the step is rounded up by
 CUTTERS = "radius of the shop's ball cutter in mm, which a lens that is turned takes none of, mould, or none"
 
 
@@ -130,6 +131,11 @@ class NewScene:
         process = self._spec(self.content(kind, shape=shape)).manufacture.process
         content = self.content(kind, _limits_of(cutter, process), shape)
         made = self._spec(content)
+        room_mm = made.manufacture.tool_radius_mm + made.constraints.min_thickness_mm + _SPARE_MM
+        has_base = made.base.kind not in ("none", "step") and any(map(made.is_cut, made.lens.names))
+        if has_base and made.base.height_mm < room_mm:  # a step as deep as the ball, and a wall under it
+            content["base"] = {**content.get("base", {}), "height_mm": rounded_length(room_mm)}
+            made = self._spec(content)
         scene = SceneCheck.of(made, source_of(made))
         scene.require_light(force=force)
         for words in (*scene.warnings(), *_unsuited(type(made.lens), shape)):

@@ -145,6 +145,7 @@ _NOTES = {
     "receivers.centre_mm": "(x, y, z), from the LED",
     "receivers.tilt_deg": "of its normal from the axis, about x, then about y",
     "tolerances.preset": "of parts that are moulded",
+    "base.height_mm": "the radius of the ball and a wall, at least",
     "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
     "constraints.max_radius_mm": words_of(ConstraintsSection, "max_radius_mm").split(".")[0].lower(),
 }

@@ -147,6 +147,18 @@ def test_the_size_of_a_new_spec_can_be_changed_by_hand() -> None:
     assert smaller.lens.start_mm == {"inner": 3.44, "outer": 7.84}, "the hemispheres follow"
 
 
+_ROOM = [("13", "1", 2.0), ("14", "1", 2.03), ("14", "mould", 2.0)]
+
+
+@pytest.mark.parametrize(("radius", "cutter", "height_mm"), _ROOM)
+def test_the_base_has_room_for_a_step_as_deep_as_the_ball_and_a_wall(
+    radius: str, cutter: str, height_mm: float
+) -> None:
+    """The wall is 0.27 times the root of the radius; with 0.02 to spare 13 mm need 1.994 mm, 14 mm need 2.03."""
+    code, output, _ = lensforge("new", *LAMP[:4], "--max-radius", radius, *LAMP[6:], "--cutter", cutter)
+    assert code == 0 and parse_spec(tomllib.loads(output), "lamp").base.height_mm == height_mm
+
+
 def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
     (tmp_path / "lamp.toml").write_text("mine", encoding="utf-8")
     code, _, errors = lensforge("new", tmp_path / "lamp.toml", *LAMP)
