@@ -213,7 +213,7 @@ def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Fact]:
     step_alike = None if brep is None else brep_evidence(brep, reach_mm).lands_alike
     other = INWARDS if proof.volume_mm3 < 0.0 else other_body(proof.sizes, "lens.stl")
     fine = proof.facet_height_um.rms <= FINE_FACETS_UM
-    form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine)
+    form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine and not step_alike)
     fault = other if proof.open_edges == 0 else ""
     limit_mm = receiver.deviation_limit_mm
     evidence = Evidence(receiver.against_design, limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)

@@ -8,7 +8,14 @@ import trimesh
 from lens_meshes import DISTANCE, INDEX, INNER, OUTER, lambertian, oracle, right
 
 from lensforge.optics.media import Media, Medium
-from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS, brep_criteria, mitsuba_criteria
+from lensforge.proof.acceptance import (
+    BLOCKS,
+    FINE_FACETS_UM,
+    LEAST_RAYS,
+    brep_criteria,
+    mitsuba_criteria,
+    proof_criteria,
+)
 from lensforge.proof.part_comparison import Expected, compare, flux_budget, gap_quantiles, judge_independent_rays
 from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.receiver_screen import Screen
@@ -26,10 +33,14 @@ MESH = "finer mesh"
 
 def failed(part, rays=RAYS, hits=HITS, flux=FLUX, fates=FATES):
     """Remedies of the criteria that fail, by name, and the result."""
+    result = verified(part, rays, hits, flux, fates)
+    return {criterion.key: criterion.remedy for criterion in result.criteria if not criterion.holds}, result.first
+
+
+def verified(part, rays=RAYS, hits=HITS, flux=FLUX, fates=FATES):
     expected = Expected(SCREEN, SCREEN.irradiance(hits, flux), hits, flux, fates)
     light = LightOfDesign(rays, Media(Medium(INDEX)), [expected])
-    result = verify_part(FilesOfPart(part.export(file_type="stl")), light, Referees(1))
-    return {criterion.key: criterion.remedy for criterion in result.criteria if not criterion.holds}, result.first
+    return verify_part(FilesOfPart(part.export(file_type="stl")), light, Referees(1))
 
 
 def test_light_that_only_the_design_loses_is_named_with_its_flux():
@@ -103,6 +114,18 @@ def test_fine_facets_are_not_blamed_for_a_shifted_face_or_a_void():
         remedies, _ = failed(part)
         assert remedies and MESH not in "".join(remedies.values())
         assert "a face of lens.stl lies elsewhere, or it has a void" in "".join(remedies.values())
+
+
+@pytest.mark.parametrize(("of_limit", "says"), [(0.9, MESH), (1.1, "so the mesh is not the cause")])
+def test_facets_are_blamed_however_fine_where_the_step_file_lands_its_rays(of_limit, says):
+    """Low facets may still have normals that are too coarse: then no face has moved. The STEP has half the limit."""
+    proof = verified(right(80, outer=replace(OUTER, centre=(-0.34, 0.3, -0.5))))
+    rms, none = 0.5 * of_limit * proof.first.deviation_limit_mm, {"flux": 0.0, "fates": 0, "fates_flux": 0.0}
+    alike = Agreement(compared=9, rms=rms, p99=1.0, max=1.0, **none)
+    cast = BrepCast(rays=9, seconds=0.0, against_design=alike, against_mesh=alike)
+    with_step = proof.changed(receivers=(proof.first.changed(brep=cast),))
+    told = {each.key: each.remedy for each in proof_criteria(with_step) if not each.holds}
+    assert proof.facet_height_um.rms <= FINE_FACETS_UM and says in told["deviation_rms"]
 
 
 def test_form_comes_before_fates_and_fates_before_losses():
