@@ -11,10 +11,9 @@ The mean of d e under the kernel is 1 - h / 4: over that, a luminance that is th
 
 from dataclasses import dataclass, field
 from math import asin, ceil, cos, pi, radians, sin, tan
-from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy import sparse
 from scipy.spatial import ConvexHull
 
@@ -23,7 +22,7 @@ from lensforge.optics.arrays import Array, lengths, like, module_of, replaced, r
 from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import Kernel, Landings
+from lensforge.scene.receiver import Landings
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import LuminanceLimit
@@ -49,48 +48,66 @@ class EyeView(Plane):
     the limit.
     """
 
-    kernels: ClassVar[tuple[Kernel, Kernel] | None] = None
     distance_mm: float = field(kw_only=True)
     wide_rad: float = field(kw_only=True)
     spot_mm: float = field(kw_only=True)
     blur_rad: float = field(kw_only=True)
     label: str = field(kw_only=True)
 
+    def land(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, NumPy arrays."""
+        return self.land_by_arrays(rays)
+
     def land_by_arrays(self, rays: ExitRays) -> Landings:
         """Land ``rays``, with their flux times the kernel; NumPy or torch."""
-        least = cos(self.blur_rad + self.wide_rad)  # cosine to the axis of rays that the kernel may count
-        rows = rows_of(rays.left_lens & (rays.directions @ like(rays.directions, self.pose.axis) > least))
+        rows = self._near(rays)
         points, directions = self.pose.own_points(rays.points[rows]), self.pose.own_directions(rays.directions[rows])
         found = self._chart(points, directions)
         hits = replaced(module_of(found).zeros_like(rays.points[:, :2]), rows, found)
-        flux = rays.flux[rows] * self._kernel(found, directions)
+        lines, _, rest, scale = self._terms(found, directions)
+        flux = rays.flux[rows] * scale * rest**2 / lines[:, 2]  # per area that the eye sees of the plane
         flux = replaced(module_of(flux).zeros_like(rays.flux), rows, flux)
-        return Landings(hits, flux, flux > 0.0, rays.left_lens & ~(flux > 0.0))
+        return Landings(hits, flux, rays.left_lens, rays.left_lens & False)  # with or without flux all that left
 
-    def _kernel(self, hits: Float[Array, "n 2"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
-        """The kernel (1/sr) of rays through places of the plane, per area that the eye sees of it."""
-        xp, width = module_of(hits), 2.0 * sin(0.5 * self.blur_rad) ** 2
+    def _near(self, rays: ExitRays) -> Int[Array, " k"]:
+        """Numbers of the few rays that the kernel may count."""
+        least = cos(self.blur_rad + self.wide_rad)
+        return rows_of(rays.left_lens & (rays.directions @ like(rays.directions, self.pose.axis) > least))
+
+    @property
+    def _width(self) -> float:
+        """Width h of the kernel: 1 less the cosine at which it ends."""
+        return 2.0 * sin(0.5 * self.blur_rad) ** 2
+
+    def _terms(
+        self, hits: Float[Array, "n 2"], directions: Float[Array, "n 3"]
+    ) -> tuple[Float[Array, "n 3"], Float[Array, " n"], Float[Array, " n"], float]:
+        """Lines e to the eye from places of the plane, their lengths (mm), 1 - x, or 0, and the kernel's factor."""
+        xp = module_of(hits)
         away = xp.stack([-hits[:, 0], -hits[:, 1], self.distance_mm + 0.0 * hits[:, 0]], 1)
-        lines = away / lengths(away)[:, None]
-        rest = 1.0 - 0.5 * ((lines - directions) ** 2).sum(1) / width
-        kernel = 1.5 / (pi * width * (1.0 - 0.25 * width)) * xp.where(rest > 0.0, rest, 0.0) ** 2
-        return kernel / lines[:, 2]
+        distances = lengths(away)
+        lines = away / distances[:, None]
+        rest = 1.0 - 0.5 * ((lines - directions) ** 2).sum(1) / self._width
+        scale = 1.5 / (pi * self._width * (1.0 - 0.25 * self._width))
+        return lines, distances, xp.where(rest > 0.0, rest, 0.0), scale
 
     def adjoint(
         self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
     ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
         """Sensitivities to exit rays and to their flux from those to their hits and to the flux that lands."""
-        import torch
-
-        points, directions, flux = (
-            torch.tensor(each, requires_grad=True) for each in (rays.points, rays.directions, rays.flux)
-        )
-        with torch.enable_grad():  # a search asks from within its own step backwards
-            landed = self.land_by_arrays(ExitRays(points, directions, flux, flux, torch.tensor(rays.fates)))
-        by = torch.tensor(by_hits), torch.tensor(by_flux)
-        found = torch.autograd.grad((landed.hits, landed.flux), (points, directions, flux), by)
-        by_points, by_directions, of_flux = (each.numpy() for each in found)
-        return Sensitivities(by_points, by_directions), of_flux
+        rows = self._near(rays)
+        directions = self.pose.own_directions(rays.directions[rows])
+        hits = self._chart(self.pose.own_points(rays.points[rows]), directions)
+        lines, distances, rest, scale = self._terms(hits, directions)
+        towards = (2.0 * scale * rest / (lines[:, 2] * self._width))[:, None]  # of the kernel, by d along e
+        by_lines = towards * directions - (scale * (rest / lines[:, 2]) ** 2)[:, None] * np.array([0.0, 0.0, 1.0])
+        by_lines -= (by_lines * lines).sum(axis=1)[:, None] * lines  # a unit vector turns
+        carried, moved = (by_flux * rays.flux)[rows, None], by_hits.copy()
+        moved[rows] -= carried * by_lines[:, :2] / distances[:, None]
+        by, of_flux = self.sensitivities(rays, moved), np.zeros_like(by_flux)
+        by.by_directions[rows] += self.pose.directions(carried * towards * lines)
+        of_flux[rows] = by_flux[rows] * scale * rest**2 / lines[:, 2]
+        return by, of_flux
 
     def outline(self, rays: ExitRays) -> Float[np.ndarray, "k 2"]:
         """Corners (mm), as the eye sees them, of the convex outline of all places that light leaves to any side."""

@@ -129,8 +129,8 @@ def test_a_surface_of_one_luminance_to_all_sides_keeps_it_exactly(blur: float) -
     there, fates = np.tile(view.pose.points(place), (32, 1)), np.full(32, Fate.LEFT_LENS, dtype=np.int8)
     landed = view.land(ExitRays(there, view.pose.directions(d), flux, flux, fates))
     assert landed.flux.sum() == pytest.approx(3.0 * (normal @ e) / e[2], rel=1e-9), "L times the area that is covered"
-    assert np.allclose(landed.hits, place[:2], atol=1e-9) and landed.landed.all()
-    assert not view.land(ExitRays(there, -view.pose.directions(d), flux, flux, fates)).landed.any()
+    assert np.allclose(landed.hits, place[:2], atol=1e-9) and landed.arrived.all()
+    assert not view.land(ExitRays(there, -view.pose.directions(d), flux, flux, fates)).arrived.any()
 
 
 def test_the_picture_is_upright_and_a_spot_is_the_mean_over_a_disc() -> None:
