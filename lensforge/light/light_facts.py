@@ -16,7 +16,7 @@ from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judged_figures
 from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement, with_remedies
-from lensforge.light.seen_lens import radiance_unit, seen_facts
+from lensforge.light.seen_lens import seen_groups
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
 from lensforge.results import Fact, Group
 from lensforge.results.chart import LightUnit, light_unit
@@ -55,14 +55,11 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
         end = f", {name}" if light.others else ""
         for index, receiver in enumerate(led_light.receivers):
             title = "Light" if len(led_light.receivers) == 1 else receiver.name
-            lost = receiver.missed_by_cause, receiver.flux
-            leaks = () if index else leak_facts(lens.spec.lens, led_light.ways, *lost)
+            leaks = () if index else leak_facts(lens.spec.lens, led_light.ways, receiver.missed_by_cause, receiver.flux)
             groups.append(Group("light", f"{title}{end}", (*_figures(led_light, index, lens), *leaks)))
         if led_light.ways:
             groups.append(replace(way_facts(led_light.ways), title=f"Flux by path{end}"))
-        if led_light.seen:
-            seen = seen_facts(led_light.seen, radiance_unit(led_light.lumens_per_watt))
-            groups.append(Group("seen", f"The lens as seen{end}", seen))
+        groups += seen_groups(led_light.seen, led_light.lumens_per_watt, end)
         if led_light.limits:
             facts = limit_facts(led_light, names_of(lens.spec.roads), possible or {}, end)
             groups.append(Group("limits", f"Limits{end}", tuple(facts)))

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.metrics import jackknife_metric, scaled
-from lensforge.results import Fact, Irradiance, Metric, Positive, Record, Text
+from lensforge.results import Fact, Group, Irradiance, Metric, Positive, Record, Text
 from lensforge.results.chart import LightUnit
 from lensforge.results.numerals import quantity
 from lensforge.results.record import Array
@@ -72,9 +72,10 @@ def radiance_unit(lumens_per_watt: float | None) -> LightUnit:
     return LightUnit("luminance", "cd/m²", lumens_per_watt)
 
 
-def seen_facts(seen: Sequence[SeenLens], unit: LightUnit) -> tuple[Fact, ...]:
-    """The mean luminance for every eye."""
-    return tuple(
+def seen_groups(seen: Sequence[SeenLens], lumens_per_watt: float | None, end: str) -> list[Group]:
+    """The group of the mean luminance for every eye, none without any; ``end``: of its title."""
+    unit = radiance_unit(lumens_per_watt)
+    facts = tuple(
         Fact.measured(
             "mean_luminance",
             f"{each.name}, mean",
@@ -84,3 +85,4 @@ def seen_facts(seen: Sequence[SeenLens], unit: LightUnit) -> tuple[Fact, ...]:
         for each in seen
         if each.mean is not None
     )
+    return [Group("seen", f"The lens as seen{end}", facts)] if facts else []
