@@ -42,7 +42,7 @@ from lensforge.shop.sheet_marks import (
 )
 from lensforge.shop.view_lines import SectionView, ViewLine
 
-FIRST, ROW, _GAP = 8.0, 7.0, 14.0  # mm on A3: to the first line of dimensions, between lines, between views
+FIRST, ROW, _GAP = 8.0, 5.6, 14.0  # mm on A3: to the first line of dimensions, between lines, between views
 HATCH = 3.5
 PARTING_LINE, GATE = "PL", "G"  # labels
 _ANCHORS: dict[str, Anchor] = {PARTING_LINE: "left", GATE: "right"}

@@ -159,6 +159,14 @@ def test_a_circle_of_the_base_is_its_own_but_the_largest_width_is_one_of_the_oth
     assert not wide.repeats(replace(rim, value_mm=7.0011)) and wide.repeats(replace(rim, value_mm=7.0009))
 
 
+def test_lines_of_dimensions_leave_room_for_their_letters_and_no_more() -> None:
+    """The less they take, the larger the scale: letters 2.5 mm high stand on a line, and clear of that above."""
+    _, _, sheet = drawn()
+    below = [each.line_mm for each in sheet.marks.dimensions if each.turned_deg == 0 and each.line_mm < sheet.origin[1]]
+    apart = np.diff(sorted(set(np.round(below, 6))))
+    assert len(apart) >= 3 and 1.85 * 2.5 < apart.min() < 6.0
+
+
 def test_the_datums_of_a_flange_are_on_it_and_those_of_a_body_of_revolution_its_axis() -> None:
     _, content, sheet = drawn()
     (_, _), (low, _) = measured()["underside of the rim's flange above z = 0"]
