@@ -30,7 +30,8 @@ from lensforge.cad.plan import make_plan
 from lensforge.light.simulation import TracedLens, design_landings
 from lensforge.optics.face_roles import CAVITY, OUTSIDE
 from lensforge.optics.material import MATERIALS
-from lensforge.optics.media import CoatingLayer, CoverGlass, FaceCoating, IndexCurve, LayerStack, Media
+from lensforge.optics.media import CoatingLayer, CoverGlass, FaceCoating, FaceScatter, IndexCurve, LayerStack, Media
+from lensforge.optics.scattering import GaussianFacets
 from lensforge.proof.casts import stray_light
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_inputs import screens_of
@@ -113,6 +114,8 @@ def _media(lens: Lens) -> Iterator[tuple[str, Media, tuple[str, ...]]]:
     air = lens.media
     yield "absorption", replace(air, body=replace(air.body, absorption_per_mm=0.01)), ()
     yield "gel in the cavity", replace(air, cavity_index=1.41), ()
+    frosted = (FaceScatter("outer", GaussianFacets(0.1)),)
+    yield "scatter of the outer face", replace(air, scatter=frosted), ("rough_faces",)
     magnesium_fluoride = CoatingLayer(IndexCurve((1.38,)), 100.0)
     layer = LayerStack((magnesium_fluoride,), IndexCurve((air.body.refractive_index,)), (300.0, 2000.0))
     faces = tuple(FaceCoating(face, around, layer) for face, around in (("inner", CAVITY), ("outer", OUTSIDE)))

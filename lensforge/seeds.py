@@ -16,10 +16,14 @@ _RANGE = 2**40
 _EVALUATION, _VERIFICATION, _FAR_FIELD, _PRESET, _VALIDATION, _OWN, _PARTS = (
     k * _RANGE for k in (1, 2, 4, 32, 64, 128, 256)
 )
-_PARTS_OF_STEPS, _VALIDATION_PARTS, OF_FILE = (k * _RANGE for k in (512, 1024, 2048))  # OF_FILE: divides a file's rays
+_PARTS_OF_STEPS, _VALIDATION_PARTS, OF_FILE, _FACETS = (
+    k * _RANGE for k in (512, 1024, 2048, 4096)
+)  # OF_FILE: divides its rays
 _BITS = 30  # of a number of a sequence
 # For each dimension the coefficients of a primitive polynomial, and the first direction numbers: Joe, Kuo 2008.
-_DIMENSIONS = ((1,), (3, 1), (7, 1, 3), (11, 1, 3, 1), (13, 1, 1, 1), (19, 1, 1, 3, 3))
+_DIMENSIONS = (
+    (1,), (3, 1), (7, 1, 3), (11, 1, 3, 1), (13, 1, 1, 1), (19, 1, 1, 3, 3), (25, 1, 3, 5, 13), (37, 1, 1, 5, 5, 17),
+)  # fmt: skip
 
 
 def of_step(seed: int, step: int) -> int:
@@ -77,6 +81,11 @@ def of_validation_parts(seed: int) -> int:
     return _VALIDATION_PARTS + seed
 
 
+def of_facets(seed: int) -> int:
+    """Seed of the facets that the rays of a sample meet."""
+    return _FACETS + seed
+
+
 def of_choice(seed: int) -> int:
     """Seed of the evaluation that chooses the best of several lenses: that of no run, which would judge them, too."""
     return MOST + 1 + seed
@@ -85,7 +94,7 @@ def of_choice(seed: int) -> int:
 def sobol(count: int, dimensions: int, seed: int | np.random.Generator) -> Float[np.ndarray, "n d"]:
     """Draw ``count`` points of the unit cube, scrambled by ``seed``; a power of two is best balanced.
 
-    Scrambled Sobol sequences (Owen 1998; Matousek's linear scramble) in at most six ``dimensions``. They are those of
+    Scrambled Sobol sequences (Owen 1998; Matousek's linear scramble) in at most eight ``dimensions``. They are those of
     ``scipy.stats.qmc.Sobol``, bit for bit, without the second that scipy.stats takes to load.
     """
     rng = seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed).spawn(1)[0]

@@ -98,6 +98,7 @@ from lensforge.spec.light_limits import (
 from lensforge.spec.part_section import FeetSection
 from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateGate, PlateHole, PlatePin, PlateSection
 from lensforge.spec.road_section import RoadSection
+from lensforge.spec.scatter_section import ScatterSection
 from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
 from lensforge.spec.spec_fields import help_of
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
@@ -121,7 +122,7 @@ __all__ = [
     "redesign", "run", "sensitivity", "stray_light", "sweep", "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
 
-_OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)
+_OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection, ScatterSection)
 NAMES = {name: globals()[name] for name in __all__} | {
     kind.__name__: kind for base in _OF_KINDS for kind in base.kinds.values()
 }

@@ -32,6 +32,7 @@ from lensforge.kernels.adjoint_packet import (
     MetFace,
     P,
     add_to_table,
+    fetch_facets,
     move_to_face,
     take_jets,
 )
@@ -53,7 +54,13 @@ from lensforge.kernels.fields_adjoint import (
     to_next_frame,
 )
 from lensforge.kernels.frames import INTO, into_faces, turned_back
-from lensforge.kernels.pair_adjoint import back_behind_outer, back_through_inner, forward_at_inner
+from lensforge.kernels.pair_adjoint import (
+    back_behind_outer,
+    back_through_inner,
+    forward_at_inner,
+    inner_face,
+    outer_face,
+)
 from lensforge.kernels.precision import DOUBLE_PRECISION, Precision
 from lensforge.kernels.ray_packet import SIZE, fetch_table, in_whole_vectors, three, write
 from lensforge.kernels.traced_body import BODY, FROM_BEHIND, REFLECTED, index_in, own_or_shared, some_of
@@ -184,6 +191,8 @@ def adjoint_of_pairs(rays, body, ways, fates, by, gradients, packet):
         move_to_face(packet, whole, FIRST_EVENT, body.tables[0], body.grid)
         fetch_table(packet, count, body.tables[0], FIRST_EVENT + CELL)
         take_jets(packet, whole, FIRST_EVENT, inverse_step)
+        fetch_facets(packet, count, FIRST_EVENT, inner_face(), rays, body.slopes)
+        fetch_facets(packet, count, SECOND_EVENT, outer_face(), rays, body.slopes)
         forward_at_inner(packet, whole, rays, body, body.films)
         move_to_face(packet, whole, SECOND_EVENT, body.tables[1], body.grid)
         fetch_table(packet, count, body.tables[1], SECOND_EVENT + CELL)
@@ -232,6 +241,7 @@ def on_to_event(packet, count, face, rays, body, ways):
     move_to_face(packet, whole, at, table, body.grid)
     fetch_table(packet, count, table, at + CELL)
     take_jets(packet, whole, at, body.grid.inverse_step)
+    fetch_facets(packet, count, at, face, rays, body.slopes)
 
 
 @inline
@@ -289,7 +299,8 @@ def adjoint_of_way(memory, count, met, rays, body, ways, by_fields, by_tables):
     for event in range(events - 1, -1, -1):
         face = met_face(event, met[event], body.sides)
         recall_event(packet, whole, kept[event])
-        refract_all_at(packet, whole, face, rays, body.slopes)
+        fetch_facets(packet, count, FIRST_EVENT, face, rays, body.slopes)
+        refract_all_at(packet, whole, face, rays)
         all_amplitudes(packet, whole, face, rays, body)
         back_through(packet, whole, face, event + 1 == events, rays, body)
         add_gradients(packet, count, FIRST_EVENT, face.face, body.grid.inverse_step, by_tables)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from lensforge.kernels.bicubic import scatter
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.frames import rough_normal, rough_normal_adjoint
+from lensforge.kernels.facet_normals import facet_normal, facet_normal_adjoint, fetch_facet
 from lensforge.kernels.fresnel import outward_normal, reflect_adjoint, refract_adjoint
 from lensforge.kernels.ray_packet import COEFFICIENTS, SIZE, fields, jet_at, mark_hit, three, write
 from lensforge.kernels.vectors import add_scaled, dot, scaled
@@ -25,9 +25,9 @@ from lensforge.kernels.vectors import add_scaled, dot, scaled
     RAY, EX, EY, EZ, FX, FY, FZ, BY_FLUX, BY_AXIAL, BY_SIN2, LEFT, EMITTED, CLEAR, ABSORPTION, BY_PATH, SMOOTH,
 ) = fields(COEFFICIENTS, 16)  # fmt: skip
 # At an event, from the start of its block: hit and direction before it, path, index ratio, the table's cell and five
-# derivatives, sensitivities to the table's value and slopes.
-P, _, _, D, _, _, PATH, INDEX_RATIO, CELL, _, _, _, JET, _, _, _, _, BY_TABLE, _, _ = fields(0, 20)
-BLOCK = 20
+# derivatives, sensitivities to the table's value and slopes, and the facet.
+P, _, _, D, _, _, PATH, INDEX_RATIO, CELL, _, _, _, JET, _, _, _, _, BY_TABLE, _, _, FACET, _ = fields(0, 22)
+BLOCK = 22
 FIRST_EVENT, SECOND_EVENT = fields(COEFFICIENTS + 16, 2 * BLOCK)[::BLOCK]
 OF_POLARISATION = COEFFICIENTS + 16 + 2 * BLOCK  # what follows is that of the polarisation
 
@@ -104,12 +104,19 @@ def jet_of(packet, place):
 
 
 @inline
-def hit_at(packet, k, at, face, rays, slopes):
+def fetch_facets(packet, count, at, face, rays, slopes):
+    """The facets that all rays meet at an event."""
+    for k in range(count):
+        fetch_facet(packet, at + FACET + k, int(packet[RAY + k]), face.event, face.face, rays.noise, slopes)
+
+
+@inline
+def hit_at(packet, k, at, face, rays):
     """The hit of ray k of the packet at an event, as a :class:`Hit`."""
     number, ratio = int(packet[RAY + k]), packet[at + INDEX_RATIO + k]
     p, d, jet = three(packet, at + P + k), three(packet, at + D + k), jet_of(packet, at + JET + k)
     normal = outward_normal(p, jet[0], jet[1])
-    tilted = rough_normal(normal, rays.noise, slopes, number, face.event, face.face)
+    tilted = facet_normal(packet, at + FACET + k, normal, rays.noise)
     return Hit(number, ratio, p, d, jet, normal, scaled(face.side, tilted))
 
 
@@ -158,14 +165,14 @@ def hit_adjoint(p, d, n, e, m, jet):
 
 
 @inline
-def back_to_ray(packet, k, at, face, hit, by, rays, slopes):
+def back_to_ray(packet, k, at, face, hit, by, rays):
     """Sensitivities to start and direction of a ray before an event from those ``by`` it; fills that to the table."""
     if face.mirrored:
         f, h = reflect_adjoint(hit.d, hit.tilted, by.direction, by.cosine, by.normal)
     else:
         f, h = refract_adjoint(hit.d, hit.tilted, hit.ratio, by.direction, by.cosine, by.normal)
     f = add_scaled(f, 1.0, by.direction_before)
-    h = rough_normal_adjoint(hit.normal, rays.noise, slopes, hit.number, face.event, face.face, scaled(face.side, h))
+    h = facet_normal_adjoint(packet, at + FACET + k, hit.normal, rays.noise, scaled(face.side, h))
     e = add_scaled(by.hit, by.path, hit.d)
     e, by_table = hit_adjoint(hit.p, hit.d, hit.normal, e, h, hit.jet)
     f = add_scaled(f, packet[at + PATH + k], e)

@@ -1,7 +1,6 @@
-"""Frames in which the faces of a lens stand as it was made, and their roughness; see ``kernels.traced_body``."""
+"""Frames in which the faces of a lens stand as it was made; see ``kernels.traced_body``."""
 
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.vectors import add_scaled, dot, length_of
 
 # Frames of a placement: into the first face's, from the inner one of two faces into the outer one's, and the last back.
 INTO, BETWEEN, BACK = 0, 1, -1
@@ -89,37 +88,3 @@ def back_into_faces(placement, e, f):
 def z_axis(placement):
     """The axis z in the last face's frame."""
     return turned_back(placement, BACK, (0.0, 0.0, 1.0))
-
-
-@inline
-def tilted(n, noise, slope):
-    """Normal n of a rough face, not normalised: tilted by ``slope`` times the noise.
-
-    The noise along n changes its length alone, a tilt by no more than the slope squared.
-    """
-    return add_scaled(n, slope * length_of(n), noise)
-
-
-@inline
-def tilted_adjoint(n, noise, slope, h):
-    """Sensitivity to n from that to the tilted normal (h)."""
-    return add_scaled(h, slope * dot(noise, h) / length_of(n), n)
-
-
-@inline
-def noise_at(noise, k, event):
-    """The three numbers of ray k at an event."""
-    first = 3 * event % noise.shape[1]  # as much for each ray as it has faces
-    return noise[k, first], noise[k, first + 1], noise[k, first + 2]
-
-
-@inline
-def rough_normal(n, noise, slopes, k, event, face):
-    """Normal of a rough face where ray k meets it; n itself where ``noise`` is None."""
-    return n if noise is None else tilted(n, noise_at(noise, k, event), slopes[face])
-
-
-@inline
-def rough_normal_adjoint(n, noise, slopes, k, event, face, h):
-    """Adjoint of :func:`rough_normal`: sensitivity to n from that to the normal (h)."""
-    return h if noise is None else tilted_adjoint(n, noise_at(noise, k, event), slopes[face], h)

@@ -52,7 +52,7 @@ def refract_inner(packet, count, film, rays, body):
     """Refract all rays at the inner face, and put them on their way to the outer one."""
     face = inner_face()
     for k in range(count):
-        hit = hit_at(packet, k, FIRST_EVENT, face, rays, body.slopes)
+        hit = hit_at(packet, k, FIRST_EVENT, face, rays)
         n, ratio = unit(hit.tilted), hit.ratio
         b, c, q_squared = refract(hit.d, n, ratio)
         row = own_or_shared(rays.film_rows, hit.number)
@@ -72,7 +72,7 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
     """Sensitivities at the outer face, and to the ray behind the inner one, in the frame of that."""
     face = outer_face()
     for k in range(count):
-        hit, left = hit_at(packet, k, SECOND_EVENT, face, rays, body.slopes), packet[LEFT + k] == 1.0
+        hit, left = hit_at(packet, k, SECOND_EVENT, face, rays), packet[LEFT + k] == 1.0
         n, ratio = unit(hit.tilted), hit.ratio
         b, c, q_squared = refract(hit.d, n, ratio)
         q = sqrt(q_squared if left else 1.0)  # reflected totally, it has no flux behind the face
@@ -102,7 +102,7 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
         e = add_scaled(e, -dot(e, b), b)
         f = add_scaled(f, arrived, by_b)
         by = ByEvent(e, f, by_cosine, scaled(arrived, by_n), scaled(arrived, by_d), by_path)
-        e, f = back_to_ray(packet, k, SECOND_EVENT, face, hit, by, rays, body.slopes)
+        e, f = back_to_ray(packet, k, SECOND_EVENT, face, hit, by, rays)
         write(packet, BY_NORMAL + k, turned_back(body.placement, BETWEEN, scaled(arrived, by_m)))
         write(packet, EX + k, turned_back(body.placement, BETWEEN, e))
         write(packet, FX + k, turned_back(body.placement, BETWEEN, f))
@@ -113,10 +113,10 @@ def back_through_inner(packet, count, rays, body):
     """Sensitivities at the inner face."""
     face, none = inner_face(), (0.0, 0.0, 0.0)
     for k in range(count):
-        hit = hit_at(packet, k, FIRST_EVENT, face, rays, body.slopes)
+        hit = hit_at(packet, k, FIRST_EVENT, face, rays)
         f, normal, cosine = three(packet, FX + k), three(packet, BY_NORMAL + k), packet[BY_COSINE + k]
         by = ByEvent(three(packet, EX + k), f, cosine, normal, none, 0.0)
-        back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays, body.slopes)
+        back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays)
 
 
 @inline

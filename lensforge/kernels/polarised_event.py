@@ -7,9 +7,10 @@ carries its fields (``kernels.fields``).
 from math import sqrt
 
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.facet_normals import facet_normal, fetch_facet
 from lensforge.kernels.fields import FieldTurn, field_behind, passing, reflect, reflecting, squared_lengths
 from lensforge.kernels.first_hit import FOUND
-from lensforge.kernels.frames import BACK, rough_normal, turned, z_axis
+from lensforge.kernels.frames import BACK, turned, z_axis
 from lensforge.kernels.fresnel import (
     SecondFace,
     axial_share,
@@ -26,6 +27,7 @@ from lensforge.kernels.ray_packet import (
     COSINE,
     DX,
     EXCESS,
+    FACET,
     LENGTH,
     MX,
     PX,
@@ -58,7 +60,7 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
         n = outward_normal(p, packet[RHO_X + k], packet[RHO_Y + k])
-        n = unit(rough_normal(n, rays.noise, body.slopes, number, face, face))
+        n = unit(facet_normal(packet, FACET + k, n, rays.noise))
         b, c, q_squared = refract(d, n, ratio)
         met = packet[STATUS + k] == FOUND and p[2] >= 0.0
         write(packet, DX + k, (b[0] if met else d[0], b[1] if met else d[1], b[2] if met else d[2]))
@@ -83,6 +85,8 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
 def refract_at(packet, count, face, films, rays, body, axis):
     """:func:`refract_in_order` for the whole vectors of a packet, at a face that may have a film."""
     whole = in_whole_vectors(count)
+    for k in range(count):
+        fetch_facet(packet, FACET + k, int(packet[RAY + k]), face, face, rays.noise, body.slopes)
     if films is None:  # known to the compiler
         refract_in_order(packet, whole, face, None, rays, body, axis)
     else:
@@ -105,12 +109,13 @@ def refract_second(packet, count, axial, rays, body):
 def refract_any(packet, count, event, rays, body):
     """Move all rays of a packet to the faces that they have found, and refract them there, also where one reflects."""
     for k in range(count):
+        fetch_facet(packet, FACET + k, int(packet[RAY + k]), event, int(packet[FACE + k]), rays.noise, body.slopes)
+    for k in range(count):
         d = three(packet, DX + k)
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
         n = outward_normal(p, packet[RHO_X + k], packet[RHO_Y + k])
-        n = rough_normal(n, rays.noise, body.slopes, int(packet[RAY + k]), event, int(packet[FACE + k]))
-        n = scaled(packet[SIDE + k], unit(n))
+        n = scaled(packet[SIDE + k], unit(facet_normal(packet, FACET + k, n, rays.noise)))
         b, packet[COSINE + k], packet[BEHIND + k] = refract(d, n, packet[RATIO + k])
         write(packet, MX + k, n)
         write(packet, BENT + k, b)

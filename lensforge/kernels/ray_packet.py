@@ -54,7 +54,8 @@ OWN = 17
 # Where it is one of several faces: whether a ray on its way starts on it, and the path behind which nothing matters.
 ON_FACE, LIMIT = fields(COEFFICIENTS + PER_RAY + OWN + 16, 2)
 OF_CHAIN = COEFFICIENTS + PER_RAY + OWN + 18  # what ``kernels.nearest_face`` and ``kernels.polarised_event`` keep
-PACKET_NUMBERS = (OF_CHAIN + 34) * SIZE
+FACET, _ = fields(OF_CHAIN + 34, 2)  # slopes of the facet that the ray meets, where faces are rough
+PACKET_NUMBERS = (OF_CHAIN + 36) * SIZE
 
 
 def empty_packet(precision: Precision = DOUBLE_PRECISION) -> Float[np.ndarray, " k"]:

@@ -30,9 +30,10 @@ class RaysIn(NamedTuple):
 
     ``emitted``: flux (W). ``indices``: the body's refractive index for each ray, or one for all; ``absorptions`` its
     absorption (1/mm) likewise, or nothing where the body is clear. ``film_rows``: place of each ray among the rows of
-    the tables of films, or one for all. ``noise`` (n, 3 e): three independent standard normal numbers for each ray at
-    each event; None where all faces are polished. ``fields`` (n, 12): of polarised light those with which each ray
-    begins (``kernels.fields``: real and imaginary parts of both), in the frame of the faces; None as from a source.
+    the tables of films, or one for all. ``noise`` (n, 2 f): slopes of the facet that each ray meets at each face, along
+    two lines and over the slope of the face; None where all faces are polished. ``fields`` (n, 12): of polarised light
+    those with which each ray begins (``kernels.fields``: real and imaginary parts of both), in the frame of the faces;
+    None as from a source.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -67,7 +68,7 @@ class TracedBody(NamedTuple):
     None: of a double lens in unpolarised light, two faces that are met in their order, whose polarisation has a closed
     form. Else polarised light is followed by its fields. Its faces are met in their order, once each, and light that
     is reflected is lost; or, where the ``bounds`` have balls, in any order, as ``kernels.nearest_face`` finds them.
-    ``slopes``: rms slope of each rough face along any line on it; None where all are polished.
+    ``slopes``: of each face, by which the noise of the rays is multiplied; None where all are polished.
     """
 
     tables: Float[np.ndarray, "f side side"]

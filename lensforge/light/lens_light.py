@@ -70,7 +70,7 @@ def evaluate(
     temperature_c = number_of("temperature_c", temperature_c)
     body = lens if temperature_c is None else at_temperature(lens, temperature_c)
     preset, coloured = preset_of(lens.accuracy if accuracy is None else accuracy), lens.spec.colour is not None
-    emitter = build_source(chosen, body.dispersion, coloured=coloured)
+    emitter = build_source(chosen, body.dispersion, coloured=coloured, facets=body.media.scattering)
     summary = summarise(emitter, chosen)
     asked = {"accuracy": str(preset), "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
     conditions = _conditions(lens, other, summary.warnings, name, asked, preset)
@@ -135,7 +135,8 @@ def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator
     from lensforge.light.evaluation import evaluate_lens
 
     for led in lens.spec.sources[1:]:
-        emitter = build_source(led.source, lens.dispersion, coloured=lens.spec.colour is not None)
+        facets, coloured = lens.media.scattering, lens.spec.colour is not None
+        emitter = build_source(led.source, lens.dispersion, coloured=coloured, facets=facets)
         summary = summarise(emitter, led.source)
         efficacy = summary.lumens_per_watt
         light = evaluate_lens(lens, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
@@ -179,7 +180,8 @@ _Value = TypeVar("_Value")
 
 def source_of(spec: Spec) -> Source:
     """The source of ``spec``, with the dispersion of the lens material, and colours where these are asked for."""
-    return build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None)
+    facets = spec.media.scattering
+    return build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None, facets=facets)
 
 
 def searched_source(spec: Spec) -> Source:

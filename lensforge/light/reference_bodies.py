@@ -14,7 +14,7 @@ from lensforge.light.secondary_optics import TWO_FACES, tabled
 from lensforge.light.table_trace import Scene, Tables, checked_bounds
 from lensforge.optics.dielectric import unpolarised_fields
 from lensforge.optics.face_roles import BODY, OUTSIDE
-from lensforge.optics.media import Media, Mirror, SecondaryOptic
+from lensforge.optics.media import Media, Mirror
 from lensforge.optics.pose import FacePoses, Pose
 from lensforge.scene.body import Chain
 from lensforge.scene.made_part import AsMade
@@ -28,7 +28,8 @@ class ReferenceBody:
 
     ``in_order``: where every ray meets the faces one after another, and what they reflect is lost, as in the usual
     lens. ``placement``: of the faces, where they do not stand in the frame of the rays. ``made``: for their roughness.
-    ``origin``: beginning of the place that an error names.
+    ``origin``: beginning of the place that an error names. ``scatters_before``: number of
+    faces that scatter on the bodies before it.
     """
 
     faces: tuple[TracedFace, ...]
@@ -38,6 +39,7 @@ class ReferenceBody:
     placement: FacePoses | None = None
     made: AsMade | None = None
     origin: str = "lens."
+    scatters_before: int = 0
 
     @staticmethod
     def of_lens(faces: Sequence[TracedFace], scene: Scene, device: torch.device = CPU) -> "tuple[ReferenceBody, ...]":
@@ -45,7 +47,7 @@ class ReferenceBody:
         placement = None if scene.made is None else scene.made.placed
         chain = scene.chain or TWO_FACES
         lens = ReferenceBody(tuple(faces), chain, scene.media, scene.chain is None, placement, scene.made)
-        return lens, *(_of_optic(optic, scene.media, device) for optic in scene.media.bodies)
+        return lens, *(_of_optic(number, scene.media, device) for number in range(len(scene.media.bodies)))
 
     @staticmethod
     def by_tables(
@@ -84,10 +86,12 @@ class ReferenceBody:
         return coating.reflectance if isinstance(coating, Mirror) else None
 
 
-def _of_optic(optic: SecondaryOptic, around: Media, device: torch.device) -> ReferenceBody:
-    place = tabled(optic)
+def _of_optic(number: int, around: Media, device: torch.device) -> ReferenceBody:
+    optic, before = around.bodies[number], around.scattering_before(number)
+    place, origin = tabled(optic), f"body {optic.name!r}: "
     faces = tuple(TableFace.of(torch.from_numpy(table), place.grid, device=device) for table in place.tables)
-    return ReferenceBody(faces, TWO_FACES, optic.media(around), True, place.placement, origin=f"body {optic.name!r}: ")
+    media = optic.media(around)
+    return ReferenceBody(faces, TWO_FACES, media, True, place.placement, origin=origin, scatters_before=before)
 
 
 class RaysInBody(NamedTuple):

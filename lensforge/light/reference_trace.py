@@ -36,6 +36,7 @@ from lensforge.optics.dielectric import (
 )
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.rough_faces import roughness
 from lensforge.sources.ray_bundle import RayBundle
 
 _PASSES = 8  # over the faces of a cavity, until a ray is in all of them
@@ -155,13 +156,13 @@ class _Passage:
         absorptions = there(medium.absorptions(waves, len(rays))) if len(medium.absorption(waves)) else None
         if absorptions is not None and body.placement is not None:
             absorptions = absorptions * body.placement.factor_out  # paths are those in the lens as designed
-        rough = None if made is None else made.rough(first + len(rays))
+        rough = roughness(body.media, body.chain.names, rays, made, first, body.scatters_before)
         return _Passage(
             body,
             there(medium.indices(waves, len(rays))),
             absorptions,
             RayCoatings.of(rays, body.media, fresnel, body.origin),
-            None if rough is None else (there(rough[0][first:]), there(rough[1])),
+            None if rough is None else (there(rough.noise), there(rough.slopes)),
             fresnel,
             memory,
         )
@@ -293,8 +294,12 @@ class _Passage:
         unit: Tensor = normalize(normals, dim=1)
         if self.rough is not None:
             noise, slopes = self.rough
-            first = 3 * event % noise.shape[1]
-            unit = normalize(unit + slopes[face] * noise[numbers, first : first + 3], dim=1)
+            x, y = (slopes[face] * noise[numbers, 2 * face + axis] for axis in (0, 1))
+            for _ in range((event - face) % 4):
+                x, y = -y, x
+            along = (x * unit[:, 0] + y * unit[:, 1]) / (1.0 + unit[:, 2])
+            tilt = torch.stack([x - along * unit[:, 0], y - along * unit[:, 1], -along * (1.0 + unit[:, 2])], dim=1)
+            unit = normalize(unit + tilt, dim=1)
         return unit
 
     def _ratio(self, numbers: Int[Tensor, " n"], before: str, behind: str) -> Float[Tensor, " n"]:

@@ -22,6 +22,7 @@ from lensforge.optics.media import Media, SecondaryOptic
 from lensforge.optics.pose import IN_PLACE, FacePoses
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.rough_faces import Roughness, roughness
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, table_error, tabulate
 
@@ -71,14 +72,17 @@ def through_optics(
     Themselves where there is no optic.
     """
     passages = list[BodyPassage]()
-    for optic in media.bodies:
-        passage = _passage(optic, exits, media, rays, fresnel)
+    for number, optic in enumerate(media.bodies):
+        rough = roughness(optic.media(media), DOUBLE, rays, before=media.scattering_before(number))
+        passage = _passage(optic, exits, media, rays, rough, fresnel)
         passages.append(passage)
         exits = _behind(passage, exits)
     return exits, tuple(passages)
 
 
-def _passage(optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBundle, fresnel: bool) -> BodyPassage:
+def _passage(
+    optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBundle, rough: Roughness | None, fresnel: bool
+) -> BodyPassage:
     if exits.fields is None or exits.carried is None:
         raise ValueError("light that comes to an optic has its polarisation")
     media, place, waves = optic.media(around), tabled(optic), rays.waves
@@ -93,6 +97,7 @@ def _passage(optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBun
         sides=TWO_FACES.packed(media),
         films=coatings.for_kernels(DOUBLE),
         placement=place.placement.packed(),
+        slopes=None if rough is None else rough.slopes,
     )
     medium = media.body
     coming = RaysIn(
@@ -102,6 +107,7 @@ def _passage(optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBun
         medium.index(waves),
         medium.absorption(waves),
         coatings.rows,
+        noise=None if rough is None else rough.noise,
         fields=exits.fields,
     )
     return BodyPassage.of(body, coming, TWO_FACES.events, exits.fates, axial=exits.axial is not None, fields=True)

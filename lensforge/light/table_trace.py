@@ -20,7 +20,8 @@ from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
-from lensforge.scene.made_part import AsMade, Roughness
+from lensforge.scene.made_part import AsMade
+from lensforge.scene.rough_faces import Roughness, roughness
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -67,13 +68,8 @@ class Scene:
         """Largest number of events of a ray."""
         return len(DOUBLE) if self.chain is None else self.chain.events
 
-    def rough(self, rays: int) -> Roughness | None:
-        """Roughness of the faces for so many rays; None where all are polished."""
-        return None if self.made is None else self.made.rough(rays)
-
-    def body(self, tables: Tables, bounds: FaceBounds, rays: RayBundle, coatings: RayCoatings) -> TracedBody:
-        """The lens as the kernels take it for these rays."""
-        rough = self.rough(len(rays))
+    def body(self, tables: Tables, bounds: FaceBounds, rough: Roughness | None, coatings: RayCoatings) -> TracedBody:
+        """The lens as the kernels take it; ``rough``: what its rays meet."""
         return TracedBody(
             tables=tables,
             bounds=bounds,
@@ -87,13 +83,12 @@ class Scene:
             slopes=None if rough is None else rough.slopes,
         )
 
-    def coming(self, rays: RayBundle, coatings: RayCoatings) -> RaysIn:
+    def coming(self, rays: RayBundle, rough: Roughness | None, coatings: RayCoatings) -> RaysIn:
         """Rays of a source as the kernels take them, with what the lens is for each."""
         medium, waves = self.media.body, rays.waves
         absorptions = medium.absorption(waves)
         if self.made is not None:
             absorptions = absorptions * self.made.scale  # paths are those in the lens as designed
-        rough = self.rough(len(rays))
         return RaysIn(
             rays.origins,
             rays.directions,
@@ -134,9 +129,10 @@ class TracedBundle:
         tables = tables if isinstance(tables, np.ndarray) else np.stack(list(tables))
         bounds = face_bounds(tables, scene) if bounds is None else bounds
         media, coatings = scene.media, RayCoatings.of(rays, scene.media, scene.fresnel)
+        rough = roughness(media, scene.names, rays, scene.made)
         lens = BodyPassage.of(
-            scene.body(tables, bounds, rays, coatings),
-            scene.coming(rays, coatings),
+            scene.body(tables, bounds, rough, coatings),
+            scene.coming(rays, rough, coatings),
             scene.events,
             axial=scene.fresnel and media.cover_glass is not None,
             fields=bool(media.bodies),

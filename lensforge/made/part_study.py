@@ -182,7 +182,8 @@ class LedStudy:
     @cached_property
     def _source(self) -> Source:
         lens = self.study.recipe.lens
-        return build_source(self.emitter, lens.dispersion, coloured=judged_colour(lens.spec) is not None)
+        coloured, facets = judged_colour(lens.spec) is not None, lens.media.scattering
+        return build_source(self.emitter, lens.dispersion, coloured=coloured, facets=facets)
 
     @cached_property
     def limits(self) -> tuple[LightLimit, ...]:

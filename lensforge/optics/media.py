@@ -4,7 +4,8 @@ A ray has its wavelength; a medium answers what index and absorption it has ther
 coating, which replaces Fresnel's reflectance.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -14,6 +15,7 @@ from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.face_roles import CAVITY, OUTSIDE, SHELL, FaceRole, bounding
 from lensforge.optics.material import Material
 from lensforge.optics.pose import IN_PLACE, Pose
+from lensforge.optics.scattering import FacetSlopes
 
 
 @dataclass(frozen=True)
@@ -187,6 +189,14 @@ class FaceCoating:
     coating: Coating
 
 
+@dataclass(frozen=True)
+class FaceScatter:
+    """Facets of the face of this name."""
+
+    face: str
+    facets: FacetSlopes
+
+
 @runtime_checkable
 class Surface(Protocol):
     """A star-shaped surface about its own origin, by its radius and gradient alone: all else follows from them.
@@ -244,11 +254,15 @@ class SecondaryOptic:
     outer: Surface
     pose: Pose = IN_PLACE
     coatings: tuple[FaceCoating, ...] = ()
+    scatter: tuple[FaceScatter, ...] = ()
 
     def media(self, around: "Media") -> "Media":
         """Its own media, in what surrounds the lens of the media ``around``."""
         outside = around.outside_index
-        return Media(self.medium, outside, outside, coatings=self.coatings, wavelength_nm=around.wavelength_nm)
+        wavelength_nm = around.wavelength_nm
+        return Media(
+            self.medium, outside, outside, coatings=self.coatings, wavelength_nm=wavelength_nm, scatter=self.scatter
+        )
 
 
 @dataclass(frozen=True)
@@ -257,6 +271,7 @@ class Media:
 
     ``bodies``: given ones, in the order in which light meets them. ``coatings``: of the body's faces, at most one of
     each. ``wavelength_nm``: of rays without their own, where a coating depends on it. ``faces``: of the body.
+    ``scatter``: of its faces that are not polished.
     """
 
     body: Medium
@@ -267,6 +282,7 @@ class Media:
     wavelength_nm: float = 587.5618  # the He d line
     bodies: tuple[SecondaryOptic, ...] = ()
     faces: tuple[FaceRole, ...] = SHELL
+    scatter: tuple[FaceScatter, ...] = ()
 
     def __post_init__(self) -> None:
         """Raise :class:`ValueError` for a coating of a face that is none of the body's: nothing would ask for it."""
@@ -277,6 +293,26 @@ class Media:
     def coating(self, face: str) -> Coating | None:
         """Coating of the face of this name; None for a bare one."""
         return next((each.coating for each in self.coatings if each.face == face), None)
+
+    def facets(self, faces: Sequence[str]) -> tuple[FacetSlopes | None, ...] | None:
+        """Facets of each of these faces; None where all are polished."""
+        known = {each.face: each.facets for each in self.scatter}
+        return tuple(map(known.get, faces)) if known else None
+
+    def scattering_before(self, body: int) -> int:
+        """Number of faces that scatter on the lens and on the bodies before that of this number."""
+        return len(self.scatter) + sum(len(each.scatter) for each in self.bodies[:body])
+
+    @property
+    def scattering(self) -> int:
+        """Number of faces that scatter, those of the bodies too."""
+        return self.scattering_before(len(self.bodies))
+
+    @property
+    def polished(self) -> "Media":
+        """The same with polished faces, those of the bodies too."""
+        bodies = tuple(replace(body, scatter=()) for body in self.bodies)
+        return replace(self, scatter=(), bodies=bodies)
 
     @property
     def open_mirror(self) -> Mirror | None:

@@ -4,6 +4,7 @@ A face is met where the distance from the origin of its body first exceeds its r
 go past the rim or are reflected totally, are lost there.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.media import Media, SecondaryOptic, Surface, Wavelengths
+from lensforge.proof.facet_tilt import Slopes, tilted
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
 
@@ -30,6 +32,7 @@ class _Beam:
     directions: _Vectors
     fields: Fields
     share: _Values
+    slopes: list[Slopes]
 
     def end(self, rows: Int[np.ndarray, " k"]) -> None:
         """Lose some of the rays."""
@@ -52,13 +55,15 @@ def behind_optics(
     wavelengths_nm: _Values,
     fields: Fields | None = None,
     plate: PlateOfLenses | None = None,
+    slopes: Sequence[Slopes] = (),
 ) -> BehindOptics:
     """Rays behind the bodies and then the cover glass of ``media``; those that end in a body have no place.
 
-    ``fields`` None: of unpolarised light. ``plate``: of many lenses, where each has bodies of its own.
+    ``fields`` None: of unpolarised light. ``plate``: of many lenses, where each has bodies of its own. ``slopes``: of
+    the facets of each body; by default all are polished.
     """
     known = unpolarised(directions) if fields is None else fields
-    beam = _Beam(points.copy(), directions.copy(), known.copy(), np.ones(len(points)))
+    beam = _Beam(points.copy(), directions.copy(), known.copy(), np.ones(len(points)), list(slopes))
     if media.bodies:
         _through_bodies(beam, media, wavelengths_nm, plate)
     ends, ways, glass = through_glass(beam.points, beam.directions, media, wavelengths_nm, beam.fields)
@@ -67,21 +72,22 @@ def behind_optics(
 
 def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLenses | None) -> None:
     if plate is None:
-        for body in media.bodies:
-            _through(body, media, beam, waves)
+        for number, body in enumerate(media.bodies):
+            _through(body, media, beam, waves, beam.slopes[number] if beam.slopes else np.zeros((len(waves), 0)))
         return
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
     own, numbers = plate.at_own(beam.points[rows])
     turns = plate.turns_to(numbers)
     ways = np.einsum("nij,nj->ni", turns, beam.directions[rows])
-    alone = _Beam(own, ways, np.einsum("nij,nkj->nki", turns, beam.fields[rows]), beam.share[rows])
+    fields, slopes = np.einsum("nij,nkj->nki", turns, beam.fields[rows]), [each[rows] for each in beam.slopes]
+    alone = _Beam(own, ways, fields, beam.share[rows], slopes)
     _through_bodies(alone, media, waves[rows], None)
     beam.points[rows] = plate.from_own_points(alone.points, numbers)
     beam.directions[rows] = np.einsum("nji,nj->ni", turns, alone.directions)
     beam.fields[rows], beam.share[rows] = np.einsum("nji,nkj->nki", turns, alone.fields), alone.share
 
 
-def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values) -> None:
+def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, slopes: Slopes) -> None:
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
     points, along = body.pose.own_points(beam.points[rows]), body.pose.own_directions(beam.directions[rows])
     enters, points = _from_the_rim(points, along)
@@ -101,6 +107,7 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values) ->
         before, behind = (indices, around) if leaving else (around, indices)
         refracting = RefractingFace(before, behind, own.coating(face), here.nm, not leaving)
         normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
+        normals = tilted(normals, points, slopes[rows], np.full(len(rows), int(leaving)), int(leaving))
         at = AtFace.of(refracting, along, normals, body.pose.own_directions(beam.fields[rows]))
         beam.share[rows] *= at.transmittance
         beam.fields[rows] = body.pose.directions(at.passed)

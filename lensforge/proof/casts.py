@@ -12,6 +12,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads, thread_count
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import evaluate, inputs_of, judging_source, rays_of
+from lensforge.proof.acceptance import JUDGED_OF_SCATTERED
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
 from lensforge.results.arguments import count_of, require
@@ -78,11 +79,12 @@ def _verified(
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
     from lensforge.proof.proof_inputs import independent_light, lamps_together, optical_of
     from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees
+    from lensforge.scene.rough_faces import with_facets
 
     lens, light = lit
     preset, source, optical = preset_of(lens.accuracy), judging_source(lens.spec), optical_of(lens.body, lens.events)
     count, conditions = rays_of(rays, preset.verify_rays, source)
-    bundle = source.sample(count, seeds.of_verification(lens.seed))
+    bundle = with_facets(source.sample(count, seeds.of_verification(lens.seed)), lens.media.scattering)
     alone, seen = _of_one_lamp(lens, light)
     files = FilesOfPart(
         part.stl,
@@ -113,9 +115,9 @@ def expected_of(lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFace
 
     traced = TracedLens.of(lens, preset_of(lens.accuracy).evaluate_nodes_per_sigma)
     screens, landed = screens_of(lens.spec, light.pixels), design_landings(traced, lens.spec, rays)
-    order = optical.numbers_of(traced.scene.names)
+    order, judged = optical.numbers_of(traced.scene.names), JUDGED_OF_SCATTERED if lens.media.scattering else 1.0
     return [
-        Expected(screen, lit.map, own.hits, own.flux, own.fates, None if own.met is None else order[own.met])
+        Expected(screen, lit.map, own.hits, own.flux, own.fates, None if own.met is None else order[own.met], judged)
         for screen, lit, own in zip(screens, light.receivers, landed, strict=True)
     ]
 
@@ -163,6 +165,7 @@ def stray_light(
 
 def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polished", "black"]) -> StrayLight:
     from lensforge.proof.proof_inputs import optical_of, optical_on, plate_of, screens_of, stands_of
+    from lensforge.scene.rough_faces import with_facets
 
     spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(lens.spec)
     count, conditions = rays_of(rays, min(preset.verify_rays, preset.stray_rays), source)
@@ -171,7 +174,7 @@ def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polish
         optical, stl = optical_on(plate_of(spec.plate.lenses(spec.lamps)), lens), part.plate_stl
     return stray_in_sandbox(
         stl,
-        rays=source.sample(count, seeds.of_verification(lens.seed)),
+        rays=with_facets(source.sample(count, seeds.of_verification(lens.seed)), lens.media.scattering),
         media=lens.media,
         screens=screens_of(spec),
         lamps=stands_of(lens.of_own_lamps.spec.all_lamps),

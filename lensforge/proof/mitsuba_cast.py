@@ -17,6 +17,7 @@ import numpy as np
 
 from lensforge.errors import refused
 from lensforge.optics.media import Media
+from lensforge.proof.facet_tilt import Slopes, tilted
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.proof.part_mesh import PartMesh
@@ -78,19 +79,19 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         mi.set_variant(VARIANT)
     try:
         caster, passage = _Caster(mi, part, media), Passage.of(rays, part.optical.events)
+        whole = LitRays.of(rays, media, part.optical.names)
         met: list[list[tuple[int, _Met]]] = [[] for _ in range(part.optical.events)]
         index = media.body.indices(rays.waves, len(rays))
         steps = np.column_stack([index / media.cavity_index, index / media.outside_index])
         table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
         for row, (origin, direction, indices) in enumerate(table):
-            passage.fates[row], end, own = caster.cast(origin, direction, indices)
+            passage.fates[row], end, own = caster.cast(origin, direction, indices, whole.slopes[row : row + 1])
             if end is not None:
                 passage.points[row], passage.directions[row] = end
                 if part.optical.opening is not None:
                     passage.met[row, len(own)] = part.optical.opening
             for event, place in zip(met, own, strict=False):
                 event.append((row, place))
-        whole = LitRays.of(rays, media)
         for number, event in enumerate(met):
             if not event:
                 continue
@@ -124,7 +125,8 @@ def _share(passage: Passage, whole: LitRays, met: list[tuple[int, _Met]], optica
     absorb(passage, rows, lengths, whole.absorptions[rows])
     light = replace(whole.take(rows), directions=directions, fields=passage.fields[rows], inside=inside)
     hits = SurfaceHits(passes, directions, normals, inside, away, faces, lengths, lengths)
-    dim(passage, rows, at_faces(optical, media, light, hits), passes)
+    light = replace(light, slopes=light.slopes[:, :0])  # the normals are those of the facets
+    dim(passage, rows, at_faces(optical, media, light, hits, 0), passes)
 
 
 class _Caster:
@@ -136,11 +138,11 @@ class _Caster:
         self.goes_on = [optical.goes_on(event) for event in range(optical.events)]
 
     def cast(
-        self, origin: list[float], direction: list[float], indices: list[float]
+        self, origin: list[float], direction: list[float], indices: list[float], slopes: Slopes
     ) -> tuple[CastFate, tuple[list[float], list[float]] | None, list[_Met]]:
         """Fate of one ray; its exit point (mm) and direction, None if it is lost; the faces on its way.
 
-        ``indices``: of the body against what fills the cavity, and what surrounds it.
+        ``indices``: of the body against what fills the cavity, and what surrounds it; ``slopes``: of its facets.
         """
         mi, met, inside = self.mi, list[_Met](), False
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
@@ -152,7 +154,8 @@ class _Caster:
                 return CastFate.LANDED, (list(ray.o), list(ray.d)), met
             if hit.p.z <= 0.0:
                 return CastFate.BASE if inside else CastFate.OPENING, None, met
-            local = hit.sh_frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
+            frame = self._frame(hit, slopes, event)
+            local = frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
             away = hit.n.x * hit.p.x + hit.n.y * hit.p.y + hit.n.z * hit.p.z > 0.0  # as ``faces_away``
             if inside and (local.z > 0.0 or not (away or goes_on)):
                 return CastFate.BACK_INTO_CAVITY, None, met
@@ -164,9 +167,9 @@ class _Caster:
             reflectance, cosine, _, ratio = mi.fresnel(local.z, indices[away])
             passes = reflectance < 1.0 and face not in self.mirrors
             length = float(hit.t) if inside else 0.0
-            met.append(_Met(list(ray.d), list(hit.sh_frame.n), length, face, away, inside, passes))
+            met.append(_Met(list(ray.d), list(frame.n), length, face, away, inside, passes))
             way = mi.refract(local, cosine, ratio) if passes else mi.reflect(local)
-            ray = hit.spawn_ray(hit.sh_frame.to_world(way))
+            ray = hit.spawn_ray(frame.to_world(way))
             if passes and inside and away:
                 return CastFate.LANDED, (list(ray.o), list(ray.d)), met
             if not (goes_on or (passes and not inside and event + 1 < len(self.goes_on))):
@@ -174,6 +177,14 @@ class _Caster:
             inside = inside != passes
         whole = not passes and face not in self.mirrors
         return CastFate.TOTAL_REFLECTION if whole else CastFate.EVENT_LIMIT, None, met
+
+    def _frame(self, hit: Any, slopes: Slopes, event: int) -> Any:
+        """Frame of the facet that a ray meets."""
+        if not slopes.size:
+            return hit.sh_frame
+        normal, face = np.array([list(hit.sh_frame.n)]), np.array([self.faces[hit.prim_index]])
+        facet = tilted(normal, np.array([list(hit.p)]), slopes, face, event)[0]
+        return self.mi.Frame3f(self.mi.Vector3f(facet.tolist() if facet @ normal[0] > 0.0 else (-facet).tolist()))
 
 
 def _scene(mi: Any, part: PartMesh) -> Any:

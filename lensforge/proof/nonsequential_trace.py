@@ -44,6 +44,7 @@ from lensforge.sources.ray_bundle import RayBundle
 # A polished base is as clear as the lens; a black one absorbs all light that meets it, as a holder may.
 Base = Literal["polished", "black"]
 
+_FACETS = 0  # seed of those of further bodies
 _CHUNK = 16384  # rays cast at a time: bounds the memory, and stays in the cache
 
 
@@ -165,7 +166,7 @@ def _emitted(body: PartBody, rays: RayBundle) -> SplitRays:
     """
     hits = body.surface_hits(outside_leg(rays))
     causes = np.where(hits.leaving | hits.away, Cause.BASE, Cause.SEQUENTIAL)
-    light, nothing = vars(LitRays.of(rays, body.media)), np.zeros(len(rays), dtype=np.int64)
+    light, nothing = vars(LitRays.of(rays, body.media, body.optical.names)), np.zeros(len(rays), dtype=np.int64)
     light |= {"inside": hits.leaving, "points": rays.origins, "flux": rays.flux.copy(), "causes": causes}
     return SplitRays(**light, crossings=nothing, events=nothing, beside=np.zeros(len(rays), dtype=bool))
 
@@ -191,7 +192,7 @@ def _step(body: PartBody, light: SplitRays, least: float, found: _Followed) -> S
     beside = body.optical.at_neighbour(hits.points)
     found.lose("neighbours", light.flux[beside & ~light.beside])
     light = replace(light, beside=light.beside | beside)
-    at = at_faces(body.optical, body.media, light, hits)
+    at = at_faces(body.optical, body.media, light, hits, light.events)
     found.lose("absorbed", light.flux * (1.0 - at.transmittance - at.reflectance))  # by mirrors
     children = _split(body.optical, light, hits, at)
     bright = children.flux > least
@@ -276,7 +277,7 @@ def _escaped(light: SplitRays, media: Media, plate: PlateOfLenses | None) -> Pas
     rays = RayBundle(light.points, light.directions, light.flux).with_wavelengths(light.wavelengths_nm)
     ends = {"points": light.points, "directions": light.directions, "fields": light.fields}
     left = replace(Passage.of(rays, 0), fates=np.full(len(rays), CastFate.LANDED), **ends)
-    return behind_lens(left, rays, media, plate)
+    return behind_lens(left, rays, media, plate, _FACETS)
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ class PlateOfLenses:
             rows, turned = numbers == number, _turned(turn).T
             origins[rows] = rays.origins[rows] @ turned + np.array([*place, 0.0])
             directions[rows] = rays.directions[rows] @ turned
-        return RayBundle(origins, directions, rays.flux, rays.waves)
+        return replace(rays, origins=origins, directions=directions)
 
     @cached_property
     def _seen(self) -> Float[np.ndarray, "k 2"]:

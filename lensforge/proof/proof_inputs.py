@@ -129,8 +129,9 @@ def _bounds(window: Window) -> tuple[float | None, float | None, float | None]:
 
 def independent_light(lens: Lens, source: Source, light: Light, most: int) -> IndependentLight:
     """Rays of verification's own, at most ``most``, and the ``light`` of ``lens`` that theirs is compared with."""
-    rays = independent_rays(lens.spec, source, min(most, RAYS), seeds.of_own_rays(lens.seed))
-    return IndependentLight(rays, tuple((lit.efficiency, lit.nmse_of_noise) for lit in light.receivers))
+    seed = seeds.of_own_rays(lens.seed)
+    rays = independent_rays(lens.spec, source, min(most, RAYS), seed)
+    return IndependentLight(rays, tuple((lit.efficiency, lit.nmse_of_noise) for lit in light.receivers), seed)
 
 
 def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBundle:

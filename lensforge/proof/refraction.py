@@ -7,6 +7,7 @@ A stack of layers is summed ray by ray, the layer next to the last medium first 
 Filters, 2.3), a table interpolated as the specification says.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.interpolate import PchipInterpolator
 
 from lensforge.optics.media import Coating, LayerStack, Media, Mirror, ReflectanceTable
 from lensforge.proof.facet_casting import RayRows
+from lensforge.proof.facet_tilt import Slopes, slopes_of
 from lensforge.sources.ray_bundle import RayBundle
 
 PerRay = Float[np.ndarray, " n"]
@@ -29,6 +31,7 @@ class LitRays(RayRows):
     """Rays on their way: unit directions, polarisation, True in the material, and what its body is to each of them.
 
     ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the body for each, at ``wavelengths_nm``.
+    ``slopes``: of the facets that it meets.
     """
 
     directions: Float[np.ndarray, "n 3"]
@@ -37,14 +40,19 @@ class LitRays(RayRows):
     indices: PerRay
     absorptions: PerRay
     wavelengths_nm: PerRay
+    slopes: Slopes
 
     @staticmethod
-    def of(rays: RayBundle, media: Media) -> "LitRays":
-        """Unpolarised light that has met nothing yet."""
+    def of(rays: RayBundle, media: Media, names: Sequence[str], seed: int | None = None) -> "LitRays":
+        """Unpolarised light that has met nothing yet; ``names``: of the faces.
+
+        ``seed``: of facets that are not those of the design.
+        """
         count, body = len(rays), media.body
         in_body = body.indices(rays.waves, count), body.absorptions(rays.waves, count)
         waves = media.wavelengths(rays.wavelengths_nm, count)
-        return LitRays(rays.directions, unpolarised(rays.directions), np.zeros(count, dtype=bool), *in_body, waves)
+        slopes, outside = slopes_of(rays, media, names, seed=seed), np.zeros(count, dtype=bool)
+        return LitRays(rays.directions, unpolarised(rays.directions), outside, *in_body, waves, slopes)
 
 
 @dataclass(frozen=True)

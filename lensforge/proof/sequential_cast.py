@@ -14,9 +14,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from trimesh.triangles import points_to_barycentric
 
+from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media, Mirror
 from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
+from lensforge.proof.facet_tilt import slopes_of, tilted
 from lensforge.proof.optical_faces import NO_FACE, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
@@ -91,12 +93,21 @@ class Passage:
         return LandedRays(**{**vars(self), "fates": fates}, landings=landings)
 
 
-def behind_lens(passage: Passage, rays: RayBundle, media: Media, plate: PlateOfLenses | None) -> Passage:
-    """Take the rays that left the lens, or one of a ``plate``, through the further bodies and the cover glass."""
+def behind_lens(
+    passage: Passage, rays: RayBundle, media: Media, plate: PlateOfLenses | None, seed: int | None = None
+) -> Passage:
+    """Take the rays that left the lens, or one of a ``plate``, through the further bodies and the cover glass.
+
+    ``rays``: as they began; ``seed``: of facets that are not those of the design.
+    """
     if media.cover_glass is None and not media.bodies:
         return passage
     waves = media.wavelengths(rays.wavelengths_nm, len(rays))
-    behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, plate)
+    slopes = [
+        slopes_of(rays, body.media(media), DOUBLE, media.scattering_before(number), seed)
+        for number, body in enumerate(media.bodies)
+    ]
+    behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, plate, slopes)
     out_of_bodies = passage.flux * behind.through_bodies
     left = out_of_bodies * behind.through_glass
     return replace(
@@ -209,12 +220,15 @@ class MeshBody:
         return along
 
 
-def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceHits) -> AtFace:
-    """Light at the places of a body that were hit.
+def at_faces(
+    optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceHits, events: int | Int[np.ndarray, " n"]
+) -> AtFace:
+    """Light at the places of a body that were hit, each at one of its ``events``.
 
     On their other side than the body is the cavity where they face the origin; where no optical face is, no coating.
     """
     names, split = optical.names, np.empty((2, *light.fields.shape), dtype=complex)
+    normals = tilted(hits.normals, hits.points, light.slopes, hits.faces, events)
     at_face = AtFace(*np.empty((2, *hits.points.shape)), *np.empty((2, len(hits.points))), *split)
     for number, away, inside in product(range(NO_FACE, len(names)), (False, True), (False, True)):
         rows = np.nonzero((hits.faces == number) & (hits.away == away) & (light.inside == inside))[0]
@@ -224,7 +238,7 @@ def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceH
             own, other = light.indices[rows], np.full(len(rows), around)
             before, behind = (own, other) if inside else (other, own)
             face = RefractingFace(before, behind, coating, light.wavelengths_nm[rows], not inside)
-            some = AtFace.of(face, light.directions[rows], hits.normals[rows], light.fields[rows])
+            some = AtFace.of(face, light.directions[rows], normals[rows], light.fields[rows])
             for name, values in vars(some).items():
                 getattr(at_face, name)[rows] = values
     return at_face
@@ -271,22 +285,25 @@ def outside_leg(rays: RayBundle) -> Leg:
     return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
 
 
-def send_through(part: PartMesh, grid: Grid, rays: RayBundle, media: Media, threads: int = 1) -> Passage:
-    """Cast every ray into the mesh of a part and out of it."""
+def send_through(
+    part: PartMesh, grid: Grid, rays: RayBundle, media: Media, threads: int = 1, seed: int | None = None
+) -> Passage:
+    """Cast every ray into the mesh of a part and out of it; ``seed``: of facets that are not those of the design."""
     body = MeshBody(part, grid)
 
     def send(start: int) -> Passage:
-        return send_through_body(body, rays.take(slice(start, start + _CHUNK)), media)
+        own = None if seed is None else seed + start
+        return send_through_body(body, rays.take(slice(start, start + _CHUNK)), media, own)
 
     with ThreadPoolExecutor(threads) as pool:
         pieces = list(pool.map(send, range(0, len(rays), _CHUNK)))
     return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
 
 
-def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
+def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int | None = None) -> Passage:
     """Cast every ray into ``body`` and out of it, with as many events as its light has at most."""
     optical = body.optical
-    passage, light = Passage.of(rays, optical.events), LitRays.of(rays, media)
+    passage, light = Passage.of(rays, optical.events), LitRays.of(rays, media, optical.names, seed)
     rows, leg = np.arange(len(rays)), outside_leg(rays)
     for event in range(optical.events):
         # Sides count behind a reflection, which may graze; before, the skin of the facet just left is enough.
@@ -305,7 +322,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
         absorb(passage, rows, lengths, np.where(light.inside, light.absorptions, 0.0))
         passage.facets_um[rows, event] = 1e3 * hits.heights
         passage.met[rows, event] = hits.faces
-        at = at_faces(optical, media, light, hits)
+        at = at_faces(optical, media, light, hits, event)
         passes = at.transmittance > 0.0
         dim(passage, rows, at, passes)
         ways, inside = np.where(passes[:, None], at.bent, at.mirrored), light.inside != passes
@@ -319,7 +336,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
         light = replace(light, directions=ways, fields=passage.fields[rows], inside=inside)
         going = np.nonzero(goes_on)[0]
         rows, leg, light = rows[going], Leg(hits.points, ways, hits.skins).take(going), light.take(going)
-    return behind_lens(passage, rays, media, optical.plate)
+    return behind_lens(passage, rays, media, optical.plate, seed)
 
 
 def _leaves_freely(optical: OpticalFaces, leg: Leg, light: LitRays, hits: SurfaceHits) -> Bool[np.ndarray, " n"]:

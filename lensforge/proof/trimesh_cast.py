@@ -31,11 +31,11 @@ def cast_plain(
     trimesh casts them in ``second``, where there is one; the function that is returned waits for it.
     """
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
-    outside, light = outside_leg(rays).take(rows), LitRays.of(rays, media).take(rows)
+    outside, light = outside_leg(rays).take(rows), LitRays.of(rays, media, part.optical.names).take(rows)
     entry = MeshBody(part, grid).surface_hits(outside)
     entered = np.nonzero(entry.found)[0]
     entry = entry.take(entered)
-    inside = Leg(entry.points, at_faces(part.optical, media, light.take(entered), entry).bent, entry.skins)
+    inside = Leg(entry.points, at_faces(part.optical, media, light.take(entered), entry, 0).bent, entry.skins)
     bare = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=False)  # what others have cached stays here
     legs = outside, inside
     cast = second.call(_distances, bare, legs)

@@ -183,7 +183,7 @@ def passage_through(file: bytes, optical: OpticalFaces, media: Media, rays: RayB
 def _own_light(
     part: PartMesh, grid: Grid, own: IndependentLight, media: Media, expected: Sequence[Expected], threads: int
 ) -> list[IndependentRays]:
-    passage = send_through(part, grid, own.rays, media, threads)
+    passage = send_through(part, grid, own.rays, media, threads, own.seed)
     pairs = zip(expected, own.designs, strict=True)
     return [judge_independent_rays(own.rays, passage, each, design) for each, design in pairs]
 

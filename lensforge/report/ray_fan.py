@@ -1,5 +1,6 @@
 """Rays from a source through a lens for a drawing: every face that they meet, and where they leave the drawing."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -24,8 +25,9 @@ Points = Float[np.ndarray, "n 3"]
 
 
 def fan_tables(lens: Lens) -> TracedLens:
-    """``lens`` as :func:`trace_fan` follows rays through it."""
-    return TracedLens.of(lens, _NODES_PER_SIGMA)
+    """``lens`` as :func:`trace_fan` follows rays through it: faces that scatter are drawn as if polished."""
+    traced = TracedLens.of(lens, _NODES_PER_SIGMA)
+    return replace(traced, scene=replace(traced.scene, media=traced.scene.media.polished))
 
 
 def trace_fan(

@@ -19,7 +19,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -35,14 +34,6 @@ from lensforge.spec.tolerances_section import FORM_NUMBERS, PLACEMENT, WAVINESS_
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
-
-
-class Roughness(NamedTuple):
-    """Three standard normal numbers of each ray at every face, and the rms slope of each face."""
-
-    noise: Float[np.ndarray, "n m"]
-    slopes: Float[np.ndarray, " f"]
-
 
 _NOISE_SEED = 20_29  # of the roughness: any number; the same in every trace, so that parts compare ray by ray
 
@@ -84,16 +75,20 @@ class AsMade:
         into, back = source.seen_from(faces[0]), self.lens.after(last)
         return FacePoses(into, between, back, self.source_size / self.scale, self.scale)
 
-    def rough(self, rays: int) -> Roughness | None:
-        """Roughness of all faces for so many rays; None where all are polished."""
-        slopes = np.array([self.slopes.get(name, 0.0) for name in self.names])
-        return Roughness(_noise(rays, len(slopes)), slopes) if slopes.any() else None
+    @property
+    def slopes_of_faces(self) -> Float[np.ndarray, " f"]:
+        """Roughness of each face."""
+        return np.array([self.slopes.get(name, 0.0) for name in self.names])
+
+    def rough(self, rays: int) -> Float[np.ndarray, "n m"] | None:
+        """Slopes of the facets of so many rays along two lines on each face, over its own; None of polished faces."""
+        return _noise(rays, len(self.names)) if self.slopes_of_faces.any() else None
 
 
 @lru_cache(maxsize=2)
 def _noise(rays: int, faces: int) -> Float[np.ndarray, "n m"]:
-    """Standard normal numbers of each ray at every face, (x, y, z) each."""
-    noise = np.random.default_rng(_NOISE_SEED).standard_normal((rays, 3 * faces))
+    """Two standard normal numbers of each ray at every face."""
+    noise = np.random.default_rng(_NOISE_SEED).standard_normal((rays, 2 * faces))
     noise.flags.writeable = False
     return noise
 

@@ -131,7 +131,7 @@ def redesign(lens: Lens, source: EmitterSection | Path | str, **options: Unpack[
     """
     require(lens, Lens, "redesign")
     other = other_source(lens.spec, source)
-    spec, built = lens.spec.with_automatic_levels(), build_source(other, lens.dispersion)
+    spec, built = lens.spec.with_automatic_levels(), build_source(other, lens.dispersion, facets=lens.media.scattering)
     symmetry = spec.lens.symmetry if contains(built.symmetry, spec.lens.symmetry) else "auto"
     name = joined_name(spec.name, name_of_source(other))
     changed = spec.replace({"lens.symmetry": symmetry, "sources": ()}, source=other, name=name)
@@ -306,7 +306,7 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
     preset, lights = preset_of(lens.accuracy), []
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     for spec in lens.spec.of_each_source:
-        source = build_source(spec.source, lens.dispersion)
+        source = build_source(spec.source, lens.dispersion, facets=lens.media.scattering)
         efficacy = summarise(source, spec.source).lumens_per_watt
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
         rays, own = spec.evaluate.rays or preset.evaluate_rays, smoothed(searched(source))

@@ -4,12 +4,13 @@ The paper's source, a square Lambertian emitter in the plane z = 0, needs none. 
 own, and around it lies a smallest cavity of usual proportions.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, singledispatch
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
 from lensforge.optics.pose import ALONG_Z, Pose
@@ -26,6 +27,7 @@ from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.source_sections import ChipsSource, PlanarSource, RadianceSource, RaySetSource, SquareSource
 from lensforge.surfaces.mirror_group import group, largest_symmetry
 
+_OF_RAYS, _MOST_FACETS = 4, 2  # dimensions of a sample of rays; faces for which the sequence has more
 _SAME = 1e-12  # elements of a rotation by 45 degrees, rounded, are this close to those of a mirror
 
 
@@ -106,18 +108,37 @@ class PlacedSource(ChangedSource):
         return self.pose.points(self.source.outline())
 
 
-def build_source(spec: EmitterSection, material: Material | None = None, *, coloured: bool = False) -> Source:
+@dataclass(frozen=True, eq=False)
+class FacetedSource(ChangedSource):
+    """``source``, whose rays also have numbers for the facets of as many ``faces`` that scatter, at most two.
+
+    They are further dimensions of the Sobol sequence that draws the rays: each dimension is scrambled by itself.
+    """
+
+    faces: int
+
+    def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
+        """The rays with their numbers."""
+        return replace(rays, facets=sobol(len(rays), _OF_RAYS + 2 * self.faces, seeds.of_facets(seed))[:, _OF_RAYS:])
+
+
+def build_source(
+    spec: EmitterSection, material: Material | None = None, *, coloured: bool = False, facets: int = 0
+) -> Source:
     """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used.
 
     ``material``: of the lens if it is dispersive; then rays carry their wavelengths, where these are known, and
     :class:`InputError` is raised too where its index is not known at them. ``coloured``: rays carry X, Y and Z per W,
-    and :class:`InputError` is raised where a spectrum is not known or not visible.
+    and :class:`InputError` is raised where a spectrum is not known or not visible. ``facets``: number of faces that
+    scatter, for which rays that are not measured have numbers.
     """
     if isinstance(spec, RaySetSource):
         from lensforge.sources.ray_set_loading import load_ray_set
 
         return load_ray_set(spec, material, colours=coloured)
     emitter, pose = emitter_of(spec, disperses=material is not None, coloured=coloured), spec.pose
+    if facets:
+        emitter = FacetedSource(emitter, min(facets, _MOST_FACETS))
     if pose.moves:
         emitter = PlacedSource(emitter, pose)
     if material is not None and isinstance(spec, ChipsSource) and spec.spectra:
@@ -171,7 +192,7 @@ def summarise(source: Source, spec: EmitterSection) -> SourceSummary:
 
 
 def _file_warnings(source: Source) -> tuple[str, ...]:
-    if isinstance(source, PlacedSource):
+    if isinstance(source, PlacedSource | FacetedSource):
         return _file_warnings(source.source)
     return getattr(source, "warnings", ())  # of a planar emitter; its module is loaded for it alone
 

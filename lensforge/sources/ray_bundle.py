@@ -55,7 +55,8 @@ class RayBundle:
 
     ``waves``: wavelength of each, at which media answer their index; None where that does not count, or is not known.
     ``of_source``: number of the LED of each, where a lens is for several. ``tristimulus``: X, Y, Z (lm) per W of each;
-    None where nobody asks for colour.
+    None where nobody asks for colour. ``facets``: two numbers in [0, 1) of each ray for every face that scatters, as
+    many as its source has drawn; None where none has.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -64,6 +65,7 @@ class RayBundle:
     waves: Wavelengths | None = None
     of_source: Int[np.ndarray, " n"] | None = None
     tristimulus: Float[np.ndarray, "n 3"] | None = None
+    facets: Float[np.ndarray, "n m"] | None = None
 
     def __len__(self) -> int:
         return len(self.flux)
@@ -89,7 +91,8 @@ class RayBundle:
         waves = None if self.waves is None else self.waves.take(rows)
         numbers = None if self.of_source is None else self.of_source[rows]
         colours = None if self.tristimulus is None else self.tristimulus[rows]
-        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], waves, numbers, colours)
+        facets = None if self.facets is None else self.facets[rows]
+        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], waves, numbers, colours, facets)
 
     def placed(self, pose: Pose) -> "RayBundle":
         """Rays of the coordinates of a thing in those of what it stands in."""
@@ -118,7 +121,7 @@ class RayBundle:
         return rays.with_wavelengths(_joined("wavelengths_nm", [part.wavelengths_nm for part in parts]))
 
 
-_ARRAYS = ("origins", "directions", "flux", "of_source", "tristimulus")
+_ARRAYS = ("origins", "directions", "flux", "of_source", "tristimulus", "facets")
 
 
 def _joined(name: str, columns: Sequence[np.ndarray | None]) -> Any:

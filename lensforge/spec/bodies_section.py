@@ -4,7 +4,7 @@ They nest like shells: the lens lies in the cavity of the first, each body in th
 outside. The search changes none of them, and no file for the shop has them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated
@@ -15,14 +15,16 @@ from pydantic import Field
 
 from lensforge.optics.face_roles import CAVITY, DOUBLE, OUTSIDE
 from lensforge.optics.material import MATERIALS, Material, by_abbe_number
-from lensforge.optics.media import FaceCoating, Media, Medium, SecondaryOptic
+from lensforge.optics.media import FaceCoating, FaceScatter, Media, Medium, SecondaryOptic
 from lensforge.optics.pose import Pose
+from lensforge.optics.scattering import FacetTurn
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.lens_material import OfMaterial, OpticalData
 from lensforge.spec.lens_section import LensShape
+from lensforge.spec.scatter_section import ScatterSection
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section, check, fault_of
 from lensforge.surfaces.placed_bodies import depths, outside_of
@@ -40,6 +42,8 @@ class ShellFace(Section):
     """Surface, in the coordinates of the body: its origin lies within."""
     coating: CoatingSection | None = None
     """Coating of the face."""
+    scatter: ScatterSection | None = None
+    """How the face spreads the light that passes it; left out, it is polished."""
 
 
 class BodySection(OfMaterial):
@@ -117,8 +121,8 @@ class BodySection(OfMaterial):
         """Place of the body in the lens."""
         return Pose.of_tilts(self.centre_mm, self.tilt_deg, self.rotate_z_deg)
 
-    def body(self, design_wavelength_nm: float) -> SecondaryOptic:
-        """The body as rays meet it; those without a wavelength have that one.
+    def body(self, design_wavelength_nm: float, outside_index: float = 1.0) -> SecondaryOptic:
+        """The body as rays meet it in that index; those without a wavelength have that one.
 
         Raises :class:`InputError` where its index is not known there.
         """
@@ -140,14 +144,23 @@ class BodySection(OfMaterial):
             self.outer.fixed.surface,
             self.pose,
             coatings,
+            tuple(self._scatter(index / outside_index)),
         )
+
+    def _scatter(self, index: float) -> Iterator[FaceScatter]:
+        """Facets of each face that scatters; ``index``: of the body against what surrounds it."""
+        for name, face, ratio in zip(DOUBLE, (self.inner, self.outer), (1.0 / index, index), strict=True):
+            if face.scatter is not None:
+                yield FaceScatter(name, face.scatter.facets(FacetTurn(ratio)))
 
 
 def media_with(bodies: Sequence[BodySection], lens: LensShape) -> Media:
     """The media of the lens with the bodies behind it. Raises :class:`InputError` for an index that is not known."""
     if not bodies:
         return lens.media
-    return replace(lens.media, bodies=tuple(body.body(lens.design_wavelength_nm) for body in bodies))
+    return replace(
+        lens.media, bodies=tuple(body.body(lens.design_wavelength_nm, lens.outside_index) for body in bodies)
+    )
 
 
 def require_bodies(sections: Sequence[BodySection], lens: LensShape, limits: ConstraintsSection, lamps: Lamps) -> None:

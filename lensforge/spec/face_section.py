@@ -8,6 +8,7 @@ from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, OUTSIDE, RIM_FLANGE, FaceRole, bounding
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
+from lensforge.spec.scatter_section import ScatterSection
 from lensforge.spec.spec_section import DraftOrNone, Millimetres, Section, check
 from lensforge.spec.tolerances_section import FaceTolerances, lets_light_in, refuse_placement
 from lensforge.surfaces.surface import Surface
@@ -26,6 +27,8 @@ class _DesignedFace(Section):
     """Share of the light that a metal film on the face reflects at every angle, in place of a coating; the rest is
     absorbed. Of a face of a lens for total internal reflection.
     """
+    scatter: ScatterSection | None = None
+    """How the face spreads the light that passes it, or that its mirror reflects; left out, it is polished."""
     concave_radius_mm: Millimetres | None = None
     """Least concave radius: of the ball that mills the face, or of the meridian, for the nose that turns it."""
     draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = None
@@ -109,6 +112,16 @@ class FacesSection(Section):
     @check
     def _first_is_the_reference(self) -> None:
         refuse_placement(self.roles, self.faces)
+
+    @check
+    def _scatters_no_light_that_it_keeps(self) -> None:
+        for role in self.roles:
+            face = self.faces[role.name]
+            if face.scatter is not None and role.reflects and face.mirror is None:
+                raise ValueError(
+                    f"{role.name}.scatter: the face reflects light totally, which facets would let out; leave it out, "
+                    f"or give the face a mirror ({role.name}.mirror)"
+                )
 
     @property
     def rim_flange(self) -> FlangeSection | None:

@@ -3,6 +3,7 @@
 The ``[lens.optical_data]`` are index and absorption of a custom material, by formula or by table.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
-from lensforge.optics.face_roles import RIM_FLANGE
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE
 from lensforge.optics.material import (
     D_LINE_NM,
     HIGHEST_C,
@@ -31,7 +32,8 @@ from lensforge.optics.material import (
     by_abbe_number,
 )
 from lensforge.optics.material_files import read_material
-from lensforge.optics.media import FaceCoating, Media, Medium, Mirror
+from lensforge.optics.media import FaceCoating, FaceScatter, Media, Medium, Mirror
+from lensforge.optics.scattering import FacetTurn
 from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
 from lensforge.spec.spec_files import full_path
@@ -333,7 +335,26 @@ class LensMaterial(OfMaterial, FacesSection):
             tuple(coatings),
             wavelength_nm=self.design_wavelength_nm,
             faces=self.body_roles,
+            scatter=tuple(self._scatter),
         )
+
+    @property
+    def _scatter(self) -> Iterator[FaceScatter]:
+        """Facets of each face that scatters. Raises ``ValueError`` for what no facets do."""
+        indices = {CAVITY: self.cavity_index, OUTSIDE: self.outside_index}
+        for name, face in self.faces.items():
+            if face.scatter is not None:
+                role = self.role(name)
+                ratio = self.refractive_index / indices[role.around]
+                turn = FacetTurn(None if face.mirror is not None else ratio if role.before == BODY else 1.0 / ratio)
+                try:
+                    yield FaceScatter(name, face.scatter.facets(turn))
+                except ValueError as error:
+                    raise ValueError(f"{name}.scatter: {error}") from None
+
+    @check
+    def _faces_can_scatter_so(self) -> None:
+        tuple(self._scatter)
 
     @property
     def _chromatic(self) -> bool:

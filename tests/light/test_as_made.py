@@ -123,8 +123,7 @@ def test_faces_of_a_body_of_four_are_met_each_in_its_own_frame() -> None:
         point, face = frame[:, :3] @ point + frame[:, 3], made.faces[name]
         assert np.allclose(face.points(point), in_body, atol=1e-15)
     assert np.allclose(out * frames[4, :, :3] @ point + frames[4, :, 3], world, atol=1e-15)
-    noise, slopes = made.rough(7)
-    assert noise.shape == (7, 12) and slopes.tolist() == [0.0, 0.0, 1e-3, 0.0]
+    assert made.rough(7).shape == (7, 8) and made.slopes_of_faces.tolist() == [0.0, 0.0, 1e-3, 0.0]
     assert replace(made, slopes={}).rough(7) is None
 
 

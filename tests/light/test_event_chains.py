@@ -13,8 +13,17 @@ from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
-from lensforge.optics.media import CoatingLayer, CoverGlass, FaceCoating, IndexCurve, LayerStack, ReflectanceTable
+from lensforge.optics.media import (
+    CoatingLayer,
+    CoverGlass,
+    FaceCoating,
+    FaceScatter,
+    IndexCurve,
+    LayerStack,
+    ReflectanceTable,
+)
 from lensforge.optics.pose import Pose
+from lensforge.optics.scattering import GaussianFacets
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.made_part import AsMade
@@ -33,6 +42,7 @@ MOVED = AsMade(
     source_size=1.02, scale=1.001, seat_mm=5.0,
 )  # fmt: skip
 ROUGH = AsMade(names=NAMES, slopes=dict.fromkeys(NAMES, 0.01))
+FROSTED = FaceScatter("cap", GaussianFacets(0.1)), FaceScatter("wall", GaussianFacets(0.03))
 CASES = {
     "clear": (clear(), None),
     "absorbing": (clear(absorption=0.02), None),
@@ -42,6 +52,7 @@ CASES = {
     "glass": (replace(clear(absorption=0.02), cover_glass=CoverGlass(1.52, 2.0, 20.0, 0.001, FILM)), None),
     "moved": (clear(absorption=0.02), MOVED),
     "rough": (clear(), ROUGH),
+    "frosted": (replace(clear(coatings=mirrors(0.9, wall=OUTSIDE)), scatter=FROSTED), ROUGH),
 }
 
 

@@ -258,7 +258,7 @@ def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray, n
     """Points and directions behind lens and glass, and flux, of the spheres, by the sums of the verification."""
     radii, flux, fields = (0.8, 2.45), rays.flux, unpolarised(rays.directions)
     points, directions = rays.origins, rays.directions
-    light, count = LitRays.of(rays, media), len(rays)
+    light, count = LitRays.of(rays, media, ("inner", "outer")), len(rays)
     waves = light.wavelengths_nm
     faces = (
         RefractingFace(np.full(count, media.cavity_index), light.indices, media.coating("inner"), waves, True),

@@ -1,0 +1,77 @@
+"""Facets of rough faces: each ray of a packet has their slope along two lines on the face that it meets.
+
+The lines are x and y, taken to the face by the rotation that takes z to its normal the shortest way. A slope is copied
+into the packet by a loop of its own, so that the tilt is one of vector instructions.
+"""
+
+import numpy as np
+
+from lensforge.kernels.compiled import inline, kernel
+from lensforge.kernels.ray_packet import SIZE
+from lensforge.kernels.vectors import add_scaled, dot, length_of, scaled
+
+
+@inline
+def fetch_facet(packet, place, k, event, face, noise, slopes):
+    """The slopes of ray k at a face, where faces are rough; a right angle on each time that it meets it again."""
+    if noise is not None:
+        x, y, turn = slopes[face] * noise[k, 2 * face], slopes[face] * noise[k, 2 * face + 1], (event - face) % 4
+        sign = 1.0 if turn < 2 else -1.0
+        packet[place], packet[place + SIZE] = (sign * x, sign * y) if turn % 2 == 0 else (-sign * y, sign * x)
+
+
+@inline
+def facet_normal(packet, place, n, noise):
+    """Normal of the facet, not normalised, on a face with normal n; n itself where ``noise`` is None: all are polished.
+
+    The slopes are at this ``place`` of the packet.
+    """
+    if noise is None:
+        return n
+    x, y, length = packet[place], packet[place + SIZE], length_of(n)
+    along = (x * n[0] + y * n[1]) / (length + n[2])  # of the slope's vector, over 1 + cos of the normal's angle
+    return (
+        n[0] + length * x - along * n[0],
+        n[1] + length * y - along * n[1],
+        n[2] - along * (n[2] + length),
+    )
+
+
+@inline
+def facet_normal_adjoint(packet, place, n, noise, h):
+    """Adjoint of :func:`facet_normal`: sensitivity to n from that to the normal of the facet (h)."""
+    if noise is None:
+        return h
+    x, y, length = packet[place], packet[place + SIZE], length_of(n)
+    shift = length + n[2]
+    along = (x * n[0] + y * n[1]) / shift
+    u = scaled(1.0 / length, n)
+    by_along = -(dot(h, n) + h[2] * length) / shift  # of the product above
+    by_length = h[0] * x + h[1] * y - h[2] * along - by_along * along
+    by_n = add_scaled(scaled(1.0 - along, h), by_length, u)
+    return by_n[0] + by_along * x, by_n[1] + by_along * y, by_n[2] - by_along * along
+
+
+_GOLDEN, _FIRST, _SECOND = (np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+_27, _30, _31, _11 = (np.uint64(each) for each in (27, 30, 31, 11))
+_ULP = 2.0**-53
+
+
+@inline
+def mixed(key):
+    """A number each bit of which depends on all bits of the key: SplitMix64 (Steele, Lea and Flood, 2014)."""
+    key = (key ^ (key >> _30)) * _FIRST
+    key = (key ^ (key >> _27)) * _SECOND
+    return key ^ (key >> _31)
+
+
+@kernel
+def draw_by_rays(origins, directions, salt, numbers):
+    """Fill ``numbers`` (n, 2), each in [0, 1), from the bits of each ray; others with another ``salt``."""
+    for k in range(len(numbers)):
+        key = salt
+        for axis in range(3):
+            key = mixed((key + _GOLDEN) ^ origins[k, axis])
+            key = mixed((key + _GOLDEN) ^ directions[k, axis])
+        numbers[k, 0] = float(mixed(key + _GOLDEN) >> _11) * _ULP
+        numbers[k, 1] = float(mixed(key + _GOLDEN + _GOLDEN) >> _11) * _ULP

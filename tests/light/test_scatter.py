@@ -1,0 +1,145 @@
+"""Faces that scatter: closed forms, energy, the proof's own facets, and what no facets do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from chains import clear, upwards
+from scipy.integrate import quad
+from scipy.stats import kstest
+
+from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.optics.media import FaceScatter, Media
+from lensforge.optics.scattering import FacetTurn, GaussianFacets, gaussian
+from lensforge.proof.facet_tilt import slopes_of, tilted
+from lensforge.proof.refraction import LitRays
+from lensforge.scene.rough_faces import facet_slopes, with_facets
+from lensforge.sources.build_source import build_source
+from lensforge.spec.scatter_section import GaussianScatter
+from lensforge.spec.source_sections import SquareSource
+from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.bicubic_table import TableGrid, tabulate
+
+N, GRID = 1.49, TableGrid(161)
+SPHERES = np.stack([tabulate(GRID, sphere(radius)) for radius in (1.0, 3.0)])
+RAYS = replace(
+    upwards(200_000, 1), flux=np.full(200_000, 5e-6)
+)  # from the centre: each meets both faces along the normal
+
+
+def frosted(face: str, sigma_deg: float) -> Media:
+    turn = FacetTurn(1.0 / N if face == "inner" else N)
+    return replace(clear(N), scatter=(FaceScatter(face, gaussian(np.radians(sigma_deg), turn)),))
+
+
+@pytest.mark.parametrize("sigma_deg", [0.5, 6.0, 20.0])
+def test_a_frosted_face_spreads_light_along_its_normal_as_gaussian_facets_do(sigma_deg: float) -> None:
+    """A facet of slope tan m turns light by asin(n sin m) - m; the squared slope is exponentially distributed."""
+    media = frosted("outer", sigma_deg)
+    exits = TracedBundle.of(SPHERES, Scene(media, GRID, fresnel=False), RAYS).exits
+    slope = np.sin(np.radians(sigma_deg)) / (N - np.cos(np.radians(sigma_deg)))
+    assert media.scatter[0].facets.slope == pytest.approx(slope, rel=1e-12)
+    critical = 1.0 / np.sqrt(N**2 - 1.0)
+    back = np.exp(-0.5 * (critical / slope) ** 2)
+    out = exits.left_lens
+    assert 1.0 - out.mean() == pytest.approx(back, abs=4.0 * np.sqrt(back / len(RAYS)) + 1e-6)
+    assert exits.flux[out] == pytest.approx(RAYS.flux[out], rel=1e-12), "no light is made or lost"
+    angles = np.arccos(np.clip((exits.directions * RAYS.directions).sum(axis=1)[out], -1.0, 1.0))
+    slopes = np.sin(angles) / (N - np.cos(angles))
+    share = (1.0 - np.exp(-0.5 * (slopes / slope) ** 2)) / (1.0 - back)
+    assert kstest(share, "uniform").statistic < 1.95 / np.sqrt(out.sum())  # 0.1 % of samples
+    across = exits.directions[out] - (exits.directions * RAYS.directions).sum(axis=1)[out, None] * RAYS.directions[out]
+    assert np.abs(across.mean(axis=0)).max() < 5.0 * across.std() / np.sqrt(out.sum()), "to all sides alike"
+
+
+@pytest.mark.parametrize(("face", "sigma_deg"), [("inner", 5.0), ("outer", 5.0)])
+def test_a_frosted_face_lets_through_what_its_facets_do(face: str, sigma_deg: float) -> None:
+    """Fresnel's transmittance over the distribution of the slopes, at the facets alone: the other face is met later."""
+    media = frosted(face, sigma_deg)
+    slope, ratio = media.scatter[0].facets.slope, (1.0 / N if face == "inner" else N)
+
+    def passed(m: float) -> float:
+        c, s = np.cos(m), ratio * np.sin(m)
+        if s >= 1.0:
+            return 0.0
+        q = np.sqrt(1.0 - s * s)
+        reflected = [((ratio * c - q) / (ratio * c + q)) ** 2, ((c - ratio * q) / (c + ratio * q)) ** 2]
+        return 1.0 - 0.5 * sum(reflected)
+
+    def weighted(x: float) -> float:
+        return passed(np.arctan(slope * x)) * x * np.exp(-0.5 * x * x)
+
+    found = TracedBundle.of(SPHERES, Scene(media, GRID), RAYS).exits
+    wanted = quad(weighted, 0.0, 12.0, epsabs=1e-12)[0]
+    if face == "outer":
+        wanted *= 4.0 * N / (N + 1.0) ** 2
+        assert found.flux[found.left_lens].sum() == pytest.approx(wanted, abs=2e-4)
+    else:
+        lit = LitRays.of(with_facets(RAYS, 1), media, ("inner", "outer"))
+        facets = tilted(RAYS.directions, RAYS.directions, lit.slopes, np.zeros(len(RAYS), dtype=int), 0)
+        angles = np.arccos(np.minimum((facets * RAYS.directions).sum(axis=1), 1.0))
+        assert np.mean([passed(m) for m in angles[:20_000]]) == pytest.approx(wanted, abs=2e-4)
+
+
+def test_a_ray_meets_the_same_facets_alone_and_among_others() -> None:
+    media, rays = frosted("outer", 4.0), upwards(3000, 2, 0.4)
+    scene, order = Scene(media, GRID), np.random.default_rng(3).permutation(3000)
+    whole = TracedBundle.of(SPHERES, scene, rays).exits.directions
+    some = TracedBundle.of(SPHERES, scene, rays.take(order[:700])).exits.directions
+    assert np.array_equal(some, whole[order[:700]])
+    other = replace(rays, origins=rays.origins + 1e-12)
+    assert np.abs(TracedBundle.of(SPHERES, scene, other).exits.directions - whole).max() > 0.01, "and no others"
+
+
+def test_a_polished_face_costs_no_bits_and_one_face_does_not_scatter_for_another() -> None:
+    plain = TracedBundle.of(SPHERES, Scene(clear(N), GRID), RAYS).exits
+    for media in (frosted("inner", 3.0), frosted("outer", 3.0)):
+        same = TracedBundle.of(SPHERES, Scene(media.polished, GRID), RAYS).exits
+        assert np.array_equal(same.directions, plain.directions)
+        assert (
+            np.abs(TracedBundle.of(SPHERES, Scene(media, GRID), RAYS).exits.directions - plain.directions).max() > 0.1
+        )
+    drawn = facet_slopes(RAYS, (GaussianFacets(0.1), None, GaussianFacets(0.1)))
+    assert not drawn[:, 2:4].any()
+    assert np.abs(np.corrcoef(drawn[:, [0, 1, 4, 5]].T) - np.eye(4)).max() < 0.012, "each face has its own"
+
+
+def test_the_proof_draws_facets_of_its_own_with_the_same_light() -> None:
+    media = frosted("outer", 8.0)
+    own, design = (slopes_of(with_facets(RAYS, 1), media, ("inner", "outer"), seed=seed) for seed in (7, None))
+    assert np.abs(own - design).max() > 0.1
+    normals, faces = RAYS.directions, np.ones(len(RAYS), dtype=int)
+    facets = [tilted(normals, normals, each, faces, 1) for each in (own, design)]
+    angles = [np.arccos((each * normals).sum(axis=1)) for each in facets]
+    assert kstest(*angles).statistic < 1.95 * np.sqrt(2.0 / len(RAYS))
+    away = tilted(-normals, normals, design, faces, 1)
+    assert np.array_equal(away, tilted(normals, normals, design, faces, 1)), "a facet has one normal, from both sides"
+
+
+def test_a_drawn_sample_has_quasi_random_facets_for_two_faces() -> None:
+    """Sixteen equal parts of each pair of dimensions, of rays and facets alike, hold as many of 4096 rays."""
+    square = SquareSource(side_mm=1.0)
+    rays = build_source(square, facets=3).sample(4096, 5)
+    assert np.array_equal(rays.origins, build_source(square).sample(4096, 5).origins)
+    assert rays.facets is not None and rays.facets.shape == (4096, 4)
+    place = np.column_stack([rays.origins[:, 0] + 0.5, rays.facets])
+    for one in range(5):
+        for other in range(one):
+            cells = (4.0 * place[:, one]).astype(int) * 4 + (4.0 * place[:, other]).astype(int)
+            assert set(np.bincount(cells, minlength=16)) == {256}, (one, other)
+    scattered = facet_slopes(rays, (GaussianFacets(0.1), GaussianFacets(0.1), GaussianFacets(0.1)))
+    assert np.abs(scattered.std(axis=0) - 0.1).max() < 0.004 and np.abs(scattered[:, :4].mean(axis=0)).max() < 1e-4
+
+
+def test_a_mirror_turns_light_by_twice_the_slope() -> None:
+    assert gaussian(np.radians(10.0), FacetTurn(None)).slope == pytest.approx(np.tan(np.radians(5.0)), rel=1e-12)
+
+
+@pytest.mark.parametrize(("sigma_deg", "allowed"), [(27.0, True), (28.5, False), (45.0, False)])
+def test_a_face_that_would_turn_half_of_the_light_back_is_refused(sigma_deg: float, allowed: bool) -> None:
+    section = GaussianScatter(sigma_deg=sigma_deg)
+    if allowed:
+        assert section.facets(FacetTurn(N)).slope < 0.78
+    else:
+        with pytest.raises(ValueError, match="turned back; take a smaller angle"):
+            section.facets(FacetTurn(N))
