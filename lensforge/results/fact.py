@@ -155,7 +155,7 @@ class Fact:
 
     @property
     def advice(self) -> str:
-        """What to try: where nothing is decided, that which decides."""
+        """Remedy, or where nothing is decided, that which decides."""
         return self.decided_by if self.state == "undecided" else self.remedy
 
     def __str__(self) -> str:
