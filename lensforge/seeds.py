@@ -21,9 +21,8 @@ _PARTS_OF_STEPS, _VALIDATION_PARTS, OF_FILE, _FACETS = (
 )  # OF_FILE: divides its rays
 _BITS = 30  # of a number of a sequence
 # For each dimension the coefficients of a primitive polynomial, and the first direction numbers: Joe, Kuo 2008.
-_DIMENSIONS = (
-    (1,), (3, 1), (7, 1, 3), (11, 1, 3, 1), (13, 1, 1, 1), (19, 1, 1, 3, 3), (25, 1, 3, 5, 13), (37, 1, 1, 5, 5, 17),
-)  # fmt: skip
+_OF_RAYS = (1,), (3, 1), (7, 1, 3), (11, 1, 3, 1)
+_DIMENSIONS = (*_OF_RAYS, (13, 1, 1, 1), (19, 1, 1, 3, 3), (25, 1, 3, 5, 13), (37, 1, 1, 5, 5, 17))
 
 
 def of_step(seed: int, step: int) -> int:

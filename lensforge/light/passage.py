@@ -1,8 +1,9 @@
 """Rays through one body by the compiled kernels on all cores, and back: the lens, or given optics behind it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from threading import get_ident
+from threading import local
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float, Int8
@@ -22,8 +23,16 @@ from lensforge.kernels.trace import trace
 from lensforge.kernels.traced_body import ByRaysOut, RaysIn, RaysOut, TracedBody, Ways
 
 _WORTH_SHARING = 2**11  # rays: a millisecond of work
-# Memory of a thread for kernels, made once: its zeros take as long as the work on some hundred rays.
-_kept = cache(lambda _thread, make, *given: make(*given))
+_Memory = TypeVar("_Memory")
+_of_thread = local()
+
+
+def _kept(make: Callable[..., _Memory], *given: Any) -> _Memory:
+    """Memory of this thread for kernels, made once: its zeros take as long as the work on some hundred rays."""
+    known = vars(_of_thread).setdefault("memory", {})
+    if (make, given) not in known:
+        known[make, given] = make(*given)
+    return cast(_Memory, known[make, given])
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +81,7 @@ class BodyPassage:
         run = precision.kernel(trace)
 
         def work(part: slice) -> None:
-            run(rays.part(part), body, ways.part(part), exits.part(part), _kept(get_ident(), empty_packet, precision))
+            run(rays.part(part), body, ways.part(part), exits.part(part), _kept(empty_packet, precision))
 
         in_pieces(work, count, worth=_WORTH_SHARING)
         return BodyPassage(body, rays, ways, exits, precision)
@@ -94,7 +103,7 @@ class BodyPassage:
             run = self.precision.kernel(adjoint_of_pairs)
 
             def work(chunk: int, part: slice) -> None:
-                ways, packet = self.ways.part(part), _kept(get_ident(), adjoint_memory, 0, self.precision).packet
+                ways, packet = self.ways.part(part), _kept(adjoint_memory, 0, self.precision).packet
                 run(self.rays.part(part), self.body, ways, self.exits.fates[part], by.part(part), totals[chunk], packet)
 
             in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)
@@ -124,7 +133,7 @@ class BodyPassage:
                 by.part(part),
                 same_way(met[part]),
                 gradients,
-                _kept(get_ident(), adjoint_memory, events),
+                _kept(adjoint_memory, events),
             )
 
         in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)
