@@ -30,7 +30,6 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
 Tables = dict[str, Any]  # of a spec, by their names
 
 _OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
-_SPARE_MM = 0.02  # that the step is rounded up by
 CUTTERS = "radius of the shop's ball cutter in mm, which a lens that is turned takes none of, mould, or none"
 
 
@@ -131,7 +130,7 @@ class NewScene:
         process = self._spec(self.content(kind, shape=shape)).manufacture.process
         content = self.content(kind, _limits_of(cutter, process), shape)
         made = self._spec(content)
-        room_mm = made.manufacture.tool_radius_mm + made.constraints.min_thickness_mm + _SPARE_MM
+        room_mm = made.manufacture.tool_radius_mm + made.constraints.min_thickness_mm + 0.02  # it is rounded up
         has_base = made.base.kind not in ("none", "step") and any(map(made.is_cut, made.lens.names))
         if has_base and made.base.height_mm < room_mm:  # a step as deep as the ball, and a wall under it
             content["base"] = {**content.get("base", {}), "height_mm": rounded_length(room_mm)}

@@ -202,8 +202,7 @@ def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
 def _share_in_target(receiver: ReceiverLight, judged: Fact | None, rays: int) -> Fact:
     """The fact; its error is that of the rays, no larger than of independent ones, and that of the target's pixels."""
     possible, share = receiver.possible, receiver.share_in_target
-    of_rays = share.value * (1.0 - share.value) / rays
-    pixels = (share.standard_error or 0.0) ** 2 > 2.0 * of_rays
+    pixels = (share.standard_error or 0.0) ** 2 > 2.0 * share.value * (1.0 - share.value) / rays
     fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], share, sense=">=")
     return replace(
         fact,

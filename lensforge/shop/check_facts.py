@@ -134,13 +134,10 @@ def tip_keys(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(f"{name}_{kind.tip}" for name in names for kind in (Cutter, TurningTool))
 
 
-_FLAT_MM = 1e3  # a concave region of a larger radius is flat for every tip
-
-
 def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:
     """The largest ball that reaches the whole face, or nose that fits its concave parts, against the shop's."""
     largest, shop_mm = cutter.largest_radius_mm, cutter.radius_mm
-    limits = largest is not None and largest < _FLAT_MM
+    limits = largest is not None and largest < 1e3  # mm: beyond, it is flat for every tip
     if not limits:
         does = f"no concave region limits the {cutter.tip}"
     elif isinstance(cutter, TurningTool):
