@@ -30,6 +30,8 @@ class BuildWithExamples(build_py):
 setup(
     packages=find_packages(include=["lensforge", "lensforge.*"]),
     package_dir={"": "."},
-    package_data={"lensforge": ["report/templates/*", "shop/templates/*", "scene/road_surfaces/*.csv", "py.typed"]},
+    package_data={
+        "lensforge": ["report/templates/*", "shop/templates/*", "live/page/*", "scene/road_surfaces/*.csv", "py.typed"]
+    },
     cmdclass={"build_py": BuildWithExamples},
 )

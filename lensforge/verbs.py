@@ -25,6 +25,7 @@ from lensforge.light.lens_light import evaluate, photometry
 from lensforge.light.light_facts import Attainable
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import Possible
+from lensforge.live.studio import Studio, studio
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.made.part_verbs import compare, correct, sensitivity, tolerance
 from lensforge.made.tolerance_result import Sensitivity, Yield
@@ -115,11 +116,12 @@ __all__ = [
     "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "Photometry",
     "PhotometrySection", "PlateBoss", "PlateGate", "PlateHole", "PlatePin", "PlateSection", "PointsLimit", "Possible",
     "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart", "ReflectorSection", "Results", "RingLamps",
-    "RoadSection", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StrayLight", "SurfaceComparison",
-    "Sweep", "TableIntensity", "TableLamps", "TableSpectrum", "TirSection", "ToleranceSpec", "TolerancesSection",
-    "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build", "check", "compare",
-    "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry", "preset_of", "rays",
-    "redesign", "run", "sensitivity", "stray_light", "sweep", "tolerance", "tradeoff", "verify",
+    "RoadSection", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StrayLight", "Studio",
+    "SurfaceComparison", "Sweep", "TableIntensity", "TableLamps", "TableSpectrum", "TirSection", "ToleranceSpec",
+    "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build",
+    "check", "compare", "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry",
+    "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light", "studio", "sweep", "tolerance", "tradeoff",
+    "verify",
 ]  # fmt: skip
 
 _OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection, ScatterSection)

@@ -18,12 +18,13 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 # From the ground up: a module may import from its own room and from those before it in this list.
 ORDER = [
     "version", "seeds", "errors", "results", "kernels", "optics", "surfaces", "spec", "sources", "scene", "light",
-    "cad", "search", "shop", "proof", "made", "report", "verbs", "cli", "__main__",
+    "cad", "search", "shop", "proof", "made", "report", "live", "verbs", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
     "torch", "numba", "scipy", "cadquery", "OCP", "trimesh", "manifold3d", "lib3mf", "pyvista", "matplotlib",
-    "skimage", "PIL", "tifffile", "imagecodecs", "jinja2", "rich", "mitsuba", "yaml", "dask", "distributed",
+    "skimage", "PIL", "tifffile", "imagecodecs", "jinja2", "rich", "mitsuba", "yaml", "dask", "distributed", "aiohttp",
+    "tomlkit",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
 SELDOM = ("lensforge.sources.rayfiles", "lensforge.report.sweep", "lensforge.report.tradeoff_study")

@@ -28,12 +28,13 @@ from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
 from lensforge.cli.streams import lasting_streams, open_standard_streams
 from lensforge.cli.studies import sweep, tradeoff
+from lensforge.cli.studio_page import studio
 from lensforge.errors import FileWarning, LensforgeError, SeveralErrors
 from lensforge.version import __version__
 
 # Commands by what they are for; those of no heading come last.
 _SECTIONS = {
-    "Design": ("new", "preview", "design", "sweep", "tradeoff", "examples", "schema"),
+    "Design": ("new", "studio", "preview", "design", "sweep", "tradeoff", "examples", "schema"),
     "One stage of a result folder again": ("evaluate", "export", "check", "verify", "photometry", "report"),
     "Tolerances": ("sensitivity", "yield"),
     "The shop and the machined part": ("handover", "compare", "correct"),
@@ -103,7 +104,21 @@ def cli(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
-for command in (*STAGE_COMMANDS, design, preview, new, sweep, tradeoff, report, handover, rays, road, schema, examples):
+for command in (
+    *STAGE_COMMANDS,
+    design,
+    preview,
+    new,
+    studio,
+    sweep,
+    tradeoff,
+    report,
+    handover,
+    rays,
+    road,
+    schema,
+    examples,
+):
     cli.add_command(command)
 
 

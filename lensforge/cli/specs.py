@@ -1,25 +1,24 @@
 """Commands on specs: ``new``, from a source, a target and a size; ``schema``, all fields; ``examples``, the shipped."""
 
 import json
-import re
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
 
-import lensforge
-from lensforge.cli.new_scene import CUTTERS, NewScene, millimetres
 from lensforge.cli.options import with_force
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
+from lensforge.report.new_scene import CUTTERS, NewScene, millimetres
 from lensforge.results.files import require_writable, write_file
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, receiver_beside, source_in, target_in
+from lensforge.spec.shipped_specs import first_sentence, named_files, shipped_folder, shipped_specs
 from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
 
 if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
@@ -88,7 +87,8 @@ def new(
         material = _asked("--material", "material", str, _MATERIAL) if _at_terminal() else _MATERIAL
     shop = cutter or (_asked("--cutter", CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
     folder = Path() if spec is None else spec.parent
-    text = scene.of_material(material).text(kind, shop, folder, _alike(kind, scene.light), force)
+    made = scene.of_material(material)
+    text = made.text(kind, shop, folder, _alike(kind, scene.light), force=force, warn=_told)
     if spec is None:
         click.echo(text, nl=False)
     else:
@@ -98,6 +98,10 @@ def new(
         click.echo(f"{spec}\tlensforge design {shlex.quote(str(spec))}")
     if why:
         click.echo(why, err=True)
+
+
+def _told(words: str) -> None:
+    click.echo(f"lensforge: {words}", err=True)
 
 
 def _suitable(advice: "LensAdvice") -> tuple[str, str]:
@@ -145,12 +149,6 @@ def _write(path: Path, text: str) -> None:
     write_file(path, text.encode())
 
 
-_PACKAGE = Path(lensforge.__file__).parent
-# The end of a sentence, not of "UN Regulation No. 7", nor of a journal's short name.
-_END = re.compile(r"(?<!\bNo)(?<!\bJ)(?<!\bOpt)(?<!\bUniv)(?<!\bSci)\. ")
-_PLACES = (_PACKAGE / "shipped", _PACKAGE.parent / "examples")  # of an installed package, and of a checkout
-
-
 @click.command()
 @click.option("--page", is_flag=True, help="Print the reference of all fields as Markdown instead (docs/spec.md).")
 def schema(page: bool) -> None:
@@ -162,17 +160,15 @@ def schema(page: bool) -> None:
 @click.argument("name", required=False)
 def examples(name: str | None) -> None:
     """List the shipped specs, or copy the one called NAME here, with the files that it names."""
-    folder = shipped_folder()
-    paths = sorted(folder.rglob("*.toml"), key=lambda path: (path.parent, path.name))
-    specs = {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
+    specs = shipped_specs()
     if name is None:
         for known, path in specs.items():
-            click.echo(f"{known}\t{_first_comment(path)}")
+            click.echo(f"{known}\t{first_sentence(path)}")
         return
     stem = name.removesuffix(".toml")
     if stem not in specs:
         raise InputError(f"examples {name}: not found; known: {', '.join(specs)}")
-    wanted = [specs[stem], *_named_files(specs[stem])]
+    wanted = [specs[stem], *named_files(specs[stem])]
     here = [path.name for path in wanted if Path(path.name).exists()]
     if here:
         raise InputError(f"{here[0]}: exists and is not overwritten; copy {stem} into another folder")
@@ -201,33 +197,3 @@ def _light_in(content: Mapping[str, Any]) -> tuple[object, ...]:
     receiver = content.get("receivers", [{}])[0]
     target = receiver.get("targets", [content.get("target", {})])[0]
     return target.get("kind"), receiver.get("kind"), "tilt_deg" in receiver
-
-
-def shipped_folder() -> Path:
-    """The folder of the shipped specs. Raises :class:`InputError` for an installation without them."""
-    folder = next((place for place in _PLACES if (place / "quickstart.toml").is_file()), None)
-    if folder is None:
-        raise InputError("examples: this installation has none; install lensforge from its wheel or its sources")
-    return folder
-
-
-def _first_comment(path: Path) -> str:
-    lines = path.read_text(encoding="utf-8").split('name = "')[0].splitlines()
-    words = " ".join(line.lstrip("# ") for line in lines)
-    return _END.split(words)[0].rstrip(".")
-
-
-def _named_files(spec: Path) -> list[Path]:
-    texts = _texts(tomllib.loads(spec.read_text(encoding="utf-8")))
-    return [spec.parent / text for text in texts if Path(text).name == text and (spec.parent / text).is_file()]
-
-
-def _texts(value: object) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict):
-        for entry in value.values():
-            yield from _texts(entry)
-    elif isinstance(value, list):
-        for entry in value:
-            yield from _texts(entry)

@@ -20,6 +20,7 @@ from lensforge.results import (
     Fact,
     Given,
     Group,
+    Image,
     Metric,
     NotNegative,
     Number,
@@ -186,7 +187,9 @@ class Progress:
     ``steps_total``: of all levels; of automatic ones until the end of this stage. ``nmse``, ``efficiency``: by the rays
     of this step. ``functions``: number per face that move in this level. ``level_done``: this was its last step, and
     the level is kept; ``lens()`` is then the best of it. ``seconds``: of the search so far, set-up included.
-    ``accuracy``: that of the search. ``lens``: a function that builds the lens of the current parameters.
+    ``accuracy``: that of the search. ``lens``: a function that builds the lens of the current parameters. ``images``:
+    flux (W) on the pixels of each receiver by the rays of this step, [row y, column x]; of several LEDs the first's.
+    ``tables``: a function that makes the tables of the faces of ``lens()``, as the search traces them, and their grid.
     """
 
     level: int
@@ -200,10 +203,14 @@ class Progress:
     seconds: float
     accuracy: AnyAccuracy
     lens: Callable[[], Lens]
+    images: tuple[Image, ...] = ()
+    tables: Callable[[], Any] | None = None
 
 
-# Called after every gradient step; a search stops where its observer returns False, and at no other value.
+# Called after every gradient step. A search stops where its observer returns False; where that returns ENOUGH, it ends
+# with the lens that it has, as if its steps were over.
 Observer = Callable[[Progress], object]
+ENOUGH = "enough"
 
 
 DIRECTIONS = 60_000  # over the hemisphere, at which the lengths of a finished lens are measured

@@ -39,13 +39,14 @@ _TOTAL_REFLECTION, _UNIFORM_TOTAL_REFLECTION = 0.3, 0.1  # factors, the second i
 class Evaluated:
     """One evaluation: the loss to minimise, constraints included, and its parts for the history.
 
-    ``nmse``, ``efficiency``: of several receivers the mean by their shares.
+    ``nmse``, ``efficiency``: of several receivers the mean by their shares. ``images``: on each, as its light was.
     """
 
     loss: Float[Tensor, ""]
     nmse: float
     efficiency: float
     fields: Float[Tensor, "c k"]
+    images: Images
 
 
 @dataclass(frozen=True)
@@ -91,11 +92,12 @@ class SampledLight:
 
 @dataclass(frozen=True)
 class Assessed:
-    """The light of one sample: the loss without constraints, and its parts for the history."""
+    """The light of one sample: the loss without constraints, its parts for the history, and the images."""
 
     loss: Float[Tensor, ""]
     nmse: float
     efficiency: float
+    images: Images
 
 
 _Light = TypeVar("_Light")
@@ -135,7 +137,7 @@ class Merit(ABC, Generic[_Light]):
         tables = self.parametrisation.tables(weights, offsets)
         light = self.assessed(self.light_of(tables, rays, pair), uniform)
         fields = constraints.fields(tables)
-        return Evaluated(light.loss + constraints.term(fields), light.nmse, light.efficiency, fields)
+        return Evaluated(light.loss + constraints.term(fields), light.nmse, light.efficiency, fields, light.images)
 
 
 @dataclass(frozen=True)
@@ -204,7 +206,7 @@ class MeritFunction(Merit[SampledLight]):
         )
         if self.colour is not None:
             loss = loss + self.colour.error(light.colours, light.colours)
-        return Assessed(loss, nmse, efficiency)
+        return Assessed(loss, nmse, efficiency, tuple(image.detach() for image in light.images))
 
     def joined(self, parts: Sequence[SampledLight], emitted_w: float) -> SampledLight:
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""

@@ -77,7 +77,7 @@ class MeritOfSources(Merit[LightOfSources]):
         weights = losses.new_tensor(self.shares)
         if self.worst:
             weights = torch.softmax(losses.detach() / (_SMOOTH * nmse), dim=0)
-        return Assessed((losses * weights).sum(), nmse, efficiency)
+        return Assessed((losses * weights).sum(), nmse, efficiency, by_source[0].images)
 
     def judge(self, first: LightOfSources, second: LightOfSources, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images."""

@@ -22,7 +22,7 @@ from lensforge.scene.body import radii
 from lensforge.scene.lens import Lens
 from lensforge.search.automatic_schedule import AutomaticSchedule, schedule_of
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
-from lensforge.search.design_result import Design, Level, Margins, Observer, Progress, constraint_criteria
+from lensforge.search.design_result import ENOUGH, Design, Level, Margins, Observer, Progress, constraint_criteria
 from lensforge.search.ending import Candidates, SearchEnd
 from lensforge.search.feasibility import require_feasible_start
 from lensforge.search.light_path import Pair
@@ -38,6 +38,7 @@ from lensforge.sources.several_sources import each_of
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import for_preview, preset_of
 from lensforge.spec.spec_files import input_hashes, section_sha256
+from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.mirror_group import first_images
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -49,7 +50,7 @@ class Descent:
     """A search on its way: ``state`` is all that decides its end.
 
     ``begun``: when the search began by the clock, less the seconds of before an interrupt; all of it counts, set-up and
-    observers too.
+    observers too. ``enough``: its observer wants no further step.
     """
 
     source: Source
@@ -61,6 +62,7 @@ class Descent:
     observer: Observer
     state: SearchState
     begun: float
+    enough: bool = False
     _judged: tuple[tuple[int, int], Outcome] | None = None
 
     @property
@@ -74,17 +76,19 @@ class Descent:
         if self.problems.spec.optimise.seconds is not None:
             self._compile_kernels()
         try:
-            while (stage := self.schedule.next_stage(self.state.outcomes).stage) is not None:
+            while (stage := self.schedule.next_stage(self.state.outcomes).stage) is not None and not self.enough:
                 steps = self._stage_steps(stage)
-                while not self._is_over(stage, self.state):
+                while not (self.enough or self._is_over(stage, self.state)):
                     next(steps)
                     if checkpoint is not None and time.monotonic() - saved > _CHECKPOINT_SECONDS:
                         self.state.save(checkpoint, key)
                         saved = time.monotonic()
                 steps.close()
+                if self.enough and checkpoint is not None:
+                    self.state.save(checkpoint, key)  # no later: no search resumes from a stage that was cut short
                 self.state = self._after_stage(stage)
         finally:
-            if checkpoint is not None:
+            if checkpoint is not None and not self.enough:
                 self.state.save(checkpoint, key)
         return self.schedule.next_stage(self.state.outcomes)
 
@@ -132,6 +136,7 @@ class Descent:
             following = self._after_step(stage, step, problem, optimiser, result)
             proceed = self.observer(self._progress(following, stage, most_steps, result))
             self.state = following  # not earlier: where the observer is interrupted, a resumed search calls it again
+            self.enough = proceed == ENOUGH
             if proceed is False:
                 raise Cancelled(f"{self.problems.spec.name}: cancelled after step {following.steps_done}")
             yield
@@ -213,6 +218,10 @@ class Descent:
         def lens() -> Lens:
             return problem.parametrisation.lens(*parameters, problem.spec, self.seed, self.accuracy)
 
+        def tables() -> tuple[TableGrid, np.ndarray]:
+            with torch.no_grad():
+                return problem.parametrisation.grid, problem.parametrisation.tables(*parameters).numpy()
+
         return Progress(
             level=stage.level,
             step=state.step,
@@ -225,6 +234,8 @@ class Descent:
             seconds=state.seconds,
             accuracy=self.accuracy,
             lens=lens,
+            images=tuple(np.asarray(image) for image in result.images),
+            tables=tables,
         )
 
 
@@ -295,8 +306,8 @@ def search(
     automatic ones begin with as many as it has, the broad ones first. ``checkpoint`` is written every few seconds and
     at an interrupt; with ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one,
     unless ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it
-    returns False, the search raises :class:`Cancelled`. ``warnings``: on the scene, for the record. ``preview``: take
-    fewer steps.
+    returns False, the search raises :class:`Cancelled`; where it returns ``ENOUGH``, it ends with the lens that it has.
+    ``warnings``: on the scene, for the record. ``preview``: take fewer steps.
     """
     begun = time.perf_counter()
     preset, spec = preset_of(accuracy), settled_symmetry(spec, source)
@@ -318,6 +329,7 @@ def search(
         smooth if automatic else of_steps, problems, schedule, validation, seed, accuracy, observer, state, begun
     )
     why = descent.run(checkpoint, key).why
+    why = f"ended by its observer after {descent.state.steps_done} steps" if descent.enough else why
     stages = stages_of(schedule, descent.state.outcomes)
     ending, last = _ending(descent, stages, start), stages[-1]
     state = replace(descent.state, seconds=descent.seconds)

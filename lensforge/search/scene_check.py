@@ -227,11 +227,9 @@ class SceneCheck:
 
     def _blur(self) -> Iterator[str]:
         """A line where the image of the LED is wider than the target at its narrowest."""
-        extent_mm = max(source.extent_mm or 0.0 for source in self.spec.each_source)
-        narrow, radius_mm = AngularSize.of(self.spec).narrow_rad, self.spec.constraints.max_radius_mm
-        image = 2.0 * extent_mm / radius_mm
+        narrow, image = AngularSize.of(self.spec).narrow_rad, image_rad(self.spec)
         if image > narrow:
-            larger = f"a larger lens (>= {rounded_up(2.0 * extent_mm / narrow)} mm)"
+            larger = f"a larger lens (>= {rounded_up(image * self.spec.constraints.max_radius_mm / narrow)} mm)"
             yield (
                 f"target: as seen from the lens {np.degrees(narrow):.3g}° wide at its narrowest, the LED's image up to "
                 f"{np.degrees(image):.3g}°, which blurs it; try {larger}, a smaller source or a wider target"
@@ -269,6 +267,11 @@ class SceneCheck:
         if self.spec.target is not None and self.spec.target.distance_mm is not None:
             return f"{largest} at target.distance_mm = {self.spec.target.distance_mm:g}"
         return largest
+
+
+def image_rad(spec: Spec) -> float:
+    """Largest width (rad) of the image of the LED, as seen from the lens."""
+    return 2.0 * max(source.extent_mm or 0.0 for source in spec.each_source) / spec.constraints.max_radius_mm
 
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:

@@ -79,7 +79,7 @@ def design(
             ends with the same bits as an uninterrupted one.
         resume: False begins anew, whatever ``checkpoint`` holds.
         progress: called with a :class:`Progress` after every gradient step; where it returns False, the search stops
-            with :class:`Cancelled` and leaves its checkpoint.
+            with :class:`Cancelled` and leaves its checkpoint; where "enough", it ends with the lens that it has.
         device: where rays are traced; "cuda" is experimental.
         warn: called with each warning on the source before the search; None: Python's own, :class:`SourceWarning`.
         force: search even where less than half of the light that a target asks for can reach it.

@@ -28,8 +28,12 @@ def read_toml(path: Path, missing: str) -> dict[str, Any]:
     Raises :class:`InputError`, one line, for anything else, and for a file that no spec needs: too large, or nested too
     deep.
     """
-    content = read_file(path, missing=missing, most_bytes=_MOST_BYTES)
-    return tables_of(_decoded(content, path), path)
+    return tables_of(toml_text(path, missing), path)
+
+
+def toml_text(path: Path, missing: str) -> str:
+    """The text of a TOML file, which :func:`read_toml` reads."""
+    return _decoded(read_file(path, missing=missing, most_bytes=_MOST_BYTES), path)
 
 
 def _decoded(content: bytes, path: Path) -> str:

@@ -10,6 +10,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 import click
 import pytest
@@ -287,12 +288,24 @@ def of_new(flag: str, here: Path) -> bool:
     return any(word in line for line in lines[1] - lines[0])
 
 
+def of_studio(flag: str, _here: Path) -> bool:
+    """The verb hears of the port, and of the browser."""
+    words, changed = {
+        "--port": (["--port", "8123"], {"port": 8123}),
+        "--browser": (["--no-browser"], {"browser": False}),
+    }[flag]
+    with patch("lensforge.cli.studio_page.open_studio") as opened:
+        invoked("studio", "lens.toml", *words)
+    return bool(opened.call_args.kwargs == {"port": 0, "browser": True} | changed)
+
+
 SHOWN = {
     "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", *OUTPUT)),
     "road": (of_road, ("--road", "--street-c", "--spacing", *OUTPUT)),
     "new": (of_new, (*LAMP, "--off-axis", "--tilt", "--lens", "--material", "--cutter", *FORCE)),
     "schema": (lambda *_: printed("schema", "--page").startswith("#") and printed("schema")[0] == "{", ("--page",)),
     "examples": (None, ()),
+    "studio": (of_studio, ("--port", "--browser")),
 }
 
 

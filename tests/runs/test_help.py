@@ -18,7 +18,7 @@ def test_the_bare_command_prints_its_help() -> None:
     assert max(map(len, done.stdout.splitlines())) <= 80
 
 
-OF_TEXT = ("examples", "new", "schema")  # what they print is a document, and no record
+OF_TEXT = ("examples", "new", "schema", "studio")  # what they print is a document, and no record
 
 
 @pytest.mark.parametrize("name", sorted(cli.commands))

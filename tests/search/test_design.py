@@ -11,12 +11,14 @@ from tir_lenses import spot, spot_lens
 from lensforge.errors import Cancelled
 from lensforge.results.arguments import threads_of_torch
 from lensforge.scene.lens import Lens
-from lensforge.search.design_result import Progress, design_facts, limits_of
+from lensforge.search.design_result import ENOUGH, Progress, design_facts, limits_of
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import fit_surface
 from lensforge.search.schedule import fixed_schedule
+from lensforge.search.searches import design
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
+from lensforge.surfaces.bicubic_table import evaluate_table
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 
@@ -33,8 +35,8 @@ def test_a_design_gets_better_and_keeps_its_history() -> None:
     kept = {limit.key: result.constraints.at(limit) for limit in limits_of(result.lens.spec)}
     assert last == pytest.approx(kept, abs=0.03), "one small step before the end"
     turned = result.model_copy(update={"lens": spot_lens()})
-    for design, where in ((result, "Outer radius"), (turned, "Outer radius")):
-        assert design_facts(design)[0].facts[0].label == where
+    for each, where in ((result, "Outer radius"), (turned, "Outer radius")):
+        assert design_facts(each)[0].facts[0].label == where
 
 
 def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path) -> None:
@@ -116,6 +118,28 @@ def test_a_search_has_the_same_bits_on_any_number_of_threads() -> None:
         with threads_of_torch(threads), pytest.raises(Cancelled):
             search(spec, source, accuracy=FEW, progress=keep_second)
     assert len(found) == 1
+
+
+def test_an_observer_that_has_enough_ends_the_search_and_its_checkpoint_goes_on_to_the_same_bits(
+    tmp_path: Path,
+) -> None:
+    """Its pictures are those of the merit: the share of the flux on the pixels is the efficiency."""
+    spec, kept, shown = small_spec(), tmp_path / "checkpoint.bin", list[Progress]()
+
+    def three_steps(step: Progress) -> object:
+        shown.append(step)
+        return ENOUGH if step.steps_done == 3 else None
+
+    whole = design(spec, accuracy=FEW)
+    found = design(spec, accuracy=FEW, checkpoint=kept, progress=three_steps)
+    assert found.steps == len(shown) == 3
+    assert found.ended is not None and found.ended.endswith("ended by its observer after 3 steps")
+    assert [step.images[0].sum() for step in shown] == pytest.approx([step.efficiency for step in shown], rel=1e-12)
+    grid, tables = shown[1].tables() if shown[1].tables is not None else (None, ())
+    directions = hemisphere_directions(200, 7)
+    for table, surface in zip(tables, shown[1].lens().surfaces.values(), strict=True):
+        assert evaluate_table(grid, table, directions) == pytest.approx(surface.radius(directions), rel=2e-3)
+    assert design(spec, accuracy=FEW, checkpoint=kept).lens.sha256 == whole.lens.sha256
 
 
 def test_what_a_spec_leaves_open_is_that_of_the_preset_and_a_round_lens_needs_a_quarter_of_the_rays() -> None:

@@ -1,6 +1,6 @@
 """Spec of ``lensforge new``: from a light, an LED and a size to the tables of a spec, and to its checked text."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -8,8 +8,6 @@ from functools import reduce
 from operator import attrgetter, getitem
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import click
 
 from lensforge.errors import InputError
 from lensforge.light.lens_light import source_of
@@ -117,11 +115,13 @@ class NewScene:
         }
         return {"name": self.name, **{name: deepcopy(table) for name, table in tables.items() if table is not None}}
 
-    def text(self, kind: str, cutter: str, folder: Path, examples: str, force: bool) -> str:
+    def text(
+        self, kind: str, cutter: str, folder: Path, examples: str, *, force: bool, warn: Callable[[str], object]
+    ) -> str:
         """TOML of the spec with derived values, after the check of what is possible. Raises :class:`InputError`.
 
         ``cutter``: one of the :data:`CUTTERS`. ``examples``: names of shipped specs that are alike. Files are named as
-        from ``folder``.
+        from ``folder``. ``warn`` is called with a line for each doubt.
         """
         from lensforge.search.lens_advice import light_shape
         from lensforge.search.scene_check import SceneCheck
@@ -138,7 +138,7 @@ class NewScene:
         scene = SceneCheck.of(made, source_of(made))
         scene.require_light(force=force)
         for words in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
-            click.echo(f"lensforge: {words}", err=True)
+            warn(words)
         reasons = _with_derived(content, made)
         for section in ("source", "target"):
             if "file" in content.get(section, {}):

@@ -1,0 +1,176 @@
+// The page: the spec by form and text, what physics allows, the search, and its results.
+import { element, frame, get, post } from "./frames.js";
+import { Form } from "./form.js";
+import { Picture, short } from "./picture.js";
+import { Solid } from "./solid.js";
+import { curves, section } from "./plots.js";
+
+const at = id => document.getElementById(id), base = new URL("./", location.href);
+const own = new Picture(at("own"), at("own-readout")), beside = new Picture(at("beside"), at("beside-readout"));
+const solid = new Solid(at("solid"), at("scale"));
+const frames = {}, numbers = {}, notes = {};
+[own.twin, beside.twin] = [beside, own];
+let state = {}, version = -1, form = null, changes = 0, changed = false;
+
+function take(spec) {
+  if (spec.version === undefined) return note("change", spec.lines);
+  version = spec.version;
+  if (at("text").value !== spec.text) at("text").value = spec.text;
+  form.show(spec);
+  at("text").setAttribute("aria-invalid", String(spec.lines.length > 0));
+  at("text-wrong").textContent = spec.lines.map(([, words]) => words).join("\n");
+  note("change", []);
+}
+
+function note(about, lines) {
+  notes[about] = lines ?? [];
+  at("note").replaceChildren(...Object.values(notes).flat().map(words => element("p", {}, words)));
+}
+
+// An answer counts where nothing has been changed since it was asked for.
+async function change(content) {
+  const mine = changes += 1, answer = await post("spec", content);
+  if (mine === changes) take(answer);
+}
+
+async function act(what, content) {
+  const answer = await post(`do/${what}`, content);
+  note("act", answer.lines);
+  return !answer.lines;
+}
+
+// What the server says, after every change.
+async function hear(now) {
+  const before = state;
+  state = now;
+  const mine = changes;
+  if (now.version > version && before.version !== now.version) {
+    const spec = await get("spec");
+    if (mine === changes) take(spec);
+  }
+  buttons();
+  physics();
+  note("state", [...now.refused, ...now.warnings]);
+  for (const place of ["wanted", "own", "beside"]) if ((now.frames[place] ?? 0) !== (numbers[place] ?? 0) && !frames[`${place} asked`]) {
+    frames[`${place} asked`] = true;
+    numbers[place] = now.frames[place] ?? 0;
+    const before = frames[place];
+    frames[place] = now.frames[place] ? await frame(place) : null;
+    const text = each => JSON.stringify(each?.receivers) + Object.values(each?.arrays ?? {}).map(own => own.values.join());
+    if (place === "own") changed = false;
+    else if (place === "wanted" && before) changed ||= text(before) !== text(frames.wanted); // another light than that of the lens
+    frames[`${place} asked`] = false;
+    show();
+    if (numbers[place] !== (state.frames[place] ?? 0)) hear(state);
+  }
+}
+
+function buttons() {
+  const { phase } = state, running = phase === "searching", making = phase === "making";
+  at("folder").textContent = `${state.folder}: ${{ idle: "ready", searching: state.stage === "design" ? "searching" : `searched, ${state.stage}`, paused: "paused", making: `making: ${state.stage}` }[phase]}`;
+  document.body.dataset.phase = phase;
+  at("search").textContent = running ? "Searching" : "Search";
+  at("pause").textContent = phase === "paused" ? "Go on" : "Pause";
+  at("part").textContent = making ? "Stop" : "Make the part";
+  at("search").disabled = running || making;
+  at("pause").disabled = !(running || phase === "paused");
+  at("enough").disabled = !running;
+  at("part").disabled = running || !(making || state.files.includes("design.json"));
+  const shown = state.files.filter(name => !/\.(json|csv)$/.test(name));
+  at("files").replaceChildren(...shown.map(name => element("li", {}, element("a", { href: new URL(`file/${name}`, base), target: "_blank", rel: "noopener" }, name))));
+}
+
+function physics() {
+  const { bounds, doubts, lens_kinds: kinds } = state, degrees = value => `${short(180 / Math.PI * value)}°`;
+  if (bounds?.rows) {
+    const blurred = bounds.image_rad > bounds.narrow_rad;
+    at("bounds").replaceChildren(...bounds.rows.map(row => {
+      const share = row.unit === "", most = share ? 1 : Math.max(row.possible, row.required);
+      const meter = element("meter", { max: most, value: Math.min(row.possible, most), low: 0.5 * row.required, high: 0.7 * row.required, optimum: most });
+      meter.setAttribute("aria-label", row.words);
+      return element("p", { className: "bound" }, element("b", {}, row.name), meter, row.words);
+    }), ...(bounds.image_rad ? [element("p", { className: blurred ? "wrong" : "" }, `Image of the LED ${degrees(bounds.image_rad)}, target ${degrees(bounds.narrow_rad)} at its narrowest${blurred ? ": it blurs the target" : ""}`)] : []));
+  } else if (bounds) at("bounds").replaceChildren(element("p", {}, bounds.problem));
+  const lines = [doubts?.refused, ...(doubts?.warnings ?? []), doubts?.problem, kinds?.problem].filter(Boolean).map(words => element("li", {}, words));
+  const kind = form?.values?.lens?.kind ?? form?.tables?.lens?.kind;
+  for (const each of kinds?.options ?? []) {
+    const used = each.kind === kind, use = element("button", { type: "button", disabled: used, onclick: () => change({ place: ["lens", "kind"], value: each.kind }) }, used ? "used" : "use");
+    lines.push(element("li", {}, `${each.title}: at most ${short(100 * each.possible)} %${each.kind === kinds.advised ? ", suits this light" : ""} `, use));
+  }
+  if (lines.length) at("advice").replaceChildren(...lines);
+}
+
+function show() {
+  const lens = frames.own, lit = lens?.receivers?.length && !changed ? lens : null, receivers = (lit ?? frames.wanted)?.receivers ?? [];
+  at("receiver").hidden = receivers.length < 2;
+  if (at("receiver").length !== receivers.length) at("receiver").replaceChildren(...receivers.map((each, k) => element("option", { value: k }, each.name)));
+  own.number = beside.number = Math.min(Number(at("receiver").value) || 0, Math.max(0, receivers.length - 1));
+  own.show(lit, frames.wanted);
+  at("beside-figure").hidden = !frames.beside;
+  if (frames.beside) {
+    at("beside-name").textContent = `Light of ${frames.beside.folder}`;
+    at("others").value = frames.beside.folder;
+    beside.show(frames.beside, null);
+  }
+  if (!lens) return;
+  at("own-name").textContent = changed ? "Light that is wanted now" : lens.name ? `Light of ${lens.name}` : "Light, as it is searched";
+  at("result").textContent = lens.facts && !changed ? "Result" : "Result of the lens before";
+  solid.show(lens);
+  section(at("section"), lens);
+  curves(at("curves"), lens);
+  if (lens.kind === "step") at("progress").textContent = `level ${lens.level + 1}, step ${lens.step} of ${lens.steps}, ${short(lens.seconds)} s; NMSE ${short(lens.arrays.nmse.values.at(-1))}, efficiency ${short(100 * lens.arrays.efficiency.values.at(-1))} %`;
+  if (lens.facts) {
+    const rows = lens.facts.map(([label, words, judged]) => {
+      const other = frames.beside?.facts?.find(each => each[0] === label);
+      return element("tr", { className: judged }, element("th", { scope: "row" }, label), ...[words, ...(frames.beside ? [other?.[1] ?? ""] : [])].map((each, _, all) => element("td", {}, all.length > 1 ? each.split(";")[0] : each)));
+    });
+    const head = frames.beside ? [element("tr", {}, element("td"), ...["this", frames.beside.folder].map(name => element("th", { scope: "col" }, name)))] : [];
+    at("facts").replaceChildren(element("p", {}, lens.sentence), element("table", {}, ...head, ...rows));
+    at("progress").textContent = `${lens.arrays.nmse.values.length} steps`;
+  }
+}
+
+async function drop(file) {
+  at("dropped").textContent = `${file.name}: read …`;
+  const found = await post(`dropped/${encodeURIComponent(file.name)}`, file);
+  if (found.lines) return at("dropped").replaceChildren(...found.lines.map(words => element("p", { className: "wrong" }, words)));
+  const uses = found.fits.map(as => element("button", { type: "button", onclick: () => change({ use: found.name, as }) }, `use as ${as}`));
+  at("dropped").replaceChildren(element("p", {}, found.words), element("img", { src: new URL(`dropped/${found.plot}`, base), alt: `Plot of ${found.name}` }), ...uses);
+}
+
+async function begin() {
+  const { schema, examples } = await get("schema");
+  form = new Form(at("form"), schema, (place, value) => change({ place, value }));
+  for (const [name, words] of Object.entries(examples)) at("examples").append(element("option", { value: name }, `${name}: ${words}`.slice(0, 90)));
+  take(await get("spec"));
+  for (const name of await get("others")) at("others").append(element("option", { value: name }, name));
+  const settings = () => ({ accuracy: at("accuracy").value, seed: Number(at("seed").value) });
+  at("form").addEventListener("submit", event => event.preventDefault());
+  at("examples").addEventListener("change", event => event.target.value && change({ example: event.target.value }));
+  at("search").addEventListener("click", () => act("search", settings()));
+  at("pause").addEventListener("click", () => act(state.phase === "paused" ? "go_on" : "pause"));
+  at("enough").addEventListener("click", () => act("enough"));
+  at("part").addEventListener("click", () => act(state.phase === "making" ? "stop" : "part"));
+  at("save").addEventListener("click", async () => { at("saved").textContent = (await act("save")) ? "saved" : ""; });
+  at("figure").addEventListener("change", () => act("figure", { name: at("figure").value }));
+  at("others").addEventListener("change", event => act("beside", { name: event.target.value }));
+  at("receiver").addEventListener("change", show);
+  for (const name of ["side", "rays"]) at(name).addEventListener("change", () => { solid.inner = at("side").checked; solid.rays = at("rays").checked; solid.draw(); });
+  let waiting;
+  at("text").addEventListener("input", () => { changes += 1; at("saved").textContent = ""; clearTimeout(waiting); waiting = setTimeout(() => change({ text: at("text").value }), 150); });
+  at("drop").addEventListener("click", event => event.target !== at("choose") && at("choose").click());
+  at("drop").addEventListener("keydown", event => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), at("choose").click()));
+  at("choose").addEventListener("change", event => event.target.files[0] && drop(event.target.files[0]));
+  addEventListener("dragover", event => event.preventDefault());
+  addEventListener("drop", event => { event.preventDefault(); if (event.dataTransfer.files[0]) drop(event.dataTransfer.files[0]); });
+  for (const [canvas, draw] of [["section", section], ["curves", curves]]) new ResizeObserver(() => frames.own && draw(at(canvas), frames.own)).observe(at(canvas));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
+  const events = new EventSource(new URL("events", base));
+  const lost = () => { document.body.dataset.phase = "ended"; note("state", ["The studio has ended: what is saved is in its folder, and `lensforge studio` opens it again."]); };
+  events.addEventListener("message", event => hear(JSON.parse(event.data)));
+  events.addEventListener("end", () => { events.close(); lost(); });
+  events.addEventListener("error", lost);
+  document.body.dataset.ready = "true";
+}
+
+begin();

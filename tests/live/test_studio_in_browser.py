@@ -1,0 +1,212 @@
+"""The studio as a person uses it, in a real browser: write, see, search, pause, keep, make the part, and compare."""
+
+import re
+import shutil
+import time
+from pathlib import Path
+
+import browser
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+import lensforge as lf
+from lensforge.report.folder import load
+from lensforge.search.checkpoint import CHECKPOINT
+from lensforge.spec.shipped_specs import shipped_specs
+
+pytestmark = browser.needed
+PATIENCE_S = 240.0
+NAME = "quickstart"
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory):
+    """A studio on a shipped spec, which it may save."""
+    folder = tmp_path_factory.mktemp("studio")
+    text = shipped_specs()[NAME].read_text(encoding="utf-8")
+    (folder / "studio.toml").write_text(text, encoding="utf-8")
+    opened = lf.studio(folder, browser=False)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(scope="module")
+def started():
+    with browser.chromium() as running:
+        yield running
+
+
+@pytest.fixture
+def window(studio, started, request):
+    """The page, ready; no script on it may have failed, nor anything have been asked of another machine."""
+    context = started.new_context(viewport={"width": 1500, "height": 950}, accept_downloads=True)
+    page, wrong, elsewhere = context.new_page(), [], []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on(
+        "request", lambda asked: asked.url.startswith(("http://127.0.0.1:", "data:")) or elsewhere.append(asked.url)
+    )
+    page.goto(studio.address)
+    page.wait_for_selector("body[data-ready]")
+    yield page
+    context.close()
+    assert (wrong, elsewhere) == ([], [])
+
+
+def until(condition, seconds=PATIENCE_S):
+    end = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < end, "it did not come to be"
+        time.sleep(0.1)
+    return found
+
+
+def phase(window, name):
+    window.wait_for_selector(f"body[data-phase={name}]", timeout=1000 * PATIENCE_S)
+
+
+def pixels(window, canvas="own"):
+    return window.evaluate(f"document.getElementById('{canvas}').toDataURL()")
+
+
+def step(window):
+    found = re.search(r"step (\d+) of", window.inner_text("#progress"))
+    return int(found[1]) if found else 0
+
+
+def test_a_changed_field_moves_the_bound_and_the_text_and_a_wrong_one_has_its_line(window):
+    until(lambda: "upper bound" in window.inner_text("#bounds"))
+    before, picture = window.inner_text("#bounds"), pixels(window)
+    window.fill("#f-source-side_mm", "12")
+    until(lambda: window.inner_text("#bounds") != before, 20.0)
+    assert "side_mm = 12\n" in window.input_value("#text") and "# a ball cutter of 1 mm radius" in window.input_value(
+        "#text"
+    )
+    until(lambda: "blurs the target" in window.inner_text("#bounds"), 20.0)
+    until(lambda: pixels(window) != picture, 20.0)
+    window.fill("#f-source-side_mm", "-2")
+    wrong = until(lambda: window.inner_text("#f-source-side_mm-wrong"), 20.0)
+    assert wrong == "source.side_mm = -2: must be at least 0"
+    assert window.get_attribute("#f-source-side_mm", "aria-invalid") == "true"
+    window.fill("#text", window.input_value("#text").replace("side_mm = -2", "side_mm = 2.0"))
+    until(lambda: window.input_value("#f-source-side_mm") == "2", 20.0)
+    assert window.inner_text("#f-source-side_mm-wrong") == ""
+    window.select_option("#f-target-kind", "disc")
+    until(lambda: "diameter_mm: missing" in window.inner_text("#form"), 20.0)
+    assert "stroke_mm" not in window.input_value("#text"), "a disc has none"
+    window.select_option("#examples", NAME)
+    until(lambda: "stroke_mm = 60.0" in window.input_value("#text"), 20.0)
+
+
+def test_a_search_is_seen_paused_kept_through_a_reload_and_ends_with_the_bits_of_the_command(studio, window, tmp_path):
+    window.select_option("#accuracy", "draft")
+    window.click("#search")
+    begun = until(lambda: step(window))
+    first = {name: pixels(window, name) for name in ("own", "section", "curves")}
+    until(lambda: step(window) > begun)
+    until(lambda: all(pixels(window, name) != before for name, before in first.items()), 10.0)
+    window.click("#pause")
+    phase(window, "paused")
+    assert (studio.folder / CHECKPOINT).exists()
+    stands, at_rest = step(window), pixels(window)
+    window.reload()
+    window.wait_for_selector("body[data-phase=paused]")
+    until(lambda: step(window) >= stands, 20.0)
+    until(lambda: pixels(window) == at_rest, 20.0)
+    window.click("#pause")
+    phase(window, "searching")
+    phase(window, "idle")
+    until(lambda: "Pattern error" in window.inner_text("#facts"), 20.0)
+    again = lf.design(lf.load_spec(studio.folder / "studio.toml"), accuracy="draft")
+    assert load(studio.folder).lens.sha256 == again.lens.sha256
+    assert not (studio.folder / CHECKPOINT).exists()
+
+
+def test_a_change_goes_on_from_the_lens_that_is_there_and_is_kept_at_once(studio, window):
+    window.click("#search")
+    phase(window, "searching")
+    until(lambda: step(window) > 3)
+    window.fill("#f-target-stroke_mm", "75")
+    until(lambda: "stroke_mm = 75" in (studio.folder / "studio_search.json").read_text(), 60.0)
+    until(lambda: step(window) > 3)
+    window.click("#enough")
+    phase(window, "idle")
+    run = load(studio.folder)
+    assert run.spec.target.stroke_mm == 75.0 and run.spec.lens.start.name == "studio_start.json"
+    assert "ended by its observer after" in run.design.ended
+    assert run.light.nmse.value < 0.2, "from a lens that was good already"
+
+
+def test_a_part_is_made_and_its_step_downloaded(studio, window, tmp_path):
+    phase(window, "idle")
+    until(lambda: window.is_enabled("#part"), 20.0)
+    window.click("#part")
+    phase(window, "making")
+    phase(window, "idle")
+    until(lambda: "lens.step" in window.inner_text("#files"), 20.0)
+    href = window.get_attribute("#files a:has-text('lens.step')", "href")
+    got = window.request.get(href)
+    assert got.ok and got.body() == (studio.folder / "lens.step").read_bytes()
+    assert got.body() == lf.build(load(studio.folder).lens).step, "the bits of the command"
+    assert {"report.html", "manufacturing.pdf", "drawing.dxf", "lens.ies"} <= set(
+        window.inner_text("#files").split("\n")
+    )
+    shutil.copytree(studio.folder, studio.folder.parent / "other")
+    window.reload()
+    until(lambda: "other" in window.inner_text("#others"), 20.0)
+    window.select_option("#others", "other")
+    until(lambda: window.is_visible("#beside-figure") and "other" in window.inner_text("#facts"), 60.0)
+    window.reload()
+    until(lambda: window.is_visible("#beside-figure") and window.input_value("#others") == "other", 60.0)
+
+
+def test_the_keyboard_alone_moves_the_sections_and_turns_the_lens(window):
+    until(lambda: "peak" in window.inner_text("#own-readout"), 60.0)
+    window.focus("#own")
+    for key in ("ArrowLeft", "ArrowLeft", "Shift+ArrowUp"):
+        window.keyboard.press(key)
+    assert re.match(r"x −6 mm, y 30 mm: ", window.inner_text("#own-readout"))
+    tabbed = "button, a, input, select, textarea, summary, [tabindex]"
+    names = window.evaluate(
+        f"""[...document.querySelectorAll('{tabbed}')]
+        .filter(each => each.offsetParent && !each.disabled).map(each => each.tabIndex)"""
+    )
+    assert len(names) > 20 and min(names) >= 0, "each is reached by Tab"
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1500, "light"), (1500, "dark"), (400, "light")])
+def test_axe_finds_nothing_and_a_narrow_window_needs_no_sideways_scrolling(studio, started, width, scheme):
+    context = started.new_context(bypass_csp=True, viewport={"width": width, "height": 900}, color_scheme=scheme)
+    page = context.new_page()
+    page.goto(studio.address)
+    page.wait_for_selector("body[data-ready]")
+    until(lambda: page.inner_text("#bounds"), 30.0)
+    for details in page.query_selector_all("details:not([open]) > summary")[:6]:
+        details.click()
+    found = Axe().run(page).response["violations"]
+    assert [(each["id"], [node["html"][:90] for node in each["nodes"][:3]]) for each in found] == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    context.close()
+
+
+def test_a_page_of_another_site_learns_and_changes_nothing(studio, started):
+    page = started.new_page()
+    page.route("http://evil.example/", lambda route: route.fulfill(body="<p>x</p>", content_type="text/html"))
+    page.goto("http://evil.example/")
+    for options in ("{}", "{mode: 'no-cors'}", "{method: 'POST', mode: 'no-cors', body: '{\"text\": \"x\"}'}"):
+        said = page.evaluate(
+            f"fetch('{studio.address}spec', {options}).then(got => got.text()).catch(error => 'refused')"
+        )
+        assert said in ("refused", ""), options
+    page.close()
+
+
+def test_the_page_says_so_when_the_studio_has_ended(tmp_path, started):
+    opened = lf.studio(tmp_path / "gone", browser=False)
+    page = started.new_page()
+    page.goto(opened.address)
+    page.wait_for_selector("body[data-ready]")
+    opened.close()
+    page.wait_for_selector("body[data-phase=ended]")
+    assert "The studio has ended" in page.inner_text("#note")
+    assert not list(Path(tmp_path / "gone").glob("*")), "nothing was saved, nothing is left"
+    page.close()
