@@ -12,6 +12,8 @@ from operator import attrgetter
 from statistics import stdev
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
+import numpy as np
+from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.optics.face_roles import BODY, CAVITY, FaceRole, bounding
@@ -20,7 +22,6 @@ from lensforge.results import (
     Fact,
     Given,
     Group,
-    Image,
     Metric,
     NotNegative,
     Number,
@@ -203,7 +204,7 @@ class Progress:
     seconds: float
     accuracy: AnyAccuracy
     lens: Callable[[], Lens]
-    images: tuple[Image, ...] = ()
+    images: tuple[Float[np.ndarray, "_ _"], ...] = ()
     tables: Callable[[], Any] | None = None
 
 

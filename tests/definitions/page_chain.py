@@ -162,7 +162,7 @@ class Light:
     clear: np.ndarray
     absorbed: np.ndarray
     fate: np.ndarray
-    turns: dict  # by the name of a rough face what its normals are turned by: (rays, events, 3)
+    turns: dict  # by the name of a rough face the slopes of its facets: (rays, events, 2)
 
     def flux(self, rows):
         return self.clear[rows] * (abs(self.fields[rows]) ** 2).sum(axis=(1, 2)) / 2
@@ -212,7 +212,7 @@ def meet(light, face, medium, rows, t, media, section, nm, event):
         light.clear[rows] *= left
     n = face.exact(unit(at))[1]
     if face.name in light.turns:
-        n = unit(n + light.turns[face.name][rows, event])
+        n = facet(n, light.turns[face.name][rows, event])
     n = n * (-1 if back else 1)
     c = (d * n).sum(axis=1)
     mirror = section[face.name].get("mirror") if face.name in section else None
@@ -241,6 +241,14 @@ def trace_chain(lens, faces, p, d, nm=None):
     left, p, d, fate, flux, absorbed, nm, stokes = leave_chain(lens, faces, p, d, nm)[:8]
     flux, place, in_glass = to_receiver(lens, left, p, d, fate, flux, nm, stokes)
     return fate, place, flux, absorbed, in_glass
+
+
+def facet(n, slopes):
+    """Normals of facets on a face with normals n away from the origin: slopes along x and y, turned as z is to n."""
+    axis = np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
+    flat = np.column_stack([slopes, np.zeros(len(n))])
+    along = (axis * flat).sum(axis=1)[:, None]
+    return unit(n + n[:, 2:] * flat + np.cross(axis, flat) + along * axis / (1.0 + n[:, 2:]))
 
 
 def leave_chain(lens, faces, p, d, nm=None, turns=None):

@@ -42,7 +42,7 @@ MOVED = AsMade(
     source_size=1.02, scale=1.001, seat_mm=5.0,
 )  # fmt: skip
 ROUGH = AsMade(names=NAMES, slopes=dict.fromkeys(NAMES, 0.01))
-FROSTED = FaceScatter("cap", GaussianFacets(0.1)), FaceScatter("wall", GaussianFacets(0.03))
+FROSTED = FaceScatter("cap", GaussianFacets(0.03)), FaceScatter("wall", GaussianFacets(0.01))
 CASES = {
     "clear": (clear(), None),
     "absorbing": (clear(absorption=0.02), None),

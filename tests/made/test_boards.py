@@ -23,7 +23,7 @@ from lensforge.spec.lamp_places import Lamp
 from lensforge.spec.tolerances_section import Factor
 
 PATTERN = {"kind": "rectangle", "width_mm": 20.0, "height_mm": 20.0, "distance_mm": 20.0, "receiver_mm": 40.0}
-PERIOD = {**PATTERN, "width_mm": 8.0, "receiver_mm": 20.0, "uniform_mm": 16.0, "distance_mm": 9.0}
+PERIOD = {**PATTERN, "width_mm": 8.0, "receiver_mm": 20.0, "uniform_mm": 6.0, "distance_mm": 9.0}
 GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": 15.0}
 RING = {"kind": "ring", "count": 3, "diameter_mm": 30.0}
 ENDLESS = {"kind": "endless", "lattice": "rectangle", "pitch_mm": 20.0}
@@ -78,7 +78,7 @@ def test_a_patch_of_equal_lamps_is_the_lattice_again_and_again(lattice: str) -> 
         {"kind": "zone", "at_least_share": 0.1},
     ]
     receiver = {"kind": "plane", "centre_mm": [0.0, 0.0, 20.0], "width_mm": 20.0, "height_mm": up}
-    receiver |= {"targets": [{"kind": "disc", "diameter_mm": 10.0, "uniform_mm": 8.0}]}
+    receiver |= {"targets": [{"kind": "disc", "diameter_mm": 10.0, "uniform_mm": 6.0}]}
     study = study_of({"index": 1e-3}, {**ENDLESS, "lattice": lattice}, target=None, receivers=[receiver], limits=limits)
     lit = evaluate(study.recipe.lens, rays=N, pixels=16, seed=0)
     found = study.leds[0].light.measured(study.leds[0].light.received(None))

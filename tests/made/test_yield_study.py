@@ -279,7 +279,7 @@ def test_other_tolerances_name_themselves() -> None:
         lf.PartTolerances(preset="moulded", faces={"outer": {"gap_mm": 0.1}}),
     )
     plain, other, own = (
-        lf.tolerance(lens, parts=40, rays=256, budget=False, tolerances=tolerances) for tolerances in given
+        lf.tolerance(lens, parts=40, rays=2048, budget=False, tolerances=tolerances) for tolerances in given
     )
     assert plain.conditions is None and other.conditions.name == "precision"
     assert own.conditions.name.startswith("own_")

@@ -24,7 +24,7 @@ SMOKED = Material(
 
 def test_a_bundle_carries_wavelengths_and_no_index() -> None:
     of_light = ["origins", "directions", "flux", "waves"]
-    of_source = ["of_source", "tristimulus"]  # colours, and which LED: not what a medium asks
+    of_source = ["of_source", "tristimulus", "facets"]  # colours, which LED, numbers: not what a medium asks
     assert sorted(field.name for field in fields(RayBundle)) == sorted(of_light + of_source)
 
 

@@ -16,7 +16,7 @@ from test_radiance import write_radiance
 from lensforge import sources
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
-from lensforge.sources.build_source import build_source
+from lensforge.sources.build_source import FacetedSource, build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.photometric import PhotometricFile, write_photometric
@@ -167,7 +167,7 @@ def test_every_kind_and_every_emitter_class_has_a_case(tmp_path):
     found = set(_emitter_classes())
     assert len(found) >= 3
     turned = smoothed(_built({"kind": "rayfile", "file": LED}))  # made by a search, not by a spec
-    several = {SeveralSources}  # of these; it has tests of its own
+    several = {SeveralSources, FacetedSource}  # of these; they have tests of their own
     assert found == built | several | {type(radiant), type(turned)}
     assert isinstance(turned, Source)
 

@@ -3,7 +3,7 @@
 import numpy as np
 from crooked import Expected
 from oracle_part import kept_of
-from page_chain import leave_chain
+from page_chain import facet, leave_chain
 from page_colour import flux_and_efficacy
 from page_figures import CLOSE, apart_of, error_over_pairs, jackknife, least_parts
 from page_light import filtered
@@ -121,13 +121,13 @@ class Bent:
 
 
 class Rough:
-    """A face whose normals are turned, those of the rays that come to it."""
+    """A face with facets of these slopes, those that the rays meet which come to it."""
 
-    def __init__(self, face, turns):
-        self.face, self.turns, self.radius, self.largest = face, turns, face.radius, face.largest
+    def __init__(self, face, slopes):
+        self.face, self.slopes, self.radius, self.largest = face, slopes, face.radius, face.largest
 
     def normal(self, u):
-        return unit(self.face.normal(u) + self.turns)
+        return facet(self.face.normal(u), self.slopes)
 
 
 class BentFace:
@@ -205,7 +205,7 @@ def light_with(case, led, name="", value=None):
         lens_at = motion(name, value)
     (turn, shift), up = lens_at, np.array([0, 0, (spec["base"]["height_mm"] or 0.0) * (scale - 1)])
     number, p, d, flux, nm = rays_of(case, led)
-    noise = noise_of(d, 3 * len(case.lens["faces"]))
+    noise = noise_of(d, 2 * len(case.lens["faces"]))
     p, d = (
         source["position_mm"] + size * (p - source["position_mm"]) @ source_at[0].T + source_at[1],
         d @ source_at[0].T,
@@ -235,18 +235,21 @@ def behind_double(case, section, own, nm, noise, name, value):
     elif name.endswith(ROUGH):
         fate = leave({"spec": {"lens": section}}, faces, *own, nm)[3]
         rows = (fate == LANDED) | (fate == TOTAL) if k else (fate != BACKWARD) & (fate != OUTSIDE_CAVITY)
-        faces[k] = Rough(faces[k], slope_of(case, name, value) * noise[rows, 3 * k : 3 * k + 3])
+        faces[k] = Rough(faces[k], slope_of(case, name, value) * noise[rows, 2 * k : 2 * k + 2])
     left, p, d, _, share, _, nm, stokes = leave({"spec": {"lens": section}}, faces, *own, nm)
     return left, p, d, share, nm, stokes
 
 
 def behind_chain(case, section, own, nm, noise, name, value):
-    """As :func:`behind_double`, of a lens of more faces, of which the numbers of a ray are by its events."""
+    """As :func:`behind_double`, of a lens of more faces, which a ray may meet again, a right angle on."""
     faces, turns = list(faces_of(case.lens, case.lens["faces"])), {}
     face = next((each for each in faces if each.name == face_of(section, name)), None)
     if face is not None and name.endswith(ROUGH):
-        events = [noise[:, 3 * event % noise.shape[1] :][:, :3] for event in range(section["events"])]
-        turns = {face.name: slope_of(case, name, value) * np.stack(events, axis=1)}
+        number = [each.name for each in faces].index(face.name)
+        along = noise[:, 2 * number] + 1j * noise[:, 2 * number + 1]
+        events = [along * 1j ** ((event - number) % 4) for event in range(section["events"])]
+        slopes = np.stack([np.column_stack([each.real, each.imag]) for each in events], axis=1)
+        turns = {face.name: slope_of(case, name, value) * slopes}
     elif face is not None:
         beside = [each for each in faces if each.before == face.before]
 
