@@ -99,7 +99,7 @@ from lensforge.spec.light_limits import (
 from lensforge.spec.part_section import FeetSection
 from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateGate, PlateHole, PlatePin, PlateSection
 from lensforge.spec.road_section import RoadSection
-from lensforge.spec.scatter_section import ScatterSection
+from lensforge.spec.scatter_section import GaussianScatter
 from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
 from lensforge.spec.spec_fields import help_of
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
@@ -110,10 +110,10 @@ __all__ = [
     "Conditions", "ConstraintsSection", "Correction", "CosineIntensity", "CoverGlassSection", "CriterionMissed",
     "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection", "ExitFace",
     "FaceSection", "FaceTolerances", "Fact", "FeetSection", "FileSpectrum", "FileWarning", "FlangeSection",
-    "GaussianSpectrum", "GlareLimit", "GridLamps", "Handover", "HexagonLamps", "InputError", "LayerSection", "Lens",
-    "LensSection", "LensforgeError", "Light", "LineLimit", "LineSpectrum", "LossLimit", "LuminanceLimit",
-    "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OpticalData", "OptimiseSection", "Part",
-    "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "Photometry",
+    "GaussianScatter", "GaussianSpectrum", "GlareLimit", "GridLamps", "Handover", "HexagonLamps", "InputError",
+    "LayerSection", "Lens", "LensSection", "LensforgeError", "Light", "LineLimit", "LineSpectrum", "LossLimit",
+    "LuminanceLimit", "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OpticalData", "OptimiseSection",
+    "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "Photometry",
     "PhotometrySection", "PlateBoss", "PlateGate", "PlateHole", "PlatePin", "PlateSection", "PointsLimit", "Possible",
     "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart", "ReflectorSection", "Results", "RingLamps",
     "RoadSection", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StrayLight", "Studio",
@@ -124,7 +124,7 @@ __all__ = [
     "verify",
 ]  # fmt: skip
 
-_OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection, ScatterSection)
+_OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)
 NAMES = {name: globals()[name] for name in __all__} | {
     kind.__name__: kind for base in _OF_KINDS for kind in base.kinds.values()
 }

@@ -15,7 +15,7 @@ from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.face_roles import CAVITY, OUTSIDE, SHELL, FaceRole, bounding
 from lensforge.optics.material import Material
 from lensforge.optics.pose import IN_PLACE, Pose
-from lensforge.optics.scattering import FacetSlopes
+from lensforge.optics.scattering import GaussianFacets
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ class FaceScatter:
     """Facets of the face of this name."""
 
     face: str
-    facets: FacetSlopes
+    facets: GaussianFacets
 
 
 @runtime_checkable
@@ -294,7 +294,7 @@ class Media:
         """Coating of the face of this name; None for a bare one."""
         return next((each.coating for each in self.coatings if each.face == face), None)
 
-    def facets(self, faces: Sequence[str]) -> tuple[FacetSlopes | None, ...] | None:
+    def facets(self, faces: Sequence[str]) -> tuple[GaussianFacets | None, ...] | None:
         """Facets of each of these faces; None where all are polished."""
         known = {each.face: each.facets for each in self.scatter}
         return tuple(map(known.get, faces)) if known else None

@@ -7,7 +7,6 @@ facets is left out: it counts at grazing angles.
 
 from dataclasses import dataclass
 from math import asin
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -34,20 +33,6 @@ class FacetTurn:
             return np.tan(0.5 * angles_rad)
         slopes: Values = np.sin(angles_rad) / np.abs(self.ratio - np.cos(angles_rad))
         return slopes
-
-
-@runtime_checkable
-class FacetSlopes(Protocol):
-    """Distribution of the slopes of facets, rms ``slope`` along any line."""
-
-    @property
-    def slope(self) -> float:
-        """Root of the mean squared slope along a line."""
-        ...
-
-    def amounts(self, numbers: Values) -> Values:
-        """Slopes, from 0, of numbers in [0, 1): the inverse of their distribution."""
-        ...
 
 
 @dataclass(frozen=True)

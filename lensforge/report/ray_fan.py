@@ -25,9 +25,8 @@ Points = Float[np.ndarray, "n 3"]
 
 
 def fan_tables(lens: Lens) -> TracedLens:
-    """``lens`` as :func:`trace_fan` follows rays through it: faces that scatter are drawn as if polished."""
-    traced = TracedLens.of(lens, _NODES_PER_SIGMA)
-    return replace(traced, scene=replace(traced.scene, media=traced.scene.media.polished))
+    """``lens`` as :func:`trace_fan` follows rays through it."""
+    return TracedLens.of(lens, _NODES_PER_SIGMA)
 
 
 def trace_fan(
@@ -35,12 +34,14 @@ def trace_fan(
 ) -> Float[np.ndarray, "n p 3"]:
     """Start, the hits on all faces that rays meet, further bodies' too, and a point at ``reach_mm`` from the origin.
 
-    ``traced``: by :func:`fan_tables`, where they are made already. NaN after their end.
+    ``traced``: by :func:`fan_tables`, where they are made already. NaN after their end. Faces that scatter are drawn as
+    if polished.
     A ray ends where it meets z = 0, re-enters the cavity, or is totally reflected: it has no last point. One that
     starts below z = 0 must pass that plane inside the cavity; directions are upwards.
     """
     traced = traced or fan_tables(lens)
-    bundle = TracedBundle.of(traced.tables, traced.scene, RayBundle(start_mm, directions, np.ones(len(start_mm))))
+    scene = replace(traced.scene, media=traced.scene.media.polished)
+    bundle = TracedBundle.of(traced.tables, scene, RayBundle(start_mm, directions, np.ones(len(start_mm))))
     in_order = np.where(bundle.lengths > 0.0, 4 * np.arange(bundle.lengths.shape[1]), -1)  # a double lens: both faces
     points, along, places = start_mm.copy(), directions.copy(), [start_mm]
     for lengths, met in zip(bundle.lengths.T, (in_order if bundle.met is None else bundle.met).T, strict=True):

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.optics.media import Media
-from lensforge.optics.scattering import FacetSlopes
+from lensforge.optics.scattering import GaussianFacets
 from lensforge.scene.made_part import AsMade
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -53,7 +53,7 @@ def with_facets(rays: RayBundle, faces: int) -> RayBundle:
     return replace(rays, facets=np.column_stack([each for face in range(faces) for each in _numbers(rays, face)]))
 
 
-def facet_slopes(rays: RayBundle, faces: Sequence[FacetSlopes | None], before: int = 0) -> Float[np.ndarray, "n m"]:
+def facet_slopes(rays: RayBundle, faces: Sequence[GaussianFacets | None], before: int = 0) -> Float[np.ndarray, "n m"]:
     """Slopes of the facets that each ray meets, along two lines on each of the ``faces``; 0 on a polished one.
 
     ``before``: number of faces that scatter and that the rays have met before, on other bodies.

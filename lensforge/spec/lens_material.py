@@ -347,10 +347,9 @@ class LensMaterial(OfMaterial, FacesSection):
                 role = self.role(name)
                 ratio = self.refractive_index / indices[role.around]
                 turn = FacetTurn(None if face.mirror is not None else ratio if role.before == BODY else 1.0 / ratio)
-                try:
-                    yield FaceScatter(name, face.scatter.facets(turn))
-                except ValueError as error:
-                    raise ValueError(f"{name}.scatter: {error}") from None
+                with fault_of(f"{name}.scatter"):
+                    facets = face.scatter.facets(turn)
+                yield FaceScatter(name, facets)
 
     @check
     def _faces_can_scatter_so(self) -> None:

@@ -5,24 +5,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from lensforge.optics.scattering import FacetSlopes, FacetTurn, GaussianFacets, gaussian
-from lensforge.results.registered_kinds import OfSeveralKinds
+from lensforge.optics.scattering import FacetTurn, GaussianFacets, gaussian
 from lensforge.spec.spec_section import Section
 
 _MOST_BACK = 0.5  # of the light along the normal: with more the face is no lens any more
 
 
-class ScatterSection(OfSeveralKinds, Section):
-    """Scatter of a face."""
-
-    kind: str
-
-    def facets(self, turn: FacetTurn) -> FacetSlopes:
-        """The facets of the face, which turn light by ``turn``. Raises ``ValueError`` for what no facets do."""
-        raise NotImplementedError
-
-
-class GaussianScatter(ScatterSection):
+class GaussianScatter(Section):
     """A frosted, etched or finely machined face: facets whose slopes are normally distributed."""
 
     kind: Literal["gaussian"] = "gaussian"
@@ -32,14 +21,14 @@ class GaussianScatter(ScatterSection):
     """
 
     def facets(self, turn: FacetTurn) -> GaussianFacets:
-        """FacetSlopes whose rms slope turns light by that angle."""
+        """Facets whose rms slope turns light by that angle."""
         sigma = radians(self.sigma_deg)
         found = gaussian(sigma, turn) if sigma < turn.most_rad else None
         back = 1.0 if found is None else _turned_back(found.slope, turn)
         if found is None or back > _MOST_BACK:
             raise ValueError(
                 f"sigma_deg = {self.sigma_deg:g}: {100.0 * back:.0f} % of the light along the normal would be turned "
-                "back; take a smaller angle, or scatter on both faces"
+                "back; take a smaller angle, on both faces if need be"
             )
         return found
 

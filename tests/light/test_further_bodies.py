@@ -4,13 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from chains import MixedLight, clear, collimator, tables_of, upwards
 from shells import BOWL, COVER_LOSS, COVER_N, DOME, LOSS, SECOND, SHELL, N, by_hand, placed, spheres_of
 
 from lensforge.kernels.fate import Fate
+from lensforge.light.reference_bodies import ReferenceBody
+from lensforge.light.reference_trace import as_arrays, trace_reference
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import CoverGlass, FaceCoating, Medium, ReflectanceTable, SecondaryOptic
+from lensforge.optics.media import CoverGlass, FaceCoating, FaceScatter, Medium, ReflectanceTable, SecondaryOptic
 from lensforge.optics.pose import Pose
+from lensforge.optics.scattering import GaussianFacets
 from lensforge.scene.made_part import AsMade
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
@@ -96,12 +100,16 @@ def test_light_reflected_totally_in_a_body_is_lost_there() -> None:
     assert (found.lost_in_bodies[0, total] > 0.0).all() and (found.flux[total] == 0.0).all()
 
 
-@pytest.mark.parametrize("kind", ["double", "as made", "behind a glass", "tir"])
+@pytest.mark.parametrize("kind", ["double", "as made", "behind a glass", "frosted", "tir"])
 def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> None:
     """By points, directions, flux with its polarisation, and the exit sine; through a coated and a clear body."""
     film = ReflectanceTable((0.0, 30.0, 60.0), ((0.01, 0.02, 0.2),))
     coated = replace(DOME, coatings=(FaceCoating("inner", "cavity", film),))
     media = replace(clear(N, absorption=LOSS), bodies=(coated, BOWL))
+    if kind == "frosted":  # a face of the lens, and others of both bodies
+        facets = (FaceScatter(face, GaussianFacets(0.02)) for face in ("outer", "inner", "outer"))
+        own, first, second = ((each,) for each in facets)
+        media = replace(media, scatter=own, bodies=(replace(coated, scatter=first), replace(BOWL, scatter=second)))
     if kind == "behind a glass":
         media = replace(media, cover_glass=CoverGlass(1.52, 3.0, 40.0, 2e-3))
     if kind != "tir":
@@ -110,6 +118,10 @@ def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> 
     else:
         body = collimator(0.03)
         own, here = tables_of(body, GRID), Scene(media, GRID, chain=body.chain(6))
+    if kind == "frosted":
+        few = upwards(60, 6, 0.8)
+        same = as_arrays(trace_reference(ReferenceBody.by_tables(torch.from_numpy(own), here), few))
+        assert np.abs(TracedBundle.of(own, here, few).exits.directions - same.directions).max() < 1e-9
     direction = np.random.default_rng(7).normal(size=own.shape) * 1e-3
     slope = MixedLight(own, here, upwards(1500, 6, 0.8), 8).slope(direction, 2e-4)
     assert slope.crossed < 150

@@ -13,7 +13,8 @@ from lensforge.optics.media import FaceScatter, Media
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, gaussian
 from lensforge.proof.facet_tilt import slopes_of, tilted
 from lensforge.proof.refraction import LitRays
-from lensforge.scene.rough_faces import facet_slopes, with_facets
+from lensforge.scene.made_part import AsMade
+from lensforge.scene.rough_faces import facet_slopes, roughness, with_facets
 from lensforge.sources.build_source import build_source
 from lensforge.spec.scatter_section import GaussianScatter
 from lensforge.spec.source_sections import SquareSource
@@ -129,6 +130,41 @@ def test_a_drawn_sample_has_quasi_random_facets_for_two_faces() -> None:
             assert set(np.bincount(cells, minlength=16)) == {256}, (one, other)
     scattered = facet_slopes(rays, (GaussianFacets(0.1), GaussianFacets(0.1), GaussianFacets(0.1)))
     assert np.abs(scattered.std(axis=0) - 0.1).max() < 0.004 and np.abs(scattered[:, :4].mean(axis=0)).max() < 1e-4
+
+
+def test_facets_of_a_made_part_add_to_those_of_the_design() -> None:
+    made, media = AsMade(slopes={"outer": 0.08, "inner": 0.0}), frosted("outer", 2.0)
+    both = roughness(media, ("inner", "outer"), RAYS, made)
+    assert both is not None and not both.noise[:, :2].any()
+    rms = np.hypot(0.08, media.scatter[0].facets.slope)
+    assert (both.noise * np.repeat(both.slopes, 2))[:, 2:].std(axis=0) == pytest.approx([rms, rms], rel=0.01)
+    other = roughness(media, ("inner", "outer"), replace(RAYS, origins=RAYS.origins + 1e-9), made, before=1)
+    assert other is not None and np.abs(other.noise - both.noise).max() > 0.1
+
+
+def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() -> None:
+    """Ray by ray: a double lens, and the third face that scatters, on a body behind it; at a second event, too."""
+    rays, names = with_facets(upwards(500, 4, 0.4), 3), ("inner", "outer")
+    facets, faces = (GaussianFacets(0.05), GaussianFacets(0.1)), np.tile([0, 1], 250)
+    media = replace(clear(N), scatter=tuple(FaceScatter(*each) for each in zip(names, facets, strict=True)))
+    normals = rays.directions
+    for before, kinds in ((0, facets), (2, (None, facets[0]))):
+        seen = replace(media, scatter=tuple(FaceScatter(n, f) for n, f in zip(names, kinds, strict=True) if f))
+        slopes = slopes_of(rays, seen, names, before)
+        assert slopes == pytest.approx(facet_slopes(rays, kinds, before), abs=1e-14)
+        for event in (0, 1, 2, 3, 4):
+            found = tilted(normals, normals, slopes, faces, event)
+            x, y = slopes[np.arange(500), 2 * faces], slopes[np.arange(500), 2 * faces + 1]
+            wanted = np.column_stack([x, y, 0.0 * x])
+            quarter = (event - faces) % 4
+            wanted[:, 0], wanted[:, 1] = (
+                np.choose(quarter, [x, -y, -x, y]),
+                np.choose(quarter, [y, x, -y, -x]),
+            )
+            along = (wanted[:, :2] * normals[:, :2]).sum(axis=1) / (1.0 + normals[:, 2])
+            wanted = normals + wanted - along[:, None] * (normals + np.eye(3)[2])
+            wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+            assert np.abs(found - wanted).max() < 1e-13
 
 
 def test_a_mirror_turns_light_by_twice_the_slope() -> None:
