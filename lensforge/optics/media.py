@@ -344,6 +344,11 @@ class Media:
         return max(abs(index - self.cavity_index), abs(index - self.outside_index))
 
     @property
+    def spread_rad(self) -> float:
+        """Angle, rms along a line, by which the lens spreads light by its roughest face; 0 where all are polished."""
+        return self.largest_turning_power * max((each.facets.slope for each in self.scatter), default=0.0)
+
+    @property
     def etendue_factor(self) -> float:
         """Étendue (mm^2 sr) that light takes outside of that which it has in the cavity: n^2 times it is conserved."""
         return (self.cavity_index / self.outside_index) ** 2

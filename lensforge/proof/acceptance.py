@@ -152,9 +152,8 @@ def _other(exported: BodySize, file: SizedFile, name: str) -> str:
 # where it arrives at a slope (Screen.reach_mm). A lens a few mm wide that is 1 % too large or has a
 # surface displaced by 20 um is at several times that; 200,000 triangles of the roughest lens use a fifth of it.
 DEVIATION_RAD = 1e-4
-# Facets of a face that scatters turn some rays almost along themselves, and with them any error of a normal: a flat top
-# of 3 degrees, draft, is off by 0.24 mm, without 2 % of its rays by 0.11; polished by 0.09, or 0.07.
-JUDGED_OF_SCATTERED = 0.98
+# Behind a face that scatters a hundredth of its spread more: that widens the light by 0.005 %.
+OF_SPREAD = 0.01
 FATE_SHARE = FLUX_SHARE  # of rays that end otherwise
 # With the same rays the irradiance may change by a tenth of what other rays would change, or by 1 % rms of itself.
 SAME_RAYS_FLOORS, SAME_RAYS_ALLOWANCE = 0.1, 1e-4

@@ -12,7 +12,6 @@ from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads, thread_count
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import evaluate, inputs_of, judging_source, rays_of
-from lensforge.proof.acceptance import JUDGED_OF_SCATTERED
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
 from lensforge.results.arguments import count_of, require
@@ -99,6 +98,7 @@ def _verified(
         bundle,
         lens.media,
         expected_of(alone, seen, bundle, optical),
+        expected_of(alone, seen, bundle, optical, polished=True) if lens.media.scattering else None,
         names=[receiver.name for receiver in seen.receivers],
         own=independent_light(alone, source, seen, count),
         optical=optical,
@@ -107,17 +107,24 @@ def _verified(
     return verify_in_sandbox(files, of_design, referees, thread_count(), second).changed(conditions=conditions)
 
 
-def expected_of(lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFaces") -> "list[Expected]":
-    """Results of the design for ``rays`` on each receiver, whose ``light`` is known; faces by the numbers of a part."""
+def expected_of(
+    lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFaces", *, polished: bool = False
+) -> "list[Expected]":
+    """Results of the design for ``rays`` on each receiver, whose ``light`` is known; faces by the numbers of a part.
+
+    ``polished``: of the rays where no face scatters.
+    """
     from lensforge.light.simulation import TracedLens, design_landings
     from lensforge.proof.part_comparison import Expected
     from lensforge.proof.proof_inputs import screens_of
 
     traced = TracedLens.of(lens, preset_of(lens.accuracy).evaluate_nodes_per_sigma)
+    if polished:
+        traced = replace(traced, scene=replace(traced.scene, media=lens.media.polished))
     screens, landed = screens_of(lens.spec, light.pixels), design_landings(traced, lens.spec, rays)
-    order, judged = optical.numbers_of(traced.scene.names), JUDGED_OF_SCATTERED if lens.media.scattering else 1.0
+    order = optical.numbers_of(traced.scene.names)
     return [
-        Expected(screen, lit.map, own.hits, own.flux, own.fates, None if own.met is None else order[own.met], judged)
+        Expected(screen, lit.map, own.hits, own.flux, own.fates, None if own.met is None else order[own.met])
         for screen, lit, own in zip(screens, light.receivers, landed, strict=True)
     ]
 

@@ -30,8 +30,7 @@ class Expected:
 
     ``fates``: name of the fate of each ray; None: those that do not land are "lost". ``met``: number of the face that a
     ray meets at each event; beside a crease it may meet the other one in the part, lands far away, and counts as a ray
-    of another fate. None where there is one way only. ``judged``: share of the rays, those that land nearest to the
-    design's, whose rms counts.
+    of another fate. None where there is one way only.
     """
 
     screen: Screen
@@ -40,7 +39,6 @@ class Expected:
     flux: Float[np.ndarray, " n"]
     fates: Shaped[np.ndarray, " n"] | None = None
     met: Int[np.ndarray, "n events"] | None = None
-    judged: float = 1.0
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
@@ -84,7 +82,7 @@ def compare(rays: RayBundle, landed: LandedRays, expected: Expected) -> Agreemen
         change = float(np.abs(landed.flux[both] - expected.flux[both]).sum() / expected.flux[both].sum())
     return Agreement(
         compared=int(both.sum()),
-        rms=float(np.sqrt(np.mean(np.sort(apart)[: max(int(expected.judged * len(apart)), 1)] ** 2))),
+        rms=float(np.sqrt(np.mean(apart**2))),
         p99=float(np.quantile(apart, 0.99)),
         max=float(apart.max()),
         flux=change,

@@ -14,7 +14,7 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
-from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, proof_criteria
+from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, OF_SPREAD, proof_criteria
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.file_form import DesignedFile
 from lensforge.proof.mesh_form import mesh_forms
@@ -35,17 +35,14 @@ from lensforge.proof.part_comparison import (
 )
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh, sized_mesh
 from lensforge.proof.proof_result import (
-    BrepCast,
-    Gaps,
     IndependentRays,
-    MitsubaCast,
     Proof,
     ReceiverProof,
     SizedFile,
     Sizes,
 )
 from lensforge.proof.receiver_screen import nmse
-from lensforge.proof.sequential_cast import Passage, send_through, send_through_body
+from lensforge.proof.sequential_cast import LandedRays, Passage, send_through, send_through_body
 from lensforge.proof.step_cast import StepCast, cast_step, form_of_step, judge_brep, read_step
 from lensforge.proof.trimesh_cast import cast_plain
 from lensforge.results import BodySize, Extent
@@ -75,13 +72,16 @@ class FilesOfPart:
 class LightOfDesign:
     """Rays, and what the design makes of them on each receiver, of ``names``: its light, and their landings.
 
-    ``own``: further rays, drawn by other code than the design's, and the light of the design that theirs is compared
-    with. ``optical``: the faces of the part, and the events of its light.
+    ``polished``: the same of a lens whose faces scatter, were they polished: rays are compared one by one there, since
+    some facets turn light almost along themselves, and magnify an error of a normal without limit. ``own``: further
+    rays, drawn by other code than the design's, and the light of the design that theirs is compared with. ``optical``:
+    the faces of the part, and the events of its light.
     """
 
     rays: RayBundle
     media: Media
     expected: Sequence[Expected]
+    polished: Sequence[Expected] | None = None
     names: Sequence[str] = ("light",)
     own: IndependentLight | None = None
     optical: OpticalFaces = USUAL_LENS
@@ -115,6 +115,8 @@ def verify_part(
     misses its criteria instead.
     """
     rays, media, expected, optical = light.rays, light.media, light.expected, light.optical
+    bare, by_ray = media.polished, light.polished or expected
+    limit_rad = DEVIATION_RAD + OF_SPREAD * media.spread_rad
     step, lamps, own, exported = files.step, files.lamps, light.own, files.exported
     started = perf_counter()
     _require_rays(rays, expected)
@@ -125,7 +127,7 @@ def verify_part(
         designed = next((each for each in files.designed if each.content == step), None)
         sized = exported is not None
         through = cast_step(
-            file, rays, media, referees.step_rays, optical=optical, sized=sized, designed=designed, second=second
+            file, rays, bare, referees.step_rays, optical=optical, sized=sized, designed=designed, second=second
         )
     solids = {
         each.name: second.call(form_of_step, each) for each in files.designed if each.is_step and each is not designed
@@ -133,17 +135,20 @@ def verify_part(
     part = read_part_mesh(files.stl, optical)
     plates = {lamps.stl: lamps.part.mesh} if isinstance(lamps, LampsOnPlate) else {}
     grid = Grid(part.mesh)
-    plain = cast_plain(part, grid, rays, media, referees.plain_rays, second)
+    plain = cast_plain(part, grid, rays, bare, referees.plain_rays, second)
     passage = send_through(part, grid, rays, media, threads)
+    alone = passage if light.polished is None else send_through(part, grid, rays, bare, threads)
     none: list[Any] = [None] * len(expected)
     by_mitsuba = cast_mitsuba(part, rays, media, expected, referees.mitsuba_rays) if referees.mitsuba_rays else none
     by_own = none if own is None else _own_light(part, grid, own, media, expected, threads)
     compared = plain()
     cast = None if through is None else through()
-    by_step = none if cast is None else judge_brep(cast, rays, expected, passage)
+    by_step = none if cast is None else judge_brep(cast, rays, by_ray, alone)
     received = tuple(
-        _on_receiver(name, rays, passage, each, (brep, mitsuba, ours))
-        for name, each, brep, mitsuba, ours in zip(light.names, expected, by_step, by_mitsuba, by_own, strict=True)
+        _on_receiver(name, rays, passage, each, (alone.landed(each.screen), polished), others, limit_rad)
+        for name, each, polished, *others in zip(
+            light.names, expected, by_ray, by_step, by_mitsuba, by_own, strict=True
+        )
     )
     sizes = None if exported is None else _sizes(part, cast, exported, files.chord_mm)
     known = {files.stl: part.mesh} | plates
@@ -207,8 +212,11 @@ def _on_receiver(
     rays: RayBundle,
     passage: Passage,
     expected: Expected,
-    others: tuple[tuple[BrepCast, Gaps] | None, tuple[MitsubaCast, Gaps] | None, IndependentRays | None],
+    by_ray: tuple[LandedRays, Expected],
+    others: Sequence[Any],
+    limit_rad: float,
 ) -> ReceiverProof:
+    """The light on a receiver; ``by_ray``: of polished faces, compared ray by ray; ``others``: of the other casts."""
     brep, mitsuba, own_rays = others
     screen, landed = expected.screen, passage.landed(expected.screen)
     image, off, noise_floor = screen.against(landed.landings, landed.flux, expected.irradiance)
@@ -223,15 +231,15 @@ def _on_receiver(
         nmse_same_rays=nmse(image, screen.irradiance(expected.landings, expected.flux)),
         efficiency=flux.detected,
         efficiency_design_same_rays=share(rays, expected.flux[screen.in_window(expected.landings)]),
-        against_design=compare(rays, landed, expected),
-        deviation_limit_mm=DEVIATION_RAD * screen.reach_mm(expected.irradiance),
+        against_design=compare(rays, *by_ray),
+        deviation_limit_mm=limit_rad * screen.reach_mm(expected.irradiance),
         flux=flux,
         brep=brep[0] if brep else None,
         mitsuba=mitsuba[0] if mitsuba else None,
         own_rays=own_rays,
         irradiance=image,
         design_irradiance=expected.irradiance,
-        gaps_mesh_mm=gap_quantiles(landed, expected),
+        gaps_mesh_mm=gap_quantiles(*by_ray),
         gaps_step_mm=brep[1] if brep else None,
         gaps_mitsuba_mm=mitsuba[1] if mitsuba else None,
     )

@@ -7,12 +7,14 @@ from lens_meshes import DISTANCE, INDEX, INNER, OUTER, Quadric, lambertian, orac
 from nightly import first_by_day
 
 from lensforge.errors import InputError
-from lensforge.optics.media import Media, Medium
+from lensforge.optics.media import FaceScatter, Media, Medium
+from lensforge.optics.scattering import GaussianFacets
 from lensforge.proof.acceptance import brep_criteria
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_result import BrepCast, Proof
 from lensforge.proof.receiver_screen import FarFieldScreen, Screen
 from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, verify_part
+from lensforge.scene.rough_faces import with_facets
 
 SIDE, PIXELS = 300.0, 64
 RAYS = lambertian(8000, 2.0, seed=1)
@@ -67,6 +69,26 @@ def test_the_right_lens_passes_and_is_the_same_when_read_back(verify, tmp_path, 
     assert result.deviation_mm.rms < result.deviation_mm.p99 < result.deviation_mm.max < 0.05
     assert result.plain_cast.casts == 40
     assert result.plain_cast.disagreements == 0
+
+
+def test_rays_of_a_lens_that_scatters_are_compared_one_by_one_where_it_is_polished(design_irradiance):
+    """The light is that behind the facets; the limit leaves a hundredth of the spread."""
+    facets, light = GaussianFacets(0.1), Expected(SCREEN, design_irradiance, HITS, WEIGHTS)
+    media = Media(Medium(INDEX), scatter=(FaceScatter("outer", facets),))
+    file = FilesOfPart(right().export(file_type="stl"))
+    seen = with_facets(RAYS, 1)
+    plain, found, wrong = (
+        verify_part(file, each, Referees(20)).first
+        for each in (
+            LightOfDesign(RAYS, Media(Medium(INDEX)), [light]),
+            LightOfDesign(seen, media, [light], [light]),
+            LightOfDesign(seen, media, [light]),
+        )
+    )
+    assert found.against_design == plain.against_design and wrong.against_design.rms > 10.0
+    assert found.flux != plain.flux and found.nmse_same_rays > 100.0 * plain.nmse_same_rays
+    more = 1.0 + 0.01 * (INDEX - 1.0) * 0.1 / 1e-4
+    assert found.deviation_limit_mm == pytest.approx(more * plain.deviation_limit_mm, rel=1e-12)
 
 
 def test_a_step_file_is_refused_before_any_ray_is_cast(verify, monkeypatch):
