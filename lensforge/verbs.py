@@ -99,29 +99,29 @@ from lensforge.spec.light_limits import (
 from lensforge.spec.part_section import FeetSection
 from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateGate, PlateHole, PlatePin, PlateSection
 from lensforge.spec.road_section import RoadSection
-from lensforge.spec.scatter_section import GaussianScatter
+from lensforge.spec.scatter_section import AbgScatter, GaussianScatter, LambertianScatter, TableScatter
 from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
 from lensforge.spec.spec_fields import help_of
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
 from lensforge.version import __version__
 
 __all__ = [
-    "BaseSection", "BeamAngleLimit", "BodySection", "Cancelled", "Check", "Chip", "CoatingSection", "ColourSection",
-    "Conditions", "ConstraintsSection", "Correction", "CosineIntensity", "CoverGlassSection", "CriterionMissed",
-    "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection", "ExitFace",
-    "FaceSection", "FaceTolerances", "Fact", "FeetSection", "FileSpectrum", "FileWarning", "FlangeSection",
+    "AbgScatter", "BaseSection", "BeamAngleLimit", "BodySection", "Cancelled", "Check", "Chip", "CoatingSection",
+    "ColourSection", "Conditions", "ConstraintsSection", "Correction", "CosineIntensity", "CoverGlassSection",
+    "CriterionMissed", "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection",
+    "ExitFace", "FaceSection", "FaceTolerances", "Fact", "FeetSection", "FileSpectrum", "FileWarning", "FlangeSection",
     "GaussianScatter", "GaussianSpectrum", "GlareLimit", "GridLamps", "Handover", "HexagonLamps", "InputError",
-    "LayerSection", "Lens", "LensSection", "LensforgeError", "Light", "LineLimit", "LineSpectrum", "LossLimit",
-    "LuminanceLimit", "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OpticalData", "OptimiseSection",
-    "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "Photometry",
-    "PhotometrySection", "PlateBoss", "PlateGate", "PlateHole", "PlatePin", "PlateSection", "PointsLimit", "Possible",
-    "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart", "ReflectorSection", "Results", "RingLamps",
-    "RoadSection", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StrayLight", "Studio",
-    "SurfaceComparison", "Sweep", "TableIntensity", "TableLamps", "TableSpectrum", "TirSection", "ToleranceSpec",
-    "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build",
-    "check", "compare", "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry",
-    "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light", "studio", "sweep", "tolerance", "tradeoff",
-    "verify",
+    "LambertianScatter", "LayerSection", "Lens", "LensSection", "LensforgeError", "Light", "LineLimit", "LineSpectrum",
+    "LossLimit", "LuminanceLimit", "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OpticalData",
+    "OptimiseSection", "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary",
+    "Photometry", "PhotometrySection", "PlateBoss", "PlateGate", "PlateHole", "PlatePin", "PlateSection", "PointsLimit",
+    "Possible", "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart", "ReflectorSection", "Results",
+    "RingLamps", "RoadSection", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StrayLight", "Studio",
+    "SurfaceComparison", "Sweep", "TableIntensity", "TableLamps", "TableScatter", "TableSpectrum", "TirSection",
+    "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__",
+    "best_design", "build", "check", "compare", "correct", "design", "evaluate", "handover", "load", "load_lens",
+    "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light", "studio", "sweep",
+    "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
 
 _OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)

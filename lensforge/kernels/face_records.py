@@ -1,4 +1,4 @@
-"""Sides and places of the faces of a body, as the kernels take them; free of the compiler."""
+"""Sides, places and scatter of the faces of a body, as the kernels take them; free of the compiler."""
 
 from typing import NamedTuple
 
@@ -25,3 +25,18 @@ class FacePlacement(NamedTuple):
     frames: Float[np.ndarray, "g 3 4"]
     factor_in: float
     factor_out: float
+
+
+class RingShifts(NamedTuple):
+    """Shifts of light behind faces that scatter by rings.
+
+    ``rays`` (n, f, 3 + k): cosine and sine of the azimuth, 1 where light keeps its direction along the face and 0 where
+    it does not, and the amount at each of the ``cosines`` (f, k) of incidence, ascending. All 1 and 0 is polished.
+    """
+
+    rays: Float[np.ndarray, "n f w"]
+    cosines: Float[np.ndarray, "f k"]
+
+    def part(self, part: slice) -> "RingShifts":
+        """Shifts of some of the rays."""
+        return RingShifts(self.rays[part], self.cosines)

@@ -97,7 +97,8 @@ def _before_turn(real, imaginary, face):
 
 
 @inline
-def _turned(y, face):
+def turn_vector(y, face):
+    """A vector across the direction before a face, or a turn, across that behind it."""
     if face.mirrored:
         return add_scaled(y, -2.0 * dot(face.n, y), face.n)
     along = dot(face.b, y) / (1.0 + dot(face.d, face.b))
@@ -108,11 +109,11 @@ def _turned(y, face):
 def field_behind(real, imaginary, face):
     """A field behind a face, its real and its imaginary part; ``face``: a :class:`FieldTurn`."""
     one, other, _, _ = _before_turn(real, imaginary, face)
-    return _turned(one, face), _turned(other, face)
+    return turn_vector(one, face), turn_vector(other, face)
 
 
 @inline
-def _turned_adjoint(y, g, face):
+def turn_vector_adjoint(y, g, face):
     """Adjoint of M y: from the sensitivity g to it, to y, n, d and b."""
     n, d, b = face.n, face.d, face.b
     if face.mirrored:
@@ -136,8 +137,8 @@ def field_adjoint(real, imaginary, g, h, face):
     """
     a, k, n, u = face.a, face.k, face.n, face.u
     one, other, p, q = _before_turn(real, imaginary, face)
-    g, by_n, by_d, by_b = _turned_adjoint(one, g, face)
-    h, also_n, also_d, also_b = _turned_adjoint(other, h, face)
+    g, by_n, by_d, by_b = turn_vector_adjoint(one, g, face)
+    h, also_n, also_d, also_b = turn_vector_adjoint(other, h, face)
     w, v = dot(n, real), dot(n, imaginary)
     on_p, on_q = dot(u, g), dot(u, h)
     on_w, on_v = k[0] * on_p + k[1] * on_q, k[0] * on_q - k[1] * on_p

@@ -30,11 +30,22 @@ from lensforge.kernels.adjoint_packet import (
     hit_at,
 )
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.fields import FieldTurn, field_adjoint, field_behind, passing, reflect, reflecting, unpolarised
+from lensforge.kernels.fields import (
+    FieldTurn,
+    field_adjoint,
+    field_behind,
+    passing,
+    reflect,
+    reflecting,
+    turn_vector,
+    turn_vector_adjoint,
+    unpolarised,
+)
 from lensforge.kernels.frames import BACK, BETWEEN, INTO, back_into_faces, to_next_face, turned, turned_back, z_axis
 from lensforge.kernels.fresnel import refract, through
 from lensforge.kernels.next_event import is_side_way
 from lensforge.kernels.ray_packet import SIZE, fields, three, write
+from lensforge.kernels.ring_scatter import bounce, shift_at, spread, spread_adjoint, turn_between
 from lensforge.kernels.traced_body import BODY, OUTSIDE, own_or_shared
 from lensforge.kernels.vectors import add_scaled, dot, scaled, unit
 
@@ -159,11 +170,64 @@ def turn_all_fields(packet, count, mirrored):
 
 
 @inline
+def spread_at(packet, k, face, b, shifts):
+    """Shift, bounce and direction of a ray that a polished face would send along b; whether it is spread."""
+    shift, spreads = shift_at(int(packet[RAY + k]), face.event, face.face, packet[C + k], shifts)
+    at = bounce(three(packet, N + k), face.side, face.mirrored)
+    return shift, at, spread(b, shift, at), spreads
+
+
+@inline
+def spreads_at(face, body):
+    """True for an event behind which light may be spread: none does total reflection."""
+    return not face.mirrored or body.sides.mirrors[face.face] >= 0.0
+
+
+@inline
+def spread_all(packet, count, face, body, shifts):
+    """Spread all rays behind the face of an event, with their fields."""
+    if shifts is not None and spreads_at(face, body):
+        for k in range(count):
+            b = three(packet, FIRST_EVENT + D + k)
+            _, _, to, spreads = spread_at(packet, k, face, b, shifts)
+            if spreads:
+                turn = turn_between(b, to)
+                for first in range(E + k, E + 4 * FIELD + k, FIELD):
+                    write(packet, first, turn_vector(three(packet, first), turn))
+                write(packet, FIRST_EVENT + D + k, to)
+
+
+@inline
+def back_before_spread(packet, k, face, turned, body, shifts):
+    """Take the sensitivities to a ray back to before it was spread; ``turned``: by the face alone.
+
+    Returns those to the cosine before the face and to its unit normal.
+    """
+    by_c, by_n = 0.0, scaled(0.0, turned.n)
+    if shifts is not None and spreads_at(face, body):
+        shift, at, to, spreads = spread_at(packet, k, face, turned.b, shifts)
+        if spreads:
+            turn, f, by_b = turn_between(turned.b, to), three(packet, FX + k), scaled(0.0, to)
+            for field in (0, 2):
+                place, by = E + field * FIELD + k, BY_E + field * FIELD + k
+                parts = field_behind(three(packet, place), three(packet, place + FIELD), turned)
+                for part in range(2):
+                    g, _, by_one, by_other = turn_vector_adjoint(parts[part], three(packet, by + part * FIELD), turn)
+                    f, by_b = add_scaled(f, 1.0, by_other), add_scaled(by_b, 1.0, by_one)
+                    write(packet, by + part * FIELD, g)
+            to_b, by_ahead, by_amount = spread_adjoint(turned.b, shift, at, f)
+            write(packet, FX + k, add_scaled(to_b, 1.0, by_b))
+            by_c, by_n = shift.by_cosine * by_amount, scaled(-1.0 if face.mirrored else 1.0, by_ahead)
+    return by_c, by_n
+
+
+@inline
 def forward_at(packet, count, face, rays, body):
     """Take all rays through the face of an event."""
     refract_all_at(packet, count, face, rays)
     all_amplitudes(packet, count, face, rays, body)
     turn_all_fields(packet, count, face.mirrored)
+    spread_all(packet, count, face, body, rays.shifts)
 
 
 @inline
@@ -255,12 +319,14 @@ def back_through(packet, count, face, last, rays, body):
     in_body, at_exit = 1.0 if face.medium == BODY else 0.0, by_exit_sine(face, last, body.sides)
     for k in range(count):
         turned = field_turn(packet, k, face.mirrored)
+        of_spread_c, of_spread_n = back_before_spread(packet, k, face, turned, body, rays.shifts)
         by_c, by_n, by_d, by_b = field_back(packet, k, 0, turned)
         also_c, also_n, also_d, also_b = field_back(packet, k, 2, turned)
         f = add_scaled(add_scaled(three(packet, FX + k), 1.0, by_b), 1.0, also_b)
         hit = hit_at(packet, k, FIRST_EVENT, face, rays)
-        by_c += also_c + at_exit * hit.ratio * hit.ratio * packet[C + k] * packet[BY_SIN2 + k]
-        by_n, by_d = add_scaled(by_n, 1.0, also_n), add_scaled(by_d, 1.0, also_d)
+        by_c += of_spread_c + also_c + at_exit * hit.ratio * hit.ratio * packet[C + k] * packet[BY_SIN2 + k]
+        by_n = add_scaled(add_scaled(by_n, 1.0, also_n), 1.0, of_spread_n)
+        by_d = add_scaled(by_d, 1.0, also_d)
         by = ByEvent(three(packet, EX + k), f, by_c, by_n, by_d, in_body * packet[BY_PATH + k])
         e, f = back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays)
         write(packet, EX + k, e)

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int, Int8
 
 from lensforge.kernels.bicubic import FaceBounds, TableSpacing
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.face_records import FaceMedia, FacePlacement
+from lensforge.kernels.face_records import FaceMedia, FacePlacement, RingShifts
 from lensforge.kernels.parallel import part_of
 
 CAVITY, BODY, OUTSIDE = 0, 1, 2  # the media
@@ -33,7 +33,7 @@ class RaysIn(NamedTuple):
     the tables of films, or one for all. ``noise`` (n, 2 f): slopes of the facet that each ray meets at each face, along
     two lines and over the slope of the face; None where all faces are polished. ``fields`` (n, 12): of polarised light
     those with which each ray begins (``kernels.fields``: real and imaginary parts of both), in the frame of the faces;
-    None as from a source.
+    None as from a source. ``shifts``: of light at faces that scatter by rings; None without any.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -44,14 +44,15 @@ class RaysIn(NamedTuple):
     film_rows: Float[np.ndarray, " i"]
     noise: Float[np.ndarray, "n m"] | None = None
     fields: Float[np.ndarray, "n 12"] | None = None
+    shifts: RingShifts | None = None
 
     def part(self, part: slice) -> "RaysIn":
         """Some of the rays."""
-        return RaysIn(
-            *(each[part] for each in (self.origins, self.directions, self.emitted)),
-            *(part_of(each, part) for each in (self.indices, self.absorptions, self.film_rows)),
-            *(None if each is None else each[part] for each in (self.noise, self.fields)),
-        )
+        indices, absorptions, films = (part_of(each, part) for each in (self.indices, self.absorptions, self.film_rows))
+        noise, fields = (None if each is None else each[part] for each in (self.noise, self.fields))
+        shifts = None if self.shifts is None else self.shifts.part(part)
+        origins, directions, emitted = (each[part] for each in (self.origins, self.directions, self.emitted))
+        return RaysIn(origins, directions, emitted, indices, absorptions, films, noise, fields, shifts)
 
 
 class FaceFilms(NamedTuple):

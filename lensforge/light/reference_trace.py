@@ -15,12 +15,12 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
-from torch.nn.functional import normalize
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.coated_glass import RayCoatings
 from lensforge.light.reference_bodies import RaysInBody, ReferenceBody
 from lensforge.light.reference_hits import CPU, Approach, Crossing
+from lensforge.light.reference_roughness import Ahead, Meeting, ReferenceRoughness
 from lensforge.optics.arrays import like
 from lensforge.optics.coatings import GLASS
 from lensforge.optics.dielectric import (
@@ -140,7 +140,7 @@ class _Passage:
     indices: Float[Tensor, " n"]
     absorptions: Float[Tensor, " n"] | None
     coatings: RayCoatings
-    rough: tuple[Float[Tensor, "n m"], Float[Tensor, " f"]] | None
+    rough: ReferenceRoughness
     fresnel: bool
     memory: HitMemory
 
@@ -162,7 +162,7 @@ class _Passage:
             there(medium.indices(waves, len(rays))),
             absorptions,
             RayCoatings.of(rays, body.media, fresnel, body.origin),
-            None if rough is None else (there(rough.noise), there(rough.slopes)),
+            ReferenceRoughness.of(rough, there),
             fresnel,
             memory,
         )
@@ -264,7 +264,8 @@ class _Passage:
         sense, behind = (1.0, self.body.chain.behind[number]) if before == medium else (-1.0, before)
         path, points = face.hit(light.points, light.directions, paths_mm, sense)
         light = self._dimmed(light, path, medium)
-        normals = sense * self._roughened(face.normal(points), light.numbers, number, event)
+        met = Meeting(number, event, light.numbers)
+        normals = sense * self.rough.facets(face.normal(points), met)
         cosine, ratio = (light.directions * normals).sum(dim=1), self._ratio(light.numbers, medium, behind)
         squared = transmitted_cosine_squared(cosine, ratio)
         is_exit, bends = number + 1 == len(self.body.faces), behind == OUTSIDE and mirror is None
@@ -278,7 +279,12 @@ class _Passage:
         for mirrored in (False, True):
             rows = (cosine > 0.0) & (reflected == mirrored)
             if bool(rows.any()):
-                some = self._turned(light.take(rows), at.take(rows), number, mirrored)
+                here = at.take(rows)
+                some = self._turned(light.take(rows), here, number, mirrored)
+                if not mirrored or mirror is not None:
+                    ahead = Ahead(here.cosine, sense * here.normals, -here.normals if mirrored else here.normals)
+                    to, turned = self.rough.spread(some.directions, some.fields, ahead, met.take(rows))
+                    some = some._replace(directions=to, fields=turned)
                 yield from self._onward(some, medium if mirrored else behind, mirrored and mirror is None, event)
 
     def _dimmed(self, light: RaysInBody, path_mm: Float[Tensor, " n"], medium: str) -> RaysInBody:
@@ -287,20 +293,6 @@ class _Passage:
         through = torch.exp(-self.absorptions[light.numbers] * (light.gone_mm + path_mm))
         absorbed = light.absorbed + (1.0 - through) * light.flux
         return light._replace(carried=through * light.carried, absorbed=absorbed)
-
-    def _roughened(
-        self, normals: Float[Tensor, "n 3"], numbers: Int[Tensor, " n"], face: int, event: int
-    ) -> Float[Tensor, "n 3"]:
-        unit: Tensor = normalize(normals, dim=1)
-        if self.rough is not None:
-            noise, slopes = self.rough
-            x, y = (slopes[face] * noise[numbers, 2 * face + axis] for axis in (0, 1))
-            for _ in range((event - face) % 4):
-                x, y = -y, x
-            along = (x * unit[:, 0] + y * unit[:, 1]) / (1.0 + unit[:, 2])
-            tilt = torch.stack([x - along * unit[:, 0], y - along * unit[:, 1], -along * (1.0 + unit[:, 2])], dim=1)
-            unit = normalize(unit + tilt, dim=1)
-        return unit
 
     def _ratio(self, numbers: Int[Tensor, " n"], before: str, behind: str) -> Float[Tensor, " n"]:
         own, media = self.indices[numbers], self.body.media

@@ -81,7 +81,7 @@ def through_optics(
 
 
 def _passage(
-    optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBundle, rough: Roughness | None, fresnel: bool
+    optic: SecondaryOptic, exits: ExitRays, around: Media, rays: RayBundle, rough: Roughness, fresnel: bool
 ) -> BodyPassage:
     if exits.fields is None or exits.carried is None:
         raise ValueError("light that comes to an optic has its polarisation")
@@ -97,7 +97,7 @@ def _passage(
         sides=TWO_FACES.packed(media),
         films=coatings.for_kernels(DOUBLE),
         placement=place.placement.packed(),
-        slopes=None if rough is None else rough.slopes,
+        slopes=rough.slopes,
     )
     medium = media.body
     coming = RaysIn(
@@ -107,8 +107,9 @@ def _passage(
         medium.index(waves),
         medium.absorption(waves),
         coatings.rows,
-        noise=None if rough is None else rough.noise,
+        noise=rough.noise,
         fields=exits.fields,
+        shifts=rough.shifts,
     )
     return BodyPassage.of(body, coming, TWO_FACES.events, exits.fates, axial=exits.axial is not None, fields=True)
 

@@ -55,7 +55,7 @@ class Scene:
     def sides(self) -> FaceMedia | None:
         """Media on both sides of each face; None for a double lens alone, whose polarisation has a closed form."""
         if self.chain is None:
-            return TWO_FACES.packed(self.media) if self.media.bodies else None
+            return TWO_FACES.packed(self.media) if self.media.bodies or self.media.has_rings else None
         return self.chain.packed(self.media)
 
     @property
@@ -68,7 +68,7 @@ class Scene:
         """Largest number of events of a ray."""
         return len(DOUBLE) if self.chain is None else self.chain.events
 
-    def body(self, tables: Tables, bounds: FaceBounds, rough: Roughness | None, coatings: RayCoatings) -> TracedBody:
+    def body(self, tables: Tables, bounds: FaceBounds, rough: Roughness, coatings: RayCoatings) -> TracedBody:
         """The lens as the kernels take it; ``rough``: what its rays meet."""
         return TracedBody(
             tables=tables,
@@ -80,10 +80,10 @@ class Scene:
             sides=self.sides,
             films=coatings.for_kernels(self.names),
             placement=None if self.made is None else self.made.placed.packed(),
-            slopes=None if rough is None else rough.slopes,
+            slopes=rough.slopes,
         )
 
-    def coming(self, rays: RayBundle, rough: Roughness | None, coatings: RayCoatings) -> RaysIn:
+    def coming(self, rays: RayBundle, rough: Roughness, coatings: RayCoatings) -> RaysIn:
         """Rays of a source as the kernels take them, with what the lens is for each."""
         medium, waves = self.media.body, rays.waves
         absorptions = medium.absorption(waves)
@@ -96,7 +96,8 @@ class Scene:
             medium.index(waves),
             absorptions,
             coatings.rows,
-            None if rough is None else rough.noise,
+            rough.noise,
+            shifts=rough.shifts,
         )
 
 

@@ -16,6 +16,7 @@ from lensforge.optics.face_roles import CAVITY, OUTSIDE, SHELL, FaceRole, boundi
 from lensforge.optics.material import Material
 from lensforge.optics.pose import IN_PLACE, Pose
 from lensforge.optics.scattering import GaussianFacets
+from lensforge.optics.scattering import RingScatter as RingScatter  # the proof reads it here
 
 
 @dataclass(frozen=True)
@@ -191,10 +192,10 @@ class FaceCoating:
 
 @dataclass(frozen=True)
 class FaceScatter:
-    """Facets of the face of this name."""
+    """Scatter of the face of this name, by its facets or by rings."""
 
     face: str
-    facets: GaussianFacets
+    model: GaussianFacets | RingScatter
 
 
 @runtime_checkable
@@ -294,10 +295,15 @@ class Media:
         """Coating of the face of this name; None for a bare one."""
         return next((each.coating for each in self.coatings if each.face == face), None)
 
-    def facets(self, faces: Sequence[str]) -> tuple[GaussianFacets | None, ...] | None:
-        """Facets of each of these faces; None where all are polished."""
-        known = {each.face: each.facets for each in self.scatter}
+    def scattering_of(self, faces: Sequence[str]) -> tuple[GaussianFacets | RingScatter | None, ...] | None:
+        """Scatter of each of these faces; None where all are polished."""
+        known = {each.face: each.model for each in self.scatter}
         return tuple(map(known.get, faces)) if known else None
+
+    @property
+    def has_rings(self) -> bool:
+        """True where a face of the body scatters by rings."""
+        return any(isinstance(each.model, RingScatter) for each in self.scatter)
 
     def scattering_before(self, body: int) -> int:
         """Number of faces that scatter on the lens and on the bodies before that of this number."""
@@ -346,7 +352,10 @@ class Media:
     @property
     def spread_rad(self) -> float:
         """Angle, rms along a line, by which the lens spreads light by its roughest face; 0 where all are polished."""
-        return self.largest_turning_power * max((each.facets.slope for each in self.scatter), default=0.0)
+        models = [each.model for each in self.scatter]
+        power = self.largest_turning_power
+        spreads = (each.rms if isinstance(each, RingScatter) else power * each.slope for each in models)
+        return max(spreads, default=0.0)
 
     @property
     def etendue_factor(self) -> float:

@@ -1,10 +1,13 @@
-"""Faces that scatter: facets, each as smooth as a polished face, whose normals are tilted at random.
+"""Faces that scatter: facets, each as smooth as a polished face and tilted at random, or rings of scattered light.
 
 A facet refracts and reflects by Snell and Fresnel: scatter is reciprocal, and no light is made. Its slope against the
-mean face has no preferred azimuth: two numbers in [0, 1) give its amount and its azimuth. Light and shadow between
-facets is left out: it counts at grazing angles.
+mean face has no preferred azimuth. Light and shadow between facets is left out: it counts at grazing angles.
+
+Facets turn light by a limited angle; what spreads farther is said by rings. Two numbers in [0, 1) of each ray give the
+amount and the azimuth of either.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import asin
 
@@ -50,3 +53,55 @@ class GaussianFacets:
 def gaussian(sigma_rad: float, turn: FacetTurn) -> GaussianFacets:
     """Facets whose rms slope turns light along the normal by ``sigma_rad``."""
     return GaussianFacets(float(turn.slopes(np.array([sigma_rad]))[0]))
+
+
+@dataclass(frozen=True)
+class RingScatter:
+    """Light spread by wide angles: the direction cosines of what a polished face would send on are shifted at random.
+
+    Rings about the polished direction (``follows``) or about the normal have each a share of the light, even over the
+    ring. ``shares``: cumulative, of light within each of the ``radii`` of direction cosines, from 0 on, one row for
+    each of the ascending ``cosines`` of incidence, and even between these; what is left of 1 stays as it is.
+    """
+
+    radii: tuple[float, ...]
+    shares: tuple[tuple[float, ...], ...]
+    cosines: tuple[float, ...] = (1.0,)
+    follows: bool = True
+
+    @property
+    def most(self) -> float:
+        """Largest share that is scattered."""
+        return max(row[-1] for row in self.shares)
+
+    @property
+    def rms(self) -> float:
+        """Shift, rms along any line, of all light; the largest over the incidences."""
+        middle = 0.25 * (np.square(self.radii[1:]) + np.square(self.radii[:-1]))
+        return float(np.sqrt(max(np.diff(row) @ middle for row in self.shares)))
+
+    def amounts(self, numbers: Values) -> Float[np.ndarray, "n k"]:
+        """Shift of each ray at each incidence; none of the light that is not scattered, which the first numbers are."""
+        squares = np.square(self.radii)
+        columns = [np.interp(numbers - (1.0 - row[-1]), row, squares) for row in self.shares]
+        amounts: Float[np.ndarray, "n k"] = np.sqrt(np.column_stack(columns))
+        return amounts
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+def lambertian(share: float) -> RingScatter:
+    """The share of the light that leaves to all sides alike, the same luminance everywhere: even over |t| < 1."""
+    return RingScatter((0.0, 1.0), ((0.0, share),), follows=False)
+
+
+def shares_within(radii: Values, density: Callable[[Values], Values]) -> Values:
+    """Light within each of the ``radii`` of direction cosines by a ``density`` (1/sr) about the polished direction.
+
+    The cosine of a scatter function is in it: ``density`` times it and the solid angle is ``density`` d^2 t.
+    """
+    middle, half = 0.5 * (radii[1:] + radii[:-1]), 0.5 * np.diff(radii)
+    places = middle[:, None] + half[:, None] * _NODES
+    rings = half * ((2.0 * np.pi * places * density(places.ravel()).reshape(places.shape)) @ _WEIGHTS)
+    return np.concatenate([[0.0], np.cumsum(rings)])

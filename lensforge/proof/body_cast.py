@@ -11,10 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.optics.media import Media, SecondaryOptic, Surface, Wavelengths
-from lensforge.proof.facet_tilt import Slopes, tilted
+from lensforge.optics.face_roles import DOUBLE
+from lensforge.optics.media import Media, RingScatter, SecondaryOptic, Surface, Wavelengths
+from lensforge.proof.facet_tilt import Numbers, Slopes, tilted
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
+from lensforge.proof.ring_spread import Arrival, Spreading
 
 _SCANNED, _STEPS = 24, 60  # places along a ray among which its first crossing lies; halvings from there
 _DIRECTIONS = 2000  # by which the size of a face is known
@@ -22,6 +24,24 @@ _ROOM = 1.05
 
 _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
+
+
+class RoughBody(NamedTuple):
+    """Slopes of the facets that rays meet on both faces of a body, and their numbers for one that scatters by rings."""
+
+    slopes: Slopes
+    rings: Numbers
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "RoughBody":
+        """Numbers of some of the rays."""
+        return RoughBody(self.slopes[rows], self.rings[rows])
+
+    def spread(self, at: AtFace, own: Media, face: str, met: Arrival, rows: Int[np.ndarray, " k"]) -> AtFace:
+        """Light behind a face of the body of these ``own`` media, where that scatters by rings."""
+        (model,), number = own.scattering_of([face]) or (None,), DOUBLE.index(face)
+        if not isinstance(model, RingScatter):
+            return at
+        return at.spread(Spreading.of(model, self.rings[rows, 2 * number : 2 * number + 2], met, 0), False)
 
 
 @dataclass
@@ -32,7 +52,7 @@ class _Beam:
     directions: _Vectors
     fields: Fields
     share: _Values
-    slopes: list[Slopes]
+    rough: list[RoughBody]
 
     def end(self, rows: Int[np.ndarray, " k"]) -> None:
         """Lose some of the rays."""
@@ -55,15 +75,15 @@ def behind_optics(
     wavelengths_nm: _Values,
     fields: Fields | None = None,
     plate: PlateOfLenses | None = None,
-    slopes: Sequence[Slopes] = (),
+    rough: Sequence[RoughBody] = (),
 ) -> BehindOptics:
     """Rays behind the bodies and then the cover glass of ``media``; those that end in a body have no place.
 
-    ``fields`` None: of unpolarised light. ``plate``: of many lenses, where each has bodies of its own. ``slopes``: of
-    the facets of each body; by default all are polished.
+    ``fields`` None: of unpolarised light. ``plate``: of many lenses, where each has bodies of its own. ``rough``: what
+    rays meet on each body; by default all are polished.
     """
     known = unpolarised(directions) if fields is None else fields
-    beam = _Beam(points.copy(), directions.copy(), known.copy(), np.ones(len(points)), list(slopes))
+    beam = _Beam(points.copy(), directions.copy(), known.copy(), np.ones(len(points)), list(rough))
     if media.bodies:
         _through_bodies(beam, media, wavelengths_nm, plate)
     ends, ways, glass = through_glass(beam.points, beam.directions, media, wavelengths_nm, beam.fields)
@@ -73,21 +93,22 @@ def behind_optics(
 def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLenses | None) -> None:
     if plate is None:
         for number, body in enumerate(media.bodies):
-            _through(body, media, beam, waves, beam.slopes[number] if beam.slopes else np.zeros((len(waves), 0)))
+            none = np.zeros((len(waves), 0))
+            _through(body, media, beam, waves, beam.rough[number] if beam.rough else RoughBody(none, none))
         return
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
     own, numbers = plate.at_own(beam.points[rows])
     turns = plate.turns_to(numbers)
     ways = np.einsum("nij,nj->ni", turns, beam.directions[rows])
-    fields, slopes = np.einsum("nij,nkj->nki", turns, beam.fields[rows]), [each[rows] for each in beam.slopes]
-    alone = _Beam(own, ways, fields, beam.share[rows], slopes)
+    fields, rough = np.einsum("nij,nkj->nki", turns, beam.fields[rows]), [each.take(rows) for each in beam.rough]
+    alone = _Beam(own, ways, fields, beam.share[rows], rough)
     _through_bodies(alone, media, waves[rows], None)
     beam.points[rows] = plate.from_own_points(alone.points, numbers)
     beam.directions[rows] = np.einsum("nji,nj->ni", turns, alone.directions)
     beam.fields[rows], beam.share[rows] = np.einsum("nji,nkj->nki", turns, alone.fields), alone.share
 
 
-def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, slopes: Slopes) -> None:
+def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, rough: RoughBody) -> None:
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
     points, along = body.pose.own_points(beam.points[rows]), body.pose.own_directions(beam.directions[rows])
     enters, points = _from_the_rim(points, along)
@@ -107,8 +128,9 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, sl
         before, behind = (indices, around) if leaving else (around, indices)
         refracting = RefractingFace(before, behind, own.coating(face), here.nm, not leaving)
         normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
-        normals = tilted(normals, points, slopes[rows], np.full(len(rows), int(leaving)), int(leaving))
+        normals = tilted(normals, points, rough.slopes[rows], np.full(len(rows), int(leaving)), int(leaving))
         at = AtFace.of(refracting, along, normals, body.pose.own_directions(beam.fields[rows]))
+        at = rough.spread(at, own, face, Arrival(points, normals, along), rows)
         beam.share[rows] *= at.transmittance
         beam.fields[rows] = body.pose.directions(at.passed)
         passes = at.transmittance > 0.0

@@ -103,7 +103,8 @@ def _verified(
         own=independent_light(alone, source, seen, count),
         optical=optical,
     )
-    referees = Referees(mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0)
+    by_mitsuba = mitsuba_installed() and not lens.media.has_rings  # it knows facets only
+    referees = Referees(mitsuba_rays=MITSUBA_RAYS if by_mitsuba else 0)
     return verify_in_sandbox(files, of_design, referees, thread_count(), second).changed(conditions=conditions)
 
 

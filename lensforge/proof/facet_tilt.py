@@ -1,4 +1,4 @@
-"""Facets of faces that scatter, as the casts through the part meet them.
+"""Facets of faces that scatter, as the casts through the part meet them, and numbers for faces that do so by rings.
 
 Rays of the design come with the numbers of the facets that they meet, so that both are compared ray by ray; rays of the
 proof's own meet facets of its own, drawn by NumPy's normal numbers from the slopes that the definitions state.
@@ -9,11 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, RingScatter
 from lensforge.sources.ray_bundle import RayBundle
 
 Vectors = Float[np.ndarray, "n 3"]
-Slopes = Float[np.ndarray, "n m"]  # two numbers for each face; none where all faces are polished
+Slopes = Float[np.ndarray, "n m"]  # two numbers for each face; none where no face has facets
+Numbers = Float[np.ndarray, "n k"]  # two for each face; none where no face scatters by rings
 
 
 def slopes_of(rays: RayBundle, media: Media, names: Sequence[str], before: int = 0, seed: int | None = None) -> Slopes:
@@ -22,26 +23,41 @@ def slopes_of(rays: RayBundle, media: Media, names: Sequence[str], before: int =
     ``before``: number of faces that scatter and that the rays have met before, on other bodies. ``seed``: of slopes of
     the proof's own in their place.
     """
-    facets = media.facets(names)
-    if facets is None:
+    models = media.scattering_of(names)
+    if models is None or all(each is None or isinstance(each, RingScatter) for each in models):
         return np.zeros((len(rays), 0))
-    rms = np.array([0.0 if each is None else each.slope for each in facets])
+    rms = np.array([0.0 if each is None or isinstance(each, RingScatter) else each.slope for each in models])
     if seed is not None:
         normal = np.random.default_rng([seed, before]).standard_normal((len(rays), 2 * len(names)))
     else:
-        normal = _normal(rays, rms > 0.0, before)
+        even = _even(rays, np.array([each is not None for each in models]), before)
+        length, turn = np.sqrt(-2.0 * np.log(1.0 - even[:, ::2])), 2.0 * np.pi * even[:, 1::2]  # Box and Muller, 1958
+        normal = np.stack([length * np.cos(turn), length * np.sin(turn)], axis=2).reshape(even.shape)
     return normal * np.repeat(rms, 2)
 
 
-def _normal(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Slopes:
-    """Two normal numbers for each face from two even ones of each that is rough (Box and Muller, 1958)."""
+def numbers_for_rings(
+    rays: RayBundle, media: Media, names: Sequence[str], before: int = 0, seed: int | None = None
+) -> Numbers:
+    """Two even numbers in [0, 1) of each ray for each of its faces; none where no face scatters by rings.
+
+    Arguments as of :func:`slopes_of`.
+    """
+    models = media.scattering_of(names)
+    if models is None or not media.has_rings:
+        return np.zeros((len(rays), 0))
+    if seed is not None:
+        return np.random.default_rng([seed, before]).random((len(rays), 2 * len(names)))
+    return _even(rays, np.array([each is not None for each in models]), before)
+
+
+def _even(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Numbers:
+    """Two even numbers for each face, those with which the rays come for each that is rough."""
     found, last = np.zeros((len(rays), 2 * len(rough))), 2 * (before + int(rough.sum()))
     if rays.facets is None or rays.facets.shape[1] < last:
         raise ValueError("rays come without the numbers of the facets that they meet")
     for number, face in enumerate(np.flatnonzero(rough), before):
-        amount, turn = rays.facets[:, 2 * number], 2.0 * np.pi * rays.facets[:, 2 * number + 1]
-        length = np.sqrt(-2.0 * np.log(1.0 - amount))
-        found[:, 2 * face], found[:, 2 * face + 1] = length * np.cos(turn), length * np.sin(turn)
+        found[:, 2 * face : 2 * face + 2] = rays.facets[:, 2 * number : 2 * number + 2]
     return found
 
 

@@ -8,7 +8,7 @@ Filters, 2.3), a table interpolated as the specification says.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
@@ -16,7 +16,8 @@ from scipy.interpolate import PchipInterpolator
 
 from lensforge.optics.media import Coating, LayerStack, Media, Mirror, ReflectanceTable
 from lensforge.proof.facet_casting import RayRows
-from lensforge.proof.facet_tilt import Slopes, slopes_of
+from lensforge.proof.facet_tilt import Numbers, Slopes, numbers_for_rings, slopes_of
+from lensforge.proof.ring_spread import Spreading, spread, turned
 from lensforge.sources.ray_bundle import RayBundle
 
 PerRay = Float[np.ndarray, " n"]
@@ -31,7 +32,7 @@ class LitRays(RayRows):
     """Rays on their way: unit directions, polarisation, True in the material, and what its body is to each of them.
 
     ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the body for each, at ``wavelengths_nm``.
-    ``slopes``: of the facets that it meets.
+    ``slopes``: of the facets that it meets; ``rings``: numbers of each for faces that scatter by rings.
     """
 
     directions: Float[np.ndarray, "n 3"]
@@ -41,6 +42,7 @@ class LitRays(RayRows):
     absorptions: PerRay
     wavelengths_nm: PerRay
     slopes: Slopes
+    rings: Numbers
 
     @staticmethod
     def of(rays: RayBundle, media: Media, names: Sequence[str], seed: int | None = None) -> "LitRays":
@@ -52,7 +54,8 @@ class LitRays(RayRows):
         in_body = body.indices(rays.waves, count), body.absorptions(rays.waves, count)
         waves = media.wavelengths(rays.wavelengths_nm, count)
         slopes, outside = slopes_of(rays, media, names, seed=seed), np.zeros(count, dtype=bool)
-        return LitRays(rays.directions, unpolarised(rays.directions), outside, *in_body, waves, slopes)
+        rings = numbers_for_rings(rays, media, names, seed=seed)
+        return LitRays(rays.directions, unpolarised(rays.directions), outside, *in_body, waves, slopes, rings)
 
 
 @dataclass(frozen=True)
@@ -180,6 +183,15 @@ class AtFace:
         )
         kept = 1.0 - share if mirror is None else np.full(len(share), mirror)
         return AtFace(bent, mirrored, share, kept, passed, returned)
+
+    def spread(self, at: Spreading, by_mirror: bool) -> "AtFace":
+        """The light of a face that scatters by rings: what passes, or what a mirror reflects, is spread."""
+        one = self.mirrored if by_mirror else self.bent
+        other, fields = spread(one, at), self.returned if by_mirror else self.passed
+        fields = turned(fields, one, other)
+        if by_mirror:
+            return replace(self, mirrored=other, returned=fields)
+        return replace(self, bent=other, passed=fields)
 
 
 def _bent(

@@ -15,14 +15,15 @@ from jaxtyping import Bool, Float, Int, Shaped
 from trimesh.triangles import points_to_barycentric
 
 from lensforge.optics.face_roles import DOUBLE
-from lensforge.optics.media import Media, Mirror
-from lensforge.proof.body_cast import behind_optics
+from lensforge.optics.media import Media, Mirror, RingScatter
+from lensforge.proof.body_cast import RoughBody, behind_optics
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
-from lensforge.proof.facet_tilt import slopes_of, tilted
+from lensforge.proof.facet_tilt import numbers_for_rings, slopes_of, tilted
 from lensforge.proof.optical_faces import NO_FACE, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.refraction import AtFace, Fields, LitRays, RefractingFace, unpolarised
+from lensforge.proof.ring_spread import Arrival, Spreading
 from lensforge.sources.ray_bundle import RayBundle
 
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
@@ -103,11 +104,11 @@ def behind_lens(
     if media.cover_glass is None and not media.bodies:
         return passage
     waves = media.wavelengths(rays.wavelengths_nm, len(rays))
-    slopes = [
-        slopes_of(rays, body.media(media), DOUBLE, media.scattering_before(number), seed)
-        for number, body in enumerate(media.bodies)
+    met = [
+        (rays, body.media(media), DOUBLE, media.scattering_before(each), seed) for each, body in enumerate(media.bodies)
     ]
-    behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, plate, slopes)
+    rough = [RoughBody(slopes_of(*each), numbers_for_rings(*each)) for each in met]
+    behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, plate, rough)
     out_of_bodies = passage.flux * behind.through_bodies
     left = out_of_bodies * behind.through_glass
     return replace(
@@ -228,6 +229,7 @@ def at_faces(
     On their other side than the body is the cavity where they face the origin; where no optical face is, no coating.
     """
     names, split = optical.names, np.empty((2, *light.fields.shape), dtype=complex)
+    models, turns = media.scattering_of(names) or (None,) * len(names), np.broadcast_to(events, len(hits.faces))
     normals = tilted(hits.normals, hits.points, light.slopes, hits.faces, events)
     at_face = AtFace(*np.empty((2, *hits.points.shape)), *np.empty((2, len(hits.points))), *split)
     for number, away, inside in product(range(NO_FACE, len(names)), (False, True), (False, True)):
@@ -239,6 +241,10 @@ def at_faces(
             before, behind = (own, other) if inside else (other, own)
             face = RefractingFace(before, behind, coating, light.wavelengths_nm[rows], not inside)
             some = AtFace.of(face, light.directions[rows], normals[rows], light.fields[rows])
+            if number != NO_FACE and isinstance(model := models[number], RingScatter):
+                met = Arrival(hits.points[rows], normals[rows], light.directions[rows])
+                own = light.rings[rows, 2 * number : 2 * number + 2]
+                some = some.spread(Spreading.of(model, own, met, turns[rows] - number), isinstance(coating, Mirror))
             for name, values in vars(some).items():
                 getattr(at_face, name)[rows] = values
     return at_face

@@ -18,8 +18,9 @@ _LARGEST_PLAIN, _MOST_DECIMALS = 1e6, 7  # beyond them a number is written with 
 # Units by the end of a name, the longest end first: `_per_mm` ends in `_mm` too, `_lm_per_w` in `_w`.
 _SUFFIXES = {
     "_cd_per_m2": "cd/m²", "_lm_per_w": "lm/W", "_w_per_m2": "W/m²", "_w_per_sr": "W/sr", "_g_per_cm3": "g/cm³",
-    "_per_mm": "1/mm", "_per_k": "1/K", "temperature_c": "°C", "_percent": "%", "_seconds": "s", "_pixel2": "pixel²",
-    "_mrad": "mrad", "_urad": "µrad", "_w_m2": "W/m²", "_mm3": "mm³", "_mm2": "mm²", "_rad": "rad", "_deg": "°",
+    "_per_mm": "1/mm", "_per_sr": "1/sr", "_per_k": "1/K", "temperature_c": "°C", "_percent": "%", "_seconds": "s",
+    "_pixel2": "pixel²", "_mrad": "mrad", "_urad": "µrad", "_w_m2": "W/m²", "_mm3": "mm³", "_mm2": "mm²",
+    "_rad": "rad", "_deg": "°",
     "_mm": "mm", "_um": "µm", "_nm": "nm", "_lm": "lm", "_lx": "lx", "_cd": "cd", "_px": "pixel", "_m": "m", "_w": "W",
 }  # fmt: skip
 _WHOLE_NAMES = {

@@ -24,7 +24,7 @@ from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.lens_material import OfMaterial, OpticalData
 from lensforge.spec.lens_section import LensShape
-from lensforge.spec.scatter_section import GaussianScatter
+from lensforge.spec.scatter_section import AnyScatter
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section, check, fault_of
 from lensforge.surfaces.placed_bodies import depths, outside_of
@@ -42,7 +42,7 @@ class ShellFace(Section):
     """Surface, in the coordinates of the body: its origin lies within."""
     coating: CoatingSection | None = None
     """Coating of the face."""
-    scatter: GaussianScatter | None = None
+    scatter: AnyScatter | None = None
     """How the face spreads the light that passes it; left out, it is polished."""
 
 
@@ -148,12 +148,12 @@ class BodySection(OfMaterial):
         )
 
     def _scatter(self, index: float) -> Iterator[FaceScatter]:
-        """Facets of each face that scatters; ``index``: of the body against what surrounds it."""
+        """Scatter of each face that is not polished; ``index``: of the body against what surrounds it."""
         for name, face, ratio in zip(DOUBLE, (self.inner, self.outer), (1.0 / index, index), strict=True):
             if face.scatter is not None:
                 with fault_of(f"{self.name}: {name}.scatter"):
-                    facets = face.scatter.facets(FacetTurn(ratio))
-                yield FaceScatter(name, facets)
+                    model = face.scatter.model(FacetTurn(ratio))
+                yield FaceScatter(name, model)
 
 
 def media_with(bodies: Sequence[BodySection], lens: LensShape) -> Media:

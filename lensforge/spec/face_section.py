@@ -8,7 +8,7 @@ from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, OUTSIDE, RIM_FLANGE, FaceRole, bounding
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
-from lensforge.spec.scatter_section import GaussianScatter
+from lensforge.spec.scatter_section import AnyScatter
 from lensforge.spec.spec_section import DraftOrNone, Millimetres, Section, check
 from lensforge.spec.tolerances_section import FaceTolerances, lets_light_in, refuse_placement
 from lensforge.surfaces.surface import Surface
@@ -27,7 +27,7 @@ class _DesignedFace(Section):
     """Share of the light that a metal film on the face reflects at every angle, in place of a coating; the rest is
     absorbed. Of a face of a lens for total internal reflection.
     """
-    scatter: GaussianScatter | None = None
+    scatter: AnyScatter | None = None
     """How the face spreads the light that passes it, or that its mirror reflects; left out, it is polished."""
     concave_radius_mm: Millimetres | None = None
     """Least concave radius: of the ball that mills the face, or of the meridian, for the nose that turns it."""

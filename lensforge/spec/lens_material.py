@@ -340,7 +340,7 @@ class LensMaterial(OfMaterial, FacesSection):
 
     @property
     def _scatter(self) -> Iterator[FaceScatter]:
-        """Facets of each face that scatters. Raises ``ValueError`` for what no facets do."""
+        """Scatter of each face that is not polished. Raises ``ValueError`` for what no facets do."""
         indices = {CAVITY: self.cavity_index, OUTSIDE: self.outside_index}
         for name, face in self.faces.items():
             if face.scatter is not None:
@@ -348,8 +348,8 @@ class LensMaterial(OfMaterial, FacesSection):
                 ratio = self.refractive_index / indices[role.around]
                 turn = FacetTurn(None if face.mirror is not None else ratio if role.before == BODY else 1.0 / ratio)
                 with fault_of(f"{name}.scatter"):
-                    facets = face.scatter.facets(turn)
-                yield FaceScatter(name, facets)
+                    model = face.scatter.model(turn)
+                yield FaceScatter(name, model)
 
     @check
     def _faces_can_scatter_so(self) -> None:

@@ -23,7 +23,7 @@ from lensforge.optics.media import (
     ReflectanceTable,
 )
 from lensforge.optics.pose import Pose
-from lensforge.optics.scattering import GaussianFacets
+from lensforge.optics.scattering import GaussianFacets, RingScatter, lambertian
 from lensforge.scene.body import Body, Face
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.made_part import AsMade
@@ -43,6 +43,18 @@ MOVED = AsMade(
 )  # fmt: skip
 ROUGH = AsMade(names=NAMES, slopes=dict.fromkeys(NAMES, 0.01))
 FROSTED = FaceScatter("cap", GaussianFacets(0.03)), FaceScatter("wall", GaussianFacets(0.01))
+STEEP = RingScatter(
+    (0.0, 0.05, 0.2, 0.5), ((0.0, 0.1, 0.3, 0.6), (0.0, 0.2, 0.5, 0.8), (0.0, 0.3, 0.4, 0.5)), (0.3, 0.7, 1.0)
+)
+SPREAD = tuple(
+    FaceScatter(*each)
+    for each in {
+        "cap": STEEP,
+        "side": GaussianFacets(0.03),
+        "wall": lambertian(0.3),
+        "exit": RingScatter((0.0, 0.01, 0.25), ((0.0, 0.4, 0.9),)),
+    }.items()
+)
 CASES = {
     "clear": (clear(), None),
     "absorbing": (clear(absorption=0.02), None),
@@ -53,6 +65,7 @@ CASES = {
     "moved": (clear(absorption=0.02), MOVED),
     "rough": (clear(), ROUGH),
     "frosted": (replace(clear(coatings=mirrors(0.9, wall=OUTSIDE)), scatter=FROSTED), ROUGH),
+    "spread": (replace(clear(coatings=mirrors(0.9, wall=OUTSIDE)), scatter=SPREAD), ROUGH),
 }
 
 

@@ -14,7 +14,7 @@ from lensforge.light.reference_trace import as_arrays, trace_reference
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import CoverGlass, FaceCoating, FaceScatter, Medium, ReflectanceTable, SecondaryOptic
 from lensforge.optics.pose import Pose
-from lensforge.optics.scattering import GaussianFacets
+from lensforge.optics.scattering import GaussianFacets, lambertian
 from lensforge.scene.made_part import AsMade
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
@@ -100,14 +100,15 @@ def test_light_reflected_totally_in_a_body_is_lost_there() -> None:
     assert (found.lost_in_bodies[0, total] > 0.0).all() and (found.flux[total] == 0.0).all()
 
 
-@pytest.mark.parametrize("kind", ["double", "as made", "behind a glass", "frosted", "tir"])
+@pytest.mark.parametrize("kind", ["double", "as made", "behind a glass", "frosted", "opal", "tir"])
 def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> None:
     """By points, directions, flux with its polarisation, and the exit sine; through a coated and a clear body."""
     film = ReflectanceTable((0.0, 30.0, 60.0), ((0.01, 0.02, 0.2),))
     coated = replace(DOME, coatings=(FaceCoating("inner", "cavity", film),))
     media = replace(clear(N, absorption=LOSS), bodies=(coated, BOWL))
-    if kind == "frosted":  # a face of the lens, and others of both bodies
-        facets = (FaceScatter(face, GaussianFacets(0.02)) for face in ("outer", "inner", "outer"))
+    if kind in ("frosted", "opal"):  # a face of the lens, and others of both bodies
+        model = GaussianFacets(0.02) if kind == "frosted" else lambertian(0.3)
+        facets = (FaceScatter(face, model) for face in ("outer", "inner", "outer"))
         own, first, second = ((each,) for each in facets)
         media = replace(media, scatter=own, bodies=(replace(coated, scatter=first), replace(BOWL, scatter=second)))
     if kind == "behind a glass":
@@ -118,7 +119,7 @@ def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> 
     else:
         body = collimator(0.03)
         own, here = tables_of(body, GRID), Scene(media, GRID, chain=body.chain(6))
-    if kind == "frosted":
+    if kind in ("frosted", "opal"):
         few = upwards(60, 6, 0.8)
         same = as_arrays(trace_reference(ReferenceBody.by_tables(torch.from_numpy(own), here), few))
         assert np.abs(TracedBundle.of(own, here, few).exits.directions - same.directions).max() < 1e-9

@@ -1,6 +1,8 @@
-"""Faces that scatter: closed forms, energy, the proof's own facets, and what no facets do."""
+"""Faces that scatter: closed forms, energy, the proof's own facets and rings, and what no facets do."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,15 +10,17 @@ from chains import clear, upwards
 from scipy.integrate import quad
 from scipy.stats import kstest
 
+from lensforge.errors import InputError
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import FaceScatter, Media
-from lensforge.optics.scattering import FacetTurn, GaussianFacets, gaussian
+from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian
 from lensforge.proof.facet_tilt import slopes_of, tilted
 from lensforge.proof.refraction import LitRays
+from lensforge.proof.ring_spread import Arrival, Spreading, spread
 from lensforge.scene.made_part import AsMade
 from lensforge.scene.rough_faces import facet_slopes, roughness, with_facets
 from lensforge.sources.build_source import build_source
-from lensforge.spec.scatter_section import GaussianScatter
+from lensforge.spec.scatter_section import AbgScatter, GaussianScatter, LambertianScatter, TableScatter
 from lensforge.spec.source_sections import SquareSource
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
@@ -39,7 +43,7 @@ def test_a_frosted_face_spreads_light_along_its_normal_as_gaussian_facets_do(sig
     media = frosted("outer", sigma_deg)
     exits = TracedBundle.of(SPHERES, Scene(media, GRID, fresnel=False), RAYS).exits
     slope = np.sin(np.radians(sigma_deg)) / (N - np.cos(np.radians(sigma_deg)))
-    assert media.scatter[0].facets.slope == pytest.approx(slope, rel=1e-12)
+    assert media.scatter[0].model.slope == pytest.approx(slope, rel=1e-12)
     critical = 1.0 / np.sqrt(N**2 - 1.0)
     back = np.exp(-0.5 * (critical / slope) ** 2)
     out = exits.left_lens
@@ -57,7 +61,7 @@ def test_a_frosted_face_spreads_light_along_its_normal_as_gaussian_facets_do(sig
 def test_a_frosted_face_lets_through_what_its_facets_do(face: str, sigma_deg: float) -> None:
     """Fresnel's transmittance over the distribution of the slopes, at the facets alone: the other face is met later."""
     media = frosted(face, sigma_deg)
-    slope, ratio = media.scatter[0].facets.slope, (1.0 / N if face == "inner" else N)
+    slope, ratio = media.scatter[0].model.slope, (1.0 / N if face == "inner" else N)
 
     def passed(m: float) -> float:
         c, s = np.cos(m), ratio * np.sin(m)
@@ -135,11 +139,11 @@ def test_a_drawn_sample_has_quasi_random_facets_for_two_faces() -> None:
 def test_facets_of_a_made_part_add_to_those_of_the_design() -> None:
     made, media = AsMade(slopes={"outer": 0.08, "inner": 0.0}), frosted("outer", 2.0)
     both = roughness(media, ("inner", "outer"), RAYS, made)
-    assert both is not None and not both.noise[:, :2].any()
-    rms = np.hypot(0.08, media.scatter[0].facets.slope)
+    assert not both.noise[:, :2].any()
+    rms = np.hypot(0.08, media.scatter[0].model.slope)
     assert (both.noise * np.repeat(both.slopes, 2))[:, 2:].std(axis=0) == pytest.approx([rms, rms], rel=0.01)
     other = roughness(media, ("inner", "outer"), replace(RAYS, origins=RAYS.origins + 1e-9), made, before=1)
-    assert other is not None and np.abs(other.noise - both.noise).max() > 0.1
+    assert np.abs(other.noise - both.noise).max() > 0.1
 
 
 def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() -> None:
@@ -175,7 +179,130 @@ def test_a_mirror_turns_light_by_twice_the_slope() -> None:
 def test_a_face_that_would_turn_half_of_the_light_back_is_refused(sigma_deg: float, allowed: bool) -> None:
     section = GaussianScatter(sigma_deg=sigma_deg)
     if allowed:
-        assert section.facets(FacetTurn(N)).slope < 0.78
+        assert section.model(FacetTurn(N)).slope < 0.78
     else:
         with pytest.raises(ValueError, match="turned back; take a smaller angle"):
-            section.facets(FacetTurn(N))
+            section.model(FacetTurn(N))
+
+
+ANGLES = [0.0, 5.0, 20.0, 60.0]
+MEASURED = {
+    "incidence_deg": [0.0, 40.0],
+    "scattering_deg": ANGLES,
+    "bsdf_per_sr": [[4.0, 2.0, 0.2, 0.0], [1.0, 1.0, 0.1, 0.1]],
+}
+
+
+def opal(face: str, model: RingScatter, **more: object) -> Media:
+    return replace(clear(N, **more), scatter=(FaceScatter(face, model),))
+
+
+def cosines_behind(model: RingScatter) -> np.ndarray:
+    """Of light that came along the normal, behind a face that reflects nothing."""
+    exits = TracedBundle.of(SPHERES, Scene(opal("outer", model), GRID, fresnel=False), RAYS).exits
+    assert exits.left_lens.all()
+    assert exits.flux == pytest.approx(RAYS.flux, rel=1e-12), "no light is made or lost"
+    return np.clip((exits.directions * RAYS.directions).sum(axis=1), -1.0, 1.0)
+
+
+def test_a_lambertian_share_looks_the_same_from_everywhere() -> None:
+    """Of a Lambertian plate the squared sine is even; the rest goes straight on."""
+    cosines = cosines_behind(LambertianScatter(kind="lambertian", share=0.7).model(FacetTurn(N)))
+    spread = cosines < 1.0 - 1e-12
+    assert spread.mean() == pytest.approx(0.7, abs=1e-3)
+    assert kstest(1.0 - cosines[spread] ** 2, "uniform").statistic < 1.95 / np.sqrt(spread.sum())
+
+
+@pytest.mark.parametrize(("a", "b", "g"), [(0.01, 1e-4, 2.0), (0.002, 1e-3, 2.6), (0.2, 0.5, 0.0)])
+def test_a_finely_rough_face_scatters_as_the_abg_model_says(a: float, b: float, g: float) -> None:
+    model = AbgScatter(kind="abg", a=a, b=b, g=g).model(FacetTurn(N))
+
+    def within(s: float) -> float:
+        return quad(lambda x: 2.0 * np.pi * x * a / (b + x**g), 0.0, s, limit=500, points=[min(s, 0.1 * s)])[0]
+
+    assert model.shares[0][-1] == pytest.approx(within(1.0), rel=1e-7)
+    if g == 2.0:
+        assert model.shares[0][-1] == pytest.approx(np.pi * a * np.log1p(1.0 / b), rel=1e-7)
+    sines = np.sqrt(1.0 - cosines_behind(model) ** 2)
+    for s in (0.003, 0.03, 0.3, 0.8):
+        share = 1.0 - within(1.0) + within(s)
+        assert np.mean(sines <= s) == pytest.approx(share, abs=4.0 * np.sqrt(share * (1.0 - share) / len(RAYS)) + 1e-6)
+
+
+def test_a_measured_face_scatters_by_its_table_between_its_incidences() -> None:
+    """At an incidence with a row by the row; halfway between two cosines each ray by half of both amounts."""
+    model = TableScatter(kind="table", **MEASURED).model(FacetTurn(N))
+    rows = []
+    for row in MEASURED["bsdf_per_sr"]:
+        rows.append(quad(lambda x, row=row: 2.0 * np.pi * np.sin(x) * np.cos(x) * np.interp(np.degrees(x), ANGLES, row),
+                         0.0, np.radians(60.0), points=np.radians(ANGLES[1:3]))[0])  # fmt: skip
+    assert [each[-1] for each in model.shares] == pytest.approx(rows[::-1], rel=1e-4)
+    cosines = cosines_behind(model)
+    assert np.mean(cosines < 1.0 - 1e-12) == pytest.approx(rows[0], abs=3e-3)
+    number = np.full(1, 0.9)
+    steep, straight = model.amounts(number)[0]
+    middle = 0.5 * (1.0 + np.cos(np.radians(40.0)))
+    met = Spreading(model, np.array([[0.9, 0.0]]), np.array([[0.0, 0.0, 1.0]]), np.array([middle]), np.array([0]))
+    assert spread(np.array([[0.0, 0.0, 1.0]]), met)[0, 0] == pytest.approx(0.5 * (steep + straight), rel=1e-12)
+
+
+@pytest.mark.parametrize("model", [lambertian(0.5), TableScatter(kind="table", **MEASURED).model(FacetTurn(N))])
+def test_the_proof_spreads_each_ray_as_the_design_does(model: RingScatter) -> None:
+    """Behind the outer face of a crooked lens, by the numbers of the rays."""
+    tables = np.stack([tabulate(GRID, sphere(radius, lift)) for radius, lift in ((2.0, 0.3), (6.0, -2.5))])
+    rays = with_facets(upwards(4000, 4, 1.2), 1)
+    plain, rough = (
+        TracedBundle.of(tables, Scene(media, GRID), rays).exits for media in (clear(N), opal("outer", model))
+    )
+    left = plain.left_lens
+    points, ways, wanted = plain.points[left], plain.directions[left], rough.directions[left]
+    normals = (points - [0.0, 0.0, -2.5]) / 6.0
+    met = Arrival(points, -normals, refracted(ways, normals))
+    found, again = (spread(ways, Spreading.of(model, rays.facets[left], met, turns)) for turns in (0, 1))
+    assert left.sum() > 3500 and found == pytest.approx(wanted, abs=2e-5), "of the tables"
+    assert np.abs(again - wanted).max() > 0.1, "another shift when met again"
+    assert rough.flux == pytest.approx(plain.flux, rel=1e-12)
+
+
+def refracted(outside: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Directions in the body of light that leaves it so: Snell backwards."""
+    along = (outside * normals).sum(axis=1)
+    squared = 1.0 - (1.0 - along**2) / N**2
+    return outside / N + (np.sqrt(squared) - along / N)[:, None] * normals
+
+
+def test_light_beyond_grazing_comes_back_by_as_much() -> None:
+    """Of shift 0.9 along x on a direction of 0.5 along it, 1.4 is folded to 1/1.4; azimuth 0 by the numbers."""
+    model = RingScatter((0.0, 0.9), ((0.0, 1.0),))
+    met = Spreading(model, np.array([[1.0 - 1e-15, 0.0]]), np.eye(3)[2:], np.array([0.9]), np.array([0]))
+    found = spread(np.array([[0.5, 0.0, np.sqrt(0.75)]]), met)
+    assert found[0] == pytest.approx([1.0 / 1.4, 0.0, np.sqrt(1.0 - 1.4**-2)], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        (lambda: AbgScatter(kind="abg", a=0.05, b=1e-4, g=2.0).model(FacetTurn(N)), "scatter 1.45 .*up to 0.0346"),
+        (lambda: TableScatter(kind="table", incidence_deg=[0.0], scattering_deg=[0.0, 90.0], bsdf_per_sr=[[0.4, 0.4]])
+            .model(FacetTurn(N)), "bsdf_per_sr at incidence_deg = 0: the face would scatter 1.26 of its light"),
+        (lambda: TableScatter(kind="table", **MEASURED | {"bsdf_per_sr": [[1.0, 1.0]]}), "must be 2 rows"),
+        (lambda: TableScatter(kind="table", **MEASURED | {"scattering_deg": [5.0, 6.0, 7.0, 8.0]}), "must rise from 0"),
+        (lambda: TableScatter(kind="table", **MEASURED | {"bsdf_per_sr": [[1.0, -1.0, 0.0, 0.0]] * 2}), "bsdf_per_sr"),
+    ],
+)  # fmt: skip
+def test_no_face_scatters_more_light_than_it_takes(section: Callable[[], object], words: str) -> None:
+    with pytest.raises((ValueError, InputError), match=words):
+        section()
+
+
+def test_a_table_of_scatter_is_read_from_its_file(tmp_path: Path) -> None:
+    rows = [(i, s, MEASURED["bsdf_per_sr"][k][j]) for k, i in enumerate((0.0, 40.0)) for j, s in enumerate(ANGLES)]
+    text = "incidence_deg,scattering_deg,bsdf\n" + "".join(f"{i},{s},{v}\n" for i, s, v in rows)
+    (tmp_path / "film.csv").write_text(text)
+    (tmp_path / "gap.csv").write_text(text.rsplit("\n", 2)[0] + "\n")
+    read = TableScatter.model_validate({"kind": "table", "file": tmp_path / "film.csv"})
+    assert read == TableScatter(kind="table", **MEASURED)
+    with pytest.raises(
+        (ValueError, InputError), match="7 rows for 2 angles of incidence and 4 of scattering; must be one a pair"
+    ):
+        TableScatter.model_validate({"kind": "table", "file": tmp_path / "gap.csv"})

@@ -8,11 +8,15 @@ from chains import clear, upwards
 from shells import DOME, SECOND, by_hand, placed, spheres_of
 
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import CoverGlass, Medium
+from lensforge.optics.face_roles import DOUBLE
+from lensforge.optics.media import CoverGlass, FaceScatter, Medium
 from lensforge.optics.pose import Pose
-from lensforge.proof.body_cast import behind_optics
+from lensforge.optics.scattering import GaussianFacets, RingScatter
+from lensforge.proof.body_cast import RoughBody, behind_optics
+from lensforge.proof.facet_tilt import numbers_for_rings, slopes_of
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.scene.made_part import AsMade
+from lensforge.scene.rough_faces import with_facets
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
@@ -51,17 +55,31 @@ def test_a_body_of_the_index_around_it_changes_no_line(index: float) -> None:
 GLASS = CoverGlass(1.52, 3.0, 40.0, 2e-3)
 
 
-def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass() -> None:
-    """Light that a lens of displaced, rough faces, out of place, has polarised."""
+STEEP = RingScatter((0.0, 0.05, 0.2, 0.5), ((0.0, 0.1, 0.3, 0.6), (0.0, 0.3, 0.4, 0.5)), (0.3, 1.0))
+
+
+@pytest.mark.parametrize("scatters", [False, True])
+def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass(scatters: bool) -> None:
+    """Light that a lens of displaced, rough faces, out of place, has polarised; through faces that scatter it, too."""
     grid = TableGrid(161)
     tables = np.stack([tabulate(grid, each) for each in (sphere(3.0, 0.5), sphere(6.0, -1.0))])
-    media = replace(clear(absorption=0.01), bodies=(DOME, SECOND), cover_glass=GLASS)
+    media, rays = replace(clear(absorption=0.01), bodies=(DOME, SECOND), cover_glass=GLASS), upwards(2000, 4, 0.8)
+    rough: list[RoughBody] = []
+    if scatters:
+        each = (
+            (FaceScatter("outer", STEEP),),
+            (FaceScatter("inner", GaussianFacets(0.05)), FaceScatter("outer", STEEP)),
+        )
+        bodies = (replace(body, scatter=own) for body, own in zip((DOME, SECOND), each, strict=True))
+        media, rays = replace(media, bodies=tuple(bodies)), with_facets(rays, 3)
+        met = [(rays, body.media(media), DOUBLE, media.scattering_before(k)) for k, body in enumerate(media.bodies)]
+        rough = [RoughBody(slopes_of(*own), numbers_for_rings(*own)) for own in met]
     made = AsMade(lens=Pose.displaced((0.1, -0.2, 0.0), (0.02, -0.03, 0.0)), slopes={"inner": 2e-3}, scale=1.01)
-    traced = TracedBundle.of(tables, Scene(media, grid, made=made), upwards(2000, 4, 0.8))
+    traced = TracedBundle.of(tables, Scene(media, grid, made=made), rays)
     lens, exits = traced.at_lens, traced.exits
     fields = lens.fields.reshape(-1, 2, 2, 3)[:, :, 0]
     fields = fields / np.sqrt(0.5 * (fields**2).sum((1, 2)) + 1e-300)[:, None, None]
-    behind = behind_optics(lens.points, lens.directions, media, np.full(2000, 550.0), fields + 0j)
+    behind = behind_optics(lens.points, lens.directions, media, np.full(2000, 550.0), fields + 0j, rough=rough)
     out = exits.left_lens
     assert 0.4 < out.mean() < 0.95 and (np.isfinite(behind.points[:, 0]) == out)[lens.left_lens].all()
     wanted = lens.flux[out] * behind.through_bodies[out] * behind.through_glass[out]

@@ -8,7 +8,7 @@ from nightly import first_by_day
 
 from lensforge.errors import InputError
 from lensforge.optics.media import FaceScatter, Media, Medium
-from lensforge.optics.scattering import GaussianFacets
+from lensforge.optics.scattering import GaussianFacets, RingScatter
 from lensforge.proof.acceptance import brep_criteria
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_result import BrepCast, Proof
@@ -71,10 +71,16 @@ def test_the_right_lens_passes_and_is_the_same_when_read_back(verify, tmp_path, 
     assert result.plain_cast.disagreements == 0
 
 
-def test_rays_of_a_lens_that_scatters_are_compared_one_by_one_where_it_is_polished(design_irradiance):
-    """The light is that behind the facets; the limit leaves a hundredth of the spread."""
-    facets, light = GaussianFacets(0.1), Expected(SCREEN, design_irradiance, HITS, WEIGHTS)
-    media = Media(Medium(INDEX), scatter=(FaceScatter("outer", facets),))
+@pytest.mark.parametrize(
+    ("model", "spread_rad"),
+    [(GaussianFacets(0.1), (INDEX - 1.0) * 0.1), (RingScatter((0.0, 0.2), ((0.0, 1.0),)), 0.1)],
+)
+def test_rays_of_a_lens_that_scatters_are_compared_one_by_one_where_it_is_polished(
+    design_irradiance, model, spread_rad
+):
+    """The light is that behind facets or rings; the limit leaves a hundredth of the spread."""
+    light = Expected(SCREEN, design_irradiance, HITS, WEIGHTS)
+    media = Media(Medium(INDEX), scatter=(FaceScatter("outer", model),))
     file = FilesOfPart(right().export(file_type="stl"))
     seen = with_facets(RAYS, 1)
     plain, found, wrong = (
@@ -87,7 +93,7 @@ def test_rays_of_a_lens_that_scatters_are_compared_one_by_one_where_it_is_polish
     )
     assert found.against_design == plain.against_design and wrong.against_design.rms > 10.0
     assert found.flux != plain.flux and found.nmse_same_rays > 100.0 * plain.nmse_same_rays
-    more = 1.0 + 0.01 * (INDEX - 1.0) * 0.1 / 1e-4
+    more = 1.0 + 0.01 * spread_rad / 1e-4
     assert found.deviation_limit_mm == pytest.approx(more * plain.deviation_limit_mm, rel=1e-12)
 
 

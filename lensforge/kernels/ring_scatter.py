@@ -1,0 +1,129 @@
+"""Light that a face spreads by wide angles: the direction behind it is shifted along the face, and turns its fields.
+
+With t the part of the direction along the face, or 0 where scattered light forgets whence it came, and s the shift that
+each ray has there, light goes on along t + s; what would go beyond grazing, |t + s| > 1, comes back by as much, along
+(t + s) / |t + s|^2. Nothing is lost, and nothing jumps. The lines of a shift are those of a facet's slope.
+"""
+
+from math import sqrt
+from typing import NamedTuple
+
+from lensforge.kernels.compiled import inline
+from lensforge.kernels.fields import FieldTurn, turn_vector
+from lensforge.kernels.nearest_face import FIELDS, SIDE
+from lensforge.kernels.ray_packet import COSINE, DX, MX, RAY, SIZE, three, write
+from lensforge.kernels.vectors import add_scaled, dot, linear_combination, scaled
+
+_GRAZING = 1e-18  # squared cosine below which the slope of its root no longer counts
+
+
+class Shift(NamedTuple):
+    """Shift of a ray at a face: along two lines, share of its own direction that it keeps, unit vector along the shift
+    and the derivative of its amount by the cosine of incidence."""
+
+    x: float
+    y: float
+    keep: float
+    along: tuple[float, float]
+    by_cosine: float
+
+
+class Bounce(NamedTuple):
+    """A face behind which light is spread: unit normals away from the origin and to the side of the light; 1 where both
+    are the same, else -1."""
+
+    outward: tuple[float, float, float]
+    ahead: tuple[float, float, float]
+    side: float
+
+
+@inline
+def amount_at(row, cosines, c):
+    """Amount of a shift at a cosine of incidence, even between those that are given, and its derivative."""
+    last = len(cosines) - 1
+    if last == 0 or c <= cosines[0]:
+        return row[3], 0.0
+    if c >= cosines[last]:
+        return row[3 + last], 0.0
+    k = 0
+    while c > cosines[k + 1]:
+        k += 1
+    slope = (row[4 + k] - row[3 + k]) / (cosines[k + 1] - cosines[k])
+    return row[3 + k] + slope * (c - cosines[k]), slope
+
+
+@inline
+def shift_at(number, event, face, c, shifts):
+    """The shift of a ray at a face; a right angle on each time that it meets it again. Whether there is any, too."""
+    row = shifts.rays[number, face]
+    amount, slope = amount_at(row, shifts.cosines[face], c)
+    x, y, turn = row[0], row[1], (event - face) % 4
+    sign = 1.0 if turn < 2 else -1.0
+    x, y = (sign * x, sign * y) if turn % 2 == 0 else (-sign * y, sign * x)
+    return Shift(amount * x, amount * y, row[2], (x, y), slope), row[2] != 1.0 or amount != 0.0
+
+
+@inline
+def bounce(n, side, mirrored):
+    """The face of a ray that met it with the normal n along its way, from before (1) or behind (-1)."""
+    ahead = -1.0 if mirrored else 1.0
+    return Bounce(scaled(side, n), scaled(ahead, n), side * ahead)
+
+
+@inline
+def _unfolded(b, shift, face):
+    """Direction along the face that light takes, before it is folded; and what makes the shift a vector there."""
+    o, n = face.outward, face.ahead
+    tilt = (shift.x * o[0] + shift.y * o[1]) / (1.0 + o[2])
+    m = (shift.x - tilt * o[0], shift.y - tilt * o[1], -tilt * (1.0 + o[2]))
+    return add_scaled(m, shift.keep, add_scaled(b, -dot(b, n), n)), tilt
+
+
+@inline
+def spread(b, shift, face):
+    """Unit direction of light that a polished face would send along b."""
+    t, _ = _unfolded(b, shift, face)
+    squared = dot(t, t)
+    if squared > 1.0:
+        t = scaled(1.0 / squared, t)
+    return add_scaled(t, sqrt(max(1.0 - dot(t, t), _GRAZING)), face.ahead)
+
+
+@inline
+def spread_adjoint(b, shift, face, g):
+    """Adjoint of :func:`spread`: from the sensitivity g to those to b, to the normal ahead, and to the amount."""
+    o, n = face.outward, face.ahead
+    t, tilt = _unfolded(b, shift, face)
+    squared = dot(t, t)
+    s = scaled(1.0 / squared, t) if squared > 1.0 else t
+    q = sqrt(max(1.0 - dot(s, s), _GRAZING))
+    h = add_scaled(g, -dot(g, n) / q, s)
+    if squared > 1.0:
+        h = scaled(1.0 / squared, add_scaled(h, -2.0 * dot(h, t) / squared, t))
+    by_b = scaled(shift.keep, add_scaled(h, -dot(h, n), n))
+    by_n = add_scaled(scaled(q, g), -shift.keep, linear_combination(dot(b, n), h, dot(h, n), b))
+    onto = (h[0] * o[0] + h[1] * o[1] + h[2] * (o[2] + 1.0)) / (1.0 + o[2])
+    by_o = add_scaled(scaled(-tilt, h), -onto, (shift.x, shift.y, -tilt))
+    by_x, by_y = h[0] - onto * o[0], h[1] - onto * o[1]
+    return by_b, add_scaled(by_n, face.side, by_o), by_x * shift.along[0] + by_y * shift.along[1]
+
+
+@inline
+def turn_between(one, other):
+    """The turn of fields from one direction to another, about their common normal."""
+    none = (0.0, 0.0)
+    return FieldTurn(none, none, one, one, one, other, False)
+
+
+@inline
+def spread_behind(packet, lane, event, face, mirrored, shifts):
+    """Spread a ray that a face let pass, or whose mirror reflected it, with its fields."""
+    if shifts is not None:
+        shift, spreads = shift_at(int(packet[RAY + lane]), event, face, packet[COSINE + lane], shifts)
+        if spreads:
+            b = three(packet, DX + lane)
+            to = spread(b, shift, bounce(three(packet, MX + lane), packet[SIDE + lane], mirrored))
+            turn = turn_between(b, to)
+            for first in range(FIELDS + lane, FIELDS + 12 * SIZE + lane, 3 * SIZE):
+                write(packet, first, turn_vector(three(packet, first), turn))
+            write(packet, DX + lane, to)

@@ -1,0 +1,85 @@
+"""Light spread by rings behind faces of the part, as the definitions state it, without the design's code."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float, Int
+
+from lensforge.optics.media import RingScatter
+
+Vectors = Float[np.ndarray, "n 3"]
+PerRay = Float[np.ndarray, " n"]
+
+
+class Arrival(NamedTuple):
+    """Rays at faces: points (mm), unit normals of either sign, and unit directions before."""
+
+    points: Vectors
+    normals: Vectors
+    directions: Vectors
+
+
+class Spreading(NamedTuple):
+    """Rays at a face that scatters by rings.
+
+    ``numbers``: two in [0, 1) of each. ``outward``: unit normals away from the origin. ``cosines``: of incidence.
+    ``turns``: of the azimuth, in right angles.
+    """
+
+    model: RingScatter
+    numbers: Float[np.ndarray, "n 2"]
+    outward: Vectors
+    cosines: PerRay
+    turns: Int[np.ndarray, " n"]
+
+    @staticmethod
+    def of(
+        model: RingScatter, numbers: Float[np.ndarray, "n 2"], met: Arrival, turns: int | Int[np.ndarray, " n"]
+    ) -> "Spreading":
+        """Rays at points of a lens or a body, whose origin is that of the points."""
+        sign = np.where(np.sum(met.normals * met.points, axis=1) < 0.0, -1.0, 1.0)
+        cosines = np.abs(np.sum(met.directions * met.normals, axis=1))
+        turns = np.broadcast_to(turns, len(sign)) % 4
+        return Spreading(model, numbers, met.normals * sign[:, None], cosines, turns)
+
+
+def spread(directions: Vectors, at: Spreading) -> Vectors:
+    """Directions behind the face of light that a polished one would send along ``directions``."""
+    n = at.outward * np.where(np.sum(directions * at.outward, axis=1) < 0.0, -1.0, 1.0)[:, None]
+    along = directions - np.sum(directions * n, axis=1)[:, None] * n
+    amounts, scatters = _amounts(at)
+    ends = _in_face(amounts * np.exp(2j * np.pi * at.numbers[:, 1]) * 1j**at.turns, at.outward)
+    ends += along if at.model.follows else 0.0
+    lengths = np.maximum(np.linalg.norm(ends, axis=1), 1e-300)
+    ends *= (np.where(lengths > 1.0, 1.0 / lengths, lengths) / lengths)[:, None]
+    found = ends + np.sqrt(np.maximum(1.0 - np.sum(ends**2, axis=1), 0.0))[:, None] * n
+    return np.where(scatters[:, None], found / np.linalg.norm(found, axis=1)[:, None], directions)
+
+
+def _amounts(at: Spreading) -> tuple[PerRay, Bool[np.ndarray, " n"]]:
+    """Shift of each ray by rings chosen at the incidences on both sides of its own; whether it is scattered at all."""
+    squares, nodes = np.array(at.model.radii) ** 2, np.array(at.model.cosines)
+    columns = []
+    for row in map(np.array, at.model.shares):
+        share = at.numbers[:, 0] - (1.0 - row[-1])  # the first numbers are of light that is not scattered
+        ring = np.clip(np.searchsorted(row, share), 1, len(row) - 1)
+        width = row[ring] - row[ring - 1]
+        inside = np.where(width > 0.0, (share - row[ring - 1]) / np.where(width > 0.0, width, 1.0), 0.0)
+        squared = squares[ring - 1] + np.clip(inside, 0.0, 1.0) * (squares[ring] - squares[ring - 1])
+        columns.append(np.where(share > 0.0, np.sqrt(squared), 0.0))
+    hats = [np.interp(at.cosines, nodes, each) for each in np.eye(len(nodes))]
+    amounts: PerRay = np.sum([hat * column for hat, column in zip(hats, columns, strict=True)], axis=0)
+    return amounts, (amounts > 0.0) | (not at.model.follows and np.max(columns, axis=0) > 0.0)
+
+
+def _in_face(slope: Complex[np.ndarray, " n"], outward: Vectors) -> Vectors:
+    """Vectors along faces: x and y turned to the face as z is to its normal away from the origin."""
+    flat = np.column_stack([slope.real, slope.imag, np.zeros(len(slope))])
+    axis, cosine = np.cross([0.0, 0.0, 1.0], outward), outward[:, 2:]
+    return cosine * flat + np.cross(axis, flat) + np.sum(axis * flat, axis=1)[:, None] * axis / (1.0 + cosine)
+
+
+def turned(fields: Complex[np.ndarray, "n 2 3"], one: Vectors, other: Vectors) -> Complex[np.ndarray, "n 2 3"]:
+    """Fields turned from one direction to another about their common normal (Rodrigues)."""
+    axis, cosine = np.cross(one, other)[:, None, :], np.sum(one * other, axis=1)[:, None, None]
+    return fields + np.cross(axis, fields) + np.cross(axis, np.cross(axis, fields)) / (1.0 + cosine)
