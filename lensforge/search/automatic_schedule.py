@@ -32,7 +32,8 @@ from lensforge.search.schedule import (
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
-from lensforge.spec.accuracy import Preset
+from lensforge.spec.accuracy import AnyAccuracy, Preset, for_places, for_preview, preset_of
+from lensforge.spec.light_limits import LimitSection, LossLimit, LuminanceLimit
 from lensforge.surfaces.mirror_group import group
 
 _OF_BUDGET = 0.7  # for all levels, each of which gains more than a long stage; the rest is for those
@@ -250,6 +251,19 @@ def _judged(gain: Gain, least: float) -> str:
     if gain.share >= least:
         return f"{lowered:.2g} %, which may be noise: its standard error is {100 * gain.standard_error:.2g} %"
     return f"{lowered:.2g} %, less than {100 * least:g} %"
+
+
+def preset_for(spec: Spec, accuracy: AnyAccuracy, *, preview: bool = False) -> Preset:
+    """Settings of a search for ``spec``; one of the table takes rays enough for limits that read places."""
+    preset = preset_of(accuracy)
+    if isinstance(accuracy, str) and (spec.roads or any(map(_reads_places, spec.limits))):
+        preset = for_places(preset, spec.optimise.pixels)
+    return for_preview(preset) if preview else preset
+
+
+def _reads_places(limit: LimitSection) -> bool:
+    of_place = (quantity != "share" for quantity in limit.quantities())
+    return not isinstance(limit, LossLimit | LuminanceLimit) and any(of_place)
 
 
 def schedule_of(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:

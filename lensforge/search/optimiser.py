@@ -20,7 +20,7 @@ from lensforge.kernels.parallel import kernel_threads, thread_count
 from lensforge.results.arguments import threads_of_torch
 from lensforge.scene.body import radii
 from lensforge.scene.lens import Lens
-from lensforge.search.automatic_schedule import AutomaticSchedule, schedule_of
+from lensforge.search.automatic_schedule import AutomaticSchedule, preset_for, schedule_of
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
 from lensforge.search.design_result import ENOUGH, Design, Level, Margins, Observer, Progress, constraint_criteria
 from lensforge.search.ending import Candidates, SearchEnd
@@ -36,7 +36,7 @@ from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import each_of
 from lensforge.spec import AnyAccuracy, Spec
-from lensforge.spec.accuracy import for_preview, preset_of
+from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import input_hashes, section_sha256
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.mirror_group import first_images
@@ -310,8 +310,7 @@ def search(
     ``warnings``: on the scene, for the record. ``preview``: take fewer steps.
     """
     begun = time.perf_counter()
-    preset, spec = preset_of(accuracy), settled_symmetry(spec, source)
-    preset = for_preview(preset) if preview else preset
+    preset, spec = preset_for(spec, accuracy, preview=preview), settled_symmetry(spec, source)
     schedule = schedule_of(spec, source, preset, start)
     problems = Problems(spec, source, preset.nodes_per_sigma, device, preset.single)
     key = fingerprint(spec, seed, f"{accuracy}, preview" if preview else str(accuracy), start, device)
