@@ -15,7 +15,7 @@ from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.light_ends import loss_names
 from lensforge.scene.receiver import PosedReceiver, equal_area
-from lensforge.scene.road_classes import asked_of
+from lensforge.scene.road_classes import FieldMean, asked_of
 from lensforge.scene.road_field import RoadReadings
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import (
@@ -47,7 +47,8 @@ class LightLimit:
     threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
     first place is over the second. Of a loss the readings are of the flux (W) by cause, as ``scene.light_ends`` orders
     them. Of a luminance they are spots on the view of an eye; views are numbered behind the receivers. ``road``: number
-    of the road whose class asks for it, ``share`` its weight.
+    of the road whose class asks for it, ``share`` its weight; ``field``: the mean light that bounds it
+    from above, by ``lamp_lm`` of all lenses on a pole.
     """
 
     name: str
@@ -61,6 +62,8 @@ class LightLimit:
     level: float = 1.0
     road: int | None = None
     share: float = 1.0
+    field: FieldMean | None = None
+    lamp_lm: float = 0.0
 
     @property
     def of_road(self) -> bool:
@@ -141,7 +144,7 @@ def _of_road(
         pixels = _bilinear(receiver, *equal_area(receiver.pose.own_directions(units)).T)
         readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
         limit = LightLimit(f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings)
-        yield replace(limit, road=number, share=road.share)
+        yield replace(limit, road=number, share=road.share, field=ask.field, lamp_lm=lamp_lm * len(receiver.lamps))
 
 
 def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float) -> LightLimit:

@@ -3,8 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Float
+
 from lensforge.results import Sense
-from lensforge.scene.road_field import CandelaSum, RoadReadings
+from lensforge.scene.road_field import AROUND, CandelaSum, Points, RoadReadings, reduced_luminance, rows_of_lamps
 from lensforge.spec.light_limits import Quantity
 from lensforge.spec.road_section import (
     C_CLASSES,
@@ -16,10 +19,55 @@ from lensforge.spec.road_section import (
     WET_UNIFORMITY,
 )
 
+_LEVEL, _MOST_HEIGHTS = 1e-6, 100.0  # sine above the horizon of light beyond every table, and tan gamma where these end
+
+
+@dataclass(frozen=True, eq=False)
+class FieldMean:
+    """Mean light over the whole area of a field, of which the points of a standard are a sample.
+
+    ``seen``: number of the observer for luminance (cd/m^2), None for illuminance (lx).
+    """
+
+    readings: RoadReadings
+    seen: int | None = None
+
+    def per_lumen(self, units: Float[np.ndarray, "n 3"], street_deg: float) -> Float[np.ndarray, " n"]:
+        """Mean light by one lumen of each lamp along each of ``units``, in the frame of a lens.
+
+        A direction meets the road at one place, and with equal poles the field: there light of E lx has q E cd/m^2.
+        """
+        road, rows = self.readings.road, self.readings.rows[self.seen or 0]
+        high, turn, tilt = road.pole_height_m, np.radians(street_deg), np.radians(road.tilt_deg)
+        street, aside = (units[:, :2] @ np.array([(np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))])).T
+        down = np.maximum(np.cos(tilt) * units[:, 2] - np.sin(tilt) * street, _LEVEL)
+        along = high * aside / down
+        across = high * (np.sin(tilt) * units[:, 2] + np.cos(tilt) * street) / down
+        half, found = 0.5 * (rows[1] - rows[0]), np.zeros(len(units))
+        low, top = (0.0, road.width_m) if self.seen is None else (rows[0] - half, rows[-1] + half)
+        for start, beside, facing in rows_of_lamps(road):
+            y = beside + facing * across
+            on = (y >= low) & (y <= top) & (np.abs(along) <= _MOST_HEIGHTS * high)
+            found[on] += self._q((start + facing * along[on]) % road.pole_spacing_m, y[on], -facing * along[on], beside)
+        return road.maintenance_factor / (road.pole_spacing_m * (top - low)) * found
+
+    def _q(self, x: Points, y: Points, along: Points, beside: float) -> Points:
+        """Light of places by one lux of a lamp that is so far ``along`` from them, at the y ``beside``."""
+        road, across = self.readings.road, beside - y
+        tan_gamma = np.hypot(along, across) / road.pole_height_m
+        if self.seen is None:
+            return 1.0 * (tan_gamma <= AROUND)
+        view, *_ = self.readings.seen[self.seen]
+        r = reduced_luminance(view, self.readings.surface, x, y, along, across, road.by_rp8)
+        return np.asarray(r * (1.0 + tan_gamma**2) ** 1.5)
+
 
 @dataclass(frozen=True, eq=False)
 class Ask:
-    """One figure that a class asks for: the ``quantity`` of ``light`` must be ``sense`` ``bound``, in ``unit``."""
+    """One figure that a class asks for: the ``quantity`` of ``light`` must be ``sense`` ``bound``, in ``unit``.
+
+    ``field``: the mean that bounds it from above, where there is one.
+    """
 
     name: str
     quantity: Quantity
@@ -27,6 +75,7 @@ class Ask:
     bound: float
     unit: str
     light: CandelaSum
+    field: FieldMean | None = None
 
 
 def asked_of(readings: RoadReadings) -> Iterator[Ask]:
@@ -48,15 +97,15 @@ def asked_of(readings: RoadReadings) -> Iterator[Ask]:
 
 def _of_illuminance(readings: RoadReadings) -> Iterator[Ask]:
     name, light = readings.road.lighting_class, readings.illuminance.times(readings.road.maintenance_factor)
-    mean = light.mean()
+    mean, field = light.mean(), FieldMean(readings)
     if name in C_CLASSES:
-        yield Ask("mean illuminance", "light", ">=", C_CLASSES[name], "lx", mean)
+        yield Ask("mean illuminance", "light", ">=", C_CLASSES[name], "lx", mean, field)
         yield Ask("uniformity U0", "min_over_mean", ">=", C_UNIFORMITY, "", light)
         return
     least_mean, least = P_CLASSES[name]
-    yield Ask("mean illuminance", "light", ">=", least_mean, "lx", mean)
+    yield Ask("mean illuminance", "light", ">=", least_mean, "lx", mean, field)
     yield Ask("maximum mean illuminance", "light", "<=", P_MOST * least_mean, "lx", mean)
-    yield Ask("minimum illuminance", "light", ">=", least, "lx", light)
+    yield Ask("minimum illuminance", "light", ">=", least, "lx", light, field)
 
 
 def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
@@ -66,7 +115,7 @@ def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
     for lane, seen in enumerate(readings.luminance):
         of = f"lane {lane + 1}: "
         kept, mean = seen.times(road.maintenance_factor), seen.mean()
-        yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean())
+        yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean(), FieldMean(readings, lane))
         yield Ask(f"{of}uniformity U0", "min_over_mean", ">=", uniformity, "", kept)
         if readings.wet:
             even = road.wet_uniformity or WET_UNIFORMITY
@@ -83,7 +132,8 @@ def _of_ratios(readings: RoadReadings) -> Iterator[Ask]:
     uneven = wanted.mean_over_least if road.uniformity is None else 1.0 / road.uniformity
     for number, (of, seen) in enumerate(zip(("", "oncoming: "), readings.luminance, strict=False)):
         mean = seen.mean()
-        yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", mean.times(road.maintenance_factor))
+        kept = mean.times(road.maintenance_factor)
+        yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept, FieldMean(readings, number))
         yield Ask(f"{of}uniformity Lavg/Lmin", "mean_over_min", "<=", uneven, "", seen)
         yield Ask(f"{of}uniformity Lmax/Lmin", "max_over_min", "<=", wanted.largest_over_least, "", seen)
         yield from _per_lux(of, readings, number)

@@ -24,11 +24,12 @@ if TYPE_CHECKING:
     from scipy import sparse
 
 Points = Float[np.ndarray, " k"]
+_Places = Float[np.ndarray, "*_"]
 
 # The field: points along, and of the illuminance across (EN 13201-3, 7.1.4 and 7.2.8).
 _LEAST_ALONG, _ACROSS_M, _LEAST_ACROSS = 10, 1.5, 3
 # Lamps that count, in heights: for luminance towards the eye, away from it and aside; for illuminance around a point.
-_TOWARDS, _AWAY, _ASIDE, _AROUND = 5.0, 12.0, 5.0, 5.0
+_TOWARDS, _AWAY, _ASIDE, AROUND = 5.0, 12.0, 5.0, 5.0
 # The eye of EN 13201-3: metres before the field and above the road. For glare it looks down, under the roof of a car.
 BEFORE_M, _EYE_M, _VIEW_DOWN_DEG, _FIRST, _SEEN_M, _LEAST_DEG = 60.0, 1.5, 1.0, 2.75, 500.0, 0.1
 
@@ -121,6 +122,20 @@ class CandelaSum:
         )
 
 
+def rows_of_lamps(road: RoadSection) -> tuple[tuple[float, float, float], ...]:
+    """The x of a lamp of each row, its y, and +1 where its street is towards +y, -1 elsewhere."""
+    width, over = road.width_m, road.overhang_m
+    edges = right, left = (0.0, over, 1.0), (0.0, width - over, -1.0)
+    (_, near_y, near), (_, far_y, far) = edges if road.driving_side == "right" else edges[::-1]
+    return {
+        "right": (right,),
+        "left": (left,),
+        "opposite": (right, left),
+        "staggered": ((0.0, near_y, near), (0.5 * road.pole_spacing_m, far_y, far)),
+        "median": ((0.0, far_y, far), (0.0, far_y - far * (road.median_m + 2.0 * over), near)),
+    }[road.arrangement]
+
+
 @dataclass(frozen=True, eq=False)
 class _Lamps:
     """Lamps between two places along a road: ``x``, ``y``, and +1 where their street is towards +y, -1 elsewhere."""
@@ -133,19 +148,10 @@ class _Lamps:
     @staticmethod
     def between(road: RoadSection, low_m: float, high_m: float) -> "_Lamps":
         """All lamps from ``low_m`` to ``high_m``."""
-        width, over, spacing = road.width_m, road.overhang_m, road.pole_spacing_m
-        edges = right, left = (0.0, over, 1.0), (0.0, width - over, -1.0)
-        (_, near_y, near), (_, far_y, far) = edges if road.driving_side == "right" else edges[::-1]
-        rows = {
-            "right": (right,),
-            "left": (left,),
-            "opposite": (right, left),
-            "staggered": ((0.0, near_y, near), (0.5 * spacing, far_y, far)),
-            "median": ((0.0, far_y, far), (0.0, far_y - far * (road.median_m + 2.0 * over), near)),
-        }[road.arrangement]
+        spacing = road.pole_spacing_m
         found = [
             (x, np.full_like(x, y), np.full_like(x, facing))
-            for start, y, facing in rows
+            for start, y, facing in rows_of_lamps(road)
             for x in [start + spacing * np.arange(ceil((low_m - start) / spacing), (high_m - start) // spacing + 1)]
         ]
         return _Lamps(road, *(np.concatenate(each) for each in zip(*found, strict=True)))
@@ -337,24 +343,32 @@ def _luminance(
     ``each_its_eye``: for one on a line along the road through each point, so far before it that the table holds; lamps
     then count as far as the table goes.
     """
-    high, heading = view.road.pole_height_m, view.heading
-    whole = float(surface.tan_gamma[-1])
-    towards, away, beside = (whole, whole, whole) if each_its_eye else (_TOWARDS, _AWAY, _ASIDE)
-    before, after = (away, towards) if view.oncoming else (towards, away)
+    high, whole = view.road.pole_height_m, float(surface.tan_gamma[-1])
+    ahead = (whole, whole) if each_its_eye else (_TOWARDS, _AWAY)
+    before, after = ahead[::-1] if view.oncoming else ahead
     lamps = _Lamps.between(view.road, float(x.min()) - before * high, float(x.max()) + after * high)
-    beyond, aside = heading * (lamps.x - x[:, None]), heading * (lamps.y - y[:, None])
+    places = x[:, None], y[:, None], lamps.x - x[:, None], lamps.y - y[:, None]
+    return lamps.light(x, y, 0.0, reduced_luminance(view, surface, *places, each_its_eye) / high**2)
+
+
+def reduced_luminance(
+    view: DriverView, surface: RoadSurface, x: _Places, y: _Places, along: _Places, across: _Places, each_its_eye: bool
+) -> _Places:
+    """Coefficient r of points by lamps so far ``along`` and ``across`` from them; 0 by one that does not count."""
+    high, heading, whole = view.road.pole_height_m, view.heading, float(surface.tan_gamma[-1])
+    towards, away, beside = (whole, whole, whole) if each_its_eye else (_TOWARDS, _AWAY, _ASIDE)
+    beyond, aside = heading * along, heading * across
     sight = np.zeros_like(y) if each_its_eye else np.arctan2(heading * (y - view.y), view.ahead(x))
-    turn = np.arctan2(aside, beyond) - sight[:, None]
-    beta = np.degrees(np.arccos(np.clip(np.cos(turn), -1.0, 1.0)))
+    beta = np.degrees(np.arccos(np.clip(np.cos(np.arctan2(aside, beyond) - sight), -1.0, 1.0)))
     tan_gamma = np.hypot(beyond, aside) / high
     beta = np.where(tan_gamma > 0.0, beta, 0.0)
     near = (beyond >= -towards * high) & (beyond <= away * high) & (np.abs(aside) <= beside * high)
-    return lamps.light(x, y, 0.0, near * surface.reading(beta, tan_gamma) / high**2)
+    return near * surface.reading(beta, tan_gamma)
 
 
 def _illuminance(road: RoadSection, low_m: float, high_m: float) -> CandelaSum:
     x, y = (each.ravel() for each in np.meshgrid(steps_along(road), lux_across(low_m, high_m)))
-    height, reach = road.pole_height_m, _AROUND * road.pole_height_m
+    height, reach = road.pole_height_m, AROUND * road.pole_height_m
     lamps = _Lamps.between(road, -reach, road.pole_spacing_m + reach)
     away = np.hypot(lamps.x - x[:, None], lamps.y - y[:, None])
     return lamps.light(x, y, 0.0, (away <= reach) * height / (away**2 + height**2) ** 1.5)

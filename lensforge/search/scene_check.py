@@ -10,6 +10,7 @@ inside it is never touched; the smallest inner surface that the limits allow is 
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, isfinite, sqrt
 
 import numpy as np
@@ -47,6 +48,7 @@ class Requirement:
     requires all that two faces transmit into its bright part. Of a limit on light, that at its worst place.
     ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: by a luminance that is estimated from the
     rays of the source, which stops no search. ``beside``: it lies to one side of the axis of a lens of revolution.
+    ``of_road``: the mean light of a road, by its lumens.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Requirement:
     estimated: bool
     bounds: LargestShare | None = None
     beside: bool = False
+    of_road: bool = False
 
     @property
     def met(self) -> float:
@@ -75,7 +78,8 @@ class Requirement:
         """The bound in words."""
         about = "by an estimate of the source's luminance " if self.estimated else ""
         if self.bounds is None:
-            return f"{about}upper bound {self.possible:.3g} {self.unit} (étendue)"
+            law = "lumens and area of the road" if self.of_road else "étendue"
+            return f"{about}upper bound {self.possible:.3g} {self.unit} ({law})"
         return f"{about}upper bound {self.bounds}"
 
     @property
@@ -86,6 +90,8 @@ class Requirement:
     def remedies(self) -> str:
         """Changes that would raise the bound."""
         bounds, words = self.bounds, "a smaller source or a larger target"
+        if self.of_road:
+            return "more lumens, poles nearer to each other, or a lower class"
         if bounds is None:
             words = "a smaller or brighter source, or a lower bound"
         elif bounds.by_symmetry < min(bounds.by_etendue, bounds.by_refraction):
@@ -137,8 +143,12 @@ def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Sp
     def least(larger: PossibleLight) -> float:
         return float(limit.of(larger.on_pixels[None] * flux_w).min())
 
+    most, estimated = least(physics), physics.light.curve.estimated
     radius_mm = _least_radius_mm(spec, physics, limit.bound, least)
-    return Requirement(limit.name, limit.bound, least(physics), limit.unit, radius_mm, physics.light.curve.estimated)
+    if limit.field is not None:
+        per_lumen = partial(limit.field.per_lumen, street_deg=spec.photometry.street_side_deg)
+        most = min(most, limit.lamp_lm * physics.weighted(physics.weights(per_lumen)))
+    return Requirement(limit.name, limit.bound, most, limit.unit, radius_mm, estimated, of_road=limit.of_road)
 
 
 def _least_radius_mm(

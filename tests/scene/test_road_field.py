@@ -143,6 +143,31 @@ def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes,
     assert _of(readings.illuminance.mean()).item() == pytest.approx(_plain_mean_lux(road, 0.0, 7.0), rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"surface": "R3"},
+        {"arrangement": "left", "overhang_m": 1.2, "tilt_deg": 10.0, "lanes": 3, "surface": "C2"},
+        {"arrangement": "opposite", "overhang_m": -0.5, "tilt_deg": 5.0, "surface": "R1", "oncoming_lanes": 1},
+        {"arrangement": "staggered", "overhang_m": 0.7, "tilt_deg": -4.0, "surface": "R4", "driving_side": "left"},
+        {"arrangement": "median", "overhang_m": -1.5, "tilt_deg": 15.0, "surface": "R2", "median_m": 4.0},
+        {"lighting_class": "collector low", "lanes": 3, "oncoming_lanes": 1, "tilt_deg": 6.0, "overhang_m": 0.8},
+        {"lighting_class": "P3", "tilt_deg": 6.0, "overhang_m": 0.8, "arrangement": "staggered"},
+    ],
+)
+def test_the_mean_of_a_field_is_the_sum_over_directions(more) -> None:
+    """Both are one integral: by points of the standard, and by directions of a lamp whose street is at 40 degrees."""
+    road = RoadSection(**ROAD | {"lanes": 2, "maintenance_factor": 0.7, "pole_spacing_m": 12.0} | more)
+    z, turn = (np.arange(1000) + 0.5) / 1000, 2.0 * np.pi * (np.arange(2000) + 0.5) / 2000
+    z, turn = (each.ravel() for each in np.meshgrid(z, turn))
+    units = np.stack([np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z], axis=1)
+    lumens = _candela(np.degrees(turn) - 40.0, np.degrees(np.arccos(z))) * 2.0 * np.pi / len(z)
+    asks = [ask for ask in asked_of(RoadReadings.of(road)) if ask.field is not None]
+    assert len(asks) == {"P3": 2, "collector low": 2}.get(road.lighting_class, road.lanes)
+    for ask in asks:
+        assert lumens @ ask.field.per_lumen(units, 40.0) == pytest.approx(_of(ask.light).mean(), rel=0.02), ask.name
+
+
 # The luminance method of RP-8 as loops: angles from the vectors of sight and light, veiling luminance for each edition.
 _VEIL = {
     "RP-8-00": lambda theta: 10.0 / (theta * theta + 1.5 * theta),
