@@ -195,16 +195,17 @@ def evaluate_traced(
         receiver_light(section, PossibleLight(light, receiver, space), received, variance, simulation.emitted_w, colour)
         for section, receiver, received in zip(spec.all_receivers, receivers, looked_at, strict=True)
     )
-    images = (
-        [*(gaussian3(each.images, variance) for each in looked_at), *(each.images for each in seen)] if limits else []
-    )
+    eyes = tuple(_seen(traced, source, seed, zip(views, seen, strict=True)))
+    images = [gaussian3(each.images, variance) for each in looked_at] if limits else []
+    for view, received, own in zip(views, seen, eyes, strict=True):
+        images.append(received.images / (own.outline_mm2 or np.inf) if view.of_mean else received.images)
     losses = [_losses(received, simulation.by_way) for received in looked_at] if limits else []
     names = [each.name for each in lit] + [""] * len(views)
     return Light(
         receivers=lit,
         limits=(*judged_limits(limits, images, names, losses), *colour_limits(colour, lit)),
         ways=simulation.by_way.ways(simulation.emitted_w),
-        seen=tuple(_seen(traced, source, seed, zip(views, seen, strict=True))),
+        seen=eyes,
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
         pixels=side,

@@ -54,6 +54,7 @@ _QUANTITIES = {
     "loss": "lost share of the flux",
     "beam_angle": "beam angle",
     "luminance": "luminance of the brightest spot",
+    "mean_luminance": "mean luminance over the outline",
     "threshold_increment": "threshold increment",
     "ratio": "ratio of means",
     "mean_over_min": "mean/min of the light",

@@ -167,7 +167,10 @@ class BoardLight(PartLight):
             raise InputError(f"yield: {rays} rays for {lamps} lamps: {REPLICATES} each at least; give {least}")
         limits = light.limits
         if periods != (1, 1):
-            limits = tuple(on_patch(each, light.receivers[each.receiver].grid.shape, periods) for each in limits)
+            limits = tuple(
+                each if each.of_view else on_patch(each, light.receivers[each.receiver].grid.shape, periods)
+                for each in limits
+            )
         return BoardLight(light.spec, light.nominal, receivers, limits, light.held, kinds, periods, designed, light)
 
     @cached_property
@@ -206,7 +209,10 @@ class BoardLight(PartLight):
         raw = [image - less for image, less in zip(raw, taken, strict=True)]
         emitted_w = float(fluxes.mean()) * self.held.emitted_w
         lit = (self._received(number, image, emitted_w) for number, image in enumerate(raw))
-        return tuple(self._with_losses(parts, lit) if self.counts_losses else lit)
+        first, own = None if parts is None else parts[0], self._shares[0]
+        behind = rays_behind(self._lens_of_lamp[0], first, own.rays) if self.views else None
+        eyes = () if behind is None else self.seen(behind, own, len(fluxes) * float(fluxes[0]))
+        return (*(self._with_losses(parts, lit) if self.counts_losses else lit), *eyes)
 
     def _with_losses(self, parts: Sequence[MadePart] | None, lit: Iterable[ReceivedImages]) -> Iterator[ReceivedImages]:
         """The light on each receiver, and the mean flux of a lamp by the cause of its loss."""

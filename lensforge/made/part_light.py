@@ -16,6 +16,7 @@ from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens,
 from lensforge.light.table_trace import trace_tables
 from lensforge.results import Metric
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.light_ends import cause_numbers, loss_names, with_beside
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.made_part import MadePart
@@ -155,7 +156,10 @@ class PartLight:
         return rays_behind(self.nominal, part, self.held.rays)
 
     def received(self, parts: Sequence[MadePart] | None) -> tuple[ReceivedImages, ...]:
-        """Light of a part on each receiver, by each of its lenses, here one; None: of the lens as designed."""
+        """Light of a part on each receiver, by each of its lenses, here one; None: of the lens as designed.
+
+        Behind them stands what each eye sees.
+        """
         part = None if parts is None else parts[0]
         exits, flux, held = self.exit_rays(part), 1.0 if part is None else part.flux, self.held
         by_cause = flux_by_cause(self.nominal, exits, held, flux) if self.counts_losses else None
@@ -173,7 +177,21 @@ class PartLight:
             smooth = gaussian3(np.stack(raw), self.spec.evaluate.filter_variance)
             losses = None if by_cause is None else with_beside(by_cause, window)
             found.append(ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w, losses))
-        return tuple(found)
+        return (*found, *self.seen(exits, held, flux))
+
+    @cached_property
+    def views(self) -> tuple[EyeView, ...]:
+        """Views of the eyes of limits, as coarse as those of a search: a part has too few rays for a fine spot."""
+        return eye_views(self.spec, searched=True) if any(limit.of_view for limit in self.limits) else ()
+
+    def seen(self, exits: ExitRays, held: ReplicateRays, flux: float) -> Iterator[ReceivedImages]:
+        """The lens as each eye sees it, by its ``exits`` of the ``held`` rays; ``flux``: of the LED over theirs."""
+        none = np.zeros(held.replicates)
+        for view in self.views:
+            landings = view.land(exits)
+            image = bin_replicates(landings.hits, flux * landings.flux, view.grid, held.replicate, held.replicates)
+            over = view.outline_mm2(exits) if view.of_mean else 1.0
+            yield ReceivedImages(image[None] / over, none, none, flux * held.emitted_w)
 
     @property
     def counts_losses(self) -> bool:
@@ -183,7 +201,7 @@ class PartLight:
     def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
         """Metrics of one part by its replicates."""
         metrics, shares = [], []
-        for found, target, mask in zip(received, *self.targets, strict=True):
+        for found, target, mask in zip(received, *self.targets, strict=False):
             images = found.images
             metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), found.window))
             shares.append(found.in_target)
@@ -202,7 +220,7 @@ class PartLight:
             there = received[seen.receiver]
             value = values_left_out(limit, next(read[seen]), there.light(seen))
             yield value * (self.held.emitted_w / there.emitted_w) if limit.is_share else value
-        for on_receiver in received:
+        for on_receiver in received[: len(self.receivers)]:
             yield from colours_left_out(judged_colour(self.spec), on_receiver.pictures[1:])
 
     @cached_property

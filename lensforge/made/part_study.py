@@ -19,6 +19,7 @@ from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
+from lensforge.light.metrics import scaled
 from lensforge.light.receiver_light import judged_figures
 from lensforge.light.simulation import TracedLens
 from lensforge.made.board_light import (
@@ -34,6 +35,7 @@ from lensforge.made.part_light import Channels, MeasuredPart, PartLight, Replica
 from lensforge.made.tolerance_result import MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Fact, Metric
+from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
@@ -187,10 +189,12 @@ class LedStudy:
 
     @cached_property
     def limits(self) -> tuple[LightLimit, ...]:
-        """Limits of the spec on its receivers; a part has too few rays for the spots that eyes see."""
+        """Limits of the spec, as an evaluation judges them."""
+        return self._limits_by(None)
+
+    def _limits_by(self, views: Sequence[EyeView] | None) -> tuple[LightLimit, ...]:
         efficacy = summarise(self._source, self.emitter).lumens_per_watt
-        every = light_limits(self.study.spec, self.study.receivers, efficacy, self._source.flux_w)
-        return tuple(limit for limit in every if not limit.of_view)
+        return light_limits(self.study.spec, self.study.receivers, efficacy, self._source.flux_w, views)
 
     @cached_property
     def designed_pictures(self) -> list[list[list[Channels]]]:
@@ -208,7 +212,8 @@ class LedStudy:
         """Receivers, limits and rays."""
         study, recipe = self.study, self.study.recipe
         held = ReplicateRays.of(held_back(self._source), recipe.rays, recipe.seed)
-        light = PartLight(study.spec, study.kinds[0].nominal, study.receivers, self.limits, held)
+        coarse = self._limits_by(eye_views(study.spec, searched=True))
+        light = PartLight(study.spec, study.kinds[0].nominal, study.receivers, coarse, held)
         if study.lamps.is_single:
             return light
         receivers = tuple(board.receiver for board in study.boards)
@@ -302,7 +307,13 @@ class LedStudy:
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
 
     def _changes(self, part: MeasuredPart) -> list[dict[str, Metric]]:
-        return part.change_from(self.designed, self.study.recipe.rays, self.designed_light.receivers)
+        """Changes from the lens as designed: of a luminance the relative one, which coarse views show."""
+        found = part.change_from(self.designed, self.study.recipe.rays, self.designed_light.receivers)
+        for number, (limit, light) in enumerate(zip(self.limits, self.designed_light.limits, strict=False)):
+            seen = self.designed.limits[number][0]
+            if limit.of_view and seen > 0.0:
+                found[-1][str(number)] = scaled(found[-1][str(number)], light.value / seen, light.unit)
+        return found
 
 
 _MOST_NUMBERS = 2**27  # 1 GiB

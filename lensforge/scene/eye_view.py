@@ -45,7 +45,7 @@ class EyeView(Plane):
 
     Flux lands times the kernel that ends at ``blur_rad``: over the area of a pixel it is radiance, W/(m² sr).
     ``spot_mm``: diameter of a spot on the plane. ``wide_rad``: half angle at which the eye sees the lens. ``label``: of
-    the limit.
+    the limit; ``of_mean``: it bounds the mean, for which the picture is divided by the area (mm²) of the outline.
     """
 
     distance_mm: float = field(kw_only=True)
@@ -53,6 +53,7 @@ class EyeView(Plane):
     spot_mm: float = field(kw_only=True)
     blur_rad: float = field(kw_only=True)
     label: str = field(kw_only=True)
+    of_mean: bool = field(kw_only=True)
 
     def land(self, rays: ExitRays) -> Landings:
         """Land ``rays``, NumPy arrays."""
@@ -114,6 +115,11 @@ class EyeView(Plane):
         points = self.pose.own_points(rays.points[rays.left_lens & (rays.flux > 0.0)])
         seen = points[:, :2] / (1.0 - points[:, 2:] / self.distance_mm)
         return np.asarray(seen[ConvexHull(seen).vertices]) if len(seen) > 2 else np.zeros((0, 2))
+
+    def outline_mm2(self, rays: ExitRays) -> float:
+        """Area of the outline; infinite where no light leaves, so that its mean is 0."""
+        corners = self.outline(rays)
+        return float(ConvexHull(corners).volume) if len(corners) else np.inf  # in two dimensions the area
 
     def spots(self) -> sparse.csr_array:
         """Matrix from pixels to the means over a spot about the centre of each."""
@@ -183,4 +189,5 @@ def _view(limit: LuminanceLimit, label: str, eye: Float[np.ndarray, "3"], reach:
         spot_mm=min(spot, side),
         blur_rad=radians(blur),
         label=label,
+        of_mean=limit.of == "mean",
     )

@@ -46,9 +46,9 @@ class LightLimit:
     angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of a
     threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
     first place is over the second. Of a loss the readings are of the flux (W) by cause, as ``scene.light_ends`` orders
-    them. Of a luminance they are spots on the view of an eye; views are numbered behind the receivers. ``road``: number
-    of the road whose class asks for it, ``share`` its weight; ``field``: the mean light that bounds it
-    from above, by ``lamp_lm`` of all lenses on a pole.
+    them. Of a luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline;
+    views are numbered behind the receivers. ``road``: number of the road whose class asks for it, ``share`` its weight;
+    ``field``: the mean light that bounds it from above, by ``lamp_lm`` of all lenses on a pole.
     """
 
     name: str
@@ -78,7 +78,7 @@ class LightLimit:
     @property
     def of_view(self) -> bool:
         """True where it reads the view of an eye, and no receiver."""
-        return self.quantity == "luminance"
+        return self.quantity in ("luminance", "mean_luminance")
 
     @property
     def is_share(self) -> bool:
@@ -114,7 +114,7 @@ def light_limits(
     for number, limit in enumerate(spec.limits):
         if isinstance(limit, LuminanceLimit):
             scale = _scale(limit.unit or "", f"limits.{number}", lumens_per_watt)
-            found += [_of_view(limit, scale, *next(seen)) for _ in limit.eyes()]
+            found += [each for _ in limit.eyes() for each in _of_view(limit, scale, *next(seen))]
             continue
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
@@ -153,10 +153,14 @@ def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float)
     return LightLimit(name, index, "loss", "<=", limit.at_most_share, "", readings)
 
 
-def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> LightLimit:
-    assert limit.at_most is not None and limit.unit is not None
+def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> Iterator[LightLimit]:
+    quantity: Quantity = "mean_luminance" if view.of_mean else "luminance"
     readings = scale / view.pixel_measure * view.spots()
-    return LightLimit(view.label, index, "luminance", "<=", limit.at_most, _UNITS[limit.unit], readings)
+    if view.of_mean:
+        readings = sparse.csr_array(np.full((1, readings.shape[1]), 1e6 * scale))
+    for sense, bound in zip(_SENSES, (limit.at_least, limit.at_most), strict=True):
+        if bound is not None:
+            yield LightLimit(view.label, index, quantity, sense, bound, _UNITS[limit.unit or ""], readings)
 
 
 def _bounds_of(

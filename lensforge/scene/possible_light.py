@@ -71,6 +71,11 @@ class EtendueCurve:
             volume, flux = np.concatenate([volume, own_volume]), np.concatenate([flux, own_flux])
         return _curve(volume, flux, estimated=True)
 
+    @property
+    def brightest(self) -> float:
+        """Share of the flux per étendue (1/(mm^2 sr)) of the brightest light; infinite for light without extent."""
+        return float(np.diff(self.share)[0] / np.diff(self.etendue_mm2_sr)[0]) if self.share[0] == 0.0 else np.inf
+
     def shares_within(self, etendue_mm2_sr: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Largest share of the flux that fits into an étendue (mm^2 sr), or into each of many."""
         return np.asarray(np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share))
@@ -212,6 +217,11 @@ class SourceLight:
     def transmittance(self) -> float:
         """Transmittance of two faces that need not turn light, for the light that they transmit best."""
         return float(self.best_transmittances(np.zeros(len(self.rays))).max())
+
+    @property
+    def brightest(self) -> float:
+        """Radiance (1/(m^2 sr)) behind any lens over the flux of the source, at most: no optics raises it."""
+        return 1e6 * self.transmittance * self.curve.brightest
 
 
 @dataclass(frozen=True)

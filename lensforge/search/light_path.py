@@ -9,6 +9,7 @@ each exit ray from its path lengths. On another device torch does all, in chunks
 the backward pass: only the hits of each ray are kept, 17 bytes at each event.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -24,8 +25,9 @@ from lensforge.light.crease import adjoint_on, crease_gradients
 from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.reference_bodies import ReferenceBody
 from lensforge.light.reference_trace import HitMemory, trace_reference
-from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.light.table_trace import Scene, TracedBundle, trace_tables
 from lensforge.scene.exit_rays import Sensitivities
+from lensforge.scene.eye_view import EyeView
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.light_ends import cause_numbers
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
@@ -39,6 +41,7 @@ from lensforge.spec import Spec
 from lensforge.spec.tolerances_section import Factor, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid
 
+_RAYS_OF_OUTLINE = 2**12  # the hull of so many places lacks some hundredths of its area
 _FANS, _RAYS_OF_FAN = 128, 32  # 2 % of noise in the part of later creases
 # Light of a receiver that creases change, the picture first; names of :class:`Collected`.
 _OF_CREASES = "image", "in_window", "outside_receiver", "total_reflection"
@@ -147,6 +150,19 @@ class LightPath:
                 for first in range(0, len(sums), each)
             )
         return self._together(found if self.source is None else self._with_creases(tables, found))
+
+    def over_outlines(
+        self, images: Sequence[Tensor], tables: Float[Tensor, "f side side"], rays: RayBundle
+    ) -> list[Tensor]:
+        """Pictures of eyes whose mean counts, over the area (mm²) of the outline of the lens, a constant; others as
+        they are."""
+        areas = [1.0] * len(images)
+        if any(isinstance(each, EyeView) and each.of_mean for each in self.receivers):
+            exits = trace_tables(tables.detach().numpy(), self.scene, rays.take(slice(_RAYS_OF_OUTLINE)))
+            for number, each in enumerate(self.receivers):
+                if isinstance(each, EyeView) and each.of_mean:
+                    areas[number] = each.outline_mm2(exits)
+        return [image / area for image, area in zip(images, areas, strict=True)]
 
     def _with_losses(self, light: Collected, exits: EndedRays) -> Collected:
         return light.with_losses(exits.flux, exits.causes, self.losses) if self.losses else light

@@ -221,11 +221,13 @@ class MeritFunction(Merit[SampledLight]):
         emitted_w = float(rays.flux.sum())
         if pair is None:
             light = self.light.collect(tables, rays)
-            amounts = self._mirrored([each.image for each in light]), self._flux_term(light), emitted_w
-            return SampledLight(*amounts, (), self._colours((light,)), _losses((light,)))
+            images = self._mirrored(self.light.over_outlines([each.image for each in light], tables, rays))
+            colours, losses = self._colours((light,)), _losses((light,))
+            return SampledLight(images, self._flux_term(light), emitted_w, (), colours, losses)
         assert isinstance(self.light, LightPath), "a robust search has one lens"
         one, other = (self.light.through(tables, rays, part) for part in pair)
-        both = [(a.image, b.image) for a, b in zip(one, other, strict=True)]
+        lit = (self.light.over_outlines([each.image for each in light], tables, rays) for light in (one, other))
+        both = list(zip(*lit, strict=True))
         # only the mean over all parts has the symmetry of the scene: each part alone has none
         images = self._mirrored([0.5 * (a + b) for a, b in both])
         halves = tuple(0.5 * (a - b) for a, b in both)

@@ -113,8 +113,22 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
     targets = tuple(_of_target(pattern, each, spec) for pattern, each in zip(wanted, physics, strict=True))
     lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
-    limited = (_of_limit(each, physics[each.receiver], source.flux_w, spec) for each in limits if not each.of_view)
+    limited = [
+        _of_view(each, light, source.flux_w)
+        if each.of_view
+        else _of_limit(each, physics[each.receiver], source.flux_w, spec)
+        for each in limits
+    ]
     return targets, tuple(each for each in limited if each is not None)
+
+
+def _of_view(limit: LightLimit, light: SourceLight, flux_w: float) -> Requirement | None:
+    """The mean luminance that an eye is to see at least: at most that of the brightest light of the source."""
+    if limit.sense != ">=":
+        return None
+    per_watt = 1e-6 * float(limit.readings.max())  # per W/(m² sr)
+    possible = per_watt * flux_w * light.brightest
+    return Requirement(limit.name, limit.bound, possible, limit.unit, inf, light.curve.estimated)
 
 
 def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight, spec: Spec) -> Requirement:

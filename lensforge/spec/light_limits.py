@@ -22,7 +22,9 @@ Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
 LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative"]
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
-_OfLight = Literal["light", "relative", "min_over_mean", "min_over_max", "share", "loss", "beam_angle", "luminance"]
+_OfLight = Literal[
+    "light", "relative", "min_over_mean", "min_over_max", "share", "loss", "beam_angle", "luminance", "mean_luminance"
+]
 _OfRoads = Literal["threshold_increment", "ratio", "mean_over_min", "max_over_min", "veiling_ratio"]
 Quantity = Literal[_OfLight, _OfRoads]  # what decides on a limit
 _OF_SURFACES, _OF_FAR_FIELD, _OF_EYES = ("w_per_m2", "lx"), ("w_per_sr", "cd"), ("w_per_m2_sr", "cd_per_m2")
@@ -231,13 +233,14 @@ _Angle = Annotated[float, Field(ge=1e-3, le=45.0)]
 
 
 class LuminanceLimit(LimitSection):
-    """Luminance of the lens as eyes see it: at most so much on average over any spot. Each eye is judged alone.
+    """Luminance of the lens as eyes see it: at most so much over any spot, or its mean. Each eye is judged alone.
 
-    They see one lens, of several lamps that of the first, lit by its own LED. Studies of parts leave it out: a part has
-    too few rays for a spot.
+    They see one lens, of several lamps that of the first, lit by its own LED.
     """
 
     kind: Literal["luminance"] = "luminance"
+    of: Literal["peak", "mean"] = "peak"
+    """The largest mean over a spot, or the mean over the outline of all places that light leaves."""
     eyes_mm: Annotated[tuple[_Point, ...], Field(min_length=1, max_length=_MOST_EYES)] | None = None
     """Places (x, y, z) of the eyes, outside of the lens."""
     eyes_deg: (
@@ -267,9 +270,10 @@ class LuminanceLimit(LimitSection):
             raise ValueError("give either eyes_mm, places (x, y, z), or eyes_deg, directions (x, y) of eyes far away")
         if self.receiver is not None:
             raise ValueError("receiver: eyes see the lens itself; leave it out")
-        if self.at_least is not None or self.unit not in _OF_EYES:
+        if self.unit not in _OF_EYES or (self.at_least is not None and self.of == "peak"):
             raise ValueError(
-                f"the luminance of a spot has a largest value; give at_most, and unit: {', '.join(_OF_EYES)}"
+                f'give at_most, of a mean (of = "mean") or at_least, and unit: {", ".join(_OF_EYES)}; a spot has no '
+                "least luminance"
             )
         if self.eyes_deg is not None and self.spot_mm is None:
             raise ValueError("spot_mm: missing; eyes far away are at no distance: 0.58 is a minute of arc 2 m away")

@@ -12,13 +12,15 @@ import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation_result import Light
+from lensforge.light.table_trace import trace_tables
 from lensforge.report.light_section import receiver_pictures
 from lensforge.report.results import Results
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.limit_readings import light_limits
 from lensforge.search.limit_terms import LimitTerm
-from lensforge.search.parameters import settled_symmetry
+from lensforge.search.merit import MeritFunction
+from lensforge.search.parameters import SphereParameters, settled_symmetry
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces.asphere import sphere
@@ -173,6 +175,40 @@ def test_each_eye_is_judged_and_the_second_decides() -> None:
         InputError, match=r"^limits.0: its bound is in cd_per_m2, but .* not known; give source.flux_lm"
     ):
         lf.evaluate(balls(unknown), accuracy=FEW)
+
+
+def test_the_mean_is_judged_and_none_is_asked_above_that_of_the_source() -> None:
+    """Of a bound on both sides of it; a lens loses two faces' reflections at least."""
+    eyes = {"eyes_deg": [FAR], "spot_mm": 1.5, "of": "mean", "at_most": 1e9}
+    light = lf.evaluate(balls(crooked(eyes)), accuracy=FEW)
+    (limit,), (seen,) = light.limits, light.seen
+    assert limit.value == pytest.approx(seen.mean.value, rel=1e-9) and limit.note == "mean luminance over the outline"
+    for factor, states in ((0.8, ["pass", "pass"]), (1.2, ["fail", "pass"])):
+        spec = crooked(eyes | {"at_least": factor * limit.value})
+        assert [each.state for each in lf.evaluate(balls(spec), accuracy=FEW).limits] == states
+    bright = crooked(eyes | {"at_least": 2.1 * 0.96**2 * RADIANCE}, source={"position_mm": [0.1, 0.2, -0.5]})
+    with pytest.raises(
+        InputError, match=r"limits.0, seen from .* upper bound 2.29e\+05 W/\(m² sr\) \(étendue\).* brighter"
+    ):
+        lf.design(bright, accuracy=FEW)
+
+
+def test_the_search_sees_the_mean_over_the_outline_of_the_lens_of_each_step() -> None:
+    """The intensity of its eye over the area that a trace of the same faces finds."""
+    spec, seen = crooked({"eyes_deg": [FAR], "spot_mm": 1.5, "of": "mean"}), []
+    source, parameters = build_source(spec.source), SphereParameters.of(spec, 4.0)
+    for of in ("mean", "peak"):
+        merit = MeritFunction.of(
+            spec.replace(limits=[LIMIT | {"eyes_deg": [FAR], "spot_mm": 1.5, "of": of}]), source, parameters
+        )
+        tables = parameters.tables(*parameters.start())
+        seen.append(merit.light_of(tables, source.sample(2**14, 0)).images[-1])
+    (view,), (limit,) = merit.light.receivers[1:], light_limits(spec, (), None, 2.0)
+    area = view.outline_mm2(trace_tables(tables.numpy(), merit.light.scene, source.sample(2**14, 1)))
+    assert np.pi * 5.0**2 < area < np.pi * 7.0**2
+    assert (seen[1] / seen[0]).nanmean().item() == pytest.approx(area, rel=0.03)
+    mean = limit.of(seen[0].numpy()[None]).item()
+    assert mean == pytest.approx(1e6 * seen[1].sum().item() / area, rel=0.03)
 
 
 def test_the_page_shows_the_lens_as_seen_and_its_mean_over_the_outline(tmp_path: Path) -> None:

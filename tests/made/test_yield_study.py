@@ -1,5 +1,6 @@
 """Parts of a study against closed forms of small errors, and the yield against binomial statistics."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ from parts import lens_with, part_of, study_of
 
 from lensforge.errors import InputError
 from lensforge.light.judged_limits import limit_value
+from lensforge.light.lens_light import evaluate
 from lensforge.light.metrics import rsd_estimate
 from lensforge.made import yield_study
 from lensforge.made.part_study import PartStudy, Recipe
@@ -111,13 +113,35 @@ def test_every_tolerance_moves_the_light_of_every_kind_of_ray(source: str) -> No
             assert part.flux == 1.0
 
 
+EYES = [
+    {"kind": "luminance", "of": of, "eyes_deg": [(35.0, -25.0)], "spot_mm": 4.0, "blur_deg": 8.0, "at_most": 1.0}
+    | {"unit": "w_per_m2_sr"}
+    for of in ("peak", "mean")
+]
+
+
+def test_luminance_of_a_part_is_that_of_a_lens_over_a_led_that_is_off_as_much() -> None:
+    """By evaluations of a spec with the LED at that place."""
+    lens = lens_with({"source_shift_mm": 1.0}, limits=EYES)
+    study = PartStudy(Recipe(lens, 2, 2**16, 0, 2**16))
+    away = np.array([-0.5, 0.4])
+    found = study.leds[0].measure([{"source_shift_mm": away}])
+    moved = replace(lens, spec=lens.spec.replace({"source.position_mm": [*away, 0.0]}))
+    there, here = (evaluate(each, rays=2**16, seed=0).limits for each in (moved, lens))
+    for bound, own, designed in zip(study.bounds, there, here, strict=True):
+        value, error = found[study.names.index(bound.metric)]
+        assert own.value < 0.95 * designed.value and value == pytest.approx(own.value, rel=1e-3), designed.note
+        assert 0.0 < error < 0.01 * value, designed.note
+
+
 def test_flux_of_the_source_scales_light_and_no_share() -> None:
     limit = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}
     shares = [
         {"kind": "zone", "name": "in zone", "zone": {"kind": "disc", "diameter_mm": 60.0}, "at_least_share": 0.01},
         {"kind": "loss", "name": "lost", "cause": "beside", "at_most_share": 0.9},
     ]
-    study = PartStudy(Recipe(lens_with({"source_flux": 0.5}, limits=[limit, *shares]), 8, 2048, 0, 2048))
+    limits = [limit, *shares, *EYES]
+    study = PartStudy(Recipe(lens_with({"source_flux": 0.5}, limits=limits), 8, 2048, 0, 2048))
     before = {name: metric.value for name, metric in study.of_design.items()}
     for number in range(4):
         flux = part_of(study, number)[0].flux
@@ -125,6 +149,8 @@ def test_flux_of_the_source_scales_light_and_no_share() -> None:
         (light,) = (name for name in study.names if name.startswith("axis"))
         designed = study.leds[0].designed.limits[0][0]
         assert found[light] - before[light] == pytest.approx(designed * (flux - 1.0), rel=1e-6)
+        seen = [name for name in study.names if "seen from" in name]
+        assert [found[name] / before[name] for name in seen] == pytest.approx([flux] * 2, rel=1e-9)
         limited = [name for name in study.names if name.startswith(("in zone", "lost"))]
         assert len(limited) == 2 and all(before[name] > 0.0 for name in limited)
         for name in ("nmse", "efficiency", "share_in_target", *limited):
