@@ -268,9 +268,10 @@ def _reads_places(limit: LimitSection) -> bool:
 
 def schedule_of(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:
     """Schedule of a search for ``spec`` from ``start``: of the levels that it gives, or one that chooses them."""
+    measured, settings = searched(source).ray_count, spec.optimise
     if spec.lens.levels != "auto":
-        return fixed_schedule(spec, preset, last_only=start is not None)
-    effort, settings = preset.effort.with_rays_of(searched(source).ray_count), spec.optimise
+        return fixed_schedule(spec, preset, last_only=start is not None, measured=measured is not None)
+    effort = preset.effort.with_rays_of(measured)
     levels = UsefulLevels.of(spec, source, effort.finest)
     first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
     # parts of a robust search have no symmetry: the spread of their light is not averaged over mirror images

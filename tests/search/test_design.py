@@ -143,12 +143,16 @@ def test_an_observer_that_has_enough_ends_the_search_and_its_checkpoint_goes_on_
 
 
 def test_what_a_spec_leaves_open_is_that_of_the_preset_and_a_round_lens_needs_a_quarter_of_the_rays() -> None:
+    """Of a pattern it needs twice the steps, as each is small; and as many rays of a file as another lens."""
     preset = PRESETS["draft"]
     left_open = {"optimise.rays": None, "optimise.steps_per_level": None}
-    for spec, rays in ((small_spec(), preset.design_rays), (spot(), preset.design_rays // 4)):
+    pattern, shares = (spot().replace({"optimise.aim": aim}) for aim in ("pattern", "share"))
+    for spec, rays, more in ((small_spec(), 1, 1), (shares, 4, 1), (pattern, 4, 2)):
         stages = fixed_schedule(spec.replace(left_open), preset, last_only=False).stages
-        assert {stage.rays for stage in stages} == {rays}
+        assert {stage.rays for stage in stages} == {preset.design_rays // rays}
+        of_file = fixed_schedule(spec.replace(left_open), preset, last_only=False, measured=True).stages
+        assert {stage.rays for stage in of_file} == {preset.design_rays}
         *coarse, fine = (stage.steps for stage in stages)
-        assert fine == preset.fine_steps and set(coarse) <= {preset.coarse_steps}
+        assert fine == more * preset.fine_steps and set(coarse) <= {preset.coarse_steps}
         given = fixed_schedule(spec.replace({**left_open, "optimise.rays": 3000}), preset, last_only=False).stages
         assert {stage.rays for stage in given} == {3000}
