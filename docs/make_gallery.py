@@ -53,6 +53,10 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         "Ray files, chips, interchangeable LEDs, and one colour ([the LED](sources.md), [several LEDs](leds.md)).",
         ("led_rayfile", "osram_pi", "chip_array", "second_source", "led_colours", "rgbw", "white_two_files"),
     ),
+    "Frosted faces": (
+        "Faces that scatter hide chips; the search knows what they do ([frosted faces](leds.md#frosted-faces)).",
+        ("frosted_spot", "soft_panel", "printed"),
+    ),
     "For the shop": (
         "Cutters, moulds that exist, and tolerances ([to the shop](shop.md)).",
         ("flat_top_milled", "robust_pi", "fixed_inner", "fixed_outer", "fixed_step_face"),

@@ -272,8 +272,8 @@ class LuminanceLimit(LimitSection):
             raise ValueError("receiver: eyes see the lens itself; leave it out")
         if self.unit not in _OF_EYES or (self.at_least is not None and self.of == "peak"):
             raise ValueError(
-                f'give at_most, of a mean (of = "mean") or at_least, and unit: {", ".join(_OF_EYES)}; a spot has no '
-                "least luminance"
+                'the luminance of a spot has a largest value; give at_most, of = "mean" with at_least, and unit: '
+                f"{', '.join(_OF_EYES)}"
             )
         if self.eyes_deg is not None and self.spot_mm is None:
             raise ValueError("spot_mm: missing; eyes far away are at no distance: 0.58 is a minute of arc 2 m away")
