@@ -48,7 +48,7 @@ class LightLimit:
     first place is over the second. Of a loss the readings are of the flux (W) by cause, as ``scene.light_ends`` orders
     them. Of a luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline;
     views are numbered behind the receivers. ``road``: number of the road whose class asks for it, ``share`` its weight;
-    ``field``: the mean light that bounds it from above, by ``lamp_lm`` of all lenses on a pole.
+    ``field`` times ``lamp_lm``: its most.
     """
 
     name: str

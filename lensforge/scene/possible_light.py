@@ -127,11 +127,7 @@ def _phase_space(
 
 _RAYS, _SEED = 2**14, 0  # 16 times as many move no bound of a shipped scene by 0.2 %
 _WINDOW_SUBPIXELS = 8  # along a side of a pixel: the share of it that is in a round window
-_PARTS, _LAYERS = (
-    2,
-    32,
-)  # along a side of a pixel that is weighed; steps of the weight, which raise a bound by one at most
-_JOINT = 8  # steps with one bound by refraction, which takes 40 times as long as that by etendue
+_PARTS, _LAYERS, _JOINT = 2, 32, 8  # along a pixel that is weighed; steps of weight, and those with one joint bound
 _BISECTIONS = 60  # of the level that fills a target: to the last digits
 
 Image = Float[np.ndarray, "h w"]
@@ -336,14 +332,10 @@ class PossibleLight:
     def weights(self, of: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]) -> Image:
         """Weight ``of`` directions on each pixel of the far field: the largest of its parts."""
         middles = replace(self.receiver, grid=self.receiver.grid.finer(2 * _PARTS)).corners()[1::2, 1::2]
-        parts = of(middles.reshape(-1, 3)).reshape(self.receiver.grid.rows, _PARTS, -1, _PARTS)
-        return np.asarray(parts.max(axis=(1, 3)))
+        return of(middles.reshape(-1, 3)).reshape(self.receiver.grid.rows, _PARTS, -1, _PARTS).max(axis=(1, 3))
 
     def weighted(self, weights: Image) -> float:
-        """Largest sum over all pixels of their ``weights`` times the share of the light there.
-
-        The integral over all levels of the share where the weight is above; by steps with the region of each low end.
-        """
+        """Largest sum of shares by ``weights``: the integral over all levels of the share where the weight is above."""
         step, found, joint = float(weights.max()) / _LAYERS, 0.0, 1.0
         for layer in range(_LAYERS):
             region = weights > layer * step

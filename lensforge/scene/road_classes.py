@@ -24,10 +24,7 @@ _LEVEL, _MOST_HEIGHTS = 1e-6, 100.0  # sine above the horizon of light beyond ev
 
 @dataclass(frozen=True, eq=False)
 class FieldMean:
-    """Mean light over the whole area of a field, of which the points of a standard are a sample.
-
-    ``seen``: number of the observer for luminance (cd/m^2), None for illuminance (lx).
-    """
+    """Mean light over the area of a field: luminance (cd/m^2) for the observer ``seen``, or illuminance (lx)."""
 
     readings: RoadReadings
     seen: int | None = None
@@ -64,10 +61,7 @@ class FieldMean:
 
 @dataclass(frozen=True, eq=False)
 class Ask:
-    """One figure that a class asks for: the ``quantity`` of ``light`` must be ``sense`` ``bound``, in ``unit``.
-
-    ``field``: the mean that bounds it from above, where there is one.
-    """
+    """A figure of a class: the ``quantity`` of ``light``, by ``field`` at most, is ``sense`` ``bound`` in ``unit``."""
 
     name: str
     quantity: Quantity

@@ -33,7 +33,7 @@ from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import AnyAccuracy, Preset, for_places, for_preview, preset_of
-from lensforge.spec.light_limits import LimitSection, LossLimit, LuminanceLimit
+from lensforge.spec.light_limits import LossLimit, LuminanceLimit
 from lensforge.surfaces.mirror_group import group
 
 _OF_BUDGET = 0.7  # for all levels, each of which gains more than a long stage; the rest is for those
@@ -255,15 +255,13 @@ def _judged(gain: Gain, least: float) -> str:
 
 def preset_for(spec: Spec, accuracy: AnyAccuracy, *, preview: bool = False) -> Preset:
     """Settings of a search for ``spec``; one of the table takes rays enough for limits that read places."""
-    preset = preset_of(accuracy)
-    if isinstance(accuracy, str) and (spec.roads or any(map(_reads_places, spec.limits))):
+    preset, read = (
+        preset_of(accuracy),
+        (each for each in spec.limits if not isinstance(each, LossLimit | LuminanceLimit)),
+    )
+    if isinstance(accuracy, str) and (spec.roads or {kind for each in read for kind in each.quantities()} - {"share"}):
         preset = for_places(preset, spec.optimise.pixels)
     return for_preview(preset) if preview else preset
-
-
-def _reads_places(limit: LimitSection) -> bool:
-    of_place = (quantity != "share" for quantity in limit.quantities())
-    return not isinstance(limit, LossLimit | LuminanceLimit) and any(of_place)
 
 
 def schedule_of(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:

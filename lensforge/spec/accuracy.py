@@ -185,9 +185,9 @@ _RAYS_PER_PIXEL, _MOST_FOR_PIXELS = 2, 2**17
 def for_places(preset: Preset, pixels: int) -> Preset:
     """The ``preset`` with rays enough where limits read places on pictures of ``pixels`` along a side."""
     least = min(1 << (_RAYS_PER_PIXEL * pixels**2 - 1).bit_length(), _MOST_FOR_PIXELS)  # as sequences are even
-    effort, (first, most) = preset.effort, preset.effort.rays
-    seen = {"rays": (max(first, least), max(most, least)), "validation_rays": max(effort.validation_rays, least)}
-    return preset.changed(design_rays=max(preset.design_rays, least), effort=effort.changed(**seen))
+    effort, rays = preset.effort, tuple(max(each, least) for each in preset.effort.rays)
+    seen = effort.changed(rays=rays, validation_rays=max(effort.validation_rays, least))
+    return preset.changed(design_rays=max(preset.design_rays, least), effort=seen)
 
 
 # Of the levels that a search chooses itself. On flat_top, the pi and a rectangle of `lensforge new`, five searches,

@@ -4,7 +4,7 @@ A kind of receiver is a class that extends :class:`ReceiverSection`: it register
 """
 
 from cmath import rect
-from math import hypot, radians
+from math import hypot, inf, radians
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
@@ -155,7 +155,8 @@ def require_target_fits(receiver: ReceiverSection, endless: bool) -> None:
         mask, bounds = target.pair("uniform"), target.bounds
         if mask is None or bounds is None or not target.outline or len(receiver.targets) > 1:
             continue
-        width, height = (side / whole for side, whole in zip(mask, bounds, strict=True))
+        known = bounds if len(target.outline) > 2 else (bounds[0], inf)  # the height of a picture is that of its file
+        width, height = (side / whole for side, whole in zip(mask, known, strict=True))
         if (hypot(width, height) if target.is_round else max(width, height)) > 1.0 + _SAME:
             raise ValueError(
                 f"target: uniform_{unit} = {' x '.join(f'{side:g}' for side in mask)} reaches beyond the light of the "

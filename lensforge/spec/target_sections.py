@@ -165,9 +165,11 @@ class TargetSection(OfSeveralKinds, InOneUnit):
 
     @property
     def outline(self) -> tuple[complex, ...]:
-        """Places x + iy about its centre that bound the pattern; none where its size is not known."""
-        if self.bounds is None or ("height" in self.takes and self.pair("height") is None):
+        """Places x + iy about its centre that bound it; its middle line without a height, none without a size."""
+        if self.bounds is None:
             return ()
+        if "height" in self.takes and self.pair("height") is None:
+            return complex(0.5 * self.bounds[0]), complex(-0.5 * self.bounds[0])
         around = _CIRCLE if self.is_round else _CORNERS
         return tuple(complex(0.5 * self.bounds[0] * x, 0.5 * self.bounds[1] * y) for x, y in around)
 

@@ -232,6 +232,13 @@ AT_A_LIMIT: list[tuple[Table, Table, Table, str]] = [
         {"width_mm": 226.0},
         "edge at (-105.361, -43.5096) is off the",
     ),
+    (PLANE, {"kind": "text", "text": "lux", "width_mm": 200.0}, {"width_mm": 202.0}, "edge at (101, 0) is off"),
+    (
+        PLANE,
+        {"kind": "text", "text": "I", "width_mm": 9.0, "uniform_mm": [9.0, 30.0]},
+        {"uniform_mm": [9.1, 30.0]},
+        "uniform_mm = 9.1 x 30 reaches",
+    ),
     (PLANE, {**DISC, "centre_mm": [60.0, 0.0]}, {"centre_mm": [61.0, 0.0]}, "disc, 80 mm wide: its edge at (101, 0)"),
     (FAR, {"kind": "beam", "fwhm_deg": 120.0}, {"fwhm_deg": 121.2}, "its edge at (60.6, 0) is off the receiver"),
     (FAR, {"kind": "batwing", "to_deg": 60.0}, {"to_deg": 60.6}, "its edge at (60.6, 0) is off the receiver"),
