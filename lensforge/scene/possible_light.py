@@ -127,7 +127,7 @@ def _phase_space(
 
 _RAYS, _SEED = 2**14, 0  # 16 times as many move no bound of a shipped scene by 0.2 %
 _WINDOW_SUBPIXELS = 8  # along a side of a pixel: the share of it that is in a round window
-_PARTS, _LAYERS, _JOINT = 2, 32, 8  # along a pixel that is weighed; steps of weight, and those with one joint bound
+_LAYERS, _JOINT = 32, 8  # steps of weight, and those with one joint bound
 _BISECTIONS = 60  # of the level that fills a target: to the last digits
 
 Image = Float[np.ndarray, "h w"]
@@ -330,9 +330,9 @@ class PossibleLight:
         return middle, half + float(np.arcsin(from_mm / near))
 
     def weights(self, of: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]) -> Image:
-        """Weight ``of`` directions on each pixel of the far field: the largest of its parts."""
-        middles = replace(self.receiver, grid=self.receiver.grid.finer(2 * _PARTS)).corners()[1::2, 1::2]
-        return of(middles.reshape(-1, 3)).reshape(self.receiver.grid.rows, _PARTS, -1, _PARTS).max(axis=(1, 3))
+        """Weight ``of`` directions on each pixel of the far field: that in its middle."""
+        middles = replace(self.receiver, grid=self.receiver.grid.finer(2)).corners()[1::2, 1::2]
+        return of(middles.reshape(-1, 3)).reshape(middles.shape[:2])
 
     def weighted(self, weights: Image) -> float:
         """Largest sum of shares by ``weights``: the integral over all levels of the share where the weight is above."""
