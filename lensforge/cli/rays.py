@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from lensforge.cli.options import IES_VERSION
+from lensforge.cli.options import IES_VERSION, WholeNumber
 from lensforge.cli.output import Block, Output, Row, print_json, print_screen, with_output
 from lensforge.errors import InputError
 from lensforge.report.record_tables import TableRow, rows
@@ -29,6 +29,8 @@ _PLOT_SUFFIXES = (".png", ".svg", ".pdf")
     type=click.Path(path_type=Path),
     help="Draw origins and directions of the rays, or the polar diagram; PNG, SVG or PDF.",
 )
+@click.option("--model", is_flag=True, help="Fit a radiance to the rays; --plot and --to are of this model then.")
+@click.option("--rays", "count", type=WholeNumber(1, 2**26), metavar="N", help="Rays of --model that --to writes.")
 @with_output
 def rays(
     file: Path,
@@ -37,6 +39,8 @@ def rays(
     format_name: str | None,
     ies_version: int | None,
     plot: Path | None,
+    model: bool,
+    count: int | None,
     output: Output,
 ) -> None:
     """Summarise, draw or convert a file of rays or candela.
@@ -53,7 +57,13 @@ def rays(
         raise InputError(f"--format {format_name}: give --to FILE with it")
     if ies_version and (to is None or to.suffix.lower() != ".ies"):
         raise InputError(f"--ies-version {ies_version}: give --to FILE.ies with it; other files have no such version")
-    if holds_far_field(file):
+    if (count is None) == (model and to is not None):
+        raise InputError("--model with --to FILE needs --rays N, which is for these two alone")
+    if model and (only_header or holds_far_field(file)):
+        raise InputError(f"--model {file}: of the rays of a ray file; leave it out for a header or a photometric file")
+    if model:
+        summary = _model(file, to, format_name, plot, count)
+    elif holds_far_field(file):
         summary = _far_field(file, to, format_name, ies_version, plot)
     else:
         summary = _rays(file, only_header, to, format_name, plot)
@@ -82,6 +92,23 @@ def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | Non
     if to:
         return convert(file, to, format_name)
     return outline(read_rayfile(file)) if only_header else describe(read_rayfile(file))
+
+
+def _model(file: Path, to: Path | None, format_name: str | None, plot: Path | None, count: int | None) -> Record:
+    from lensforge.sources.rayfiles.model_of_file import draw_model, drawn_file, model_of
+    from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
+    from lensforge.sources.rayfiles.ray_file_statistics import describe
+
+    if plot and plot.suffix.lower() not in _PLOT_SUFFIXES:
+        raise InputError(f"{plot}: its suffix must be one of {', '.join(_PLOT_SUFFIXES)}")
+    rayfile = read_rayfile(file)
+    model = model_of(rayfile)
+    if plot:
+        draw_model(rayfile, model, plot)
+    if to and count:
+        write_rayfile(to, drawn_file(rayfile, model, count), format_name)
+        rayfile = read_rayfile(to)
+    return describe(rayfile)
 
 
 def _far_field(

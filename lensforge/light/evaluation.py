@@ -6,7 +6,7 @@ standard error.
 """
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import astuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from lensforge import seeds
 from lensforge.kernels.fate import Fate
 from lensforge.light.beam_colour import BeamColour
-from lensforge.light.evaluation_result import FittedLight, Light, PresetError, TableError, light_criteria
+from lensforge.light.evaluation_result import FittedLight, Light, LightMetrics, PresetError, TableError, light_criteria
 from lensforge.light.judged_limits import colour_limits, judged_limits
 from lensforge.light.light_ways import FluxByWay
 from lensforge.light.metrics import (
@@ -26,6 +26,7 @@ from lensforge.light.metrics import (
     relative_deviation,
     relative_square,
     uniformity,
+    with_error,
 )
 from lensforge.light.received_flux import CAUSES, MISSED_RECEIVER, ReceivedFlux, named_flux
 from lensforge.light.receiver_light import (
@@ -51,13 +52,14 @@ from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, coarser_target, drawn_target, uniform_region
-from lensforge.sources.measured_rays import held_back, searched
+from lensforge.sources.measured_rays import RefittedSource, held_back, searched
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.accuracy import Preset
 from lensforge.spec.light_limits import ColourSection
 
 _SCRAMBLES, _RAYS = 8, 2**8  # few: each is traced through the exact surfaces, which is slow
+_REFITS, _RAYS_OF_REFIT = 4, 2**20
 _RAYS_OF_OUTLINE = 2**16  # the hull of so many places on a disc lacks 0.1 % of its area
 
 
@@ -148,6 +150,8 @@ def evaluate_lens(
     if preset.table_error:
         error = measure_preset(lens, judging, TracedLens.of(lens, preset.nodes_per_sigma), traced)
     fitted = _fitted(traced, lens.spec, searched(source), count, seed) if judging is not source else None
+    if isinstance(judging, RefittedSource):
+        light = _with_left_open(light, traced, lens.spec, judging, count, seed)
     settled: dict[str, object] = {"preset_error": error, "inputs": {"lens": lens.sha256}, "fitted": fitted}
     settled["lumens_per_watt"] = lumens_per_watt
     return light.changed(**settled)
@@ -156,6 +160,29 @@ def evaluate_lens(
 def _fitted(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> FittedLight:
     found = traced_light(traced, spec, source, rays, seed).metrics
     return FittedLight(rays=min(rays, source.ray_count or rays), nmse=found.nmse, efficiency=found.efficiency)
+
+
+def _with_left_open(
+    light: Light, traced: TracedLens, spec: Spec, source: RefittedSource, rays: int, seed: int
+) -> Light:
+    """``light`` with what the rays of a file leave open in the errors of NMSE and efficiency on the first receiver.
+
+    That is the root mean square of their changes where the model is fitted to other draws of the file's rays, and by
+    how much more than the noise of these they differ from the figures by the rays of the file themselves.
+    """
+    numbers, file, first = min(rays, _RAYS_OF_REFIT), source.file, light.receivers[0]
+    models = [source, *(source.refitted(number) for number in range(_REFITS))]
+    own, *others = [traced_light(traced, spec, model, numbers, seed).metrics for model in models]
+    by_file = traced_light(traced, spec, file, min(file.ray_count or numbers, numbers), seed).metrics
+
+    def left_open(of: Callable[[LightMetrics], Metric]) -> float:
+        changes = np.mean([(of(other).value - of(own).value) ** 2 for other in others])
+        apart, noise = of(by_file).value - of(own).value, of(by_file).standard_error or 0.0
+        return float(np.sqrt(changes + max(apart**2 - noise**2, 0.0)))
+
+    nmse = with_error(first.nmse, left_open(lambda metrics: metrics.nmse))
+    efficiency = with_error(first.efficiency, left_open(lambda metrics: metrics.efficiency))
+    return light.changed(receivers=(first.changed(nmse=nmse, efficiency=efficiency), *light.receivers[1:]))
 
 
 def evaluate_traced(

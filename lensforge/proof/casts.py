@@ -17,6 +17,7 @@ from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
 from lensforge.results.arguments import count_of, require
 from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.scene.lens import Lens
+from lensforge.sources.measured_rays import rays_of_file
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import preset_of
@@ -81,7 +82,9 @@ def _verified(
     from lensforge.scene.rough_faces import with_facets
 
     lens, light = lit
-    preset, source, optical = preset_of(lens.accuracy), judging_source(lens.spec), optical_of(lens.body, lens.events)
+    preset, optical = preset_of(lens.accuracy), optical_of(lens.body, lens.events)
+    judging = judging_source(lens.spec)
+    source = rays_of_file(judging)
     count, conditions = rays_of(rays, preset.verify_rays, source)
     bundle = with_facets(source.sample(count, seeds.of_verification(lens.seed)), lens.media.scattering)
     alone, seen = _of_one_lamp(lens, light)
@@ -100,7 +103,7 @@ def _verified(
         expected_of(alone, seen, bundle, optical),
         expected_of(alone, seen, bundle, optical, polished=True) if lens.media.scattering else None,
         names=[receiver.name for receiver in seen.receivers],
-        own=independent_light(alone, source, seen, count),
+        own=independent_light(alone, judging, seen, count),
         optical=optical,
     )
     by_mitsuba = mitsuba_installed() and not lens.media.has_rings  # it knows facets only

@@ -25,6 +25,7 @@ from lensforge.scene.body import Body, radii
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import Window
 from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.sources.measured_rays import RefittedSource
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.ray_bundle import RayBundle, Rays, Source, blocks_of
@@ -137,9 +138,15 @@ def independent_light(lens: Lens, source: Source, light: Light, most: int) -> In
 def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBundle:
     """Draw ``count`` rays of the source of ``spec``, independent and of equal flux; ``source``: its flux and its files.
 
-    Rays of a file are chosen one by one, in proportion to their flux.
+    Rays of a file are chosen one by one, in proportion to their flux; each once where the light is that of its model,
+    for which they are a sample of the LED.
     """
     random, section = np.random.default_rng(seed), spec.source
+    if isinstance(source, RefittedSource):
+        file = source.file
+        assert isinstance(file, RaySetEmitter)
+        numbers = _once(file.rays, count, random)
+        return replace(file.rays.take(numbers), flux=np.full(len(numbers), source.flux_w / len(numbers)))
     if isinstance(source, RaySetEmitter):
         chosen = source.rays.take(_by_flux(source.rays, count, random))
         return replace(chosen, flux=np.full(count, source.flux_w / count))
@@ -168,6 +175,15 @@ def _of_chips(random: Generator, points: Float[np.ndarray, "n 2"], section: Chip
         assert spectrum is not None, "the source itself refuses it"
         waves[on_chip] = _waves(random, int(on_chip.sum()), spectrum)
     return waves
+
+
+def _once(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:
+    """Numbers of at most as many rays as count, in proportion to their flux: none twice but the strongest."""
+    flux = np.concatenate([block.flux for block in blocks_of(rays)])
+    count, order = min(count, int(flux.sum() ** 2 / np.sum(flux**2))), random.permutation(len(flux))
+    shares = np.cumsum(flux[order])
+    wanted = (np.arange(count) + random.random()) * (shares[-1] / count)
+    return random.permutation(order[np.minimum(np.searchsorted(shares, wanted), len(order) - 1)])
 
 
 def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:

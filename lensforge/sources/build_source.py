@@ -135,7 +135,12 @@ def build_source(
     if isinstance(spec, RaySetSource):
         from lensforge.sources.ray_set_loading import load_ray_set
 
-        return load_ray_set(spec, material, colours=coloured)
+        rays = load_ray_set(spec, material, colours=coloured)
+        if spec.model == "rays":
+            return rays
+        from lensforge.sources.modelled_rays import modelled
+
+        return modelled(rays, spec.model)
     emitter, pose = emitter_of(spec, disperses=material is not None, coloured=coloured), spec.pose
     if facets:
         emitter = FacetedSource(emitter, min(facets, _MOST_FACETS))

@@ -6,7 +6,7 @@ the point where it leaves the source: radiance varies slowly with the angle ther
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -33,6 +33,18 @@ _LEAST_RAYS = 54  # of which 16 are held back, one for each replicate of an eval
 _LEAST_RISE = 0.1  # of a direction relative to the source's plane: flatter rays would cross it far away, and stay
 
 
+@runtime_checkable
+class RefittedSource(Source, Protocol):
+    """A source whose rays are drawn by a model of those of a ``file``."""
+
+    @property
+    def file(self) -> Source:
+        """The rays of the file itself."""
+
+    def refitted(self, seed: int) -> Source:
+        """The model of as many rays drawn from the file, some of them more than once."""
+
+
 def divided(source: Source, fraction: float, seed: int) -> tuple[Source, Source]:
     """Two sources of the same flux with different rays: ``fraction`` of those of a measured one, and the rest.
 
@@ -45,6 +57,11 @@ def divided(source: Source, fraction: float, seed: int) -> tuple[Source, Source]
         first, second = divided(source.source, fraction, seed)
         return replace(source, source=first), replace(source, source=second)
     return _ray_set(source, seed).split(fraction, seed)
+
+
+def rays_of_file(source: Source) -> Source:
+    """The rays of a file themselves, of a source that is their model; any other source as it is."""
+    return source.file if isinstance(source, RefittedSource) else source
 
 
 def searched(source: Source) -> Source:

@@ -17,10 +17,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError, refused, remedy
+from lensforge.kernels.parallel import in_pieces
 from lensforge.results.files import read_file
 from lensforge.results.json_npz import arrays_in
 from lensforge.seeds import sobol
-from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
 from lensforge.sources.ray_bundle import RayBundle, aimed
 from lensforge.sources.source_flux import emitter_flux
 from lensforge.spec.source_sections import RadianceSource
@@ -97,7 +97,8 @@ class RadianceTable:
             for node, by_rise in _beside(squared, self.squares):
                 radiance += by_turn * by_rise * self.radiance[(*cells, plane, node)]
         lit = (along[:, 2] > 0.0) & (squared >= self.squares[0]) & (squared <= self.squares[-1])
-        return lit * radiance * along[:, 2] / self.sectors.sum(axis=2)[cells]
+        of_cell = self.sectors.sum(axis=2)[cells]  # 0 of a dark one at whose edge a ray starts
+        return np.asarray(lit * radiance * along[:, 2] / np.where(of_cell > 0.0, of_cell, np.inf))
 
     def _unchanged(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
         """True where the mirror image has the same edges, and the same radiance in each cell and direction."""
@@ -183,9 +184,6 @@ def _problem(arrays: dict[str, np.ndarray]) -> str:
     return ""
 
 
-Cells = tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]  # row and column of each ray's cell
-
-
 @dataclass(frozen=True, eq=False)
 class RadianceEmitter:
     """Rays of equal flux, their density in position and direction in proportion to ``table``; total flux ``flux_w``."""
@@ -210,13 +208,11 @@ class RadianceEmitter:
 
     def emit(self, points: Float[np.ndarray, "n 4"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Map points of the unit cube to start points (mm) and unit directions; equal volumes get equal flux."""
-        cells, origins = self._place(points[:, 0], points[:, 1])
-        low, between = self._turn(cells, points[:, 3])
-        turn = np.deg2rad(self.table.c_deg)
-        azimuth = 2.0 * np.pi * between if len(turn) == 1 else turn[low] + between * (turn[low + 1] - turn[low])
-        square = self._rise(cells, low, between, points[:, 2])
-        sine, cosine = np.sqrt(square), np.sqrt(np.maximum(1.0 - square, 0.0))
-        return origins, np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)
+        from lensforge.kernels.radiance_rays import RadianceSums, emit  # compiled code is loaded where rays are drawn
+
+        sums, origins, directions = RadianceSums(*self._sums), np.empty((len(points), 3)), np.empty((len(points), 3))
+        in_pieces(lambda part: emit(points[part], sums, origins[part], directions[part]), len(points), worth=4096)
+        return origins, directions
 
     def outline(self) -> Float[np.ndarray, "4 3"]:
         """Rectangle (mm) around the cells that emit."""
@@ -225,57 +221,15 @@ class RadianceEmitter:
         bottom, top = self.table.y_mm[rows.min()], self.table.y_mm[rows.max() + 1]
         return np.array([[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]])
 
-    def _place(
-        self, down: Float[np.ndarray, " n"], across: Float[np.ndarray, " n"]
-    ) -> tuple[Cells, Float[np.ndarray, "n 3"]]:
-        """Choose the row by the first number, the column by the second given the row; uniform inside the cell."""
-        rows, y = choose(self._rows, down)
-        columns, x = choose_each(lambda cell: self._columns[rows, cell], len(self.table.x_mm) - 1, across)
-        origins = np.zeros((len(rows), 3))
-        for axis, edges, cell, place in ((0, self.table.x_mm, columns, x), (1, self.table.y_mm, rows, y)):
-            origins[:, axis] = edges[cell] + place * (edges[cell + 1] - edges[cell])
-        return (rows, columns), origins
-
-    def _turn(
-        self, cells: Cells, numbers: Float[np.ndarray, " n"]
-    ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        if len(self.table.c_deg) == 1:
-            return np.zeros(len(numbers), dtype=np.int64), numbers
-        low, rest = choose_each(lambda sector: self._azimuths[(*cells, sector)], len(self.table.c_deg) - 1, numbers)
-        planes = self.table.cumulative[..., -1]
-        return low, linear_inverse(planes[(*cells, low)], planes[(*cells, low + 1)], rest)
-
-    def _rise(
-        self,
-        cells: Cells,
-        low: Int[np.ndarray, " n"],
-        between: Float[np.ndarray, " n"],
-        numbers: Float[np.ndarray, " n"],
-    ) -> Float[np.ndarray, " n"]:
-        high = np.minimum(low + 1, len(self.table.c_deg) - 1)
-
-        def blend(values: Float[np.ndarray, "y x c g"], node: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-            mixed: Float[np.ndarray, " n"] = (1.0 - between) * values[(*cells, low, node)]
-            mixed += between * values[(*cells, high, node)]
-            return mixed
-
-        gammas, radiance = len(self.table.gamma_deg), self.table.radiance
-        cell, rest = choose_each(lambda node: blend(self.table.cumulative, node), gammas - 1, numbers)
-        place = linear_inverse(blend(radiance, cell), blend(radiance, cell + 1), rest)
-        squares = self.table.squares
-        return np.asarray(squares[cell] + place * (squares[cell + 1] - squares[cell]))
-
     @cached_property
-    def _rows(self) -> Float[np.ndarray, " y"]:
-        return np.cumsum(self.table.cell_fluxes.sum(axis=1))
-
-    @cached_property
-    def _columns(self) -> Float[np.ndarray, "y x1"]:
-        return np.pad(np.cumsum(self.table.cell_fluxes, axis=1), ((0, 0), (1, 0)))
-
-    @cached_property
-    def _azimuths(self) -> Float[np.ndarray, "y x c"]:
-        return np.pad(np.cumsum(self.table.sectors, axis=2), ((0, 0), (0, 0), (1, 0)))
+    def _sums(self) -> tuple[np.ndarray, ...]:
+        table = self.table
+        rows = np.cumsum(table.cell_fluxes.sum(axis=1))
+        columns = np.pad(np.cumsum(table.cell_fluxes, axis=1), ((0, 0), (1, 0)))
+        azimuths = np.pad(np.cumsum(table.sectors, axis=2), ((0, 0), (0, 0), (1, 0)))
+        axes = (table.x_mm, table.y_mm, np.deg2rad(table.c_deg), table.squares)
+        arrays = (*axes, table.radiance, np.pad(rows, (1, 0)), columns, azimuths, table.cumulative)
+        return tuple(map(np.ascontiguousarray, arrays))
 
 
 def radiance_emitter(spec: RadianceSource) -> RadianceEmitter:

@@ -66,7 +66,8 @@ class SourceSummary(IndexRange):
     """Source of a design: its power, its mirror symmetry, and for a ray set the files and their placement.
 
     ``lumens_per_watt``: its luminous efficacy, None where that is not known.
-    ``rays``: of all files, dropped ones included; None where a sample may be of any size.
+    ``rays``: of all files, dropped ones included; None where a sample may be of any size. ``model``: the radiance that
+    draws rays in their place, or why there is none; None where none was asked for.
     """
 
     title: Text
@@ -79,6 +80,7 @@ class SourceSummary(IndexRange):
     warnings: tuple[Text, ...] = ()
     files: tuple[LoadedRayFile, ...] = ()
     placement: AppliedPlacement | None = None
+    model: Text | None = None
 
     @property
     def flux_lm(self) -> float | None:

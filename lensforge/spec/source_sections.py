@@ -58,6 +58,8 @@ class Placement(EmitterSection):
     """Direction in the file that becomes the lens axis +z."""
     mirror: Literal["none", "x", "y"] = "none"
     """Mirror image: "x" maps x to -x."""
+    model: Literal["rays", "radiance", "auto"] = "rays"
+    """Rays of the design: those of the set, or as many as wanted by a radiance fitted to them, or what suits better."""
 
 
 class RayfileSource(Placement):

@@ -49,7 +49,12 @@ NO_NUMBER = {  # pools, compiled functions, folders, words; and what is keyed by
     "spec.spec_fields._module_words", "spec.spec_fields._words", "cad.plate_mesh.lens_meshes",
     "results.validation._alone", "search.constraint_points._extent_at", "search.constraint_points._outline",
 }  # fmt: skip
-BY_CONTENT = {"spec.plate_section._read_outline", "surfaces.imported_face._sampled", "surfaces.step_file._tested"}
+BY_CONTENT = {
+    "sources.modelled_rays._best",
+    "spec.plate_section._read_outline",
+    "surfaces.imported_face._sampled",
+    "surfaces.step_file._tested",
+}
 COATING = ReflectanceTable((0.0, 60.0), ((0.01, 0.05),))
 PLANE = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 300.0, "height_mm": 300.0}
 ROW = {"kind": "table", "places_mm": [[-30.0, 0.0], [30.0, 0.0]]}

@@ -237,6 +237,10 @@ def of_rays(flag: str, here: Path) -> bool:
         case "--ies-version":
             printed("rays", lamp, "--to", to, flag, "2002")
             return to.read_text().startswith("IESNA:LM-63-2002")
+        case "--model" | "--rays":
+            led = Path(__file__).parents[2] / "examples" / "led.tm25ray"
+            printed("rays", led, "--model", "--to", here / "m.tm25ray", "--rays", "3000")
+            return json.loads(printed("rays", here / "m.tm25ray", "--json"))["rays"] == 3000
         case "--plot":
             printed("rays", lamp, flag, here / "a.svg")
             return "<svg" in (here / "a.svg").read_text()
@@ -300,7 +304,7 @@ def of_studio(flag: str, _here: Path) -> bool:
 
 
 SHOWN = {
-    "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", *OUTPUT)),
+    "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", "--model", "--rays", *OUTPUT)),
     "road": (of_road, ("--road", "--street-c", "--spacing", *OUTPUT)),
     "new": (of_new, (*LAMP, "--off-axis", "--tilt", "--lens", "--material", "--cutter", *FORCE)),
     "schema": (lambda *_: printed("schema", "--page").startswith("#") and printed("schema")[0] == "{", ("--page",)),

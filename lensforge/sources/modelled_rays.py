@@ -1,0 +1,312 @@
+"""Rays by a radiance fitted to those of a file, as many as wanted; what is no light of a surface stays the file's.
+
+Rays that no fit has seen decide how fine the model is, and whether it is nearer to them than the rays of the file are.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.errors import InputError
+from lensforge.seeds import OF_FILE, sobol
+from lensforge.sources.measured_rays import smoothed
+from lensforge.sources.radiance_emitter import RadianceEmitter
+from lensforge.sources.radiance_fit import Detail, FittedRadiance, LightSurface
+from lensforge.sources.ray_bundle import RayBundle, towards
+from lensforge.sources.ray_set import RaySetEmitter
+
+_FITTED = 2**20  # rays at most; those of a larger file are chosen at random
+_CHOOSING = 100_000  # rays at most by which the detail is chosen
+_JUDGED_BY = 0.2  # of the rays
+_ERRORS, _LEAST_EFFECTIVE = 1.0, 2000.0  # of the likelihood, by which finer detail must be better; rays
+_MOST_STRAY, _LEAST_WIDTH_MM = 0.1, 1e-6  # of the flux; of the surface
+_LEAST_START = 0.01  # of the flux starts lower
+_SIDE, _RINGS, _AZIMUTHS = 6, 3, 6  # blocks of place and angle
+_BLOCKS = _SIDE**2 * _RINGS * _AZIMUTHS
+_DRAWN = 2**18  # rays of a model that is judged
+_STEPS_OF_CHOICE, _STEPS_AGAIN = 50, 20
+_MOST_FACTORS, _MOST_CELLS, _LEAST_BLUR, _MOST_AZIMUTHS = 64, 96, 0.5, 48
+
+
+@dataclass(frozen=True, eq=False)
+class ModelledRays:
+    """Rays drawn by the ``radiance`` fitted to those of ``file``, and of its ``stray`` rays the share they have.
+
+    ``lit``, ``stray``: rays of the file, about its own origin. ``start_mm``: height at which rays start, or on the
+    surface where that is higher; ``reach_mm``: from the surface at most.
+    """
+
+    file: RaySetEmitter
+    radiance: FittedRadiance
+    lit: RayBundle
+    stray: RayBundle
+    start_mm: float
+    reach_mm: float
+    symmetry: str = "none"
+    ray_count: int | None = None
+
+    @staticmethod
+    def of(file: RaySetEmitter, surface: LightSurface, detail: Detail) -> "ModelledRays":
+        """Fit to the rays of ``file``, at most a million of them."""
+        rays = _some(file, _FITTED)
+        lit = surface.holds(rays)
+        inside = rays.take(lit)
+        order = np.argsort(inside.origins[:, 2])
+        starts = np.cumsum(inside.flux[order])
+        lowest = inside.origins[order[np.searchsorted(starts, _LEAST_START * starts[-1])], 2]
+        reach = np.linalg.norm(inside.origins - surface.points(inside), axis=1).max()
+        radiance = FittedRadiance.of(inside, surface, detail)
+        return ModelledRays(file, radiance, inside, rays.take(~lit), float(lowest), float(reach))
+
+    @property
+    def flux_w(self) -> float:
+        """Flux (W) of the file."""
+        return self.file.flux_w
+
+    @property
+    def summary(self) -> Any:
+        """Summary of the file, and words on the model."""
+        return None if self.file.summary is None else self.file.summary.changed(model=self.words)
+
+    @property
+    def words(self) -> str:
+        """The model in a few words."""
+        detail, (rows, columns) = self.radiance.detail, self.radiance.shape
+        factors = "1 factor" if detail.factors == 1 else f"{detail.factors} factors"
+        return (
+            f"radiance of {factors} on {columns} x {rows} cells and {detail.rings} x {detail.azimuths} angles, "
+            f"fitted to {len(self.lit):,} rays; {100.0 * self.stray_share:.2g} % of the flux are rays of the file"
+        )
+
+    @cached_property
+    def stray_share(self) -> float:
+        """Share of the flux that is no light of the surface."""
+        stray = float(self.stray.flux.sum())
+        return stray / (stray + float(self.lit.flux.sum()))
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """Outline (mm) of the file's rays."""
+        return self.file.outline()
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points: four numbers of a ray, one for its colour."""
+        rays, _ = self._drawn(count, seed)
+        return rays.placed(self.file.pose)
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of a sample, each turned to its target (mm); their flux is W/sr there.
+
+        Stray rays are turned as those of a file are.
+        """
+        rays, places = self._drawn(len(targets), seed)
+        own, lit = self.file.pose.own_points(targets), np.isfinite(places[:, 0])
+        away = own - places
+        along = np.where(lit[:, None], away / np.linalg.norm(away, axis=1, keepdims=True), rays.directions)
+        share = np.where(lit, self._emitter.table.intensity(np.where(lit[:, None], places, 0.0), along), 0.0)
+        aimed = replace(
+            rays, origins=np.where(lit[:, None], places, rays.origins), directions=along, flux=rays.flux * share
+        )
+        if not lit.all():
+            turned = smoothed(RaySetEmitter(rays.take(~lit), float(rays.flux[~lit].sum())))
+            far = towards(turned, own[~lit], seed)
+            for name in ("origins", "directions", "flux"):
+                getattr(aimed, name)[~lit] = getattr(far, name)
+        return aimed.placed(self.file.pose)
+
+    def refitted(self, seed: int) -> "ModelledRays":
+        """The model of as many rays drawn from the file, some more than once: it tells what the file leaves open."""
+        random = np.random.default_rng(seed)
+        lit, stray = (
+            replace(rays, flux=rays.flux * random.poisson(1.0, len(rays))) if len(rays) else rays
+            for rays in (self.lit, self.stray)
+        )
+        return replace(self, radiance=self.radiance.fitted(lit, _STEPS_AGAIN), lit=lit, stray=stray)
+
+    @cached_property
+    def _emitter(self) -> RadianceEmitter:
+        return RadianceEmitter(self.radiance.table(), 1.0)
+
+    def _drawn(self, count: int, seed: int) -> tuple[RayBundle, Float[np.ndarray, "n 3"]]:
+        """Rays about the file's origin, and the point (mm) of the surface from which each comes; NaN of stray ones."""
+        if count < 1:
+            raise InputError(f"{count} rays: at least 1")
+        coloured, share = self.lit.waves is not None or self.lit.tristimulus is not None, self.stray_share
+        points = sobol(count, 5 if coloured else 4, seed)
+        stray = np.flatnonzero(points[:, 0] < share)
+        flux = np.cumsum(self.stray.flux)
+        chosen = np.searchsorted(flux, points[stray, 0] / share * flux[-1], side="right") if len(stray) else stray
+        chosen = np.minimum(chosen, len(flux) - 1)
+        points[:, 0] = np.clip((points[:, 0] - share) / (1.0 - share), 0.0, np.nextafter(1.0, 0.0))
+        places, directions = self._emitter.emit(points[:, :4])
+        places[:, 2] = self.radiance.surface.height(directions)
+        along = np.maximum(self.start_mm - places[:, 2], 0.0) / np.maximum(directions[:, 2], 1e-9)
+        origins = places + np.minimum(along, self.reach_mm)[:, None] * directions
+        origins[stray], directions[stray], places[stray] = (
+            self.stray.origins[chosen],
+            self.stray.directions[chosen],
+            np.nan,
+        )
+        rays = RayBundle(origins, directions, np.full(count, self.flux_w / count))
+        if not coloured:
+            return rays, places
+        rows = self._alike(rays, points[:, 4])
+        rows[stray] = len(self.lit) + chosen
+        like = RayBundle.joined([self.lit, self.stray]).take(rows)
+        return replace(like, origins=origins, directions=directions, flux=rays.flux), places
+
+    def _alike(self, rays: RayBundle, numbers: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        """Numbers of rays of the file, by flux, from about the place of each into about its angle: of its colour."""
+        cumulative, order, ends = self._by_block
+        blocks = _blocks(self.radiance.surface, rays)
+        first = np.where(blocks > 0, ends[blocks - 1], 0.0)
+        chosen = np.searchsorted(cumulative, first + numbers * (ends[blocks] - first), side="right")
+        return order[np.minimum(chosen, len(order) - 1)]
+
+    @cached_property
+    def _by_block(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Flux up to each ray in the order of the blocks, that order, and the flux up to the end of each block."""
+        blocks = _blocks(self.radiance.surface, self.lit)
+        order = np.argsort(blocks, kind="stable")
+        by_block = np.bincount(blocks, self.lit.flux, _BLOCKS)
+        return np.cumsum(self.lit.flux[order]), order, np.cumsum(by_block)
+
+
+def _some(file: RaySetEmitter, most: int) -> RayBundle:
+    """Rays of the file about its own origin, in an order by chance."""
+    order = np.random.default_rng(OF_FILE).permutation(len(file))[:most]
+    return file.rays.take(order).seen_from(file.pose)
+
+
+def _blocks(surface: LightSurface, rays: RayBundle) -> Int[np.ndarray, " n"]:
+    """Number of the block of place and angle of each ray, alike in area and in projected solid angle."""
+    inside = (surface.places(rays) - surface.low) / (surface.high - surface.low)
+    column, row = np.clip(inside * _SIDE, 0, _SIDE - 1).astype(np.int64).T
+    x, y, _ = rays.directions.T
+    ring = np.minimum((x**2 + y**2) * _RINGS, _RINGS - 1).astype(np.int64)
+    azimuth = np.minimum(np.arctan2(y, x) / (2.0 * np.pi) % 1.0 * _AZIMUTHS, _AZIMUTHS - 1).astype(np.int64)
+    return ((row * _SIDE + column) * _RINGS + ring) * _AZIMUTHS + azimuth
+
+
+@dataclass(frozen=True)
+class _Content:
+    """A file's rays, known by what they are: the stages of a design load them again and again."""
+
+    file: RaySetEmitter = field(compare=False)
+    digest: str
+
+    @staticmethod
+    def of(file: RaySetEmitter) -> "_Content":
+        """The file, with a digest of a million of its rays and of their place."""
+        rays, found = _some(file, _FITTED), sha256(f"{len(file)} {file.flux_w} {file.pose}".encode())
+        for column in (rays.origins, rays.directions, rays.flux, rays.wavelengths_nm, rays.tristimulus):
+            found.update(b"none" if column is None else np.ascontiguousarray(column).tobytes())
+        return _Content(file, found.hexdigest())
+
+
+def modelled(file: RaySetEmitter, wanted: str) -> RaySetEmitter | ModelledRays:
+    """``file`` as ``wanted``: "rays" as it is, "radiance" its model, "auto" what is nearer to rays held back.
+
+    Raises :class:`InputError` where a model is wanted of rays that have none.
+    """
+    if wanted == "rays":
+        return file
+    found = _best(_Content.of(file))
+    if isinstance(found, ModelledRays):
+        return replace(found, file=file)
+    if wanted == "radiance":
+        raise InputError(f'source.model = "radiance": {found}; set source.model = "rays", or "auto"')
+    summary = file.summary
+    return file if summary is None else replace(file, summary=summary.changed(model=f"rays: {found}"))
+
+
+@lru_cache(maxsize=4)
+def _best(content: _Content) -> ModelledRays | str:
+    """The model of the rays; why there is none, where the rays themselves are as good."""
+    file = content.file
+    rays = _some(file, round(_FITTED / (1.0 - _JUDGED_BY)))
+    effective = float(rays.flux.sum() ** 2 / np.sum(rays.flux**2))
+    if effective < _LEAST_EFFECTIVE:
+        return f"{effective:.0f} effective rays are too few for a model: at least {_LEAST_EFFECTIVE:.0f}"
+    surfaces = _surfaces(rays)
+    if isinstance(surfaces, str):
+        return surfaces
+    judges = round(_JUDGED_BY * len(rays))
+    judging, fitting = rays.take(slice(0, judges)), rays.take(slice(judges, len(rays)))
+    model = _chosen(judging.take(slice(0, round(_JUDGED_BY * _CHOOSING))), fitting.take(slice(0, _CHOOSING)), surfaces)
+    surface, detail = model.surface, model.detail
+    if len(fitting) > _CHOOSING:
+        model = FittedRadiance.of(fitting.take(surface.holds(fitting)), surface, detail)
+    noise = _BLOCKS / (effective * len(file) / len(rays))
+    apart = _apart(model, judging.take(surface.holds(judging)))
+    if apart > noise + 3.0 * np.sqrt(2.0 * _BLOCKS) / judges:
+        return f"the model is {np.sqrt(apart):.2g} off rays held back, those of the file {np.sqrt(noise):.2g} by chance"
+    return ModelledRays.of(file, surface, detail)
+
+
+def _surfaces(rays: RayBundle) -> list[LightSurface] | str:
+    """Surfaces that rays may come from; why there is none."""
+    if np.ptp(rays.directions[:, :2], axis=0).max() < 0.1:
+        return "parallel rays do not tell where they come from"
+    found = []
+    for curved in (False, True):
+        surface = LightSurface.of(rays, curved=curved)
+        stray = 1.0 - float(rays.flux[surface.holds(rays)].sum() / rays.flux.sum())
+        if stray <= _MOST_STRAY and (surface.high - surface.low).min() > _LEAST_WIDTH_MM:
+            found.append(surface)
+    if found:
+        return found
+    if (surface.high - surface.low).min() <= _LEAST_WIDTH_MM:
+        return "its rays come from a point or a line, which has no radiance"
+    return f"{100.0 * stray:.2g} % of the flux comes from no common surface: at most {100.0 * _MOST_STRAY:.0f} %"
+
+
+def _chosen(judging: RayBundle, fitting: RayBundle, surfaces: list[LightSurface]) -> FittedRadiance:
+    """The model of ``fitting`` that ``judging`` rays, which all surfaces hold, are likeliest to come from."""
+    held = [np.all([surface.holds(rays) for surface in surfaces], axis=0) for rays in (judging, fitting)]
+    judging, fitting = judging.take(held[0]), fitting.take(held[1])
+
+    def better(new: FittedRadiance, old: FittedRadiance) -> bool:
+        gain = (new.logarithms(judging) - old.logarithms(judging)) * (judging.flux / judging.flux.mean())
+        return float(gain.mean()) > _ERRORS * float(gain.std()) / len(gain) ** 0.5
+
+    best, *others = (FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE) for surface in surfaces)
+    for other in others:
+        best = other if better(other, best) else best
+    tried = {best.detail}
+    while (detail := next((each for each in _finer(best.detail) if each not in tried), None)) is not None:
+        tried.add(detail)
+        new = FittedRadiance.of(fitting, best.surface, detail, _STEPS_OF_CHOICE)
+        best = new if better(new, best) else best
+    return best
+
+
+def _finer(detail: Detail) -> Iterator[Detail]:
+    """Details that may be better than ``detail``, the likeliest first."""
+    if detail.factors < _MOST_FACTORS:
+        yield replace(detail, factors=2 * detail.factors)
+    if detail.cells < _MOST_CELLS:
+        yield replace(detail, cells=round(1.4 * detail.cells), blur=round(1.4 * detail.blur, 2))
+    if detail.factors > 1 and detail.blur > _LEAST_BLUR:
+        yield replace(detail, blur=round(0.6 * detail.blur, 2))
+    if detail.azimuths < _MOST_AZIMUTHS:
+        yield replace(detail, rings=round(1.5 * detail.rings), azimuths=2 * detail.azimuths)
+
+
+def _apart(model: FittedRadiance, judging: RayBundle) -> float:
+    """Mean square, relative and by flux, of what ``model`` and ``judging`` differ by in blocks, without their noise.
+
+    As many rays of equal flux differ from their light by the number of blocks over that of rays.
+    """
+    places, directions = RadianceEmitter(model.table(), 1.0).emit(sobol(_DRAWN, 4, OF_FILE))
+    places[:, 2] = model.surface.height(directions)
+    drawn = RayBundle(places, directions, np.full(_DRAWN, 1.0 / _DRAWN))
+    weights, numbers, blocks = judging.flux / judging.flux.sum(), _blocks(model.surface, judging), _BLOCKS
+    seen, square = np.bincount(numbers, weights, blocks), np.bincount(numbers, weights**2, blocks)
+    own = np.bincount(_blocks(model.surface, drawn), drawn.flux, blocks)
+    scale = np.maximum(0.5 * (seen + own), 1e-3 / blocks)
+    return float((((own - seen) ** 2 - square) / scale).sum())

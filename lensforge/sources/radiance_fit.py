@@ -1,0 +1,271 @@
+"""A radiance fitted to rays: how much light leaves each place of an emitting surface into each direction.
+
+The light of an LED is nearly the same pattern of angles at each of its places, or a mixture of a few, so its radiance
+is a sum of products of a place and an angle, none of them negative: far fewer numbers than a table of both, and each is
+found from many rays. Place is the crossing of a ray with the surface from which the light of its angle seems to
+come: behind a window or in a dome that lies at another height for every angle. There edges are sharp.
+
+Rays that are held back choose how much detail there is: the likelihood of these decides on factors, cells and angles.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import gaussian_filter
+
+from lensforge.kernels.mixture import SortedRays, densities, expect
+from lensforge.kernels.parallel import CHUNKS, in_chunks
+from lensforge.sources.radiance_emitter import RadianceTable
+from lensforge.sources.ray_bundle import RayBundle
+
+_LEAST_RISE = 0.02  # flatter rays are no light of the surface, but stray light
+_BEYOND = 0.002  # of the flux, beyond each of the four sides of the surface
+_RINGS_OF_HEIGHT = 8
+_STEEP = 0.15  # rays less flat than this tell the heights
+_CORE = 0.97  # of the rays of a ring, by their distance from its middle
+_UNIFORM = 0.01  # share of an even light in likelihoods, so that one ray in a dark cell does not decide
+STEPS, _LEAST_GAIN = 120, 2e-5  # of a fit; of the logarithm of the likelihood a ray, over ten steps
+_SEED = 7
+
+
+@dataclass(frozen=True)
+class Detail:
+    """Fineness of a model: ``cells`` on the longer side, ``rings`` of sin gamma, ``azimuths``, ``factors``.
+
+    ``blur``: cells over which the mixture of factors is smoothed; not so the light itself.
+    """
+
+    cells: int = 16
+    rings: int = 8
+    azimuths: int = 12
+    factors: int = 1
+    blur: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class LightSurface:
+    """Surface from which light seems to come: a rectangle (mm), its ``heights`` by the ``squares`` of sin gamma."""
+
+    low: Float[np.ndarray, " 2"]
+    high: Float[np.ndarray, " 2"]
+    squares: Float[np.ndarray, " k"]
+    heights: Float[np.ndarray, " k"]
+
+    @staticmethod
+    def of(rays: RayBundle, *, curved: bool) -> "LightSurface":
+        """The surface on which the rays of each angle are closest together, or the plane nearest to all."""
+        rise = rays.directions[:, 2]
+        steep, square = rise > _STEEP, 1.0 - rise**2
+        edges = np.quantile(square[steep], np.linspace(0.0, 1.0, _RINGS_OF_HEIGHT + 1 if curved else 2))
+        rings = [steep & (square >= low) & (square <= high) for low, high in pairwise(edges)]
+        heights = np.array([_waist(rays.take(ring)) for ring in rings])
+        bare = LightSurface(np.zeros(2), np.zeros(2), np.array([square[ring].mean() for ring in rings]), heights)
+        forward = rays.take(rise > _LEAST_RISE)
+        places = bare.places(forward)
+        ends, weights = (_BEYOND, 1.0 - _BEYOND), forward.flux
+        low, high = np.quantile(places, ends, axis=0, weights=weights, method="inverted_cdf")
+        return replace(bare, low=low, high=high)
+
+    def height(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Height (mm) of the surface for light into each direction."""
+        return np.interp(1.0 - directions[:, 2] ** 2, self.squares, self.heights)
+
+    def points(self, rays: RayBundle) -> Float[np.ndarray, "n 3"]:
+        """Points (mm) where rays cross the surface; those along it stay where they are."""
+        rise = rays.directions[:, 2]
+        along = (self.height(rays.directions) - rays.origins[:, 2]) / np.where(rise > _LEAST_RISE, rise, np.inf)
+        return rays.origins + along[:, None] * rays.directions
+
+    def places(self, rays: RayBundle) -> Float[np.ndarray, "n 2"]:
+        """Places (mm) across the axis of these points."""
+        return self.points(rays)[:, :2]
+
+    def holds(self, rays: RayBundle) -> Bool[np.ndarray, " n"]:
+        """True for rays that leave it upwards."""
+        places = self.places(rays)
+        inside = ((places >= self.low) & (places < self.high)).all(axis=1)
+        return inside & (rays.directions[:, 2] > _LEAST_RISE)
+
+
+def _waist(rays: RayBundle) -> float:
+    """Height (mm) at which rays are closest together, but for those that are far from the others."""
+    slope = rays.directions[:, :2] / rays.directions[:, 2:]
+    place, weight = rays.origins[:, :2] - rays.origins[:, 2:] * slope, rays.flux
+    height = 0.0
+    for _ in range(3):
+        own = place - np.average(place, axis=0, weights=weight), slope - np.average(slope, axis=0, weights=weight)
+        spread = float(np.sum(weight[:, None] * own[1] ** 2))
+        height = -float(np.sum(weight[:, None] * own[0] * own[1])) / spread if spread > 0.0 else 0.0
+        at_waist = place + height * slope
+        distance = np.linalg.norm(at_waist - np.median(at_waist, axis=0), axis=1)
+        near = distance <= np.quantile(distance, _CORE)
+        place, slope, weight = place[near], slope[near], weight[near]
+    return height
+
+
+@dataclass(frozen=True)
+class Angles:
+    """Functions linear in azimuth and sin^2 gamma: ``rings`` equal in sin gamma, fewer azimuths at those inside."""
+
+    rings: int
+    azimuths: int
+
+    @cached_property
+    def squares(self) -> Float[np.ndarray, " r"]:
+        """Squared sines of gamma of the rings, the axis among them."""
+        return (np.arange(self.rings + 1) / self.rings) ** 2
+
+    @cached_property
+    def counts(self) -> Int[np.ndarray, " r"]:
+        """Number of the functions of each ring."""
+        wanted = [6 * 2 ** int(np.ceil(np.log2(ring))) for ring in range(1, self.rings + 1)]
+        return np.array([1, *np.minimum(wanted, self.azimuths)])
+
+    @cached_property
+    def starts(self) -> Int[np.ndarray, " r"]:
+        """Number of the first function of each ring, and of all."""
+        return np.concatenate([[0], np.cumsum(self.counts)])
+
+    @cached_property
+    def measures(self) -> Float[np.ndarray, " j"]:
+        """Integral of each function over the projected solid angle (sr)."""
+        widths = np.diff(self.squares, prepend=0.0, append=1.0)
+        by_ring = 0.25 * (widths[:-1] + widths[1:]) * 2.0 * np.pi / self.counts
+        return np.repeat(by_ring, self.counts)
+
+    def at(self, directions: Float[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, "n 4"], Float[np.ndarray, "n 4"]]:
+        """Numbers of the four functions at each direction, and the density (1/sr projected) of each there."""
+        square = np.minimum(np.sum(directions[:, :2] ** 2, axis=1), 1.0)
+        turn = np.arctan2(directions[:, 1], directions[:, 0]) / (2.0 * np.pi) % 1.0
+        inner = np.clip(np.searchsorted(self.squares, square, side="right") - 1, 0, self.rings - 1)
+        outward = (square - self.squares[inner]) / (self.squares[inner + 1] - self.squares[inner])
+        nodes, shares = np.empty((len(square), 4), dtype=np.int32), np.empty((len(square), 4))
+        for place, (ring, share) in enumerate(((inner, 1.0 - outward), (inner + 1, outward))):
+            around = turn * self.counts[ring]
+            before = np.floor(around)
+            for step, by_turn in enumerate((1.0 - (around - before), around - before)):
+                node = self.starts[ring] + (before.astype(np.int64) + step) % self.counts[ring]
+                nodes[:, 2 * place + step] = node
+                shares[:, 2 * place + step] = share * by_turn / self.measures[node]
+        return nodes, shares
+
+    def on_grid(self, weights: Float[np.ndarray, "j k"]) -> Float[np.ndarray, "c r k"]:
+        """Density (1/sr projected) by azimuth, 0 and 360 degrees included, and ring, for weights of functions."""
+        turns, values = np.arange(self.azimuths + 1) / self.azimuths, weights / self.measures[:, None]
+        rings = []
+        for start, count in zip(self.starts, self.counts, strict=False):
+            around = turns * count
+            before = np.floor(around).astype(np.int64)
+            second = (around - before)[:, None]
+            own = values[start : start + count]
+            rings.append((1.0 - second) * own[before % count] + second * own[(before + 1) % count])
+        return np.stack(rings, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedRadiance:
+    """Light of a ``surface``: weights of its factors by cell, ``place`` (in sum 1), and by function, ``angle``."""
+
+    surface: LightSurface
+    detail: Detail
+    place: Float[np.ndarray, "c k"]
+    angle: Float[np.ndarray, "j k"]
+
+    @property
+    def angles(self) -> Angles:
+        """Functions of the angle."""
+        return Angles(self.detail.rings, self.detail.azimuths)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of cells."""
+        return _shape(self.surface, self.detail)
+
+    @staticmethod
+    def of(rays: RayBundle, surface: LightSurface, detail: Detail, steps: int = STEPS) -> "FittedRadiance":
+        """Fit to ``rays`` that all leave the surface, in so many steps at most."""
+        return _start(rays, surface, detail).fitted(rays, steps)
+
+    def fitted(self, rays: RayBundle, steps: int = STEPS) -> "FittedRadiance":
+        """Fit to other ``rays``, from this model on."""
+        model = self
+        seen, logarithm = _sorted(rays, model), -np.inf
+        light = np.bincount(seen.cells, seen.weights, len(model.place))
+        for step in range(steps):
+            model = _stepped(model, seen, light)
+            if step % 10 == 9:
+                before, logarithm = logarithm, float(np.average(np.log(_densities(model, seen)), weights=seen.weights))
+                if logarithm - before < _LEAST_GAIN:
+                    break
+        return model
+
+    def logarithms(self, rays: RayBundle) -> Float[np.ndarray, " n"]:
+        """Logarithm of the radiance (1/mm^2/sr of all the light) of each ray, a hundredth of it even light."""
+        area = float(np.prod(self.surface.high - self.surface.low))
+        found = _densities(self, _sorted(rays, self)) * (len(self.place) / area)
+        return np.log((1.0 - _UNIFORM) * found + _UNIFORM / (np.pi * area))
+
+    def table(self) -> RadianceTable:
+        """The model as a table of radiance, of 1 W."""
+        rows, columns = self.shape
+        (left, bottom), (right, top) = self.surface.low, self.surface.high
+        x_mm, y_mm = np.linspace(left, right, columns + 1), np.linspace(bottom, top, rows + 1)
+        area_m2 = float(np.prod(self.surface.high - self.surface.low)) / len(self.place) * 1e-6
+        grid = np.tensordot(self.place, self.angles.on_grid(self.angle), axes=([1], [2])) / area_m2
+        gamma = np.rad2deg(np.arcsin(np.sqrt(self.angles.squares)))
+        c_deg = np.linspace(0.0, 360.0, self.detail.azimuths + 1)
+        return RadianceTable(x_mm, y_mm, c_deg, gamma, grid.reshape(rows, columns, *grid.shape[1:]))
+
+
+def _shape(surface: LightSurface, detail: Detail) -> tuple[int, int]:
+    sides = surface.high - surface.low
+    columns, rows = np.maximum(np.round(detail.cells * sides / sides.max()), 1).astype(int).tolist()
+    return rows, columns
+
+
+def _sorted(rays: RayBundle, model: FittedRadiance) -> SortedRays:
+    surface, (rows, columns) = model.surface, model.shape
+    inside = (surface.places(rays) - surface.low) / (surface.high - surface.low)
+    column, row = np.clip(inside * (columns, rows), 0, (columns - 1, rows - 1)).astype(np.int32).T
+    return SortedRays(row * columns + column, *model.angles.at(rays.directions), rays.flux / rays.flux.sum())
+
+
+def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadiance:
+    """Factors that are even in angle and follow the light in place, but for chance where there are several."""
+    random, angles, shape = np.random.default_rng(_SEED), Angles(detail.rings, detail.azimuths), _shape(surface, detail)
+    angle = angles.measures[:, None] * random.gamma(4.0, size=(len(angles.measures), detail.factors))
+    noise = random.standard_normal((detail.factors, *shape))
+    noise = gaussian_filter(noise, (0.0, min(shape) / 6.0, min(shape) / 6.0)).reshape(detail.factors, -1).T
+    place = np.exp(0.7 * noise / noise.std())
+    model = FittedRadiance(surface, detail, place, angle / angle.sum(axis=0))
+    light = np.bincount(_sorted(rays, model).cells, rays.flux / rays.flux.sum(), len(place))
+    return replace(model, place=light[:, None] * place / place.sum(axis=1, keepdims=True))
+
+
+def _stepped(model: FittedRadiance, seen: SortedRays, light: Float[np.ndarray, " c"]) -> FittedRadiance:
+    """The model after one step: the mixture in a cell is that of the cells around, its ``light`` that of the rays."""
+    count = model.place.shape[1]
+    by_place, by_angle = np.zeros((CHUNKS, *model.place.shape)), np.zeros((CHUNKS, *model.angle.shape))
+
+    def add(chunk: int, rows: slice) -> None:
+        expect(seen.part(rows), model.place, model.angle, np.empty(count), by_place[chunk], by_angle[chunk])
+
+    in_chunks(add, len(seen.cells), worth=10_000)
+    angle, around = model.angle * by_angle.sum(axis=0), (model.detail.blur, model.detail.blur, 0.0)
+    mixture = by_place.sum(axis=0).reshape(*model.shape, count)
+    mixture = gaussian_filter(mixture, around, mode="constant").reshape(model.place.shape)
+    place = light[:, None] * mixture / np.maximum(mixture.sum(axis=1, keepdims=True), 1e-300)
+    return replace(model, place=place, angle=angle / np.maximum(angle.sum(axis=0), 1e-300))
+
+
+def _densities(model: FittedRadiance, seen: SortedRays) -> Float[np.ndarray, " n"]:
+    found, count = np.empty(len(seen.cells)), model.place.shape[1]
+
+    def one(chunk: int, rows: slice) -> None:
+        densities(seen.part(rows), model.place, model.angle, np.empty(count), found[rows])
+
+    in_chunks(one, len(found), worth=10_000)
+    return np.maximum(found, 1e-300)

@@ -1,0 +1,241 @@
+"""A radiance fitted to rays, against radiances that are known, and what its rays keep of those of the file."""
+
+import runpy
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lensforge.errors import InputError
+from lensforge.optics.pose import Pose
+from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.measured_rays import held_back, rays_of_file, searched, smoothed
+from lensforge.sources.modelled_rays import ModelledRays, _apart, _best, _Content, modelled
+from lensforge.sources.radiance_fit import Angles, Detail, FittedRadiance, LightSurface
+from lensforge.sources.ray_bundle import RayBundle, is_round, towards
+from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.spec.source_sections import RaySource
+
+ASKEW = Pose.of_tilts((0.4, -0.3, 0.2), (25.0, -10.0), 40.0)
+SIDES = np.array([0.8, 0.5])  # mm of the two chips, along x and y
+CENTRES = np.array([[-0.5, 0.1], [0.5, -0.1]])
+BLOCKS = 6 * 6 * 3 * 6
+LED = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "make_led_rayfile.py"))
+
+
+def lambertian(random: np.random.Generator, count: int, power: np.ndarray) -> np.ndarray:
+    """Directions of intensity cos^p, for the power p of each ray."""
+    cosine, azimuth = (1.0 - random.random(count)) ** (1.0 / (power + 1.0)), 2.0 * np.pi * random.random(count)
+    sine = np.sqrt(1.0 - cosine**2)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)
+
+
+def two_chips(count: int, seed: int, stray: float = 0.01) -> RayBundle:
+    """A left chip of a third of the light, Lambertian, and a right one along cos^3; some light goes backwards."""
+    random = np.random.default_rng(seed)
+    right = random.random(count) < 2.0 / 3.0
+    places = CENTRES[right.astype(int)] + (random.random((count, 2)) - 0.5) * SIDES
+    directions = lambertian(random, count, np.where(right, 3.0, 1.0))
+    directions[random.random(count) < stray, 2] *= -1.0
+    flux = random.uniform(0.5, 1.5, count)
+    return RayBundle(np.column_stack([places, np.zeros(count)]), directions, flux)
+
+
+@cache
+def fitted(count: int = 30_000) -> ModelledRays:
+    rays = two_chips(count, 1).placed(ASKEW)
+    file = RaySetEmitter(rays, 2.5, pose=ASKEW)
+    found = _best(_Content.of(file))
+    assert isinstance(found, ModelledRays)
+    return found
+
+
+def test_functions_of_the_angle_are_a_partition_of_one_with_known_integrals() -> None:
+    angles, random = Angles(5, 24), np.random.default_rng(2)
+    directions = lambertian(random, 400_000, np.ones(400_000))  # even in projected solid angle
+    nodes, shares = angles.at(directions)
+    np.testing.assert_allclose((shares * angles.measures[nodes]).sum(axis=1), 1.0, rtol=1e-12)
+    means = np.pi * np.bincount(nodes.ravel(), shares.ravel(), len(angles.measures)) / len(directions)
+    np.testing.assert_allclose(means, 1.0, rtol=0.08)
+    assert angles.measures.sum() == pytest.approx(np.pi, rel=1e-12)
+    weights = random.random((len(angles.measures), 1))
+    grid, directions = angles.on_grid(weights)[..., 0], directions[:50]
+    turn, square = np.arctan2(directions[:, 1], directions[:, 0]) / (2.0 * np.pi) % 1.0, 1.0 - directions[:, 2] ** 2
+    at = [
+        np.interp(each, angles.squares, [np.interp(around, np.arange(25) / 24.0, ring) for ring in grid.T])
+        for around, each in zip(turn, square, strict=True)
+    ]
+    np.testing.assert_allclose((shares[:50] * weights[nodes[:50], 0]).sum(axis=1), at, rtol=1e-9)
+
+
+def test_a_step_never_lowers_the_likelihood() -> None:
+    rays = two_chips(20_000, 3, stray=0.0)
+    surface = LightSurface.of(rays, curved=False)
+    rays = rays.take(surface.holds(rays))
+    model, found = FittedRadiance.of(rays, surface, Detail(12, factors=3, blur=0.0), 1), []
+    for _ in range(6):
+        model = model.fitted(rays, 1)
+        found.append(float(np.average(model.logarithms(rays), weights=rays.flux)))
+    assert np.diff(found).min() > 0.0 and found[-1] > found[0] + 1e-3
+
+
+def test_a_model_is_nearer_to_the_radiance_than_its_rays_are_and_nearer_with_more() -> None:
+    """By blocks of place and angle, against two million others: the noise of n rays there is the blocks over n."""
+    others = two_chips(500_000, 8)
+    apart = {}
+    for count in (5_000, 30_000):
+        model = fitted(count)
+        surface = model.radiance.surface
+        apart[count] = _apart(model.radiance, others.take(surface.holds(others)))
+        assert apart[count] < 0.5 * BLOCKS / count
+    assert apart[30_000] < 0.5 * apart[5_000]
+    assert fitted().radiance.detail.factors >= 2  # two patterns of angles
+
+
+def test_rays_keep_flux_stray_light_place_and_direction() -> None:
+    model = fitted()
+    rays, file = model.sample(2**17, 4), model.file.rays
+    assert rays.flux.sum() == pytest.approx(2.5, rel=1e-12) and np.ptp(rays.flux) == 0.0
+    own, of_file = rays.seen_from(ASKEW), file.seen_from(ASKEW)
+    for column in ("origins", "directions"):
+        mean = np.average(getattr(of_file, column), axis=0, weights=of_file.flux)
+        np.testing.assert_allclose(getattr(own, column).mean(axis=0), mean, atol=4e-3)
+    backward = of_file.flux[of_file.directions[:, 2] < 0.0].sum() / of_file.flux.sum()
+    assert (own.directions[:, 2] < 0.0).mean() == pytest.approx(backward, rel=0.02)
+    assert np.array_equal(model.sample(2**10, 5).origins, model.sample(2**10, 5).origins)
+    assert not np.array_equal(model.sample(2**10, 5).origins, model.sample(2**10, 6).origins)
+    assert model.outline() is model.file.outline() and not is_round(model)
+
+
+def test_edges_stay_sharp() -> None:
+    """Between the chips it is dark within a cell of them, and a cell is a twentieth of the light or finer."""
+    model = fitted()
+    own = model.sample(2**17, 3).seen_from(ASKEW)
+    lit = own.directions[:, 2] > 0.0
+    cell = float((model.radiance.surface.high - model.radiance.surface.low)[0]) / model.radiance.shape[1]
+    assert cell < 0.13
+    gap = np.abs(own.origins[lit, 0]) < 0.5 - 0.5 * SIDES[0] - cell
+    assert gap.mean() < 2e-3
+
+
+def test_quasi_random_rays_have_less_noise() -> None:
+    model, count = fitted(), 2**12
+    means = [(own := model.sample(count, seed).seen_from(ASKEW)).directions[:, 0].mean() + own.origins[:, 1].mean()
+             for seed in range(12)]  # fmt: skip
+    many = model.sample(2**16, 1).seen_from(ASKEW)
+    of_random = float(np.std(many.directions[:, 0] + many.origins[:, 1])) / count**0.5
+    assert np.std(means) < 0.25 * of_random
+
+
+def test_light_behind_a_window_comes_from_another_height_for_every_angle() -> None:
+    """The crossing nearest to a point at depth d below a window of thickness t and index n is at t (1 - tan/tan)."""
+    random = np.random.default_rng(3)
+    count = 40_000
+    starts, directions = LED["_through_top"](random, LED["_on_chip"](random, count))
+    starts[:, 2] += LED["WINDOW_TOP_MM"]
+    rays = RayBundle(starts, directions, np.ones(count))
+    curved, plane = (LightSurface.of(rays, curved=each) for each in (True, False))
+    sine = np.sqrt(curved.squares)
+    inside = np.tan(np.arcsin(sine / LED["INDEX"])) / np.tan(np.arcsin(sine))
+    np.testing.assert_allclose(curved.heights, LED["WINDOW_TOP_MM"] - LED["WINDOW_MM"] * inside, atol=0.04)
+    best = modelled(RaySetEmitter(rays, 1.0), "auto")
+    assert isinstance(best, ModelledRays) and len(best.radiance.surface.heights) == 8
+    assert plane.heights.shape == (1,)
+
+
+def test_models_take_part_where_rays_are_drawn_and_files_where_they_are_cast() -> None:
+    model = fitted()
+    assert searched(model) is model and held_back(model) is model and smoothed(model) is model
+    assert rays_of_file(model) is model.file and rays_of_file(model.file) is model.file
+
+
+def test_light_into_a_direction_adds_up_to_the_flux() -> None:
+    """Every ray towards points of a hemisphere far away, even in solid angle; stray light goes backwards."""
+    model, count = fitted(), 2**16
+    random = np.random.default_rng(5)
+    away = random.normal(size=(count, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    rays = towards(model, 1e4 * away, 3)
+    assert 4.0 * np.pi * rays.flux.sum() == pytest.approx(2.5, rel=0.03)
+    np.testing.assert_allclose(rays.directions, away, atol=1e-3)
+
+
+def test_colours_are_those_of_the_place() -> None:
+    rays = two_chips(20_000, 7)
+    nm = np.where(rays.origins[:, 0] > 0.0, 620.0, 450.0)
+    model = modelled(RaySetEmitter(rays.with_wavelengths(nm), 1.0), "auto")
+    assert isinstance(model, ModelledRays)
+    drawn = model.sample(2**14, 2)
+    assert drawn.wavelengths_nm is not None
+    lit = (drawn.directions[:, 2] > 0.0) & (np.abs(drawn.origins[:, 0]) > 0.35)
+    right = np.where(drawn.origins[lit, 0] > 0.0, 620.0, 450.0)
+    assert (drawn.wavelengths_nm[lit] == right).mean() > 0.99
+
+
+def test_refits_tell_what_the_file_leaves_open() -> None:
+    """Their mean directions scatter as those of files of so many rays do."""
+    model = fitted(5_000)
+    shifts = [model.refitted(seed).sample(2**13, 1).seen_from(ASKEW).directions[:, 0].mean() for seed in range(16)]
+    own = model.file.rays.seen_from(ASKEW)
+    weights = own.flux / own.flux.sum()
+    error = float(np.sqrt(np.sum(weights**2 * (own.directions[:, 0] - np.sum(weights * own.directions[:, 0])) ** 2)))
+    assert 0.5 * error < np.std(shifts) < 1.6 * error
+
+
+def few(count: int = 54) -> RayBundle:
+    return two_chips(count, 1)
+
+
+def point() -> RayBundle:
+    rays = two_chips(5_000, 1)
+    return replace(rays, origins=np.zeros((5_000, 3)))
+
+
+def parallel() -> RayBundle:
+    rays = two_chips(5_000, 1)
+    return replace(rays, directions=np.tile([0.0, 0.0, 1.0], (5_000, 1)))
+
+
+def dome() -> RayBundle:
+    """Each point of a dome that is far from any chip sends its light everywhere, a third of it backwards."""
+    return two_chips(5_000, 1, stray=0.3)
+
+
+def uneven() -> RayBundle:
+    rays = two_chips(5_000, 1)
+    return replace(rays, flux=10.0 ** np.linspace(-6.0, 0.0, 5_000))
+
+
+@pytest.mark.parametrize(
+    ("rays", "why"),
+    [(few, "effective rays are too few"), (point, "from a point or a line"), (parallel, "parallel rays"),
+     (dome, "% of the flux comes from no common surface"), (uneven, "effective rays are too few")],
+)  # fmt: skip
+def test_rays_without_a_model_stay_and_it_is_said_why(rays, why: str) -> None:
+    given = rays()
+    section = {"positions_mm": given.origins, "directions": given.directions, "ray_flux": given.flux}
+    kept = RaySource(**section, model="auto")
+    source = build_source(kept)
+    assert source.ray_count == len(given)
+    words = summarise(source, kept).model
+    assert words is not None and words.startswith("rays: ") and why in words
+    with pytest.raises(InputError, match=why) as error:
+        build_source(RaySource(**section, model="radiance"))
+    assert str(error.value).endswith('set source.model = "rays", or "auto"') and "\n" not in str(error.value)
+
+
+def test_a_model_that_is_farther_off_than_the_rays_is_not_taken() -> None:
+    """Light whose angle changes with the place on a scale that no model has: one laser on each spot of a fine grid."""
+    random = np.random.default_rng(6)
+    count = 60_000
+    cells = random.integers(0, 40, (count, 2))
+    pointed = np.random.default_rng(1).uniform(-0.65, 0.65, (40, 40, 2))[cells[:, 0], cells[:, 1]]
+    across = pointed + random.normal(0.0, 0.01, (count, 2))
+    directions = np.column_stack([across, np.sqrt(1.0 - np.sum(across**2, axis=1))])
+    rays = RayBundle(
+        np.column_stack([(cells + random.random((count, 2))) / 40.0, np.zeros(count)]), directions, np.ones(count)
+    )
+    kept = modelled(RaySetEmitter(rays, 1.0), "auto")
+    assert isinstance(kept, RaySetEmitter)
