@@ -10,11 +10,12 @@ from jaxtyping import Float
 
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.made.board_light import LensOnBoard
-from lensforge.made.part_study import LedStudy, PartStudy, Recipe, require_feasible_tolerances
+from lensforge.made.part_study import LedStudy, PartStudy, Recipe
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.scene.body import nearest
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Deviations
+from lensforge.search.room_for_parts import require_feasible_tolerances
 from lensforge.spec.tolerances_section import Factor
 from lensforge.surfaces.bicubic_table import evaluate_table
 from lensforge.surfaces.srbf import fibonacci_hemisphere

@@ -19,7 +19,7 @@ from lensforge.light.metrics import jackknife_error
 from lensforge.light.simulation import REPLICATES
 from lensforge.made.board_light import periods_of
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress
-from lensforge.made.part_study import PartStudy, Recipe, require_feasible_tolerances
+from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.tolerance_budget import budget
 from lensforge.made.tolerance_result import (
     CauseShare,
@@ -36,6 +36,7 @@ from lensforge.results import Metric
 from lensforge.results.cluster import WorkerPool
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws, orthonormal
+from lensforge.search.room_for_parts import require_feasible_tolerances
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.road_section import names_of
 from lensforge.spec.tolerances_section import Factor

@@ -248,8 +248,10 @@ class _Landing(torch.autograd.Function):
 
 
 Pair = tuple[MadePart, MadePart]
+Pairs = tuple[Pair, ...]  # none: the lens as designed
 
 _BLOCK = 2**10  # pairs of one Sobol sequence: consecutive steps share one, so that their parts complement each other
+_OF_SHARE = 4  # pairs of a step that seeks a share of the parts: the spread of a reading is then known to a third
 _NO_DETAIL = TableGrid(4)  # so coarse that it resolves no waviness
 
 
@@ -257,13 +259,14 @@ _NO_DETAIL = TableGrid(4)  # so coarse that it resolves no waviness
 class SearchParts:
     """Pairs of parts for the lenses of one search that have tables on one grid.
 
-    Form errors are those of the surfaces from which the search starts: they depend on the shape by the cosine between
-    radius and normal alone. All waviness counts as roughness, by its slope: as tables it would take seconds to prepare,
-    and it spreads the light of a part by far less than the shifts do.
+    ``pairs``: of a step. Form errors are those of the surfaces from which the search starts, as they depend on it by
+    the cosine between radius and normal alone. All waviness counts as roughness, by its slope: as tables it would take
+    seconds to prepare, and it spreads the light of a part by far less than the shifts do.
     """
 
     maker: PartMaker
     factors: tuple[Factor, ...]
+    pairs: int = 1
     _drawn: dict[int, tuple[Draws, Draws]] = field(default_factory=dict)
 
     @staticmethod
@@ -279,18 +282,22 @@ class SearchParts:
             if (name := f"{face}_waviness_um") in names:
                 slope = waviness(FaceNodes.of(_NO_DETAIL, surface), *band, 0).slope
                 errors[name] = ErrorField(np.zeros((0, side, side)), slope)
-        return SearchParts(replace(maker, errors=errors), factors)
+        return SearchParts(replace(maker, errors=errors), factors, 1 if spec.optimise.share is None else _OF_SHARE)
 
-    def of_step(self, seed: int, step: int) -> Pair:
-        """The pair of one gradient step, counted over all levels of a search."""
-        block, number = divmod(step, _BLOCK)
+    def of_step(self, seed: int, step: int) -> Pairs:
+        """The pairs of one gradient step, counted over all levels of a search."""
+        return tuple(self._of_row(seed, self.pairs * step + number) for number in range(self.pairs))
+
+    def _of_row(self, seed: int, number: int) -> Pair:
+        """A pair of the endless row of a search."""
+        block, number = divmod(number, _BLOCK)
         own_seed = seeds.of_parts_of_steps(seed, block)
         if own_seed not in self._drawn:
             draws = Draws.seeded(self.factors, _BLOCK, own_seed)
             self._drawn = {own_seed: (draws, draws.mirrored())}
         return self._made(self._drawn[own_seed], number)
 
-    def of_validation(self, seed: int, count: int) -> tuple[Pair, ...]:
+    def of_validation(self, seed: int, count: int) -> Pairs:
         """The ``count`` pairs by which a search with ``seed`` judges its progress."""
         draws = Draws.seeded(self.factors, count, seeds.of_validation_parts(seed))
         return tuple(self._made((draws, draws.mirrored()), number) for number in range(count))

@@ -36,6 +36,7 @@ def smoothed(flux: Image) -> Image:
 # The search aims this far inside each bound, relative to it: the picture of a step has noise, and pixels of its own.
 _MARGIN = 0.03
 _WIDE_MARGIN = 0.06  # a far field of 200 pixels shows a road up to 3 % too good; so does the wide kernel of eyes
+_NOISE = 0.02  # of a reading by a step's rays, relative to its bound: of a place on road_wide 0.015 to 0.05
 # Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
 _OF_EACH, _AT_MOST = 30.0, 300.0
 _OF_FLUX = 0.4  # the excess of a loss counts as a part of so much: with 0.1 a search for an oval keeps its narrow start
@@ -49,30 +50,48 @@ class LimitTerm:
     limit: LightLimit
     readings: Tensor
     factor: float
+    margin: float
 
     @staticmethod
-    def of(limit: LightLimit) -> "LimitTerm":
-        """The term of ``limit``."""
+    def of(limit: LightLimit, by_parts: bool = False) -> "LimitTerm":
+        """The term of ``limit``; ``by_parts``: it is pulled in by the spread of the parts, and for its pixels alone."""
         coo = limit.readings.tocoo()
         places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
         matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
         factor = _OF_EACH * coo.shape[0]
-        return LimitTerm(limit, matrix.coalesce(), limit.share * factor if limit.of_road else min(factor, _AT_MOST))
+        factor = limit.share * factor if limit.of_road else min(factor, _AT_MOST)
+        margin = _WIDE_MARGIN if limit.of_road or limit.of_view else _MARGIN
+        return LimitTerm(limit, matrix.coalesce(), factor, margin - _MARGIN if by_parts else margin)
+
+    @property
+    def members(self) -> "tuple[LimitTerm, ...]":
+        """Itself, as one of several."""
+        return (self,)
+
+    @property
+    def noise(self) -> float:
+        """Noise of the excess by the rays of a step."""
+        return _NOISE * self.limit.bound / _OF_FLUX if self.limit.of_losses else _NOISE
 
     def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
-        if self.limit.of_losses:
-            by_cause = losses[self.limit.receiver]
-            return self.of_light(torch.mv(self.readings, by_cause), by_cause)
-        picture = images[self.limit.receiver] if self.limit.of_view else smoothed(images[self.limit.receiver])
-        return self.of_light(torch.mv(self.readings, picture.reshape(-1)), picture)
+        (excess,) = self.excesses(images, losses)
+        return self.of_excess(excess)
 
-    def of_light(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, ""]:
-        """The loss by the ``light`` at the places of the limit on a smoothed ``picture``."""
-        excess = self._excess(light, picture).clamp(min=0.0)
+    def of_excess(self, excess: Float[Tensor, " k"]) -> Float[Tensor, ""]:
+        """The loss by the excess at the places of the limit."""
+        excess = excess.clamp(min=0.0)
         return self.factor * torch.mean(excess**2 / (1.0 + excess))
 
-    def _excess(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, " k"]:
+    def excesses(self, images: Images, losses: Losses = ()) -> tuple[Float[Tensor, " k"]]:
+        """Excess at each place, below 0 where the limit is held with its margin."""
+        if self.limit.of_losses:
+            by_cause = losses[self.limit.receiver]
+            return (self.excess(torch.mv(self.readings, by_cause), by_cause),)
+        picture = images[self.limit.receiver] if self.limit.of_view else smoothed(images[self.limit.receiver])
+        return (self.excess(torch.mv(self.readings, picture.reshape(-1)), picture),)
+
+    def excess(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, " k"]:
         """Excess at each place; of an even zone at its dark places, of a beam angle at those on the wrong side."""
         limit, scale = self.limit, torch.ones((), dtype=light.dtype)
         match limit.quantity:
@@ -90,15 +109,14 @@ class LimitTerm:
             case "beam_angle":
                 return self._beside_the_beam(light)
         if limit.of_losses:  # by the bound, which may be small, a little too much would outweigh the pattern
-            return (light - (1.0 - _MARGIN) * limit.bound) / _OF_FLUX
+            return (light - (1.0 - self.margin) * limit.bound) / _OF_FLUX
         if limit.quantity in _OVER_LEAST:  # at most so many times the least: at least that part of it
             return self._beyond(light * limit.bound / scale, at_least=True)
         return self._beyond(light / (scale * limit.bound), limit.sense == ">=")
 
     def _beyond(self, relative: Float[Tensor, " k"], at_least: bool) -> Float[Tensor, " k"]:
         """Excess of light relative to its bound over that with its margin."""
-        margin = _WIDE_MARGIN if self.limit.of_road or self.limit.of_view else _MARGIN
-        return 1.0 + margin - relative if at_least else relative - (1.0 - margin)
+        return 1.0 + self.margin - relative if at_least else relative - (1.0 - self.margin)
 
     def _beside_the_beam(self, light: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """Light within a least angle must be above the level, light outside of a largest one below it."""
@@ -106,31 +124,36 @@ class LimitTerm:
         assert limit.angles_deg is not None
         off = torch.from_numpy(np.abs(limit.angles_deg)) - 0.5 * limit.bound
         beyond = self._beyond(light / (limit.level * not_dark(light.detach().max())), limit.sense == ">=")
-        return torch.where(off < 0.0 if limit.sense == ">=" else off > 0.0, beyond, 0.0)
+        return torch.where(off < 0.0 if limit.sense == ">=" else off > 0.0, beyond, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class RoadTerms:
     """The limits of all roads: their picture is smoothed once, and read by one matrix."""
 
-    terms: tuple[LimitTerm, ...]
+    members: tuple[LimitTerm, ...]
     readings: Tensor
 
     @staticmethod
-    def of(limits: Sequence[LightLimit]) -> "RoadTerms":
+    def of(limits: Sequence[LightLimit], by_parts: bool = False) -> "RoadTerms":
         """The terms of ``limits``, all on one receiver."""
-        terms = tuple(map(LimitTerm.of, limits))
+        terms = tuple(LimitTerm.of(limit, by_parts) for limit in limits)
         return RoadTerms(terms, torch.cat([term.readings for term in terms]).coalesce())
 
     def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Sum of the losses of all limits."""
-        picture = smoothed(images[self.terms[0].limit.receiver])
-        light = torch.mv(self.readings, picture.reshape(-1)).split([len(term.readings) for term in self.terms])
-        each = [term.of_light(part, picture) for term, part in zip(self.terms, light, strict=True)]
-        return torch.stack(each).sum()
+        each = zip(self.members, self.excesses(images), strict=True)
+        return torch.stack([term.of_excess(excess) for term, excess in each]).sum()
+
+    def excesses(self, images: Images, losses: Losses = ()) -> tuple[Float[Tensor, " _"], ...]:
+        """Excess at the places of each limit."""
+        picture = smoothed(images[self.members[0].limit.receiver])
+        light = torch.mv(self.readings, picture.reshape(-1)).split([len(term.readings) for term in self.members])
+        return tuple(term.excess(part, picture) for term, part in zip(self.members, light, strict=True))
 
 
-def limit_terms(limits: Sequence[LightLimit]) -> tuple[LimitTerm | RoadTerms, ...]:
+def limit_terms(limits: Sequence[LightLimit], by_parts: bool = False) -> tuple[LimitTerm | RoadTerms, ...]:
     """The terms of ``limits``; those of roads together."""
     roads = [limit for limit in limits if limit.of_road]
-    return (*(LimitTerm.of(limit) for limit in limits if not limit.of_road), *([RoadTerms.of(roads)] if roads else []))
+    plain = (LimitTerm.of(limit, by_parts) for limit in limits if not limit.of_road)
+    return (*plain, *([RoadTerms.of(roads, by_parts)] if roads else []))

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import mean
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import torch
 from jaxtyping import Float
@@ -24,9 +24,10 @@ from lensforge.search.collected_light import Collected
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.image_terms import Colours, ColourTerm, ImageTerms, SourceColour, nmse_loss
 from lensforge.search.kinds import LightOfKinds
-from lensforge.search.light_path import LightPath, Pair
+from lensforge.search.light_path import LightPath, Pairs
 from lensforge.search.limit_terms import Image, Images, LimitTerm, Losses, RoadTerms, limit_terms
 from lensforge.search.parameters import Parametrisation
+from lensforge.search.share_of_parts import share_term
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source, aims
 from lensforge.spec import Spec
@@ -49,30 +50,49 @@ class Evaluated:
     images: Images
 
 
+class PairLight(NamedTuple):
+    """Half of the difference of two opposite parts by the same rays: of images, and of losses where these count."""
+
+    images: Images
+    losses: Losses
+
+    def times(self, factor: float) -> "PairLight":
+        """The pair with ``factor`` times the light."""
+        return PairLight(*(tuple(factor * each for each in own) for own in self))
+
+    def mean(self, other: "PairLight") -> "PairLight":
+        """The mean with the same pair by other rays."""
+        return PairLight(*(_added(own, same) for own, same in zip(self, other, strict=True))).times(0.5)
+
+
+def _added(first: tuple[Tensor, ...], second: tuple[Tensor, ...], factor: float = 1.0) -> tuple[Tensor, ...]:
+    return tuple(one + factor * other for one, other in zip(first, second, strict=True))
+
+
 @dataclass(frozen=True)
 class SampledLight:
     """Light of a sample of rays: flux (W) on each receiver's pixels, the terms of the flux (W), and that emitted.
 
     Behind the images of receivers stand those of the eyes of limits.
 
-    ``halves``: in a robust search, half of the difference between the images of two opposite parts, for each pair; the
-    images are then the mean over all parts. ``colours``, ``losses``: the mean likewise, where they count.
+    ``pairs``: in a robust search, of opposite parts; ``images``, ``losses`` and ``colours`` are then the mean over all
+    parts. Losses and colours are there where they count.
     """
 
     images: Images
     terms: Float[Tensor, ""]
     emitted_w: float
-    halves: tuple[Images, ...] = ()
+    pairs: tuple[PairLight, ...] = ()
     colours: Colours = ()
     losses: Losses = ()
 
-    def of_parts(self) -> list[Images]:
-        """The images of every part: of the lens as designed alone, unless the search is robust."""
-        if not self.halves:
-            return [self.images]
+    def of_parts(self) -> list[tuple[Images, Losses]]:
+        """The images and losses of every part: of the lens as designed alone, unless the search is robust."""
+        if not self.pairs:
+            return [(self.images, self.losses)]
         return [
-            tuple(mean + sign * half for mean, half in zip(self.images, halves, strict=True))
-            for halves in self.halves
+            (_added(self.images, pair.images, sign), _added(self.losses, pair.losses, sign))
+            for pair in self.pairs
             for sign in (1.0, -1.0)
         ]
 
@@ -81,13 +101,18 @@ class SampledLight:
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
         share = emitted_w / sum(part.emitted_w for part in parts)
         images = tuple(share * torch.stack(same).sum(dim=0) for same in zip(*(p.images for p in parts), strict=True))
-        halves = tuple(
-            tuple(emitted_w / part.emitted_w * half for half in each) for part in parts for each in part.halves
-        )
+        pairs = [each.times(emitted_w / part.emitted_w) for part in parts for each in part.pairs]
         terms = share * torch.stack([part.terms for part in parts]).sum()
         colours = [share * torch.stack(same).sum(dim=0) for same in zip(*(p.colours for p in parts), strict=True)]
         losses = [share * torch.stack(same).sum(dim=0) for same in zip(*(p.losses for p in parts), strict=True)]
-        return SampledLight(images, terms, emitted_w, halves, colours, tuple(losses))
+        return SampledLight(images, terms, emitted_w, tuple(pairs), colours, tuple(losses))
+
+    @staticmethod
+    def mean(one: "SampledLight", other: "SampledLight") -> "SampledLight":
+        """The mean of two samples of the same flux, of the same parts."""
+        both = SampledLight.joined((one, other), one.emitted_w)
+        pairs = [first.mean(second) for first, second in zip(one.pairs, other.pairs, strict=True)]
+        return replace(both, pairs=tuple(pairs))
 
 
 @dataclass(frozen=True)
@@ -109,8 +134,8 @@ class Merit(ABC, Generic[_Light]):
     parametrisation: Parametrisation
 
     @abstractmethod
-    def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pair: Pair | None = None) -> _Light:
-        """The light of ``rays`` through the lens with these tables, or through a ``pair`` of its parts."""
+    def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pairs: Pairs = ()) -> _Light:
+        """The light of ``rays`` through the lens with these tables, or through ``pairs`` of its parts."""
 
     @abstractmethod
     def assessed(self, light: _Light, uniform: bool) -> Assessed:
@@ -131,18 +156,21 @@ class Merit(ABC, Generic[_Light]):
         rays: RayBundle,
         constraints: AugmentedLagrangian,
         uniform: bool,
-        pair: Pair | None = None,
+        pairs: Pairs = (),
     ) -> Evaluated:
-        """Trace ``rays`` and add the constraints; with a ``pair`` of opposite parts the mean over both."""
+        """Trace ``rays`` and add the constraints; with ``pairs`` of opposite parts by all of these."""
         tables = self.parametrisation.tables(weights, offsets)
-        light = self.assessed(self.light_of(tables, rays, pair), uniform)
+        light = self.assessed(self.light_of(tables, rays, pairs), uniform)
         fields = constraints.fields(tables)
         return Evaluated(light.loss + constraints.term(fields), light.nmse, light.efficiency, fields, light.images)
 
 
 @dataclass(frozen=True)
 class MeritFunction(Merit[SampledLight]):
-    """The scene of a design with one LED: its light path, and the terms of each receiver."""
+    """The scene of a design with one LED: its light path, and the terms of each receiver.
+
+    ``share``: of the parts that are to hold the limits; None where each part is to hold them by their own margins.
+    """
 
     spec: Spec
     parametrisation: Parametrisation
@@ -150,6 +178,7 @@ class MeritFunction(Merit[SampledLight]):
     terms: tuple[ImageTerms, ...]
     limits: tuple[LimitTerm | RoadTerms, ...] = ()
     colour: ColourTerm | None = None
+    share: float | None = None
 
     @staticmethod
     def of(
@@ -188,7 +217,9 @@ class MeritFunction(Merit[SampledLight]):
             wanted, shares = zip(*((each.wanted, each.share) for each in terms), strict=True)
             term = ColourTerm(colour.weight, wanted, shares)
         path = LightOfKinds.of(light, spec.all_lamps) if spec.all_lamps.kinds else light
-        return MeritFunction(spec, parametrisation, path, terms, limit_terms(asked), term)
+        share = spec.optimise.share
+        limits = limit_terms(asked, by_parts=share is not None)
+        return MeritFunction(spec, parametrisation, path, terms, limits, term, share)
 
     def assessed(self, light: SampledLight, uniform: bool) -> Assessed:
         """The loss by one sample; ``uniform`` puts the uniformity of the masks before the images."""
@@ -196,14 +227,10 @@ class MeritFunction(Merit[SampledLight]):
         parts = light.of_parts()
         nmse = mean(
             self._weighted(images, lambda terms, image: nmse_loss(image.detach(), terms.wanted).item())
-            for images in parts
+            for images, _ in parts
         )
-        loss = torch.stack([self._image_loss(images, uniform) for images in parts]).mean()
-        loss = (
-            loss
-            + light.terms / light.emitted_w
-            + torch.stack([self._limit_term(images, light.losses) for images in parts]).mean()
-        )
+        loss = torch.stack([self._image_loss(images, uniform) for images, _ in parts]).mean()
+        loss = loss + light.terms / light.emitted_w + self._limit_term(light)
         if self.colour is not None:
             loss = loss + self.colour.error(light.colours, light.colours)
         return Assessed(loss, nmse, efficiency, tuple(image.detach() for image in light.images))
@@ -212,27 +239,33 @@ class MeritFunction(Merit[SampledLight]):
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
         return SampledLight.joined(parts, emitted_w)
 
-    def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pair: Pair | None = None) -> SampledLight:
-        """The light of ``rays`` through the lens with these tables, or through a ``pair`` of its parts.
+    def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pairs: Pairs = ()) -> SampledLight:
+        """The light of ``rays`` through the lens with these tables, or through ``pairs`` of its parts.
 
-        Both parts are traced with all rays: fewer in their difference from the lens as designed save time, but where
-        the change moves rays to other pixels the gradient's noise is that of few rays.
+        Both parts of a pair are traced with the same rays, of several pairs each with its share of them: fewer in their
+        difference from the lens as designed save time, but where the change moves rays to other pixels the gradient's
+        noise is that of few rays.
         """
         emitted_w = float(rays.flux.sum())
-        if pair is None:
+        if len(pairs) > 1:
+            slices = zip(rays.divided(len(pairs)), pairs, strict=True)
+            return SampledLight.joined([self.light_of(tables, own, (pair,)) for own, pair in slices], emitted_w)
+        if not pairs:
             light = self.light.collect(tables, rays)
             images = self._mirrored(self.light.over_outlines([each.image for each in light], tables, rays))
             colours, losses = self._colours((light,)), _losses((light,))
             return SampledLight(images, self._flux_term(light), emitted_w, (), colours, losses)
         assert isinstance(self.light, LightPath), "a robust search has one lens"
-        one, other = (self.light.through(tables, rays, part) for part in pair)
+        one, other = (self.light.through(tables, rays, part) for part in pairs[0])
         lit = (self.light.over_outlines([each.image for each in light], tables, rays) for light in (one, other))
         both = list(zip(*lit, strict=True))
         # only the mean over all parts has the symmetry of the scene: each part alone has none
         images = self._mirrored([0.5 * (a + b) for a, b in both])
-        halves = tuple(0.5 * (a - b) for a, b in both)
+        losses, apart = _losses((one, other)), _added(_losses((one,)), _losses((other,)), -1.0)
+        halves = tuple(0.5 * (a - b) for a, b in both), tuple(0.5 * each for each in apart)
+        found = PairLight(*halves)
         flux = 0.5 * (self._flux_term(one) + self._flux_term(other))
-        return SampledLight(images, flux, emitted_w, (halves,), self._colours((one, other)), _losses((one, other)))
+        return SampledLight(images, flux, emitted_w, (found,), self._colours((one, other)), losses)
 
     def judge(self, first: SampledLight, second: SampledLight, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images.
@@ -240,19 +273,16 @@ class MeritFunction(Merit[SampledLight]):
         Of a robust search the error of the mean image: gains are relative to it, and no lens lowers the spread of its
         parts by much.
         """
-        both = zip(first.of_parts(), second.of_parts(), strict=True)
-        losses = tuple(0.5 * (one + other) for one, other in zip(first.losses, second.losses, strict=True))
-        error = torch.stack([self._judged(one, other, uniform, losses) for one, other in both]).mean()
-        of_flux = 0.5 * (first.terms / first.emitted_w + second.terms / second.emitted_w)
-        of_images = self._judged(first.images, second.images, uniform, losses) if first.halves else error
+        both, parts = SampledLight.mean(first, second), zip(first.of_parts(), second.of_parts(), strict=True)
+        error = torch.stack([self._judged(one, other, uniform) for (one, _), (other, _) in parts]).mean()
+        of_limits, of_flux = self._limit_term(both), both.terms / both.emitted_w
+        of_images = self._judged(first.images, second.images, uniform) if both.pairs else error
         of_colours = 0.0 if self.colour is None else float(self.colour.error(first.colours, second.colours))
-        return float(error + of_flux) + of_colours, float(of_images) + of_colours
+        return float(error + of_limits + of_flux) + of_colours, float(of_images + of_limits) + of_colours
 
-    def _judged(self, first: Images, second: Images, uniform: bool, losses: Losses) -> Float[Tensor, ""]:
-        parts = zip(self.terms, first, second, strict=False)
-        error = torch.stack([terms.share * terms.judge(one, other, uniform) for terms, one, other in parts]).sum()
-        joined = tuple(0.5 * (one + other) for one, other in zip(first, second, strict=True))
-        return error + self._limit_term(joined, losses)
+    def _judged(self, first: Images, second: Images, uniform: bool) -> Float[Tensor, ""]:
+        receivers = zip(self.terms, first, second, strict=False)
+        return torch.stack([terms.share * terms.judge(one, other, uniform) for terms, one, other in receivers]).sum()
 
     def _mirrored(self, images: Sequence[Tensor]) -> Images:
         """The images with the mirrors of the scene; behind those of receivers come the views of eyes, as they are."""
@@ -267,11 +297,16 @@ class MeritFunction(Merit[SampledLight]):
         pairs = zip(self.terms, images, strict=False)
         return torch.stack([terms.share * terms.loss(image, uniform) for terms, image in pairs]).sum()
 
-    def _limit_term(self, images: Images, losses: Losses) -> Float[Tensor, ""]:
-        """Excess over the limits; that of the joined picture, whose noise is small, in a judgement."""
+    def _limit_term(self, light: SampledLight) -> Float[Tensor, ""]:
+        """Excess of the parts over the limits, or their share; of joined samples, with less noise, in a judgement."""
         if not self.limits:
             return torch.zeros((), dtype=torch.float64)
-        return torch.stack([limit.loss(images, losses) for limit in self.limits]).sum()
+        parts = light.of_parts()
+        if self.share is None:
+            return torch.stack([limit.loss(*part) for part in parts for limit in self.limits]).sum() / len(parts)
+        each = [[excess for limit in self.limits for excess in limit.excesses(*part)] for part in parts]
+        noise = [term.noise for limit in self.limits for term in limit.members]
+        return share_term([torch.stack(same) for same in zip(*each, strict=True)], noise, self.share)
 
     def _colours(self, parts: Sequence[tuple[Collected, ...]]) -> Colours:
         colours = []

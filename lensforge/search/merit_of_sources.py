@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.search.light_path import Pair
+from lensforge.search.light_path import Pairs
 from lensforge.search.merit import Assessed, Merit, MeritFunction, SampledLight
 from lensforge.search.parameters import Parametrisation
 from lensforge.sources.ray_bundle import RayBundle
@@ -62,12 +62,10 @@ class MeritOfSources(Merit[LightOfSources]):
         shares = tuple(each.share / total for each in spec.sources)
         return MeritOfSources(parametrisation, source, members, shares, spec.optimise.over_sources == "worst")
 
-    def light_of(
-        self, tables: Float[Tensor, "f side side"], rays: RayBundle, pair: Pair | None = None
-    ) -> LightOfSources:
-        """The light of ``rays``, each LED's by itself, through the lens with these tables, or a ``pair`` of parts."""
+    def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pairs: Pairs = ()) -> LightOfSources:
+        """The light of ``rays``, each LED's by itself, through the lens with these tables, or ``pairs`` of parts."""
         own = zip(self.members, self.source.shared_out(rays), strict=True)
-        return LightOfSources(tuple(merit.light_of(tables, some, pair) for merit, some in own))
+        return LightOfSources(tuple(merit.light_of(tables, some, pairs) for merit, some in own))
 
     def assessed(self, light: LightOfSources, uniform: bool) -> Assessed:
         """The loss by one sample; NMSE and efficiency for the history are means by the shares."""

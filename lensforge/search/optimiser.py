@@ -25,7 +25,7 @@ from lensforge.search.checkpoint import delete_checkpoint, fingerprint
 from lensforge.search.design_result import ENOUGH, Design, Level, Margins, Observer, Progress, constraint_criteria
 from lensforge.search.ending import Candidates, SearchEnd
 from lensforge.search.feasibility import require_feasible_start
-from lensforge.search.light_path import Pair
+from lensforge.search.light_path import Pairs
 from lensforge.search.merit import Evaluated
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problem, Problems, ValidationRays
@@ -99,13 +99,13 @@ class Descent:
             problem = self.problems.of(stage.levels)
             weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
             one = self.source.sample(1, 0)
-            pair, begun = self._pair(problem, 0), time.perf_counter()
-            problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pair).loss.backward()
+            pairs, begun = self._pairs(problem, 0)[:1], time.perf_counter()
+            problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pairs).loss.backward()
             self.begun += time.perf_counter() - begun
 
-    def _pair(self, problem: Problem, step: int) -> Pair | None:
-        """Parts of a robust search for ``step``, counted over all levels; None for any other."""
-        return None if problem.parts is None else problem.parts.of_step(self.seed, step)
+    def _pairs(self, problem: Problem, step: int) -> Pairs:
+        """Parts of a robust search for ``step``, counted over all levels; none for any other."""
+        return () if problem.parts is None else problem.parts.of_step(self.seed, step)
 
     def _is_over(self, stage: Stage, state: SearchState) -> bool:
         """True for ``state`` after the last step of ``stage``, or where the time of the search is up before."""
@@ -126,8 +126,8 @@ class Descent:
         for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
             with remedy(f"raise {' or '.join(f'lens.{name}.offset_mm' for name in problem.spec.lens.names)}"):
                 every = torch.cat([weights, still]) if still.any() else weights
-                pair = self._pair(problem, earlier + step)
-                result = problem.merit.evaluate(every, offsets, rays, problem.constraints, stage.uniform, pair)
+                pairs = self._pairs(problem, earlier + step)
+                result = problem.merit.evaluate(every, offsets, rays, problem.constraints, stage.uniform, pairs)
             optimiser.zero_grad()
             result.loss.backward()
             optimiser.step(stage.rate(step))
@@ -390,4 +390,5 @@ def _fresh_state(schedule: Schedule, problems: Problems, start: Lens | None) -> 
     if start is None:
         finest = schedule.stages.levels.counts if isinstance(schedule, AutomaticSchedule) else first.levels
         require_feasible_start(map(problems.of, dict.fromkeys((first.levels, finest))))
+    problem.require_room_for_parts(*begin)
     return SearchState(*begin, multipliers)

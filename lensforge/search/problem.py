@@ -23,6 +23,7 @@ from lensforge.search.merit import Merit, MeritFunction
 from lensforge.search.merit_of_sources import MeritOfSources
 from lensforge.search.parameters import Parametrisation, SphereParameters
 from lensforge.search.profiles import ProfileParameters
+from lensforge.search.room_for_parts import require_feasible_tolerances
 from lensforge.search.schedule import SLICES, Judgement
 from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.ray_bundle import RayBundle, Source
@@ -47,6 +48,12 @@ class Problem:
     def parametrisation(self) -> Parametrisation:
         """Parameters and tables of its lenses."""
         return self.merit.parametrisation
+
+    def require_room_for_parts(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> None:
+        """Raise :class:`InputError` for a tolerance that the lens from which a robust search begins cannot bear."""
+        if self.parts is not None:
+            lens = self.parametrisation.lens(weights, offsets, self.spec, 0, "draft")
+            require_feasible_tolerances(lens, self.parts.factors)
 
     def in_full(self) -> tuple[Parametrisation, AugmentedLagrangian]:
         """Parametrisation and constraints of the end of a search: where its steps look at few points, at many.
@@ -141,9 +148,9 @@ class ValidationRays:
             tables = merit.parametrisation.tables(weights, offsets)
             missing = float(constraints.penalty_alone(constraints.fields(tables)))
             parts = problem.parts  # of a robust search; the same for both samples
-            pairs = [None] * SLICES if parts is None else parts.of_validation(self.seed, SLICES)
+            pairs = [()] * SLICES if parts is None else [(each,) for each in parts.of_validation(self.seed, SLICES)]
             lights = [
-                [merit.light_of(tables, part, pair) for part, pair in zip(sample.divided(SLICES), pairs, strict=True)]
+                [merit.light_of(tables, part, own) for part, own in zip(sample.divided(SLICES), pairs, strict=True)]
                 for sample in self.samples
             ]
             judged = [_judgement(merit, lights, missing, uniform) for uniform in ([False, True] if even else [False])]

@@ -258,7 +258,7 @@ class Spec(Section):
         if self.lamps is not None and not self.all_lamps.is_single:
             lenses, receivers = self.photometry.lenses, self.all_receivers
             require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
-            others = {"sources": bool(self.sources), "optimise.robust": self.optimise.robust}
+            others = {"sources": bool(self.sources), "optimise.robust": bool(self.optimise.robust)}
             require_kinds(self.lamps, receivers, others, self.limits)
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
@@ -336,6 +336,7 @@ class Spec(Section):
         if self.optimise.robust and self.lens.is_opaque:
             clear = " or ".join(repr(kind) for kind, section in LensShape.kinds.items() if lets_light_in(section.roles))
             raise ValueError(f"optimise.robust goes with lens.kind = {clear}, not {self.lens.kind!r}; leave it out")
+        self.optimise.require_limits(bool(self.limits or self.roads))
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from lensforge.spec.spec_section import (
     LEFT_OUT,
@@ -105,6 +105,22 @@ class ConstraintsSection(Section):
             )
 
 
+_YIELD, _LEAST_SHARE, _MOST_SHARE = 0.95, 0.5, 0.999  # of the parts: where none is given, and that may be given
+_Robust = bool | Literal["yield"] | Annotated[float, Field(ge=_LEAST_SHARE, le=_MOST_SHARE)]
+
+
+def _share_of_parts(value: object) -> object:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value in (True, False, "yield") and not number:
+        return value
+    if not number or not _LEAST_SHARE <= float(str(value)) <= _MOST_SHARE:
+        raise ValueError(
+            f'must be true, false, "yield", or a share of the parts from {_LEAST_SHARE:g} to {_MOST_SHARE:g}; some '
+            "part always fails"
+        )
+    return value
+
+
 class OptimiseSection(Section):
     """Settings of the search; omitted ones come from the accuracy preset.
 
@@ -125,12 +141,26 @@ class OptimiseSection(Section):
     """Time that the search with automatic levels may take, with its set-up but without the kernels that are compiled
     once on a machine; by default it goes on for as long as it gains.
     """
-    robust: bool = False
-    """Search for the lens whose parts are best on average: every gradient step sees other parts, drawn from the
-    tolerances. Without it they have no effect on the lens.
+    robust: Annotated[_Robust, BeforeValidator(_share_of_parts)] = False
+    """Search by made parts: every gradient step sees others, drawn from the tolerances. true: for the lens whose parts
+    are best on average; "yield": for that of whose parts 0.95 hold the limits, or the share that is given. Without it
+    the tolerances have no effect on the lens.
     """
     fresnel: bool = True
     """Count what both surfaces and a cover glass reflect in the search; the evaluation always does."""
+
+    @property
+    def share(self) -> float | None:
+        """Share of the parts that is to hold the limits; None where the search does not ask for it."""
+        return None if isinstance(self.robust, bool) else _YIELD if self.robust == "yield" else self.robust
+
+    def require_limits(self, given: bool) -> None:
+        """Raise ``ValueError`` for a share of the parts that hold limits where there are none."""
+        if self.share is not None and not given:
+            raise ValueError(
+                f"optimise.robust = {self.robust!r} asks for parts that hold limits, and there are none: give "
+                "[[limits]] or [[roads]], of which a zone may bound the share of the flux; or robust = true"
+            )
 
 
 class EvaluateSection(Section):

@@ -12,13 +12,14 @@ from scenes import NO_TOLERANCES, small_spec, sphere, tolerance_changes
 from lensforge.errors import InputError
 from lensforge.light.lens_light import evaluate
 from lensforge.made.board_light import BoardLight, in_plate
-from lensforge.made.part_study import PartStudy, Recipe, require_feasible_tolerances
+from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.sensitivity import measure_sensitivity
 from lensforge.made.yield_facts import pass_sentence
 from lensforge.made.yield_study import contributions, measure_yield
 from lensforge.optics.pose import Pose
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws
+from lensforge.search.room_for_parts import require_feasible_tolerances
 from lensforge.spec.lamp_places import Lamp
 from lensforge.spec.tolerances_section import Factor
 

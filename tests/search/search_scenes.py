@@ -49,7 +49,7 @@ class Step:
         source = build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None)
         self.problem = Problems(spec, source, 3.0, None, single).of((9, 25))
         parts = self.problem.parts
-        self.pair = None if parts is None else parts.of_step(0, 3)
+        self.pairs = () if parts is None else parts.of_step(0, 3)
         lenses = max(1, len(spec.all_lamps.kinds))
         weights = torch.from_numpy(rng.normal(size=(34, 2 * lenses)) * 0.01).requires_grad_()
         self.parameters = weights, torch.tensor(lenses * [1.0, 1.2], dtype=torch.float64, requires_grad=True)
@@ -63,7 +63,7 @@ class Step:
             path = replace(path, paths=tuple(replace(each, **light) for each in path.paths))
         merit = replace(self.problem.merit, light=path if isinstance(path, LightOfKinds) else replace(path, **light))
         moved = (own + step * way for own, step, way in zip(self.parameters, by, self.ways, strict=True))
-        return merit.evaluate(*moved, self.rays, self.problem.constraints, True, self.pair).loss
+        return merit.evaluate(*moved, self.rays, self.problem.constraints, True, self.pairs).loss
 
     def values(self, **light: Any) -> tuple[torch.Tensor, ...]:
         """The merit and its gradient."""

@@ -54,11 +54,11 @@ def test_the_slope_of_the_merit_by_a_weight_is_that_of_differences(scene: str) -
     assert spec.lens.symmetry == "none"
     parametrisation = SphereParameters.of(spec, 4.0)
     merit, rays = MeritFunction.of(spec, source, parametrisation), source.sample(2**12, 3)
-    pair = SearchParts.of(spec, parametrisation).of_step(0, 3) if spec.optimise.robust else None
+    pairs = SearchParts.of(spec, parametrisation).of_step(0, 3) if spec.optimise.robust else ()
 
     def loss(weights: torch.Tensor) -> torch.Tensor:
         tables = parametrisation.tables(weights, torch.ones(2, dtype=torch.float64))
-        return merit.assessed(merit.light_of(tables, rays, pair), uniform=False).loss
+        return merit.assessed(merit.light_of(tables, rays, pairs), uniform=False).loss
 
     some = torch.tensor(np.random.default_rng(1).normal(size=(9, 2)) * 0.02).requires_grad_()
     loss(some).backward()

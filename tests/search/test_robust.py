@@ -49,10 +49,10 @@ def test_without_deviations_it_is_the_merit_of_the_lens_as_designed() -> None:
 
 def test_the_merit_of_a_pair_is_the_mean_over_its_parts() -> None:
     step = RobustStep(LARGE)
-    one, other = step.problem.parts.of_step(0, 3)
+    ((one, other),) = step.problem.parts.of_step(0, 3)
     losses = []
     for pair in ((one, other), (one, one), (other, other)):
-        step.pair = pair
+        step.pairs = (pair,)
         with torch.no_grad():
             losses.append(step.loss().item())
     assert losses[0] == pytest.approx(0.5 * (losses[1] + losses[2]), rel=1e-12)
@@ -67,21 +67,22 @@ def test_slices_of_a_sample_join_to_its_light() -> None:
     joined = SampledLight.joined(parts, 2.0 * whole.emitted_w)
     assert torch.allclose(joined.images[0], 2.0 * whole.images[0], rtol=1e-9, atol=1e-12)
     assert joined.terms.item() == pytest.approx(2.0 * whole.terms.item())
-    pair = step.merit.light_of(tables, step.rays, step.pair)
-    assert torch.equal(SampledLight.joined([pair], 2.0 * pair.emitted_w).halves[0][0], 2.0 * pair.halves[0][0])
+    pair = step.merit.light_of(tables, step.rays, step.pairs)
+    joined = SampledLight.joined([pair], 2.0 * pair.emitted_w)
+    assert torch.equal(joined.pairs[0].images[0], 2.0 * pair.pairs[0].images[0])
 
 
 def test_steps_draw_other_parts_and_the_same_again() -> None:
     parts, again = (problem_of(robust()).parts for _ in range(2))
     assert parts is not None and again is not None
-    far = parts.of_step(1, 5000)[0].made  # of another block than the first
-    made = [parts.of_step(1, number)[0].made for number in range(3)]
+    far = parts.of_step(1, 5000)[0][0].made  # of another block than the first
+    made = [parts.of_step(1, number)[0][0].made for number in range(3)]
     assert len({str(each) for each in (*made, far)}) == 4
-    assert [again.of_step(1, number)[0].made for number in range(3)] == made
-    assert again.of_step(1, 5000)[0].made == far
-    assert parts.of_step(2, 0)[0].made != made[0]
+    assert [again.of_step(1, number)[0][0].made for number in range(3)] == made
+    assert again.of_step(1, 5000)[0][0].made == far
+    assert parts.of_step(2, 0)[0][0].made != made[0]
     assert parts.of_validation(1, 2)[0][0].made != made[0]
-    one, other = parts.of_step(1, 0)
+    ((one, other),) = parts.of_step(1, 0)
     assert np.allclose(np.array(one.made.source.origin_mm), -np.array(other.made.source.origin_mm))
     assert np.allclose(one.errors["outer"], -other.errors["outer"]) and one.index == -other.index
     assert one.made.slopes == other.made.slopes
@@ -93,8 +94,8 @@ def test_fine_errors_scatter_as_roughness() -> None:
         for own in ({"outer_form_um": 1.0}, {"outer_waviness_um": 1.0})
     )
     assert plain is not None and rough is not None
-    assert plain.of_step(0, 0)[0].made.slopes["outer"] == 0.0
-    part = rough.of_step(0, 0)[0]
+    assert plain.of_step(0, 0)[0][0].made.slopes["outer"] == 0.0
+    part = rough.of_step(0, 0)[0][0]
     assert "outer" not in part.errors and 1e-4 < part.made.slopes["outer"] < 1e-2
 
 

@@ -132,12 +132,12 @@ def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> 
     amounts = {"source_shift_mm": 0.2, "source_height_mm": 0.1, "source_size": 0.05, "source_flux": 0.2}
     spec = spot().replace(optimise={"robust": True}, tolerances={**amounts, "lens_tilt_deg": 0.5})
     source, parameters = build_source(spec.source, None), begun()
-    merit, pair = MeritFunction.of(spec, source, parameters), SearchParts.of(spec, parameters).of_step(0, 3)
+    merit, pairs = MeritFunction.of(spec, source, parameters), SearchParts.of(spec, parameters).of_step(0, 3)
     (weights, offsets), rays = parameters.start(), source.sample(2**15, 3)
-    assert abs(pair[0].made.source.origin_mm[0]) > 0.03 and pair[0].flux != 1.0
+    assert abs(pairs[0][0].made.source.origin_mm[0]) > 0.03 and pairs[0][0].flux != 1.0
 
     def loss(moved: torch.Tensor, own: MeritFunction = merit) -> torch.Tensor:
-        return own.assessed(own.light_of(parameters.tables(weights, moved), rays, pair), False).loss
+        return own.assessed(own.light_of(parameters.tables(weights, moved), rays, pairs), False).loss
 
     step, direction = 8e-3, torch.tensor(along, dtype=torch.float64)
     found = float(loss(offsets + step * direction) - loss(offsets - step * direction)) / (2.0 * step)

@@ -257,6 +257,7 @@ ELSEWHERE = {  # where each value is one of a test's cases
     "process": "spec/test_process.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
     "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
     "of": "light/test_luminance.py",
+    "robust": "search/test_share_of_parts.py",
 }  # fmt: skip
 DEFAULTS = {"use": "general", "aim": "pattern", "origin": "file"}  # what every other test takes
 OF_FILES = {("BaseSection.kind", "step"), ("PlateSection.kind", "step")}  # in cad/test_custom_base.py and of outlines
