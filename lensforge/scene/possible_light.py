@@ -329,13 +329,10 @@ class PossibleLight:
         middle, half = shortest_arc(np.arctan2(y, x))
         return middle, half + float(np.arcsin(from_mm / near))
 
-    def weights(self, of: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]) -> Image:
-        """Weight ``of`` directions on each pixel of the far field: that in its middle."""
+    def weighted(self, of: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]) -> float:
+        """Largest sum of shares by the weight ``of`` the middles of pixels: the integral of the share above each."""
         middles = replace(self.receiver, grid=self.receiver.grid.finer(2)).corners()[1::2, 1::2]
-        return of(middles.reshape(-1, 3)).reshape(middles.shape[:2])
-
-    def weighted(self, weights: Image) -> float:
-        """Largest sum of shares by ``weights``: the integral over all levels of the share where the weight is above."""
+        weights = of(middles.reshape(-1, 3)).reshape(middles.shape[:2])
         step, found, joint = float(weights.max()) / _LAYERS, 0.0, 1.0
         for layer in range(_LAYERS):
             region = weights > layer * step

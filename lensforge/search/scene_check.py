@@ -161,7 +161,7 @@ def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Sp
     radius_mm = _least_radius_mm(spec, physics, limit.bound, least)
     if limit.field is not None:
         per_lumen = partial(limit.field.per_lumen, street_deg=spec.photometry.street_side_deg)
-        most = min(most, limit.lamp_lm * physics.weighted(physics.weights(per_lumen)))
+        most = min(most, limit.lamp_lm * physics.weighted(per_lumen))
     return Requirement(limit.name, limit.bound, most, limit.unit, radius_mm, estimated, of_road=limit.of_road)
 
 

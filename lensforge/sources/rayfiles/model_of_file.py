@@ -18,8 +18,8 @@ _SEED = 0
 _DRAWN = 2**20
 _MOST_PIXELS, _RAYS_IN_PIXEL = 48, 100  # of all rays of the file
 _CAP = np.cos(np.deg2rad(15.0))  # around each of five directions, from the axis and 45 degrees off it
-_VIEWS = {"from the front": (0.0, 0.0), "45° from +x": (1.0, 0.0), "45° from +y": (0.0, 1.0),
-          "45° from -x": (-1.0, 0.0), "45° from -y": (0.0, -1.0)}  # fmt: skip
+_SIDES = {"+x": (1.0, 0.0), "+y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}
+_VIEWS = {"from the front": (0.0, 0.0), **{f"45° from {name}": side for name, side in _SIDES.items()}}
 
 
 def model_of(rayfile: RayFile) -> ModelledRays:
