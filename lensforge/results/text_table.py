@@ -198,6 +198,21 @@ class TextTable:
         decimal = "points" if self.dialect.decimal == "." else "commas"
         return f"; {marks} separate its cells, numbers have decimal {decimal}"
 
+    def grid(self, columns: Sequence[Column], *of: str) -> tuple[list[float], list[float], list[list[float]]]:
+        """The values of the first and the second of three columns, rising, and the third by [first, second].
+
+        ``of``: both in words, each. Raises :class:`InputError` where not each pair has one row.
+        """
+        table = self.columns(columns)
+        (one, rows), (other, places) = (np.unique(each, return_inverse=True) for each in table.T[:2])
+        pairs = {*zip(rows.tolist(), places.tolist(), strict=True)}
+        if not len(pairs) == len(table) == len(one) * len(other):
+            counts = f"{len(one)} {of[0]} and {len(other)} {of[1]}"
+            raise InputError(f"{self.name}: {len(table)} rows for {counts}; must be one a pair")
+        values = np.empty((len(one), len(other)))
+        values[rows, places] = table[:, 2]
+        return one.tolist(), other.tolist(), values.tolist()
+
     def columns(self, wanted: Sequence[Column], *, further: bool = False) -> Float[np.ndarray, "n k"]:
         """The ``wanted`` columns in their order and units, by the names in the header, where it has none by place.
 

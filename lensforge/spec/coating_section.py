@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field
 
-from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS, Material
 from lensforge.optics.media import CoatingLayer, CoverGlass, Film, IndexCurve, LayerStack, ReflectanceTable
 from lensforge.results.files import MIB
 from lensforge.results.text_table import Column, TextTable
-from lensforge.spec.spec_files import full_path
-from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section, check, fault_of
+from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section, check
+from lensforge.spec.table_file import OfTableFile
 
 _MOST_BYTES = 32 * MIB
 _COLUMNS = (
@@ -26,27 +25,6 @@ _COLUMNS = (
     Column(("wavelength", "lambda", "λ", "wl", "wellenlänge"), {"nm": 1.0, "": 1.0, "um": 1e3}),
     Column(("reflectance", "reflectivity", "r", "reflexion"), {"": 1.0, "%": 0.01}),
 )
-
-Rows = list[list[float]]
-
-
-def read_coating(path: Path) -> tuple[list[float], list[float], Rows]:
-    """Angles (degrees), wavelengths (nm), and reflectance [wavelength, angle] of the table at ``path``.
-
-    Raises :class:`InputError`, one line, for a file that is none.
-    """
-    table = TextTable.read(path, missing="give a table of the reflectance", most_bytes=_MOST_BYTES).columns(_COLUMNS)
-    angles, columns = np.unique(table[:, 0], return_inverse=True)
-    waves, places = np.unique(table[:, 1], return_inverse=True)
-    pairs, count = {*zip(columns.tolist(), places.tolist(), strict=True)}, len(angles) * len(waves)
-    if not len(pairs) == len(table) == count:
-        raise InputError(
-            f"{path}: {len(table)} rows for {len(angles)} angles and {len(waves)} wavelengths; must be one a pair"
-        )
-    values = np.empty((len(waves), len(angles)))
-    values[places, columns] = table[:, 2]
-    return angles.tolist(), waves.tolist(), values.tolist()
-
 
 _MOST_ANGLES, _MOST_WAVELENGTHS, _MOST_LAYERS = 1000, 1000, 100
 _LIGHT_NM = 100.0, 20_000.0
@@ -102,7 +80,7 @@ class LayerSection(Section):
         return None if self.material is None else MATERIALS[self.material]
 
 
-class CoatingSection(Section):
+class CoatingSection(OfTableFile):
     """Reflectance of a face below total reflection, in place of Fresnel's; what is not reflected passes.
 
     One of ``reflectance``, ``file`` and ``layers``. Up to 90 degrees a table goes on to 1.
@@ -121,16 +99,12 @@ class CoatingSection(Section):
     file: FilePath | None = None
     """Table with columns angle_deg, wavelength_nm and reflectance, read into these fields as the spec is."""
 
-    @model_validator(mode="before")
     @classmethod
-    def _table_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
-        if not isinstance(content, dict) or not isinstance(content.get("file"), str | Path):
-            return content
-        if len([value for value in content.values() if value is not None]) > 1:
-            raise ValueError("file: give nothing else beside it")
-        with fault_of("file"):
-            angles, waves, rows = read_coating(full_path(Path(content["file"]), info))
-        return {"angle_deg": angles, "wavelength_nm": waves, "reflectance": rows}
+    def read(cls, path: Path) -> dict[str, Any]:
+        """Fields of the table at ``path``, a row for each angle and wavelength."""
+        table = TextTable.read(path, missing="give a table of the reflectance", most_bytes=_MOST_BYTES)
+        angles, waves, by_angle = table.grid(_COLUMNS, "angles", "wavelengths")
+        return {"angle_deg": angles, "wavelength_nm": waves, "reflectance": np.transpose(by_angle).tolist()}
 
     @check
     def _usable(self) -> None:

@@ -8,14 +8,13 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field
 
-from lensforge.errors import InputError
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian, shares_within
 from lensforge.results.files import MIB
 from lensforge.results.text_table import Column, TextTable
-from lensforge.spec.spec_files import full_path
-from lensforge.spec.spec_section import FilePath, Section, check, fault_of
+from lensforge.spec.spec_section import FilePath, Section, check
+from lensforge.spec.table_file import OfTableFile
 
 Values = Float[np.ndarray, " n"]
 
@@ -105,31 +104,12 @@ _Angles = Annotated[tuple[Annotated[float, Field(ge=0.0, le=90.0)], ...], Field(
 _Row = Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Field(max_length=_MOST_ROWS)]
 
 
-def read_scatter(path: Path) -> tuple[list[float], list[float], list[list[float]]]:
-    """Angles of incidence and scattering (degrees), and BSDF (1/sr) [incidence, scattering] of the table at ``path``.
-
-    Raises :class:`InputError`, one line, for a file that is none.
-    """
-    table = TextTable.read(path, missing="give a table of the BSDF", most_bytes=_MOST_BYTES).columns(_COLUMNS)
-    incidence, rows = np.unique(table[:, 0], return_inverse=True)
-    scattering, columns = np.unique(table[:, 1], return_inverse=True)
-    pairs, count = {*zip(rows.tolist(), columns.tolist(), strict=True)}, len(incidence) * len(scattering)
-    if not len(pairs) == len(table) == count:
-        raise InputError(
-            f"{path}: {len(table)} rows for {len(incidence)} angles of incidence and {len(scattering)} of scattering; "
-            "must be one a pair"
-        )
-    values = np.empty((len(incidence), len(scattering)))
-    values[rows, columns] = table[:, 2]
-    return incidence.tolist(), scattering.tolist(), values.tolist()
-
-
 def _density(angles_rad: Values, bsdf_per_sr: Values, radii: Values) -> Values:
     density: Values = np.interp(np.arcsin(radii), angles_rad, bsdf_per_sr)
     return density
 
 
-class TableScatter(Section):
+class TableScatter(OfTableFile):
     """A face whose scatter function (BSDF) was measured, the same all around the polished direction.
 
     Even between its angles, and 0 beyond the last of ``scattering_deg``. What a row leaves of 1 goes on as from a
@@ -146,16 +126,12 @@ class TableScatter(Section):
     file: FilePath | None = None
     """Table with columns incidence_deg, scattering_deg and bsdf, read into these fields as the spec is."""
 
-    @model_validator(mode="before")
     @classmethod
-    def _table_of_the_file(cls, content: Any, info: ValidationInfo) -> Any:
-        if not isinstance(content, dict) or not isinstance(content.get("file"), str | Path):
-            return content
-        if len([value for value in content.values() if value is not None]) > 2:
-            raise ValueError("file: give nothing else beside it and kind")
-        with fault_of("file"):
-            incidence, scattering, rows = read_scatter(full_path(Path(content["file"]), info))
-        return {"kind": "table", "incidence_deg": incidence, "scattering_deg": scattering, "bsdf_per_sr": rows}
+    def read(cls, path: Path) -> dict[str, Any]:
+        """Fields of the table at ``path``, a row for each angle of incidence and of scattering."""
+        table = TextTable.read(path, missing="give a table of the BSDF", most_bytes=_MOST_BYTES)
+        incidence, scattering, rows = table.grid(_COLUMNS, "angles of incidence", "of scattering")
+        return {"incidence_deg": incidence, "scattering_deg": scattering, "bsdf_per_sr": rows}
 
     @check
     def _usable(self) -> None:

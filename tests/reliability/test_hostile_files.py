@@ -35,7 +35,8 @@ from lensforge.sources.photometric.photometric_summary import rays
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.rayfiles.ray_file_io import FORMATS, read_rayfile
 from lensforge.sources.source_spectrum import read_spectrum_file
-from lensforge.spec.coating_section import read_coating
+from lensforge.spec.coating_section import CoatingSection
+from lensforge.spec.scatter_section import TableScatter
 from lensforge.surfaces.point_cloud import read_cloud
 
 
@@ -157,7 +158,8 @@ def formats() -> dict[str, tuple[str, bytes, Reader]]:
         **{name: ("rays.bin", encoded(name, CASES[name][0]), drawn) for name in FORMATS},
         **{suffix[1:]: (f"light{suffix}", photometric(suffix), rays) for suffix in PHOTOMETRIC},
         "spectrum": ("spectrum.txt", b"nm value\n400 0.5\n500 1.0\n600 0.25\n", read_spectrum_file),
-        "coating": ("coating.csv", b"angle_deg;reflectance;nm\n0;0,05;500\n60;0,1;500\n", read_coating),
+        "coating": ("coating.csv", b"angle_deg;reflectance;nm\n0;0,05;500\n60;0,1;500\n", CoatingSection.read),
+        "scatter": ("film.csv", b"incidence_deg,scattering_deg,bsdf\n0,0,1\n0,9,0\n", TableScatter.read),
         "target": ("light.csv", b"1,0.5,0\n2.5,3,4\n", read_table),
         "table": (
             "glass.csv",
