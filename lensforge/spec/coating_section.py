@@ -5,6 +5,7 @@ commas, semicolons, tabs or blanks, in this order or as a first line names them;
 glass is a plane-parallel plate between the lens and the receivers.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -100,7 +101,7 @@ class CoatingSection(OfTableFile):
     """Table with columns angle_deg, wavelength_nm and reflectance, read into these fields as the spec is."""
 
     @classmethod
-    def read(cls, path: Path) -> dict[str, Any]:
+    def read(cls, path: Path) -> Mapping[str, object]:
         """Fields of the table at ``path``, a row for each angle and wavelength."""
         table = TextTable.read(path, missing="give a table of the reflectance", most_bytes=_MOST_BYTES)
         angles, waves, by_angle = table.grid(_COLUMNS, "angles", "wavelengths")

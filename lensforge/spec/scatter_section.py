@@ -1,10 +1,11 @@
 """Scatter of a face, ``[lens.outer.scatter]``: how it spreads the light that passes, or that its mirror reflects."""
 
+from collections.abc import Mapping
 from functools import partial
 from itertools import pairwise
 from math import exp, radians, sqrt
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -127,7 +128,7 @@ class TableScatter(OfTableFile):
     """Table with columns incidence_deg, scattering_deg and bsdf, read into these fields as the spec is."""
 
     @classmethod
-    def read(cls, path: Path) -> dict[str, Any]:
+    def read(cls, path: Path) -> Mapping[str, object]:
         """Fields of the table at ``path``, a row for each angle of incidence and of scattering."""
         table = TextTable.read(path, missing="give a table of the BSDF", most_bytes=_MOST_BYTES)
         incidence, scattering, rows = table.grid(_COLUMNS, "angles of incidence", "of scattering")

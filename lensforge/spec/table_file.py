@@ -1,6 +1,7 @@
 """Sections whose fields may be read from the file of a table, which they need no more then."""
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ class OfTableFile(Section):
 
     @classmethod
     @abstractmethod
-    def read(cls, path: Path) -> dict[str, Any]:
+    def read(cls, path: Path) -> Mapping[str, object]:
         """Fields of the table at ``path``. Raises :class:`InputError`, one line, for a file that is none."""
 
     @model_validator(mode="before")
@@ -28,4 +29,4 @@ class OfTableFile(Section):
             raise ValueError("file: give nothing else beside it")
         with fault_of("file"):
             fields = cls.read(full_path(Path(content["file"]), info))
-        return {name: content[name] for name in given & {"kind"}} | fields
+        return {name: content[name] for name in given & {"kind"}} | dict(fields)
