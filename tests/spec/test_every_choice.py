@@ -256,7 +256,7 @@ ELSEWHERE = {  # where each value is one of a test's cases
     "edition": "scene/test_road_field.py", "coordinates": "surfaces/test_given_faces.py",
     "process": "spec/test_process.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
     "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
-    "of": "light/test_luminance.py",
+    "of": "light/test_luminance.py", "model": "sources/test_modelled_rays.py",
     "robust": "search/test_share_of_parts.py",
 }  # fmt: skip
 DEFAULTS = {"use": "general", "aim": "pattern", "origin": "file"}  # what every other test takes

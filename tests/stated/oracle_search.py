@@ -112,7 +112,12 @@ def source(case):
         "wavelengths_nm", "refractive_indices", "extrapolated_index_share", "clamped_index_share", "title", "warnings",
         "files", "placement", "rays", "effective_rays", "virtual_focus_mm",
     ), ...)  # fmt: skip
-    record |= {"flux_w": plain(watts), "lumens_per_watt": efficacy and plain(efficacy), "symmetry": "none"}
+    record |= {
+        "flux_w": plain(watts),
+        "lumens_per_watt": efficacy and plain(efficacy),
+        "symmetry": "none",
+        "model": None,
+    }
     if spec["source"]["kind"] == "rayfile":
         p, d, flux = (each.astype(float) for each in led_rays("near"))
         d /= np.linalg.norm(d, axis=1)[:, None]
