@@ -12,12 +12,19 @@ from lensforge.kernels.vectors import add_scaled, dot, length_of, scaled
 
 
 @inline
+def by_right_angles(x, y, count):
+    """A vector across the axis, turned about it by so many right angles."""
+    turn = count % 4
+    sign = 1.0 if turn < 2 else -1.0
+    return (sign * x, sign * y) if turn % 2 == 0 else (-sign * y, sign * x)
+
+
+@inline
 def fetch_facet(packet, place, k, event, face, noise, slopes):
     """The slopes of ray k at a face, where faces are rough; a right angle on each time that it meets it again."""
     if noise is not None:
-        x, y, turn = slopes[face] * noise[k, 2 * face], slopes[face] * noise[k, 2 * face + 1], (event - face) % 4
-        sign = 1.0 if turn < 2 else -1.0
-        packet[place], packet[place + SIZE] = (sign * x, sign * y) if turn % 2 == 0 else (-sign * y, sign * x)
+        x, y = slopes[face] * noise[k, 2 * face], slopes[face] * noise[k, 2 * face + 1]
+        packet[place], packet[place + SIZE] = by_right_angles(x, y, event - face)
 
 
 @inline

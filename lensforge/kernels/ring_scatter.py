@@ -9,6 +9,7 @@ from math import sqrt
 from typing import NamedTuple
 
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.facet_normals import by_right_angles
 from lensforge.kernels.fields import FieldTurn, turn_vector
 from lensforge.kernels.nearest_face import FIELDS, SIDE
 from lensforge.kernels.ray_packet import COSINE, DX, MX, RAY, SIZE, three, write
@@ -57,9 +58,7 @@ def shift_at(number, event, face, c, shifts):
     """The shift of a ray at a face; a right angle on each time that it meets it again. Whether there is any, too."""
     row = shifts.rays[number, face]
     amount, slope = amount_at(row, shifts.cosines[face], c)
-    x, y, turn = row[0], row[1], (event - face) % 4
-    sign = 1.0 if turn < 2 else -1.0
-    x, y = (sign * x, sign * y) if turn % 2 == 0 else (-sign * y, sign * x)
+    x, y = by_right_angles(row[0], row[1], event - face)
     return Shift(amount * x, amount * y, row[2], (x, y), slope), row[2] != 1.0 or amount != 0.0
 
 

@@ -70,11 +70,6 @@ class RingScatter:
     follows: bool = True
 
     @property
-    def most(self) -> float:
-        """Largest share that is scattered."""
-        return max(row[-1] for row in self.shares)
-
-    @property
     def rms(self) -> float:
         """Shift, rms along any line, of all light; the largest over the incidences."""
         middle = 0.25 * (np.square(self.radii[1:]) + np.square(self.radii[:-1]))

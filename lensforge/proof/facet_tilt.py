@@ -7,7 +7,7 @@ proof's own meet facets of its own, drawn by NumPy's normal numbers from the slo
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from lensforge.optics.media import Media, RingScatter
 from lensforge.sources.ray_bundle import RayBundle
@@ -75,10 +75,16 @@ def tilted(
     n = normals[rough] * np.where(np.sum(normals[rough] * points[rough], axis=1) < 0.0, -1.0, 1.0)[:, None]
     along = slopes[rough, 2 * faces[rough]] + 1j * slopes[rough, 2 * faces[rough] + 1]
     along *= 1j ** (np.broadcast_to(events, len(faces))[rough] - faces[rough])
-    axis = np.cross([0.0, 0.0, 1.0], n)  # of the turn, its length the sine of the angle
-    flat = np.column_stack([along.real, along.imag, np.zeros(len(rough))])
-    cosine = n[:, 2:]
-    turned = cosine * flat + np.cross(axis, flat) + np.sum(axis * flat, axis=1)[:, None] * axis / (1.0 + cosine)
-    found = normals.copy()
-    found[rough] = (n + turned) / np.linalg.norm(n + turned, axis=1)[:, None]
+    facets, found = n + in_face(along, n), normals.copy()
+    found[rough] = facets / np.linalg.norm(facets, axis=1)[:, None]
     return found
+
+
+def in_face(slopes: Complex[np.ndarray, " n"], outward: Vectors) -> Vectors:
+    """Vectors along faces: x and y turned to the face as z is to its unit normal away from the origin."""
+    axis, cosine = (
+        np.cross([0.0, 0.0, 1.0], outward),
+        outward[:, 2:],
+    )  # of the turn: its length is the sine of the angle
+    flat = np.column_stack([slopes.real, slopes.imag, np.zeros(len(slopes))])
+    return cosine * flat + np.cross(axis, flat) + np.sum(axis * flat, axis=1)[:, None] * axis / (1.0 + cosine)

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from lensforge.optics.media import RingScatter
+from lensforge.proof.facet_tilt import in_face
 
 Vectors = Float[np.ndarray, "n 3"]
 PerRay = Float[np.ndarray, " n"]
@@ -48,7 +49,7 @@ def spread(directions: Vectors, at: Spreading) -> Vectors:
     n = at.outward * np.where(np.sum(directions * at.outward, axis=1) < 0.0, -1.0, 1.0)[:, None]
     along = directions - np.sum(directions * n, axis=1)[:, None] * n
     amounts, scatters = _amounts(at)
-    ends = _in_face(amounts * np.exp(2j * np.pi * at.numbers[:, 1]) * 1j**at.turns, at.outward)
+    ends = in_face(amounts * np.exp(2j * np.pi * at.numbers[:, 1]) * 1j**at.turns, at.outward)
     ends += along if at.model.follows else 0.0
     lengths = np.maximum(np.linalg.norm(ends, axis=1), 1e-300)
     ends *= (np.where(lengths > 1.0, 1.0 / lengths, lengths) / lengths)[:, None]
@@ -70,13 +71,6 @@ def _amounts(at: Spreading) -> tuple[PerRay, Bool[np.ndarray, " n"]]:
     hats = [np.interp(at.cosines, nodes, each) for each in np.eye(len(nodes))]
     amounts: PerRay = np.sum([hat * column for hat, column in zip(hats, columns, strict=True)], axis=0)
     return amounts, (amounts > 0.0) | (not at.model.follows and np.max(columns, axis=0) > 0.0)
-
-
-def _in_face(slope: Complex[np.ndarray, " n"], outward: Vectors) -> Vectors:
-    """Vectors along faces: x and y turned to the face as z is to its normal away from the origin."""
-    flat = np.column_stack([slope.real, slope.imag, np.zeros(len(slope))])
-    axis, cosine = np.cross([0.0, 0.0, 1.0], outward), outward[:, 2:]
-    return cosine * flat + np.cross(axis, flat) + np.sum(axis * flat, axis=1)[:, None] * axis / (1.0 + cosine)
 
 
 def turned(fields: Complex[np.ndarray, "n 2 3"], one: Vectors, other: Vectors) -> Complex[np.ndarray, "n 2 3"]:

@@ -82,7 +82,8 @@ def ring_shifts(rays: RayBundle, faces: Sequence[Scatter | None], before: int = 
     """
     rings = [each for each in faces if isinstance(each, RingScatter)]
     most = max(len(each.cosines) for each in rings)
-    cosines, found = np.tile(np.linspace(2.0, 3.0, most), (len(faces), 1)), np.zeros((len(rays), len(faces), 3 + most))
+    cosines = np.tile(np.linspace(2.0, 3.0, most), (len(faces), 1))  # where no row is: beyond all that rays have
+    found = np.zeros((len(rays), len(faces), 3 + most))
     found[:, :, 2] = 1.0
     for face, model, numbers, azimuths in _at_each(rays, faces, before):
         if isinstance(model, RingScatter):

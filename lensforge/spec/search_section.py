@@ -110,15 +110,14 @@ _Robust = bool | Literal["yield"] | Annotated[float, Field(ge=_LEAST_SHARE, le=_
 
 
 def _share_of_parts(value: object) -> object:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if value in (True, False, "yield") and not number:
+    if isinstance(value, bool) or value == "yield":
         return value
-    if not number or not _LEAST_SHARE <= float(str(value)) <= _MOST_SHARE:
-        raise ValueError(
-            f'must be true, false, "yield", or a share of the parts from {_LEAST_SHARE:g} to {_MOST_SHARE:g}; some '
-            "part always fails"
-        )
-    return value
+    if isinstance(value, int | float) and _LEAST_SHARE <= value <= _MOST_SHARE:
+        return value
+    raise ValueError(
+        f'must be true, false, "yield", or a share of the parts from {_LEAST_SHARE:g} to {_MOST_SHARE:g}; some part '
+        "always fails"
+    )
 
 
 class OptimiseSection(Section):
