@@ -104,7 +104,7 @@ def plate(sigma_deg: float, angle_deg: float, rays: int) -> Iterator[tuple[str, 
     exits = TracedBundle.of(tables, Scene(media, GRID), bundle).exits
     along = np.array([[np.cos(turn), 0.0, -np.sin(turn)], [0.0, 1.0, 0.0]])  # of the face, where it is met
     ours = Spread(exits.directions @ along.T, np.where(exits.left_lens, exits.flux, 0.0))
-    rough, hit = RoughFace(face.facets.slope, index), mi.SurfaceInteraction3f()
+    rough, hit = RoughFace(face.model.slope, index), mi.SurfaceInteraction3f()
     hit.wi = mi.Vector3f(np.sin(turn), 0.0, -np.cos(turn))  # where light comes from
     every = [rough.passed(hit, rng) for _ in range(rays)]
     places = np.array([[-way[0], way[1]] if share > 0.0 else [0.0, 0.0] for way, share, _ in every])
@@ -123,7 +123,7 @@ def through_lens(name: str, sigma_deg: float, rays: int) -> Iterator[tuple[str, 
     ours = _landed(receiver, traced.trace(source.sample(OURS * rays, 1)), OURS * rays)
     part = read_part_mesh(lf.build(polished).stl)
     scene, rng, bundle = _scene(mi, part), np.random.default_rng(2), source.sample(rays, 2)
-    faces = [RoughFace(slope, spec.lens.refractive_index) for slope in (0.0, lens.media.scatter[0].facets.slope)]
+    faces = [RoughFace(slope, spec.lens.refractive_index) for slope in (0.0, lens.media.scatter[0].model.slope)]
     points, ways, shares = np.zeros((rays, 3)), np.tile([0.0, 0.0, 1.0], (rays, 1)), np.zeros((rays, 2))
     for row, (origin, way) in enumerate(zip(bundle.origins.tolist(), bundle.directions.tolist(), strict=True)):
         ray, share = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(way)), np.ones(2)

@@ -26,8 +26,8 @@ from lensforge.kernels.vectors import add_scaled, dot, scaled
 ) = fields(COEFFICIENTS, 16)  # fmt: skip
 # At an event, from the start of its block: hit and direction before it, path, index ratio, the table's cell and five
 # derivatives, sensitivities to the table's value and slopes, and the facet.
-P, _, _, D, _, _, PATH, INDEX_RATIO, CELL, _, _, _, JET, _, _, _, _, BY_TABLE, _, _, FACET, _ = fields(0, 22)
-BLOCK = 22
+P, _, _, D, _, _, PATH, INDEX_RATIO, CELL, _, _, _, JET, _, _, _, _, BY_TABLE, _, _, FACET, _, _ = fields(0, 23)
+BLOCK = 23
 FIRST_EVENT, SECOND_EVENT = fields(COEFFICIENTS + 16, 2 * BLOCK)[::BLOCK]
 OF_POLARISATION = COEFFICIENTS + 16 + 2 * BLOCK  # what follows is that of the polarisation
 
@@ -116,7 +116,7 @@ def hit_at(packet, k, at, face, rays):
     number, ratio = int(packet[RAY + k]), packet[at + INDEX_RATIO + k]
     p, d, jet = three(packet, at + P + k), three(packet, at + D + k), jet_of(packet, at + JET + k)
     normal = outward_normal(p, jet[0], jet[1])
-    tilted = facet_normal(packet, at + FACET + k, normal, rays.noise)
+    tilted = facet_normal(packet, at + FACET + k, normal, d, rays.noise)
     return Hit(number, ratio, p, d, jet, normal, scaled(face.side, tilted))
 
 
@@ -172,7 +172,7 @@ def back_to_ray(packet, k, at, face, hit, by, rays):
     else:
         f, h = refract_adjoint(hit.d, hit.tilted, hit.ratio, by.direction, by.cosine, by.normal)
     f = add_scaled(f, 1.0, by.direction_before)
-    h = facet_normal_adjoint(packet, at + FACET + k, hit.normal, rays.noise, scaled(face.side, h))
+    h, f = facet_normal_adjoint(packet, at + FACET + k, hit.normal, hit.d, rays.noise, scaled(face.side, h), f)
     e = add_scaled(by.hit, by.path, hit.d)
     e, by_table = hit_adjoint(hit.p, hit.d, hit.normal, e, h, hit.jet)
     f = add_scaled(f, packet[at + PATH + k], e)

@@ -60,7 +60,7 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
         n = outward_normal(p, packet[RHO_X + k], packet[RHO_Y + k])
-        n = unit(facet_normal(packet, FACET + k, n, rays.noise))
+        n = unit(facet_normal(packet, FACET + k, n, d, rays.noise))
         b, c, q_squared = refract(d, n, ratio)
         met = packet[STATUS + k] == FOUND and p[2] >= 0.0
         write(packet, DX + k, (b[0] if met else d[0], b[1] if met else d[1], b[2] if met else d[2]))
@@ -115,7 +115,7 @@ def refract_any(packet, count, event, rays, body):
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
         n = outward_normal(p, packet[RHO_X + k], packet[RHO_Y + k])
-        n = scaled(packet[SIDE + k], unit(facet_normal(packet, FACET + k, n, rays.noise)))
+        n = scaled(packet[SIDE + k], unit(facet_normal(packet, FACET + k, n, d, rays.noise)))
         b, packet[COSINE + k], packet[BEHIND + k] = refract(d, n, packet[RATIO + k])
         write(packet, MX + k, n)
         write(packet, BENT + k, b)

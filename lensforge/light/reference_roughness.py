@@ -51,14 +51,17 @@ class ReferenceRoughness:
         shifts = None if rough.shifts is None else (there(rough.shifts.rays), there(rough.shifts.cosines))
         return ReferenceRoughness(facet, shifts)
 
-    def facets(self, normals: Vectors, met: Meeting) -> Vectors:
-        """Unit normals of the facets on a face of these ``normals`` away from the origin."""
+    def facets(self, normals: Vectors, directions: Vectors, met: Meeting) -> Vectors:
+        """Unit normals of the facets that light meets on a face of these ``normals`` away from the origin."""
         unit: Tensor = normalize(normals, dim=1)
         if self.facet is None:
             return unit
         noise, slopes = self.facet
         x, y = (slopes[met.face] * noise[met.numbers, 2 * met.face + axis] for axis in (0, 1))
-        return normalize(unit + _on_face(torch.complex(x, y), unit, met), dim=1)
+        c, squared = (directions * unit).sum(dim=1, keepdim=True), slopes[met.face] ** 2
+        across = torch.sqrt(c**2 + 2.0 / torch.pi * squared * (1.0 - c**2) + 1e-30)
+        seen = torch.sign(c) * squared / across * (directions - c * unit)  # their mean: light sees more of some
+        return normalize(unit + seen + _on_face(torch.complex(x, y), unit, met), dim=1)
 
     def spread(
         self, directions: Vectors, fields: Complex[Tensor, "n 2 3"], ahead: Ahead, met: Meeting

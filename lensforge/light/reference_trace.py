@@ -265,7 +265,7 @@ class _Passage:
         path, points = face.hit(light.points, light.directions, paths_mm, sense)
         light = self._dimmed(light, path, medium)
         met = Meeting(number, event, light.numbers)
-        normals = sense * self.rough.facets(face.normal(points), met)
+        normals = sense * self.rough.facets(face.normal(points), light.directions, met)
         cosine, ratio = (light.directions * normals).sum(dim=1), self._ratio(light.numbers, medium, behind)
         squared = transmitted_cosine_squared(cosine, ratio)
         is_exit, bends = number + 1 == len(self.body.faces), behind == OUTSIDE and mirror is None

@@ -1,7 +1,8 @@
 """Faces that scatter: facets, each as smooth as a polished face and tilted at random, or rings of scattered light.
 
 A facet refracts and reflects by Snell and Fresnel: scatter is reciprocal, and no light is made. Its slope against the
-mean face has no preferred azimuth. Light and shadow between facets is left out: it counts at grazing angles.
+mean face has no preferred azimuth but that of the light, which sees more of the facets that face it. Shadow between
+facets is left out: it counts at grazing angles.
 
 Facets turn light by a limited angle; what spreads farther is said by rings. Two numbers in [0, 1) of each ray give the
 amount and the azimuth of either.

@@ -13,10 +13,10 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media, RingScatter, SecondaryOptic, Surface, Wavelengths
-from lensforge.proof.facet_tilt import Numbers, Slopes, tilted
+from lensforge.proof.facet_tilt import Arrival, Numbers, Slopes, tilted
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
-from lensforge.proof.ring_spread import Arrival, Spreading
+from lensforge.proof.ring_spread import Spreading
 
 _SCANNED, _STEPS = 24, 60  # places along a ray among which its first crossing lies; halvings from there
 _DIRECTIONS = 2000  # by which the size of a face is known
@@ -128,7 +128,8 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, ro
         before, behind = (indices, around) if leaving else (around, indices)
         refracting = RefractingFace(before, behind, own.coating(face), here.nm, not leaving)
         normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
-        normals = tilted(normals, points, rough.slopes[rows], np.full(len(rows), int(leaving)), int(leaving))
+        met_at = Arrival(points, normals, along)
+        normals = tilted(met_at, rough.slopes[rows], np.full(len(rows), int(leaving)), int(leaving))
         at = AtFace.of(refracting, along, normals, body.pose.own_directions(beam.fields[rows]))
         at = rough.spread(at, own, face, Arrival(points, normals, along), rows)
         beam.share[rows] *= at.transmittance

@@ -5,6 +5,7 @@ proof's own meet facets of its own, drawn by NumPy's normal numbers from the slo
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
@@ -13,8 +14,16 @@ from lensforge.optics.media import Media, RingScatter
 from lensforge.sources.ray_bundle import RayBundle
 
 Vectors = Float[np.ndarray, "n 3"]
-Slopes = Float[np.ndarray, "n m"]  # two numbers for each face; none where no face has facets
+Slopes = Float[np.ndarray, "n m"]  # three numbers for each face, the rms last; none where no face has facets
 Numbers = Float[np.ndarray, "n k"]  # two for each face; none where no face scatters by rings
+
+
+class Arrival(NamedTuple):
+    """Rays at faces: points (mm), unit normals of either sign, and unit directions before."""
+
+    points: Vectors
+    normals: Vectors
+    directions: Vectors
 
 
 def slopes_of(rays: RayBundle, media: Media, names: Sequence[str], before: int = 0, seed: int | None = None) -> Slopes:
@@ -33,7 +42,9 @@ def slopes_of(rays: RayBundle, media: Media, names: Sequence[str], before: int =
         even = _even(rays, np.array([each is not None for each in models]), before)
         length, turn = np.sqrt(-2.0 * np.log(1.0 - even[:, ::2])), 2.0 * np.pi * even[:, 1::2]  # Box and Muller, 1958
         normal = np.stack([length * np.cos(turn), length * np.sin(turn)], axis=2).reshape(even.shape)
-    return normal * np.repeat(rms, 2)
+    slopes = np.empty((len(rays), len(names), 3))
+    slopes[:, :, :2], slopes[:, :, 2] = normal.reshape(len(rays), -1, 2) * rms[:, None], rms
+    return slopes.reshape(len(rays), -1)
 
 
 def numbers_for_rings(
@@ -62,20 +73,25 @@ def _even(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Number
 
 
 def tilted(
-    normals: Vectors, points: Vectors, slopes: Slopes, faces: Int[np.ndarray, " n"], events: int | Int[np.ndarray, " n"]
+    met: Arrival, slopes: Slopes, faces: Int[np.ndarray, " n"], events: int | Int[np.ndarray, " n"]
 ) -> Vectors:
-    """Unit normals of the facets at ``points`` of the part, from those of its ``faces``, of either sign.
+    """Unit normals of the facets that rays meet on these ``faces``.
 
     The two lines of a slope are x and y, turned to the face as z is to its normal away from the origin. A ray that
-    meets a face again, at a later of its ``events``, meets a facet a right angle on.
+    meets a face again, at a later of its ``events``, meets a facet a right angle on. Light sees more of the facets that
+    face it: their mean slope is along the face as the light is.
     """
-    rough = np.flatnonzero((faces >= 0) & (2 * faces + 2 <= slopes.shape[1]))
+    rough = np.flatnonzero((faces >= 0) & (3 * faces + 3 <= slopes.shape[1]))
     if not len(rough):
-        return normals
-    n = normals[rough] * np.where(np.sum(normals[rough] * points[rough], axis=1) < 0.0, -1.0, 1.0)[:, None]
-    along = slopes[rough, 2 * faces[rough]] + 1j * slopes[rough, 2 * faces[rough] + 1]
-    along *= 1j ** (np.broadcast_to(events, len(faces))[rough] - faces[rough])
-    facets, found = n + in_face(along, n), normals.copy()
+        return met.normals
+    normals, d = met.normals[rough], met.directions[rough]
+    n = normals * np.where(np.sum(normals * met.points[rough], axis=1) < 0.0, -1.0, 1.0)[:, None]
+    a, b, rms = (slopes[rough, 3 * faces[rough] + column] for column in range(3))
+    along = (a + 1j * b) * 1j ** (np.broadcast_to(events, len(faces))[rough] - faces[rough])
+    cosine = np.sum(d * n, axis=1)
+    seen = rms * np.sign(cosine) / np.sqrt((cosine / np.maximum(rms, 1e-9)) ** 2 + (1.0 - cosine**2) * 2.0 / np.pi)
+    facets = n + in_face(along, n) + seen[:, None] * (d - cosine[:, None] * n)
+    found = met.normals.copy()
     found[rough] = facets / np.linalg.norm(facets, axis=1)[:, None]
     return found
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from lensforge.errors import refused
 from lensforge.optics.media import Media
-from lensforge.proof.facet_tilt import Slopes, tilted
+from lensforge.proof.facet_tilt import Arrival, Slopes, tilted
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.proof.part_mesh import PartMesh
@@ -154,7 +154,7 @@ class _Caster:
                 return CastFate.LANDED, (list(ray.o), list(ray.d)), met
             if hit.p.z <= 0.0:
                 return CastFate.BASE if inside else CastFate.OPENING, None, met
-            frame = self._frame(hit, slopes, event)
+            frame = self._frame(hit, ray, slopes, event)
             local = frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
             away = hit.n.x * hit.p.x + hit.n.y * hit.p.y + hit.n.z * hit.p.z > 0.0  # as ``faces_away``
             if inside and (local.z > 0.0 or not (away or goes_on)):
@@ -178,13 +178,13 @@ class _Caster:
         whole = not passes and face not in self.mirrors
         return CastFate.TOTAL_REFLECTION if whole else CastFate.EVENT_LIMIT, None, met
 
-    def _frame(self, hit: Any, slopes: Slopes, event: int) -> Any:
+    def _frame(self, hit: Any, ray: Any, slopes: Slopes, event: int) -> Any:
         """Frame of the facet that a ray meets."""
         if not slopes.size:
             return hit.sh_frame
-        normal, face = np.array([list(hit.sh_frame.n)]), np.array([self.faces[hit.prim_index]])
-        facet = tilted(normal, np.array([list(hit.p)]), slopes, face, event)[0]
-        return self.mi.Frame3f(self.mi.Vector3f(facet.tolist() if facet @ normal[0] > 0.0 else (-facet).tolist()))
+        met = Arrival(*(np.array([list(each)]) for each in (hit.p, hit.sh_frame.n, ray.d)))
+        facet = tilted(met, slopes, np.array([self.faces[hit.prim_index]]), event)[0]
+        return self.mi.Frame3f(self.mi.Vector3f(facet.tolist() if facet @ met.normals[0] > 0.0 else (-facet).tolist()))
 
 
 def _scene(mi: Any, part: PartMesh) -> Any:

@@ -6,18 +6,10 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from lensforge.optics.media import RingScatter
-from lensforge.proof.facet_tilt import in_face
+from lensforge.proof.facet_tilt import Arrival, in_face
 
 Vectors = Float[np.ndarray, "n 3"]
 PerRay = Float[np.ndarray, " n"]
-
-
-class Arrival(NamedTuple):
-    """Rays at faces: points (mm), unit normals of either sign, and unit directions before."""
-
-    points: Vectors
-    normals: Vectors
-    directions: Vectors
 
 
 class Spreading(NamedTuple):

@@ -18,12 +18,12 @@ from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media, Mirror, RingScatter
 from lensforge.proof.body_cast import RoughBody, behind_optics
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
-from lensforge.proof.facet_tilt import numbers_for_rings, slopes_of, tilted
+from lensforge.proof.facet_tilt import Arrival, numbers_for_rings, slopes_of, tilted
 from lensforge.proof.optical_faces import NO_FACE, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.refraction import AtFace, Fields, LitRays, RefractingFace, unpolarised
-from lensforge.proof.ring_spread import Arrival, Spreading
+from lensforge.proof.ring_spread import Spreading
 from lensforge.sources.ray_bundle import RayBundle
 
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
@@ -230,7 +230,7 @@ def at_faces(
     """
     names, split = optical.names, np.empty((2, *light.fields.shape), dtype=complex)
     models, turns = media.scattering_of(names) or (None,) * len(names), np.broadcast_to(events, len(hits.faces))
-    normals = tilted(hits.normals, hits.points, light.slopes, hits.faces, events)
+    normals = tilted(Arrival(hits.points, hits.normals, light.directions), light.slopes, hits.faces, events)
     at_face = AtFace(*np.empty((2, *hits.points.shape)), *np.empty((2, len(hits.points))), *split)
     for number, away, inside in product(range(NO_FACE, len(names)), (False, True), (False, True)):
         rows = np.nonzero((hits.faces == number) & (hits.away == away) & (light.inside == inside))[0]

@@ -46,11 +46,12 @@ def roughness(
     models = media.scattering_of(names)
     if models is None:
         return rough
-    if any(isinstance(each, GaussianFacets) for each in models):
-        designed = facet_slopes(rays, models, before)
+    rms = np.array([each.slope if isinstance(each, GaussianFacets) else 0.0 for each in models])
+    if rms.any():
+        slopes = facet_slopes(rays, models, before)
         if rough.noise is not None and rough.slopes is not None:
-            designed += rough.noise * np.repeat(rough.slopes, 2)
-        rough = Roughness(designed, np.ones(len(names)))
+            slopes, rms = slopes + rough.noise * np.repeat(rough.slopes, 2), np.hypot(rms, rough.slopes)
+        rough = Roughness(slopes / np.repeat(np.where(rms > 0.0, rms, 1.0), 2), rms)
     return rough._replace(shifts=ring_shifts(rays, models, before)) if media.has_rings else rough
 
 

@@ -162,7 +162,7 @@ class Light:
     clear: np.ndarray
     absorbed: np.ndarray
     fate: np.ndarray
-    turns: dict  # by the name of a rough face the slopes of its facets: (rays, events, 2)
+    turns: dict  # by the name of a rough face the slopes of its facets, (rays, events, 2), and their rms
 
     def flux(self, rows):
         return self.clear[rows] * (abs(self.fields[rows]) ** 2).sum(axis=(1, 2)) / 2
@@ -212,7 +212,8 @@ def meet(light, face, medium, rows, t, media, section, nm, event):
         light.clear[rows] *= left
     n = face.exact(unit(at))[1]
     if face.name in light.turns:
-        n = facet(n, light.turns[face.name][rows, event])
+        slopes, rms = light.turns[face.name]
+        n = facet(n, d, slopes[rows, event], rms)
     n = n * (-1 if back else 1)
     c = (d * n).sum(axis=1)
     mirror = section[face.name].get("mirror") if face.name in section else None
@@ -243,12 +244,15 @@ def trace_chain(lens, faces, p, d, nm=None):
     return fate, place, flux, absorbed, in_glass
 
 
-def facet(n, slopes):
-    """Normals of facets on a face with normals n away from the origin: slopes along x and y, turned as z is to n."""
+def facet(n, d, slopes, s):
+    """Normals of facets on a face with normals n away from the origin: slopes along x and y, turned as z is to n; and
+    the mean slope that light along d sees of facets of rms s."""
     axis = np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
     flat = np.column_stack([slopes, np.zeros(len(n))])
     along = (axis * flat).sum(axis=1)[:, None]
-    return unit(n + n[:, 2:] * flat + np.cross(axis, flat) + along * axis / (1.0 + n[:, 2:]))
+    c, t = (d * n).sum(axis=1)[:, None], np.cross(n, np.cross(d, n))
+    seen = s**2 * np.sign(c) * t / np.sqrt(c**2 + 2 / np.pi * s**2 * (t**2).sum(axis=1)[:, None])
+    return unit(n + n[:, 2:] * flat + np.cross(axis, flat) + along * axis / (1.0 + n[:, 2:]) + seen)
 
 
 def leave_chain(lens, faces, p, d, nm=None, turns=None):

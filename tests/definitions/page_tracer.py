@@ -408,7 +408,7 @@ def stokes_behind(stokes, d, n, t):
 def refracted(surface, p, d, before, behind, coating, nm, outwards, stokes):
     """Directions behind a surface, the share that passes and Stokes numbers; nan where it is reflected totally."""
     ratio = before / behind
-    n = surface.normal(unit(p))
+    n = surface.seen(unit(p), d) if hasattr(surface, "seen") else surface.normal(unit(p))
     c = (d * n).sum(axis=1)
     q2 = np.where(c > 0, 1 - ratio**2 * (1 - c**2), -1)
     q = np.sqrt(np.where(q2 > 0, q2, np.nan))

@@ -11,12 +11,13 @@ from scipy.integrate import quad
 from scipy.stats import kstest
 
 from lensforge.errors import InputError
+from lensforge.kernels.facet_normals import seen_slope
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import FaceScatter, Media
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian
-from lensforge.proof.facet_tilt import slopes_of, tilted
+from lensforge.proof.facet_tilt import Arrival, slopes_of, tilted
 from lensforge.proof.refraction import LitRays
-from lensforge.proof.ring_spread import Arrival, Spreading, spread
+from lensforge.proof.ring_spread import Spreading, spread
 from lensforge.scene.made_part import AsMade
 from lensforge.scene.rough_faces import facet_slopes, roughness, with_facets
 from lensforge.sources.build_source import build_source
@@ -81,9 +82,46 @@ def test_a_frosted_face_lets_through_what_its_facets_do(face: str, sigma_deg: fl
         assert found.flux[found.left_lens].sum() == pytest.approx(wanted, abs=2e-4)
     else:
         lit = LitRays.of(with_facets(RAYS, 1), media, ("inner", "outer"))
-        facets = tilted(RAYS.directions, RAYS.directions, lit.slopes, np.zeros(len(RAYS), dtype=int), 0)
+        facets = tilted(Arrival(*[RAYS.directions] * 3), lit.slopes, np.zeros(len(RAYS), dtype=int), 0)
         angles = np.arccos(np.minimum((facets * RAYS.directions).sum(axis=1), 1.0))
         assert np.mean([passed(m) for m in angles[:20_000]]) == pytest.approx(wanted, abs=2e-4)
+
+
+@pytest.mark.parametrize("rms", [1e-3, 0.05, 0.3])
+@pytest.mark.parametrize("angle_deg", [0.0, 20.0, 60.0, 85.0, 89.9, 120.0])
+def test_light_sees_the_facets_that_face_it(rms: float, angle_deg: float) -> None:
+    """Mean slope along the light of normal slopes, each by the area that the light sees: of Rayleigh's at grazing."""
+    cosine, sine = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    area = [lambda x, k=k: x**k * max(abs(cosine) + rms * x * sine, 0.0) * np.exp(-0.5 * x * x) for k in (0, 1)]
+    bend = max(-abs(cosine) / (rms * max(sine, 1e-9)), -9.0)
+    lit, along = (quad(each, -9.0, 9.0, points=[bend], epsabs=1e-13)[0] for each in area)
+    assert abs(seen_slope.py_func(rms**2, cosine)[0] * sine) == pytest.approx(rms * along / lit, rel=0.08, abs=1e-12)
+    assert (seen_slope.py_func(rms**2, cosine)[0] > 0.0) == (cosine > 0.0)
+
+
+def test_oblique_light_leaves_as_the_facets_that_it_sees_send_it() -> None:
+    """At 30 degrees to the outer face, in the lens: what passes, and its mean direction, by quadrature over slopes."""
+    turn, media = np.radians(30.0), replace(frosted("outer", 4.0), cavity_index=N)
+    place = np.tile([3.0 * np.sin(turn), 0.0, 0.1], (len(RAYS), 1))
+    numbers = np.random.default_rng(1).random((len(RAYS), 2))
+    rays = replace(RAYS, origins=place, directions=np.tile([0.0, 0.0, 1.0], (len(RAYS), 1)), facets=numbers)
+    tables = np.stack([tabulate(GRID, sphere(radius)) for radius in (2.0, 3.0)])
+    exits = TracedBundle.of(tables, Scene(media, GRID, fresnel=False), rays).exits
+    x, y = np.meshgrid(*[media.scatter[0].model.slope * np.linspace(-6.0, 6.0, 601)] * 2)
+    facets = np.stack([x, y, np.ones_like(x)], axis=-1) / np.sqrt(1.0 + x**2 + y**2)[..., None]
+    way = np.array([np.sin(turn), 0.0, np.cos(turn)])  # in the frame of the face; x as light goes along it
+    weights = np.exp(-0.5 * (x**2 + y**2) / media.scatter[0].model.slope ** 2) * (way[2] + x * way[0])
+    c = facets @ way
+    q = np.sqrt(np.maximum(1.0 - N**2 * (1.0 - c**2), 0.0))
+    behind, passes = N * way + (q - N * c)[..., None] * facets, weights * (q > 0.0)
+    share = passes.sum() / weights.sum()
+    assert exits.left_lens.mean() == pytest.approx(share, abs=3e-3)
+    mean = (behind * passes[..., None]).sum(axis=(0, 1)) / passes.sum()
+    left = exits.directions[exits.left_lens].mean(axis=0)
+    found = left @ np.column_stack(
+        [[-np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0], [np.sin(turn), 0.0, np.cos(turn)]]
+    )
+    assert found == pytest.approx(mean, abs=2e-3)
 
 
 def test_a_ray_meets_the_same_facets_alone_and_among_others() -> None:
@@ -114,11 +152,11 @@ def test_the_proof_draws_facets_of_its_own_with_the_same_light() -> None:
     own, design = (slopes_of(with_facets(RAYS, 1), media, ("inner", "outer"), seed=seed) for seed in (7, None))
     assert np.abs(own - design).max() > 0.1
     normals, faces = RAYS.directions, np.ones(len(RAYS), dtype=int)
-    facets = [tilted(normals, normals, each, faces, 1) for each in (own, design)]
+    facets = [tilted(Arrival(*[normals] * 3), each, faces, 1) for each in (own, design)]
     angles = [np.arccos((each * normals).sum(axis=1)) for each in facets]
     assert kstest(*angles).statistic < 1.95 * np.sqrt(2.0 / len(RAYS))
-    away = tilted(-normals, normals, design, faces, 1)
-    assert np.array_equal(away, tilted(normals, normals, design, faces, 1)), "a facet has one normal, from both sides"
+    away = tilted(Arrival(normals, -normals, normals), design, faces, 1)
+    assert np.array_equal(away, facets[1]), "a facet has one normal, from both sides"
 
 
 def test_a_drawn_sample_has_quasi_random_facets_for_two_faces() -> None:
@@ -147,18 +185,25 @@ def test_facets_of_a_made_part_add_to_those_of_the_design() -> None:
 
 
 def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() -> None:
-    """Ray by ray: a double lens, and the third face that scatters, on a body behind it; at a second event, too."""
+    """Ray by ray: a double lens, and the third face that scatters, on a body behind it; at a second event, too.
+
+    Light comes at 40 degrees: the facets that it sees have a mean slope along the face, of s^2 tan 40 deg but for grazing.
+    """
     rays, names = with_facets(upwards(500, 4, 0.4), 3), ("inner", "outer")
     facets, faces = (GaussianFacets(0.05), GaussianFacets(0.1)), np.tile([0, 1], 250)
     media = replace(clear(N), scatter=tuple(FaceScatter(*each) for each in zip(names, facets, strict=True)))
-    normals = rays.directions
+    normals, (cosine, sine) = rays.directions, (np.cos(np.radians(40.0)), np.sin(np.radians(40.0)))
+    sideways = np.cross(normals, [0.6, 0.8, 0.0])
+    sideways /= np.linalg.norm(sideways, axis=1)[:, None]
+    ways = cosine * normals + sine * sideways
     for before, kinds in ((0, facets), (2, (None, facets[0]))):
         seen = replace(media, scatter=tuple(FaceScatter(n, f) for n, f in zip(names, kinds, strict=True) if f))
         slopes = slopes_of(rays, seen, names, before)
-        assert slopes == pytest.approx(facet_slopes(rays, kinds, before), abs=1e-14)
+        own, rms = slopes.reshape(500, 2, 3)[:, :, :2], np.array([0.0 if f is None else f.slope for f in kinds])[faces]
+        assert own.reshape(500, 4) == pytest.approx(facet_slopes(rays, kinds, before), abs=1e-14)
         for event in (0, 1, 2, 3, 4):
-            found = tilted(normals, normals, slopes, faces, event)
-            x, y = slopes[np.arange(500), 2 * faces], slopes[np.arange(500), 2 * faces + 1]
+            found = tilted(Arrival(normals, normals, ways), slopes, faces, event)
+            x, y = own[np.arange(500), faces].T
             wanted = np.column_stack([x, y, 0.0 * x])
             quarter = (event - faces) % 4
             wanted[:, 0], wanted[:, 1] = (
@@ -167,6 +212,7 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
             )
             along = (wanted[:, :2] * normals[:, :2]).sum(axis=1) / (1.0 + normals[:, 2])
             wanted = normals + wanted - along[:, None] * (normals + np.eye(3)[2])
+            wanted += (rms**2 * sine / np.sqrt(cosine**2 + 2.0 / np.pi * (rms * sine) ** 2))[:, None] * sideways
             wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
             assert np.abs(found - wanted).max() < 1e-13
 

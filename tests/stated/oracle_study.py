@@ -121,13 +121,13 @@ class Bent:
 
 
 class Rough:
-    """A face with facets of these slopes, those that the rays meet which come to it."""
+    """A face with facets of this rms slope and noise, those that the rays meet which come to it."""
 
-    def __init__(self, face, slopes):
-        self.face, self.slopes, self.radius, self.largest = face, slopes, face.radius, face.largest
+    def __init__(self, face, rms, noise):
+        self.face, self.rms, self.slopes, self.radius, self.largest = face, rms, rms * noise, face.radius, face.largest
 
-    def normal(self, u):
-        return facet(self.face.normal(u), self.slopes)
+    def seen(self, u, d):
+        return facet(self.face.normal(u), d, self.slopes, self.rms)
 
 
 class BentFace:
@@ -235,7 +235,7 @@ def behind_double(case, section, own, nm, noise, name, value):
     elif name.endswith(ROUGH):
         fate = leave({"spec": {"lens": section}}, faces, *own, nm)[3]
         rows = (fate == LANDED) | (fate == TOTAL) if k else (fate != BACKWARD) & (fate != OUTSIDE_CAVITY)
-        faces[k] = Rough(faces[k], slope_of(case, name, value) * noise[rows, 2 * k : 2 * k + 2])
+        faces[k] = Rough(faces[k], slope_of(case, name, value), noise[rows, 2 * k : 2 * k + 2])
     left, p, d, _, share, _, nm, stokes = leave({"spec": {"lens": section}}, faces, *own, nm)
     return left, p, d, share, nm, stokes
 
@@ -249,7 +249,8 @@ def behind_chain(case, section, own, nm, noise, name, value):
         along = noise[:, 2 * number] + 1j * noise[:, 2 * number + 1]
         events = [along * 1j ** ((event - number) % 4) for event in range(section["events"])]
         slopes = np.stack([np.column_stack([each.real, each.imag]) for each in events], axis=1)
-        turns = {face.name: slope_of(case, name, value) * slopes}
+        rms = slope_of(case, name, value)
+        turns = {face.name: (rms * slopes, rms)}
     elif face is not None:
         beside = [each for each in faces if each.before == face.before]
 
