@@ -72,9 +72,7 @@ def _even(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Number
     return found
 
 
-def tilted(
-    met: Arrival, slopes: Slopes, faces: Int[np.ndarray, " n"], events: int | Int[np.ndarray, " n"]
-) -> Vectors:
+def tilted(met: Arrival, slopes: Slopes, faces: Int[np.ndarray, " n"], events: int | Int[np.ndarray, " n"]) -> Vectors:
     """Unit normals of the facets that rays meet on these ``faces``.
 
     The two lines of a slope are x and y, turned to the face as z is to its normal away from the origin. A ray that

@@ -187,7 +187,7 @@ def test_facets_of_a_made_part_add_to_those_of_the_design() -> None:
 def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() -> None:
     """Ray by ray: a double lens, and the third face that scatters, on a body behind it; at a second event, too.
 
-    Light comes at 40 degrees: the facets that it sees have a mean slope along the face, of s^2 tan 40 deg but for grazing.
+    Light comes at 40 degrees: the facets that it sees have a mean slope along the face, of about s^2 tan 40 deg.
     """
     rays, names = with_facets(upwards(500, 4, 0.4), 3), ("inner", "outer")
     facets, faces = (GaussianFacets(0.05), GaussianFacets(0.1)), np.tile([0, 1], 250)
