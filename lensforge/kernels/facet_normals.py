@@ -1,8 +1,8 @@
 """Facets of rough faces: each ray of a packet has their slope along two lines on the face that it meets.
 
 The lines are x and y, taken to the face by the rotation that takes z to its normal the shortest way. Light sees more of
-the facets that face it: that moves their mean slope. A loop of its own copies slopes into the packet, so that the tilt is
-one of vector instructions.
+the facets that face it: that moves their mean slope. Slopes are copied into the packet by a loop of its own, so that a
+tilt is one of vector instructions.
 """
 
 from math import pi, sqrt
