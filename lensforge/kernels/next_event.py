@@ -213,7 +213,7 @@ def pass_on(packet, count, event, rays, body, ways, exits):
         mirrored, flux = behind_face(packet, lane, face, mirror, arrived, rays, body, body.sides)
         keep_met(ways.met, packet, lane, event, face, mirrored)
         if not mirrored or mirror >= 0.0:
-            spread_behind(packet, lane, event, face, mirrored, rays.shifts)
+            spread_behind(packet, lane, event, face, mirrored, rays.shifts, body.sides)
         exits.flux[k] = flux
         if mirror > 0.0:
             exits.absorbed[k] += arrived * (1.0 - mirror)

@@ -27,6 +27,7 @@ from lensforge.kernels.compiled import inline
 from lensforge.kernels.frames import BETWEEN, back_into_faces, to_next_face, turned, turned_back, z_axis
 from lensforge.kernels.fresnel import SecondFace, refract, through, through_both
 from lensforge.kernels.ray_packet import fields, three, write
+from lensforge.kernels.ring_scatter import before_last_spread
 from lensforge.kernels.traced_body import BODY, CAVITY, OUTSIDE, own_or_shared
 from lensforge.kernels.vectors import add_scaled, dot, scaled, unit
 
@@ -99,9 +100,10 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
         by_cosine = arrived * by_c - 2.0 * ratio * ratio * c * packet[BY_SIN2 + k]
         e, f = back_into_faces(body.placement, three(packet, EX + k), three(packet, FX + k))
         # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
-        e = add_scaled(e, -dot(e, b), b)
-        f = add_scaled(f, arrived, by_b)
-        by = ByEvent(e, f, by_cosine, scaled(arrived, by_n), scaled(arrived, by_d), by_path)
+        to, f, of_n, of_c = before_last_spread(hit.number, n, b, c, f, rays.shifts)
+        e = add_scaled(e, -dot(e, to), to)
+        f, by_n = add_scaled(f, arrived, by_b), add_scaled(of_n, arrived, by_n)
+        by = ByEvent(e, f, by_cosine + of_c, by_n, scaled(arrived, by_d), by_path)
         e, f = back_to_ray(packet, k, SECOND_EVENT, face, hit, by, rays)
         write(packet, BY_NORMAL + k, turned_back(body.placement, BETWEEN, scaled(arrived, by_m)))
         write(packet, EX + k, turned_back(body.placement, BETWEEN, e))

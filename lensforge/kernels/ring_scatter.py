@@ -115,14 +115,32 @@ def turn_between(one, other):
 
 
 @inline
-def spread_behind(packet, lane, event, face, mirrored, shifts):
-    """Spread a ray that a face let pass, or whose mirror reflected it, with its fields."""
+def spread_behind(packet, lane, event, face, mirrored, shifts, sides):
+    """Spread a ray that a face let pass, or whose mirror reflected it, with its fields where it carries them."""
     if shifts is not None:
         shift, spreads = shift_at(int(packet[RAY + lane]), event, face, packet[COSINE + lane], shifts)
         if spreads:
-            b = three(packet, DX + lane)
-            to = spread(b, shift, bounce(three(packet, MX + lane), packet[SIDE + lane], mirrored))
-            turn = turn_between(b, to)
-            for first in range(FIELDS + lane, FIELDS + 12 * SIZE + lane, 3 * SIZE):
-                write(packet, first, turn_vector(three(packet, first), turn))
+            b, side = three(packet, DX + lane), 1.0 if sides is None else packet[SIDE + lane]
+            to = spread(b, shift, bounce(three(packet, MX + lane), side, mirrored))
+            if sides is not None:
+                turn = turn_between(b, to)
+                for first in range(FIELDS + lane, FIELDS + 12 * SIZE + lane, 3 * SIZE):
+                    write(packet, first, turn_vector(three(packet, first), turn))
             write(packet, DX + lane, to)
+
+
+@inline
+def before_last_spread(number, n, b, c, f, shifts):
+    """Direction of a ray behind the outer face of a double lens, which would send it along b; and sensitivities from f.
+
+    f is that to the direction; returned are those to b, to the normal n, and to the cosine c before the face.
+    """
+    by_c, by_n, to = 0.0, scaled(0.0, n), b
+    if shifts is not None:
+        shift, spreads = shift_at(number, 1, 1, c, shifts)
+        if spreads:
+            at = bounce(n, 1.0, False)
+            to = spread(b, shift, at)
+            f, by_n, by_amount = spread_adjoint(b, shift, at, f)
+            by_c = shift.by_cosine * by_amount
+    return to, f, by_n, by_c

@@ -39,7 +39,7 @@ def _kept(make: Callable[..., _Memory], *given: Any) -> _Memory:
 class BodyPassage:
     """Rays that have come to a ``body``, their ``ways`` through it, and the rays behind it.
 
-    ``body`` and, of the rays, the rows of films and the noise have the ``precision`` in which they are traced.
+    ``body`` and, of the rays, the rows of films, noise and shifts have the ``precision`` in which they are traced.
     """
 
     body: TracedBody
@@ -77,7 +77,7 @@ class BodyPassage:
             fields=np.zeros((count, 12)) if fields else None,
         )
         body = precision.of(body)
-        rays = rays._replace(film_rows=precision.of(rays.film_rows), noise=precision.of(rays.noise))
+        rays = rays._replace(**{name: precision.of(getattr(rays, name)) for name in ("film_rows", "noise", "shifts")})
         run = precision.kernel(trace)
 
         def work(part: slice) -> None:

@@ -18,6 +18,7 @@ from lensforge.light.passage import BodyPassage
 from lensforge.light.secondary_optics import TWO_FACES, before_optics, polarised, through_optics
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media
+from lensforge.optics.scattering import RingScatter
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.made_part import AsMade
@@ -53,10 +54,15 @@ class Scene:
 
     @property
     def sides(self) -> FaceMedia | None:
-        """Media on both sides of each face; None for a double lens alone, whose polarisation has a closed form."""
-        if self.chain is None:
-            return TWO_FACES.packed(self.media) if self.media.bodies or self.media.has_rings else None
-        return self.chain.packed(self.media)
+        """Media on both sides of each face; None for a double lens alone, whose polarisation has a closed form.
+
+        That holds up to its last face, behind which light may be spread by rings.
+        """
+        if self.chain is not None:
+            return self.chain.packed(self.media)
+        media = self.media
+        spread = any(isinstance(each.model, RingScatter) and each.face != DOUBLE[-1] for each in media.scatter)
+        return TWO_FACES.packed(media) if media.bodies or spread or (media.has_rings and media.cover_glass) else None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -191,11 +191,15 @@ def test_a_mirror_absorbs_what_it_does_not_reflect_at_the_last_event_too(events:
     assert found.exits.absorbed == pytest.approx((1.0 - left) * rays.flux, rel=1e-12, abs=1e-15)
 
 
-def test_the_usual_lens_is_a_chain_of_two_faces() -> None:
-    """The loop of the nearest face does as the sequence does, where no ray comes back."""
+@pytest.mark.parametrize("behind", [None, STEEP, lambertian(0.3)])
+def test_the_usual_lens_is_a_chain_of_two_faces(behind: RingScatter | None) -> None:
+    """The loop of the nearest face does as the sequence does, where no ray comes back; light spread behind it, too."""
     body, rays = Body.of({"inner": sphere(3.0), "outer": sphere(6.0, 0.5)}), upwards(2000, 9, 0.5)
     tables, media = tables_of(body, GRID), clear(absorption=0.02)
+    if behind is not None:
+        media = replace(media, scatter=(FaceScatter("inner", GaussianFacets(0.05)), FaceScatter("outer", behind)))
     one = TracedBundle.of(tables, Scene(media, GRID), rays)
+    assert one.met is None, "without fields"
     other = TracedBundle.of(tables, scene(body, media, events=2), rays)
     assert np.array_equal(one.exits.fates, other.exits.fates)
     for name in ("points", "directions", "flux", "sin2_exit", "absorbed"):
