@@ -10,6 +10,7 @@ of a part is that of the lens as designed, by many rays, plus this change.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain, repeat
 
 import numpy as np
 from jaxtyping import Float
@@ -280,8 +281,10 @@ class LedStudy:
             for prefix, each in zip(self._prefixes, light.receivers, strict=True):
                 judged = judged_figures(each, transmittance_of(self.study.recipe.lens.media))
                 asked += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
+        powers = chain((limit.flux_power for limit in self.limits), repeat(0.0))  # of none but these the bound is light
         return tuple(
-            MetricBound(metric=name, sense=figure.sense, bound=figure.bound, unit=figure.unit) for name, figure in asked
+            MetricBound(metric=name, sense=figure.sense, bound=figure.bound, unit=figure.unit, flux_power=power)
+            for (name, figure), power in zip(asked, powers, strict=False)
         )
 
     def made(self, found: Sequence[Deviations]) -> tuple[MadePart, ...]:

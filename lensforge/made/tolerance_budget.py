@@ -1,4 +1,4 @@
-"""Budget of tolerances: the largest amount of each at which enough parts pass, alone, and of all together.
+"""Budget of tolerances: the largest amount of each at which enough parts pass, alone, and of all together; and of flux.
 
 The parts of a study are drawn once; scaling one of their deviations leaves all other numbers as they are. So the share
 that passes is a smooth function of the scale, whose root is bracketed by traced parts, and then closed in by parts
@@ -9,14 +9,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from lensforge.made.measured_parts import MeasuredParts
-from lensforge.made.tolerance_result import PASS_RATE, Budget, BudgetRow
+from lensforge.made.tolerance_result import PASS_RATE, Budget, BudgetRow, FluxNeeded, MetricBound
 from lensforge.spec.tolerances_section import Factor
 
 _UP = (16.0, 4.0)  # most tolerances of most lenses matter little: one look tells
-_DOWN = (0.25, 0.0)
+_DOWN = 0.25
+_LOOK = 16  # failing parts that are asked at once whether they pass without a tolerance: of most tolerances none does
 _ROUNDS = 3
 
 Passes = Bool[np.ndarray, " n"]
@@ -24,13 +25,14 @@ Passes = Bool[np.ndarray, " n"]
 
 @dataclass
 class ScaleSearch:
-    """Search for the scale of the tolerances ``names`` at which ``PASS_RATE`` of the first parts pass.
+    """Search for the scale of the tolerances ``names`` at which a share ``wanted`` of the first parts passes.
 
     ``known``: which parts pass, by scale; 1 is as specified.
     """
 
     parts: MeasuredParts
     names: Sequence[str]
+    wanted: float
     known: dict[float, Passes]
 
     def passing(self, scale: float, at_least: Passes, at_most: Passes) -> Passes:
@@ -39,29 +41,41 @@ class ScaleSearch:
             passes = at_least & at_most
             open_parts = np.flatnonzero(at_least != at_most)
             if len(open_parts):
-                values = self.parts.of(open_parts.tolist(), dict.fromkeys(self.names, scale))[..., 0]
-                passes[open_parts] = (self.parts.study.excess(values) <= 0.0).all(axis=1)
+                passes[open_parts] = self._measured(open_parts, scale)
             self.known[scale] = passes
         return self.known[scale]
 
+    def _measured(self, parts: np.ndarray, scale: float) -> Passes:
+        values = self.parts.of(parts.tolist(), dict.fromkeys(self.names, scale))[..., 0]
+        return np.asarray((self.parts.study.excess(values) <= 0.0).all(axis=1))
+
     def bracket(self) -> tuple[float | None, float | None]:
         """The largest scale tried at which enough parts pass, and the least at which too few do; None for none."""
-        if self.known[1.0].mean() >= PASS_RATE:
+        if self.known[1.0].mean() >= self.wanted:
             return self._above()
-        everything = np.ones_like(self.known[1.0])
-        high = 1.0
-        for scale in _DOWN:
-            if self.passing(scale, everything, self.known[high]).mean() >= PASS_RATE:
-                return scale, high
-            high = scale
-        return None, high
+        if not self._reached_without():
+            return None, 1.0
+        enough = self.passing(_DOWN, self.known[0.0], self.known[1.0]).mean() >= self.wanted
+        return (_DOWN, 1.0) if enough else (0.0, _DOWN)
+
+    def _reached_without(self) -> bool:
+        """True where enough parts pass without these tolerances; no more are traced than tell."""
+        passes = np.ones_like(self.known[1.0])
+        failing = np.flatnonzero(~self.known[1.0])
+        for first in range(0, len(failing), _LOOK):
+            some = failing[first : first + _LOOK]
+            passes[some] = self._measured(some, 0.0)
+            if passes.mean() < self.wanted:
+                return False
+        self.known[0.0] = passes
+        return True
 
     def _above(self) -> tuple[float, float | None]:
         """The largest scale that passes and the smallest that does not, where enough parts pass as specified."""
         high, low, nothing = None, 1.0, np.zeros_like(self.known[1.0])
         for scale in _UP:
             above = nothing if high is None else self.known[high]
-            if self.passing(scale, self.known[1.0], above).mean() >= PASS_RATE:
+            if self.passing(scale, self.known[1.0], above).mean() >= self.wanted:
                 low = scale
                 break
             high = scale
@@ -70,15 +84,15 @@ class ScaleSearch:
     def root(self, low: float, high: float) -> tuple[float, float, float]:
         """The scale, and those at which a standard error more and fewer of the parts pass."""
         for _ in range(_ROUNDS):
-            middle = self._scale_at(PASS_RATE, low, high)
+            middle = self._scale_at(self.wanted, low, high)
             middle = min(max(middle, low + 0.1 * (high - low)), high - 0.1 * (high - low))
-            if self.passing(middle, self.known[low], self.known[high]).mean() >= PASS_RATE:
+            if self.passing(middle, self.known[low], self.known[high]).mean() >= self.wanted:
                 low = middle
             else:
                 high = middle
-        error = float(np.sqrt(PASS_RATE * (1.0 - PASS_RATE) / len(self.known[1.0])))
-        root = self._scale_at(PASS_RATE, low, high)
-        return root, self._scale_at(PASS_RATE + error, 0.0, high), self._scale_at(PASS_RATE - error, low, None)
+        error = _error(self.wanted, len(self.known[1.0]))
+        root = self._scale_at(self.wanted, low, high)
+        return root, self._scale_at(self.wanted + error, 0.0, high), self._scale_at(self.wanted - error, low, None)
 
     def _scale_at(self, rate: float, low: float, high: float | None) -> float:
         """The scale at which ``rate`` pass, linear between those that are known from ``low`` to ``high``."""
@@ -95,8 +109,10 @@ class ScaleSearch:
         return float(scales[last] + share * (scales[last + 1] - scales[last]))
 
 
-def budget(parts: MeasuredParts, passes: Passes, announce: Callable[[str], None]) -> Budget:
-    """Search for the largest amount of each tolerance alone, and of all together.
+def budget(
+    parts: MeasuredParts, passes: Passes, announce: Callable[[str], None], wanted: float = PASS_RATE
+) -> Budget:
+    """Search for the largest amount of each tolerance alone, and of all together, at which a share ``wanted`` passes.
 
     ``passes``: of the first parts as specified, those that pass.
     """
@@ -104,16 +120,15 @@ def budget(parts: MeasuredParts, passes: Passes, announce: Callable[[str], None]
     rows = []
     for factor in factors:
         announce(f"budget: {factor.words}")
-        rows.append(_row(parts, (factor,), passes, factor.name, factor.words, factor.unit, factor.amount))
+        search = ScaleSearch(parts, [factor.name], wanted, {1.0: passes})
+        rows.append(_row(search, factor.name, factor.words, factor.unit, factor.amount))
     announce("budget: all tolerances together")
-    together = _row(parts, factors, passes, "all", "all tolerances, by one factor", "", 1.0)
-    return Budget(pass_rate=PASS_RATE, parts=len(passes), alone=tuple(rows), together=together)
+    search = ScaleSearch(parts, [factor.name for factor in factors], wanted, {1.0: passes})
+    together = _row(search, "all", "all tolerances, by one factor", "", 1.0)
+    return Budget(pass_rate=wanted, parts=len(passes), alone=tuple(rows), together=together)
 
 
-def _row(
-    parts: MeasuredParts, factors: Sequence[Factor], passes: Passes, name: str, words: str, unit: str, amount: float
-) -> BudgetRow:
-    search = ScaleSearch(parts, [factor.name for factor in factors], {1.0: passes})
+def _row(search: ScaleSearch, name: str, words: str, unit: str, amount: float) -> BudgetRow:
     low, high = search.bracket()
     roots = None if low is None or high is None else search.root(low, high)
     at_most, least, most = (None, None, None) if roots is None else (each * amount for each in roots)
@@ -128,3 +143,36 @@ def _row(
         searched_to=max(_UP) * amount,
         unlimited=high is None,
     )
+
+
+def _error(share: float, count: int) -> float:
+    """Standard error of a ``share`` of so many parts."""
+    return float(np.sqrt(share * (1.0 - share) / count))
+
+
+def flux_needed(bounds: Sequence[MetricBound], values: Float[np.ndarray, "n b"], wanted: float) -> FluxNeeded | None:
+    """Least flux of the LED at which a share ``wanted`` of the parts keeps all ``bounds``; None where none asks for it.
+
+    ``values``: of the bounded metrics, which are known at any flux as each grows by a power of it.
+    """
+    if not any(bound.flux_power for bound in bounds):
+        return None
+    least, most = np.zeros(len(values)), np.full(len(values), np.inf)
+    for bound, own in zip(bounds, values.T, strict=True):
+        if not bound.flux_power:
+            least[~bound.kept_by(own)] = np.inf
+            continue
+        with np.errstate(divide="ignore", over="ignore"):
+            factor = (bound.bound / np.maximum(own, 0.0)) ** (1.0 / bound.flux_power)
+        least, most = (least, np.minimum(most, factor)) if bound.sense == "<=" else (np.maximum(least, factor), most)
+    kept = np.isfinite(least) & (least <= most)
+    begin, end = np.sort(least[kept]), np.sort(most[kept])
+    shares = (np.arange(1, len(begin) + 1) - np.searchsorted(end, begin)) / len(values)
+
+    def at(share: float) -> float | None:
+        enough = np.flatnonzero(shares >= share)
+        return float(begin[enough[0]]) if len(enough) else None
+
+    error = _error(wanted, len(values))
+    low, factor, high = (at(wanted + sign * error) for sign in (-1.0, 0.0, 1.0))
+    return FluxNeeded(pass_rate=wanted, factor=factor, low=low, high=high, most=float(max(shares, default=0.0)))

@@ -110,12 +110,16 @@ class PassRate(Record):
 
 
 class MetricBound(Record):
-    """Bound that a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``."""
+    """Bound that a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``.
+
+    ``flux_power``: power of the flux of the LED by which the metric grows; 0 where it does not.
+    """
 
     metric: Text
     sense: Sense
     bound: Number
     unit: Text
+    flux_power: Number = 0.0
 
     def kept_by(self, values: Float[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
         """True for values of the metric that keep it."""
@@ -228,6 +232,34 @@ class Budget(Record):
     alone: Annotated[tuple[BudgetRow, ...], Field(max_length=_MOST_FACTORS)]
     together: BudgetRow
 
+    @property
+    def reached(self) -> bool:
+        """True where enough of these parts pass as specified."""
+        return self.together.unlimited or (self.together.at_most or 0.0) >= self.together.specified
+
+    @property
+    def cheapest(self) -> BudgetRow | None:
+        """The tolerance that reaches the share alone, by the least change relative to what is specified.
+
+        None where none does, and where none needs to.
+        """
+        tight = [row for row in self.alone if row.at_most is not None and 0.0 < row.at_most < row.specified]
+        return max(tight, key=lambda row: (row.at_most or 0.0) / row.specified, default=None)
+
+
+class FluxNeeded(Record):
+    """Least flux of the LED, as a ``factor`` of that of the spec, at which ``pass_rate`` of the parts pass.
+
+    ``low``, ``high``: where a standard error of that share fewer and more of them pass. ``most``: the largest share
+    that passes at any flux. None: no flux is enough.
+    """
+
+    pass_rate: Share
+    factor: NotNegative | None
+    low: NotNegative | None
+    high: NotNegative | None
+    most: Share
+
 
 class WorstPart(Record):
     """One of the worst parts: its number in the table of parts, and its metrics."""
@@ -268,7 +300,8 @@ class Yield(SimulatedResult):
     spec leaves out. ``tolerances``: amount and distribution of each. ``bounds``: what a part must keep. ``pass_rate``:
     share of the parts that do, with its interval. ``metrics``: spread of each metric over the parts. ``variance``:
     shares of its variance by cause. ``roads``: those of the spec. ``budget``: largest amount of each tolerance; None
-    where it was not sought. ``worst``: the worst parts. ``worst_leds``: LED with which each of them is worst.
+    where it was not sought. ``flux``: that of the LED at which enough parts pass; None where no bound depends on it.
+    ``worst``: the worst parts. ``worst_leds``: LED with which each of them is worst.
     ``notes``: remarks on the study. ``columns``: names of the numbers drawn and of the metrics. ``table``: a row for
     each part; numbers in the unit of the spec, those of each of several lamps left out. ``worst_maps``: light of the
     worst parts on the first receiver.
@@ -290,6 +323,7 @@ class Yield(SimulatedResult):
     variance: dict[Text, Variance]
     roads: tuple[RoadYield, ...] = ()
     budget: Budget | None
+    flux: FluxNeeded | None = None
     worst: tuple[WorstPart, ...]
     worst_leds: tuple[Text, ...] = ()
     notes: tuple[Text, ...]

@@ -11,6 +11,7 @@ from lensforge.made.tolerance_result import (
     BudgetRow,
     CauseShare,
     ErrorRow,
+    FluxNeeded,
     MetricBound,
     Sensitivity,
     WorstPart,
@@ -263,6 +264,34 @@ def _passing(study: Yield) -> Iterator[Fact]:
         note = f"one factor on all, for a yield of {percent(study.budget.pass_rate)}; {interval.text}"
         yield Fact("together", "Tolerances together", most.value, note=note)
         yield Fact.share("wanted", "Required yield", study.budget.pass_rate)
+    yield from _remedies(study)
+
+
+def _remedies(study: Yield) -> Iterator[Fact]:
+    """The least tightening of one tolerance that reaches the required yield where it is missed; the flux for it."""
+    if study.budget is not None and study.pass_rate.value < study.budget.pass_rate:
+        row, wanted = study.budget.cheapest, percent(study.budget.pass_rate)
+        of_parts = f"by {quantity(study.budget.parts)} parts"
+        if row is not None:
+            specified, most, interval = (budget_row(row).fact(key).text for key in ("specified", "at_most", "interval"))
+            change = f"{row.words}, from {specified} to {most}"
+            note = f"for a yield of {wanted}, the others as specified; {interval}, {of_parts}"
+        elif study.budget.reached:
+            change, note = "none", f"{of_parts} alone the yield is {wanted} or more"
+        else:
+            change, note = "no single tolerance", f"however small, gives a yield of {wanted}, {of_parts}"
+        yield Fact("cheapest", "Smallest tightening", change, note=note)
+    if study.flux is not None:
+        yield _flux(study.flux)
+
+
+def _flux(flux: FluxNeeded) -> Fact:
+    wanted = f"for a yield of {percent(flux.pass_rate)}, tolerances as specified"
+    if flux.factor is None:
+        return Fact("flux", "Required LED flux", "none", note=f"{wanted}; at the best flux {percent(flux.most)}")
+    low, factor = (f"× {quantity(each, digits=4)}" for each in (flux.low, flux.factor))
+    between = f"{low} at least" if flux.high is None else f"{low} to × {quantity(flux.high, digits=4)}"
+    return Fact("flux", "Required LED flux", factor, note=f"{wanted}; {between}")
 
 
 def _share(cause: CauseShare) -> Metric:

@@ -20,8 +20,9 @@ from lensforge.light.simulation import REPLICATES
 from lensforge.made.board_light import periods_of
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress
 from lensforge.made.part_study import PartStudy, Recipe
-from lensforge.made.tolerance_budget import budget
+from lensforge.made.tolerance_budget import budget, flux_needed
 from lensforge.made.tolerance_result import (
+    PASS_RATE,
     CauseShare,
     MetricSpread,
     PassRate,
@@ -158,7 +159,9 @@ def measure_yield(
         for number, name in enumerate(study.names)
         if metrics[name].spread > 0.0
     }
-    limits = budget(_for_budget(found, measured), passes[: effort.budget_parts], announce) if with_budget else None
+    wanted, first = lens.spec.optimise.share or PASS_RATE, passes[: effort.budget_parts]
+    limits = budget(_for_budget(found, measured), first, announce, wanted) if with_budget else None
+    bounded = measured[:, [study.names.index(bound.metric) for bound in study.bounds], 0]
     worst, worst_leds = _worst(study, measured)
     columns, table = _table(study, measured)
     announce("worst parts")
@@ -177,6 +180,7 @@ def measure_yield(
         variance=variance,
         roads=tuple(_roads(study, measured)),
         budget=limits,
+        flux=flux_needed(study.bounds, bounded, wanted),
         worst=worst,
         worst_leds=tuple(filter(None, worst_leds)),
         notes=_notes(study, metrics),

@@ -15,7 +15,7 @@ from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.light_ends import loss_names
 from lensforge.scene.receiver import PosedReceiver, equal_area
-from lensforge.scene.road_classes import FieldMean, asked_of
+from lensforge.scene.road_classes import FieldMean, asked_of, glare_law
 from lensforge.scene.road_field import RoadReadings
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import (
@@ -84,6 +84,13 @@ class LightLimit:
     def is_share(self) -> bool:
         """True where it bounds a share of the flux of the source, whatever that is."""
         return self.quantity in ("share", "loss")
+
+    @property
+    def flux_power(self) -> float:
+        """Power of the flux of the source by which its value grows; of a threshold increment that up to 5 cd/m²."""
+        if self.quantity == "threshold_increment":
+            return 1.0 - glare_law(self.quantity, 0.0)[1]
+        return 1.0 if self.quantity in ("light", "luminance", "mean_luminance") else 0.0
 
     def of(self, images: Float[np.ndarray, "r *_"]) -> Float[np.ndarray, "r k"]:
         """Readings of pictures of flux (W), or of flux (W) by cause."""

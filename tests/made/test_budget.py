@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from lensforge.made.tolerance_budget import budget
-from lensforge.made.tolerance_result import PASS_RATE
+from lensforge.made.tolerance_budget import budget, flux_needed
+from lensforge.made.tolerance_result import PASS_RATE, MetricBound
 from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.tolerances_section import Factor
 
@@ -81,3 +81,62 @@ def test_a_tolerance_that_does_nothing_has_no_limit() -> None:
     rows = {row.tolerance: row for row in budget(known, known.passes, lambda _: None).alone}
     assert rows["nothing"].unlimited
     assert rows["nothing"].searched_to == pytest.approx(1.6)
+
+
+def test_the_cheapest_is_the_tolerance_that_changes_least_and_few_parts_tell_of_those_that_do_not_help() -> None:
+    """Of two that reach the share alone the one with the larger part of its amount; three that cannot cost 48 parts."""
+    known = KnownParts(1.0, {"one": 0.5, "other": 0.3, "small": 0.01, "tiny": 0.001, "nothing": 0.0})
+    found = budget(known, known.passes, lambda _: None)
+    true = {name: _true_scale(known, [name], 1.0) for name in known.widths}
+    assert not found.reached and found.cheapest is not None
+    assert found.cheapest.tolerance == max((n for n in true if 0.0 < true[n] < 1.0), key=lambda n: true[n])
+    failing = int((~known.passes).sum())
+    assert known.measured < 3 * 16 + 3 * failing * 4
+    none = KnownParts(0.5, {"one": 0.5, "other": 3.0, "third": 3.0})
+    found = budget(none, none.passes, lambda _: None)
+    assert found.cheapest is None and not found.reached
+    easy = KnownParts(10.0, {"one": 0.5})
+    found = budget(easy, easy.passes, lambda _: None)
+    assert found.cheapest is None and found.reached
+
+
+@pytest.mark.parametrize("wanted", [0.6, 0.9])
+def test_another_share_has_amounts_of_its_own(wanted: float) -> None:
+    known = KnownParts(1.0, {"one": 0.5, "other": 0.3})
+    found = budget(known, known.passes, lambda _: None, wanted)
+    rows = {row.tolerance: row for row in (*found.alone, found.together)}
+    assert found.pass_rate == wanted
+    true = _true_scale(known, ["one", "other"], 1.0, wanted)
+    assert rows["all"].at_most == pytest.approx(true, rel=0.08)
+
+
+BOUNDS = [(">=", 1.0, 1.0), ("<=", 1.5, 1.0), ("<=", 10.0, 0.2), (">=", 0.4, 0.0), ("<=", 2.0, 1.0)]
+
+
+@pytest.mark.parametrize("wanted", [0.3, 0.55, 0.95])
+def test_the_flux_is_the_least_at_which_so_many_parts_pass(wanted: float) -> None:
+    """By counting the parts at a hundred thousand fluxes."""
+    rng = np.random.default_rng(1)
+    bounds = [
+        MetricBound(metric=str(k), sense=sense, bound=bound, unit="", flux_power=power)
+        for k, (sense, bound, power) in enumerate(BOUNDS)
+    ]
+    values = np.array([1.0, 1.3, 9.6, 0.5, 1.0]) * (1.0 + 0.05 * rng.standard_normal((300, 5)))
+    values[:, 3] += 0.05 * rng.standard_normal(300)
+    factors = np.linspace(0.5, 2.0, 100_001)
+
+    def share(factor: float) -> float:
+        passes = np.ones(len(values), dtype=bool)
+        for own, (sense, bound, power) in zip(values.T, BOUNDS, strict=True):
+            passes &= own * factor**power >= bound if sense == ">=" else own * factor**power <= bound
+        return float(passes.mean())
+
+    shares = np.array([share(factor) for factor in factors])
+    found, error = flux_needed(bounds, values, wanted), np.sqrt(wanted * (1.0 - wanted) / 300)
+    assert found is not None and found.most == pytest.approx(shares.max(), abs=0.004)
+    for own, asked in ((found.factor, wanted), (found.low, wanted - error), (found.high, wanted + error)):
+        enough = np.flatnonzero(shares >= asked)
+        assert (own is None) == (len(enough) == 0)
+        assert own is None or own == pytest.approx(factors[enough[0]], abs=2e-5)
+    assert (found.factor is None) == (wanted == 0.95)
+    assert flux_needed(bounds[3:4], values[:, 3:4], wanted) is None, "no flux makes a ratio"

@@ -398,3 +398,22 @@ def test_a_part_has_the_roughness_that_was_drawn_for_each_face() -> None:
         for face, amount in (("inner", 0.2e-3), ("outer", 0.5e-3)):
             drawn = study.draws.numbers[f"{face}_roughness_mrad"][number].ravel()[0]
             assert part.made.slopes[face] == pytest.approx(amount * abs(drawn), rel=1e-12)
+
+
+def test_with_the_flux_that_a_study_names_as_many_parts_pass() -> None:
+    """Parts of a lens with that LED, traced; and of one with a little less."""
+    limits = [{"kind": "points", "at_mm": [[20, 10], [-20, 10]], "unit": "w_per_m2", "at_least": 1.0}]
+    own = {"source_shift_mm": 0.3, "source_flux": 0.05}
+    designed = measure_yield(lens_with(own, limits=limits), parts=40, rays=2048, with_budget=False)
+    limits[0]["at_least"] = designed.metrics[designed.bounds[0].metric].p50
+
+    def studied(flux_w: float) -> Yield:
+        lens = lens_with(own, limits=limits)
+        lens = replace(lens, spec=lens.spec.replace({"source.flux_w": flux_w}))
+        return measure_yield(lens, parts=40, rays=2048, with_budget=False)
+
+    before = studied(1.0)
+    assert before.flux is not None and before.flux.factor is not None and before.flux.factor > 1.0
+    assert before.pass_rate.value < before.flux.pass_rate == 0.95
+    assert studied(before.flux.factor * (1.0 + 1e-9)).pass_rate.value == 0.95
+    assert studied(before.flux.factor * (1.0 - 1e-6)).pass_rate.value == 0.925

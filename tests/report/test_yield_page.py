@@ -12,7 +12,7 @@ from result_folders import make_results, small_lens
 from scenes import part_tolerances
 from shown_folders import _sensitivity
 
-from lensforge.made.tolerance_result import Variance
+from lensforge.made.tolerance_result import FluxNeeded, Variance
 from lensforge.made.yield_facts import (
     budget_row,
     budget_rows,
@@ -98,6 +98,38 @@ def test_a_tolerance_of_which_no_amount_is_small_enough_is_named(found):
     row = budget_row(found.budget.alone[0].model_copy(update={"at_most": None, "low": None, "high": None}))
     assert row.fact("interval").text == "the other tolerances alone give too low a yield"
     assert (row.fact("at_most").text, row.fact("at_most").state) == ("–", "fail")
+
+
+def test_what_reaches_the_required_yield_is_said_where_it_is_missed(lens, found):
+    """The second tolerance need shrink by a third, the third by more; none; none alone; and the flux."""
+    assert not [fact for fact in yield_facts(found)[0].facts if fact.key in ("cheapest", "flux")]
+    low = found.pass_rate.changed(value=0.9)
+    flux = FluxNeeded(pass_rate=0.95, factor=1.0421, low=1.03, high=None, most=0.96)
+
+    def first(**changes):
+        budget = found.budget.model_copy(update=changes)
+        return yield_facts(found.model_copy(update={"pass_rate": low, "budget": budget, "flux": flux}))[0]
+
+    one, other, third, *rest = found.budget.alone
+    scales = {other: 2.0 / 3.0, third: 0.5}
+    tight = [
+        each.changed(at_most=scale * each.specified, low=0.6 * each.specified, high=0.9 * each.specified, unlimited=False)
+        for each, scale in scales.items()
+    ]
+    facts = first(alone=(one, *tight, *rest))
+    assert facts.fact("cheapest").text == "source, height, from 0.05 mm to 0.0333 mm"
+    assert facts.fact("cheapest").note == (
+        "for a yield of 95\u2009%, the others as specified; 0.03 mm to 0.045 mm, by 40 parts"
+    )
+    assert (facts.fact("flux").text, facts.fact("flux").note) == (
+        "× 1.042", "for a yield of 95\u2009%, tolerances as specified; × 1.03 at least",
+    )  # fmt: skip
+    assert first().fact("cheapest").text == "no single tolerance"
+    enough = found.budget.together.changed(at_most=1.1, high=1.2)
+    assert first(together=enough).fact("cheapest").text == "none"
+    study = found.model_copy(update={"pass_rate": low, "flux": flux})
+    text = Page(undrawn_page_of(make_results(("evaluate",), lens, **{"yield": study}))).text
+    assert "no single tolerance" in text and "× 1.042" in text
 
 
 def test_shares_are_in_per_cent_and_other_numbers_in_their_unit():

@@ -101,7 +101,27 @@ def expected_of(study: Any, group: Group, number: int, fact: Fact) -> Expected:
     return made.value_of(name, found[fact.key], 1e-9 * (abs(found[fact.key]) + 1.0), unit)
 
 
+def expected_flux(study: Any) -> Expected:
+    """The least of all fluxes at which a part begins to pass, with which 95 % of them do."""
+    ratios, fluxes = {}, []
+    for number, bound in enumerate(study.parts.bounds):
+        words = bound["metric"].rpartition(": ")[2]
+        power = {"light": 1.0, "threshold increment": 0.2}.get(words, 0.0)
+        ratios[number] = study.parts.table[bound["metric"]] / bound["bound"], power, bound["sense"]
+        if power and bound["sense"] == ">=":
+            fluxes += [*(study.parts.table[bound["metric"]] / bound["bound"]) ** (-1.0 / power)]
+    found = [
+        np.mean(np.all([(r * f**p >= 1.0 - 1e-12) if s == ">=" else (r * f**p <= 1.0 + 1e-12)
+                        for r, p, s in ratios.values()], axis=0))
+        for f in fluxes
+    ]  # fmt: skip
+    enough = [f for f, share in zip(fluxes, found, strict=True) if share >= 0.95]
+    return Expected("none") if not enough else Expected(f"× {min(enough):.4g}")
+
+
 def expected_first(study: Any, fact: Fact, group: Group) -> Expected:
+    if fact.key == "flux":
+        return expected_flux(study)
     if fact.key == "main_cause":
         return expected_cause(study, fact, group)
     if fact.key == "passes_with":
