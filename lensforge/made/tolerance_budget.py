@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float
 
 from lensforge.made.measured_parts import MeasuredParts
 from lensforge.made.tolerance_result import PASS_RATE, Budget, BudgetRow, FluxNeeded, MetricBound
-from lensforge.spec.tolerances_section import Factor
 
 _UP = (16.0, 4.0)  # most tolerances of most lenses matter little: one look tells
 _DOWN = 0.25
@@ -109,9 +108,7 @@ class ScaleSearch:
         return float(scales[last] + share * (scales[last + 1] - scales[last]))
 
 
-def budget(
-    parts: MeasuredParts, passes: Passes, announce: Callable[[str], None], wanted: float = PASS_RATE
-) -> Budget:
+def budget(parts: MeasuredParts, passes: Passes, announce: Callable[[str], None], wanted: float = PASS_RATE) -> Budget:
     """Search for the largest amount of each tolerance alone, and of all together, at which a share ``wanted`` passes.
 
     ``passes``: of the first parts as specified, those that pass.

@@ -113,7 +113,9 @@ def test_what_reaches_the_required_yield_is_said_where_it_is_missed(lens, found)
     one, other, third, *rest = found.budget.alone
     scales = {other: 2.0 / 3.0, third: 0.5}
     tight = [
-        each.changed(at_most=scale * each.specified, low=0.6 * each.specified, high=0.9 * each.specified, unlimited=False)
+        each.changed(
+            at_most=scale * each.specified, low=0.6 * each.specified, high=0.9 * each.specified, unlimited=False
+        )
         for each, scale in scales.items()
     ]
     facts = first(alone=(one, *tight, *rest))
