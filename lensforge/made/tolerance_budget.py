@@ -172,4 +172,5 @@ def flux_needed(bounds: Sequence[MetricBound], values: Float[np.ndarray, "n b"],
 
     error = _error(wanted, len(values))
     low, factor, high = (at(wanted + sign * error) for sign in (-1.0, 0.0, 1.0))
-    return FluxNeeded(pass_rate=wanted, factor=factor, low=low, high=high, most=float(max(shares, default=0.0)))
+    most_pass = float(max(shares, default=0.0))
+    return FluxNeeded(pass_rate=wanted, factor=factor, low=low, high=high, most=most_pass, best=at(most_pass))

@@ -251,7 +251,7 @@ class FluxNeeded(Record):
     """Least flux of the LED, as a ``factor`` of that of the spec, at which ``pass_rate`` of the parts pass.
 
     ``low``, ``high``: where a standard error of that share fewer and more of them pass. ``most``: the largest share
-    that passes at any flux. None: no flux is enough.
+    that passes at any flux, at ``best`` first. None: no flux is enough.
     """
 
     pass_rate: Share
@@ -259,6 +259,7 @@ class FluxNeeded(Record):
     low: NotNegative | None
     high: NotNegative | None
     most: Share
+    best: NotNegative | None
 
 
 class WorstPart(Record):

@@ -288,7 +288,10 @@ def _remedies(study: Yield) -> Iterator[Fact]:
 def _flux(flux: FluxNeeded) -> Fact:
     wanted = f"for a yield of {percent(flux.pass_rate)}, tolerances as specified"
     if flux.factor is None:
-        return Fact("flux", "Required LED flux", "none", note=f"{wanted}; at the best flux {percent(flux.most)}")
+        best = "no part passes at any flux"
+        if flux.best is not None:
+            best = f"at the best, × {quantity(flux.best, digits=4)}, it is {percent(flux.most)}"
+        return Fact("flux", "Required LED flux", "no flux", note=f"{wanted}; {best}")
     low, factor = (f"× {quantity(each, digits=4)}" for each in (flux.low, flux.factor))
     between = f"{low} at least" if flux.high is None else f"{low} to × {quantity(flux.high, digits=4)}"
     return Fact("flux", "Required LED flux", factor, note=f"{wanted}; {between}")

@@ -134,6 +134,7 @@ def test_the_flux_is_the_least_at_which_so_many_parts_pass(wanted: float) -> Non
     shares = np.array([share(factor) for factor in factors])
     found, error = flux_needed(bounds, values, wanted), np.sqrt(wanted * (1.0 - wanted) / 300)
     assert found is not None and found.most == pytest.approx(shares.max(), abs=0.004)
+    assert found.best == pytest.approx(factors[shares >= found.most - 1e-9][0], abs=2e-5)
     for own, asked in ((found.factor, wanted), (found.low, wanted - error), (found.high, wanted + error)):
         enough = np.flatnonzero(shares >= asked)
         assert (own is None) == (len(enough) == 0)

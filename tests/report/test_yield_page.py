@@ -104,7 +104,7 @@ def test_what_reaches_the_required_yield_is_said_where_it_is_missed(lens, found)
     """The second tolerance need shrink by a third, the third by more; none; none alone; and the flux."""
     assert not [fact for fact in yield_facts(found)[0].facts if fact.key in ("cheapest", "flux")]
     low = found.pass_rate.changed(value=0.9)
-    flux = FluxNeeded(pass_rate=0.95, factor=1.0421, low=1.03, high=None, most=0.96)
+    flux = FluxNeeded(pass_rate=0.95, factor=1.0421, low=1.03, high=None, most=0.96, best=1.05)
 
     def first(**changes):
         budget = found.budget.model_copy(update=changes)
@@ -127,6 +127,13 @@ def test_what_reaches_the_required_yield_is_said_where_it_is_missed(lens, found)
         "× 1.042", "for a yield of 95\u2009%, tolerances as specified; × 1.03 at least",
     )  # fmt: skip
     assert first().fact("cheapest").text == "no single tolerance"
+    few = flux.changed(factor=None, low=None, most=0.9)
+    for own, words in (
+        (few, "at the best, × 1.05, it is 90\u2009%"),
+        (few.changed(best=None), "no part passes at any flux"),
+    ):
+        fact = yield_facts(found.model_copy(update={"flux": own}))[0].fact("flux")
+        assert (fact.text, fact.note) == ("no flux", f"for a yield of 95\u2009%, tolerances as specified; {words}")
     enough = found.budget.together.changed(at_most=1.1, high=1.2)
     assert first(together=enough).fact("cheapest").text == "none"
     study = found.model_copy(update={"pass_rate": low, "flux": flux})
