@@ -48,7 +48,10 @@ _OF_CREASES = "image", "in_window", "outside_receiver", "total_reflection"
 
 
 class _AtCreases(torch.autograd.Function):
-    """The sums as they are; their gradient by the tables for light that crosses the creases of the cavity."""
+    """The sums as they are; their gradient by the tables for light that crosses the creases of the cavity.
+
+    ``flux``: of the rays over that of ``source``, of which they may be a slice, or by a part with a flux of its own.
+    """
 
     @staticmethod
     def forward(
@@ -95,7 +98,7 @@ class LightPath:
     ``source``: where faces meet in creases, for the light that crosses these; None where there is no such light, or
     where the source cannot say how much it is. ``colour``: of the source, from which the colours of its rays are
     collected; None where they do not count. ``losses``: causes whose flux counts; 0: none. The gradient of both is
-    without the light that crosses creases. ``flux``: of the part's source over that of ``source``.
+    without the light that crosses creases.
     """
 
     scene: Scene
@@ -105,7 +108,6 @@ class LightPath:
     source: Source | None = None
     colour: SourceColour | None = None
     losses: int = 0
-    flux: float = 1.0
 
     @cached_property
     def lamps(self) -> tuple[LampPictures, ...]:
@@ -121,7 +123,7 @@ class LightPath:
         """Light through one part of the lens with these tables; its source has a flux of its own."""
         scene = replace(self.scene, media=part.media(self.scene.media), made=part.made)
         own = replace(rays, flux=part.flux * rays.flux)
-        return replace(self, scene=scene, flux=part.flux).collect(part.tables(tables), own)
+        return replace(self, scene=scene).collect(part.tables(tables), own)
 
     def collect(self, tables: Float[Tensor, "f side side"], rays: RayBundle) -> tuple[Collected, ...]:
         """Trace ``rays`` through tables on the CPU and collect the mean light of a lamp; differentiable in the tables.
@@ -149,7 +151,7 @@ class LightPath:
                 Collected(**dict(zip(names, sums[first : first + each], strict=True)))
                 for first in range(0, len(sums), each)
             )
-        return self._together(found if self.source is None else self._with_creases(tables, found))
+        return self._together(found if self.source is None else self._with_creases(tables, rays, found))
 
     def over_outlines(
         self, images: Sequence[Tensor], tables: Float[Tensor, "f side side"], rays: RayBundle
@@ -171,9 +173,10 @@ class LightPath:
         rest = iter(found)
         return tuple(mean_of_lamps(lamps, [next(rest) for _ in lamps.rasters]) for lamps in self.lamps)
 
-    def _with_creases(self, tables: Tensor, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
+    def _with_creases(self, tables: Tensor, rays: RayBundle, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
+        assert self.source is not None
         sums = [getattr(own, name) for own in found for name in _OF_CREASES]
-        places = self.scene, self.source, self.seen, self.flux
+        places = self.scene, self.source, self.seen, float(rays.flux.sum()) / self.source.flux_w
         same = _AtCreases.apply(tables, *places, *sums)  # type: ignore[no-untyped-call]  # as torch has it
         rest = iter(same)
         return tuple(replace(own, **{name: next(rest) for name in _OF_CREASES}) for own in found)

@@ -10,11 +10,11 @@ import torch
 from presets import FEW
 from scenes import small_spec
 
+from lensforge.light.lens_light import searched_source
 from lensforge.search.design_result import Design, Progress
 from lensforge.search.kinds import LightOfKinds
 from lensforge.search.optimiser import search
 from lensforge.search.problem import Problems
-from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import AnyAccuracy, Spec
 
@@ -46,7 +46,7 @@ class Step:
 
     def __init__(self, changes: dict[str, Any], *, single: bool = False) -> None:
         spec, rng = small_spec(**changes), np.random.default_rng(0)
-        source = build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None)
+        source = searched_source(spec)
         self.problem = Problems(spec, source, 3.0, None, single).of((9, 25))
         parts = self.problem.parts
         self.pairs = () if parts is None else parts.of_step(0, 3)
@@ -58,10 +58,12 @@ class Step:
 
     def loss(self, by: tuple[float, float] = (0.0, 0.0), **light: Any) -> torch.Tensor:
         """The merit with the parameters moved along their ways; ``light``: changes of the path of the light."""
-        path = self.problem.merit.light
-        if isinstance(path, LightOfKinds):
-            path = replace(path, paths=tuple(replace(each, **light) for each in path.paths))
-        merit = replace(self.problem.merit, light=path if isinstance(path, LightOfKinds) else replace(path, **light))
+        merit = self.problem.merit
+        if light and isinstance(merit.light, LightOfKinds):
+            paths = tuple(replace(each, **light) for each in merit.light.paths)
+            merit = replace(merit, light=replace(merit.light, paths=paths))
+        elif light:
+            merit = replace(merit, light=replace(merit.light, **light))
         moved = (own + step * way for own, step, way in zip(self.parameters, by, self.ways, strict=True))
         return merit.evaluate(*moved, self.rays, self.problem.constraints, True, self.pairs).loss
 

@@ -42,6 +42,13 @@ KINDS = {"lamps": {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0, "k
 TABLE = {"kind": "table", "places_mm": [[-25.0, 6.0], [0.0, 0.0], [21.0, -9.0]], "turns_deg": [20.0, 0.0, 245.0]}
 EYES = {"kind": "luminance", "at_most": 1.0, "unit": "w_per_m2_sr", "blur_deg": 30.0, "spot_mm": 4.0}
 SEEN = {"limits": [EYES | {"eyes_mm": [[8.0, -3.0, 15.0], [40.0, 9.0, 20.0]]}, EYES | {"eyes_deg": [[-20.0, 35.0]]}]}
+HALF = {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 120.0, "height_mm": 120.0}, "at_least_share": 0.5}
+BRIGHT = {"kind": "points", "at_mm": [[40, 40], [-40, 20]], "at_least": 60.0, "unit": "w_per_m2"}
+OF_PARTS = {"optimise__robust": 0.9, "limits": [HALF, BRIGHT], **tolerance_changes(LARGE)}
+LEDS = [
+    {"name": "large", "share": 3.0, "source": {"kind": "square", "side_mm": 1.0, "flux_w": 2.0}},
+    {"name": "aside", "source": {"kind": "disc", "diameter_mm": 0.6, "flux_w": 0.5, "position_mm": [0.1, -0.2, 0.0]}},
+]
 SPECS: dict[str, dict[str, Any]] = {
     "free": {},
     "symmetric": {"lens__symmetry": "square"},
@@ -79,6 +86,8 @@ SPECS: dict[str, dict[str, Any]] = {
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},
     "coloured, all receivers": COLOURS | {"target": None, "receivers": list(RECEIVERS.values())},
     "coloured, lamps, mirrored": COLOURS | LAMPS | {"lens__symmetry": "mirror_x"},
+    "a share of the parts": OF_PARTS,
+    "a share of the parts, two LEDs": OF_PARTS | {"source": None, "sources": LEDS},
     "coloured, robust, dispersed": COLOURS | ROBUST | tolerance_changes(LARGE) | {"lens__material": "PC"},
 }
 

@@ -9,13 +9,14 @@ import pytest
 import torch
 from chains import upwards
 from presets import FEW
-from scenes import small_spec
-from search_scenes import require_same_bits_after
+from scenes import small_spec, tolerance_changes
+from search_scenes import LARGE, require_same_bits_after
 
 import lensforge as lf
 from lensforge.light.lens_light import searched_source, source_of
 from lensforge.light.light_facts import light_reasons
 from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.light_path import SearchParts
 from lensforge.search.merit import MeritFunction
 from lensforge.search.merit_of_sources import MeritOfSources
 from lensforge.search.optimiser import search
@@ -90,8 +91,13 @@ def test_bundles_of_which_one_has_no_wavelength_number_or_colour_are_not_joined(
     assert getattr(RayBundle.joined([without, without]), name) is None
 
 
+HALF = {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 120.0, "height_mm": 120.0}, "at_least_share": 0.5}
+OF_PARTS = {"optimise__robust": "yield", "limits": [HALF], **tolerance_changes(LARGE)}
+
+
 @pytest.mark.parametrize(
-    ("over", "changes"), [("mean", {}), ("worst", {}), ("mean", {**ONE_WITH_WAVELENGTHS, **GREEN_PMMA})]
+    ("over", "changes"),
+    [("mean", {}), ("worst", {}), ("mean", {**ONE_WITH_WAVELENGTHS, **GREEN_PMMA}), ("mean", OF_PARTS)],
 )
 def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str, changes: dict[str, Any]) -> None:
     spec = _spec(**{"optimise__over_sources": over, **changes})
@@ -101,12 +107,13 @@ def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str, changes: dict[s
     weights = torch.from_numpy(rng.normal(size=(parametrisation.basis.size, 2)) * 0.02).requires_grad_()
     offsets, rays = torch.tensor([1.0, 1.05], dtype=torch.float64), source.sample(4096, 1)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
-    found = merit.evaluate(weights, offsets, rays, constraints, False)
+    pairs = SearchParts.of(spec, parametrisation).of_step(0, 3) if spec.optimise.robust else ()
+    found = merit.evaluate(weights, offsets, rays, constraints, False, pairs)
     alone = []
     for own in spec.of_each_source:
         led = source_of(own)
         alone.append(MeritFunction.of(own, led, parametrisation).evaluate(
-            weights, offsets, led.sample(2048, 1), constraints, False
+            weights, offsets, led.sample(2048, 1), constraints, False, pairs
         ))  # fmt: skip
     term = constraints.term(found.fields)
     losses = [each.loss - term for each in alone]

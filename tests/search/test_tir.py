@@ -149,6 +149,39 @@ def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> 
     assert slopes[0] == pytest.approx(found, abs=0.015) and abs(slopes[1] - found) > 0.06
 
 
+def test_rays_of_half_the_flux_have_half_the_derivative() -> None:
+    """Slices of a sample, lenses of one kind of several, and parts whose LED is brighter have other fluxes."""
+    spec, parameters = spot(), begun()
+    source = build_source(spec.source, None)
+    light, (weights, offsets) = MeritFunction.of(spec, source, parameters).light, parameters.start()
+    rays, slopes = source.sample(2**12, 3), []
+    for some in (rays, replace(rays, flux=0.5 * rays.flux)):
+        moving = offsets.clone().requires_grad_()
+        light.collect(parameters.tables(weights, moving), some)[0].image[24:40].sum().backward()
+        slopes.append(moving.grad.numpy())
+    assert np.allclose(slopes[1], 0.5 * slopes[0], rtol=1e-9) and np.abs(slopes[0]).max() > 1e-3
+
+
+@pytest.mark.parametrize("along", first_by_day(1, [[0.0, 0.0, 0.0, 1.0], [1.0, -1.0, 0.0, 0.0]]))
+def test_the_derivative_of_a_share_of_the_parts_counts_it_once(along: list[float]) -> None:
+    """Each of four pairs has a quarter of the rays, and of the light that crosses creases."""
+    limits = [{**SPOT["limits"][0], "at_least_share": 0.95}]
+    amounts = {"source_shift_mm": 0.2, "source_flux": 0.2}
+    spec = spot().replace(optimise={"robust": 0.9}, tolerances=amounts, limits=limits)
+    source, parameters = build_source(spec.source, None), begun()
+    merit, pairs = MeritFunction.of(spec, source, parameters), SearchParts.of(spec, parameters).of_step(0, 3)
+    (weights, offsets), rays = parameters.start(), source.sample(2**15, 3)
+
+    def term(moved: torch.Tensor) -> torch.Tensor:
+        light = merit.light_of(parameters.tables(weights, moved), rays, pairs)
+        return merit.assessed(replace(light, terms=0.0 * light.terms), False).loss
+
+    step, direction, moving = 1.6e-2, torch.tensor(along, dtype=torch.float64), offsets.clone().requires_grad_()
+    found = float(term(offsets + step * direction) - term(offsets - step * direction)) / (2.0 * step)
+    term(moving).backward()
+    assert len(pairs) == 4 and float((moving.grad * direction).sum()) == pytest.approx(found, rel=0.25)
+
+
 def test_a_robust_search_takes_parts_in_its_steps() -> None:
     amounts = {"source_shift_mm": 0.2, "source_height_mm": 0.2}
     spec = spot().replace(optimise={"robust": True, "steps_per_level": [1]}, tolerances=amounts)
