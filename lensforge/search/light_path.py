@@ -48,10 +48,7 @@ _OF_CREASES = "image", "in_window", "outside_receiver", "total_reflection"
 
 
 class _AtCreases(torch.autograd.Function):
-    """The sums as they are; their gradient by the tables for light that crosses the creases of the cavity.
-
-    ``flux``: of the rays over that of ``source``, of which they may be a slice, or by a part with a flux of its own.
-    """
+    """The sums as they are; their gradient for light across the creases, by the ``flux`` of the rays over the source's."""
 
     @staticmethod
     def forward(
