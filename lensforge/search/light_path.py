@@ -48,7 +48,7 @@ _OF_CREASES = "image", "in_window", "outside_receiver", "total_reflection"
 
 
 class _AtCreases(torch.autograd.Function):
-    """The sums as they are; their gradient for light across the creases, by the ``flux`` of the rays over the source's."""
+    """The sums as they are; their gradient across creases, by the ``flux`` of the rays over the source's."""
 
     @staticmethod
     def forward(
