@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter
 
-from lensforge.kernels.mixture import SortedRays, densities, expect
-from lensforge.kernels.parallel import CHUNKS, in_chunks
+from lensforge.kernels.mixture import SeenRays, blur, densities, expect
+from lensforge.kernels.parallel import CHUNKS, in_chunks, in_parallel
 from lensforge.sources.radiance_emitter import RadianceTable
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -29,6 +29,7 @@ _CORE = 0.97  # of the rays of a ring, by their distance from its middle
 _UNIFORM = 0.01  # share of an even light in likelihoods, so that one ray in a dark cell does not decide
 STEPS, _LEAST_GAIN = 120, 2e-5  # of a fit; of the logarithm of the likelihood a ray, over ten steps
 _SEED = 7
+_WORTH = 10_000  # rays for which two threads are quicker than one
 
 
 @dataclass(frozen=True)
@@ -191,21 +192,22 @@ class FittedRadiance:
 
     def fitted(self, rays: RayBundle, steps: int = STEPS) -> "FittedRadiance":
         """Fit to other ``rays``, from this model on."""
-        model = self
-        seen, logarithm = _sorted(rays, model), -np.inf
+        model, seen, logarithm = self, _seen(rays, self), -np.inf
+        seen = seen.take(np.argsort(seen.cells, kind="stable"))
         light = np.bincount(seen.cells, seen.weights, len(model.place))
         for step in range(steps):
-            model = _stepped(model, seen, light)
-            if step % 10 == 9:
-                before, logarithm = logarithm, float(np.average(np.log(_densities(model, seen)), weights=seen.weights))
+            found = _densities(model, seen)
+            if step % 10 == 0:
+                before, logarithm = logarithm, float(seen.weights @ np.log(found))
                 if logarithm - before < _LEAST_GAIN:
                     break
+            model = _stepped(model, seen, found, light)
         return model
 
     def logarithms(self, rays: RayBundle) -> Float[np.ndarray, " n"]:
         """Logarithm of the radiance (1/mm^2/sr of all the light) of each ray, a hundredth of it even light."""
         area = float(np.prod(self.surface.high - self.surface.low))
-        found = _densities(self, _sorted(rays, self)) * (len(self.place) / area)
+        found = _densities(self, _seen(rays, self)) * (len(self.place) / area)
         return np.log((1.0 - _UNIFORM) * found + _UNIFORM / (np.pi * area))
 
     def table(self) -> RadianceTable:
@@ -226,11 +228,11 @@ def _shape(surface: LightSurface, detail: Detail) -> tuple[int, int]:
     return rows, columns
 
 
-def _sorted(rays: RayBundle, model: FittedRadiance) -> SortedRays:
+def _seen(rays: RayBundle, model: FittedRadiance) -> SeenRays:
     surface, (rows, columns) = model.surface, model.shape
     inside = (surface.places(rays) - surface.low) / (surface.high - surface.low)
     column, row = np.clip(inside * (columns, rows), 0, (columns - 1, rows - 1)).astype(np.int32).T
-    return SortedRays(row * columns + column, *model.angles.at(rays.directions), rays.flux / rays.flux.sum())
+    return SeenRays(row * columns + column, *model.angles.at(rays.directions), rays.flux / rays.flux.sum())
 
 
 def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadiance:
@@ -241,31 +243,49 @@ def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadi
     noise = gaussian_filter(noise, (0.0, min(shape) / 6.0, min(shape) / 6.0)).reshape(detail.factors, -1).T
     place = np.exp(0.7 * noise / noise.std())
     model = FittedRadiance(surface, detail, place, angle / angle.sum(axis=0))
-    light = np.bincount(_sorted(rays, model).cells, rays.flux / rays.flux.sum(), len(place))
+    light = np.bincount(_seen(rays, model).cells, rays.flux / rays.flux.sum(), len(place))
     return replace(model, place=light[:, None] * place / place.sum(axis=1, keepdims=True))
 
 
-def _stepped(model: FittedRadiance, seen: SortedRays, light: Float[np.ndarray, " c"]) -> FittedRadiance:
-    """The model after one step: the mixture in a cell is that of the cells around, its ``light`` that of the rays."""
-    count = model.place.shape[1]
-    by_place, by_angle = np.zeros((CHUNKS, *model.place.shape)), np.zeros((CHUNKS, *model.angle.shape))
+def _stepped(
+    model: FittedRadiance, seen: SeenRays, found: Float[np.ndarray, " n"], light: Float[np.ndarray, " c"]
+) -> FittedRadiance:
+    """The model after one step, from the densities ``found`` of rays in the order of their cells.
 
-    def add(chunk: int, rows: slice) -> None:
-        expect(seen.part(rows), model.place, model.angle, np.empty(count), by_place[chunk], by_angle[chunk])
+    The mixture in a cell becomes that of the cells around, its ``light`` that of the rays.
+    """
+    by_place, by_angle = np.zeros_like(model.place), np.zeros((CHUNKS, *model.angle.shape))
+    ends = np.searchsorted(seen.cells, seen.cells[len(found) * np.arange(1, CHUNKS) // CHUNKS])
+    parts = [slice(*edges) for edges in pairwise([0, *ends, len(found)])]  # no cell is in two
 
-    in_chunks(add, len(seen.cells), worth=10_000)
-    angle, around = model.angle * by_angle.sum(axis=0), (model.detail.blur, model.detail.blur, 0.0)
-    mixture = by_place.sum(axis=0).reshape(*model.shape, count)
-    mixture = gaussian_filter(mixture, around, mode="constant").reshape(model.place.shape)
-    place = light[:, None] * mixture / np.maximum(mixture.sum(axis=1, keepdims=True), 1e-300)
+    def add(chunk: int) -> None:
+        part = parts[chunk]
+        expect(seen.take(part), found[part], model.place, model.angle, by_place, by_angle[chunk])
+
+    in_parallel(add, CHUNKS, shared=len(found) >= _WORTH)
+    angle = model.angle * by_angle.sum(axis=0)
+    mixture = _blurred((model.place * by_place).reshape(*model.shape, -1), model.detail.blur).reshape(by_place.shape)
+    place = mixture * (light / np.maximum(mixture.sum(axis=1), 1e-300))[:, None]
     return replace(model, place=place, angle=angle / np.maximum(angle.sum(axis=0), 1e-300))
 
 
-def _densities(model: FittedRadiance, seen: SortedRays) -> Float[np.ndarray, " n"]:
-    found, count = np.empty(len(seen.cells)), model.place.shape[1]
+def _blurred(values: Float[np.ndarray, "r c k"], cells: float) -> Float[np.ndarray, "r c k"]:
+    """``values`` with a Gaussian of so many cells along both sides; beyond them it is dark."""
+    if cells == 0.0:
+        return values
+    half = int(4.0 * cells + 0.5)
+    taps = np.exp(-0.5 * (np.arange(-half, half + 1) / cells) ** 2)
+    taps /= taps.sum()
+    for shape in ((1, len(values), -1), values.shape):
+        before, after = values.reshape(shape), np.empty(shape := values.reshape(shape).shape)
+        in_chunks(lambda _, part: blur(before, taps, part.start, part.stop, after), shape[1], worth=1)
+        values = after.reshape(values.shape)
+    return values
 
-    def one(chunk: int, rows: slice) -> None:
-        densities(seen.part(rows), model.place, model.angle, np.empty(count), found[rows])
 
-    in_chunks(one, len(found), worth=10_000)
+def _densities(model: FittedRadiance, seen: SeenRays) -> Float[np.ndarray, " n"]:
+    found = np.empty(len(seen.cells))
+    in_chunks(
+        lambda _, part: densities(seen.take(part), model.place, model.angle, found[part]), len(found), worth=_WORTH
+    )
     return np.maximum(found, 1e-300)
