@@ -14,11 +14,13 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.seeds import OF_FILE, sobol
+from lensforge.sources.light_surface import LightSurface
 from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.radiance_emitter import RadianceEmitter
-from lensforge.sources.radiance_fit import Detail, FittedRadiance, LightSurface
+from lensforge.sources.radiance_fit import Detail, FittedRadiance
 from lensforge.sources.ray_bundle import RayBundle, towards
 from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.surfaces.mirror_group import NAMES, generators
 
 _FITTED = 2**20  # rays at most; those of a larger file are chosen at random
 _CHOOSING = 100_000  # rays at most by which the detail is chosen
@@ -26,10 +28,11 @@ _JUDGED_BY = 0.2  # of the rays
 _ERRORS, _LEAST_EFFECTIVE = 1.0, 2000.0  # of the likelihood, by which finer detail must be better; rays
 _MOST_STRAY, _LEAST_WIDTH_MM = 0.1, 1e-6  # of the flux; of the surface
 _LEAST_START = 0.01  # of the flux starts lower
-_SIDE, _RINGS, _AZIMUTHS = 6, 3, 6  # blocks of place and angle
-_BLOCKS = _SIDE**2 * _RINGS * _AZIMUTHS
+_SIDES = 6, 3, 6  # blocks of place and angle
+_BLOCKS = 6 * 6 * 3 * 6
+_SIDES_OF_IMAGES, _MOST_BLOCKS = ((6, 3, 12), (24, 1, 1)), 1296  # with images that are blocks themselves
 _DRAWN = 2**18  # rays of a model that is judged
-_STEPS_OF_CHOICE, _STEPS_AGAIN = 50, 20
+_STEPS_OF_CHOICE, _STEPS_AGAIN = 25, 20
 _MOST_FACTORS, _MOST_CELLS, _LEAST_BLUR, _MOST_AZIMUTHS = 64, 96, 0.5, 48
 
 
@@ -59,7 +62,8 @@ class ModelledRays:
         order = np.argsort(inside.origins[:, 2])
         starts = np.cumsum(inside.flux[order])
         lowest = inside.origins[order[np.searchsorted(starts, _LEAST_START * starts[-1])], 2]
-        reach = np.linalg.norm(inside.origins - surface.points(inside), axis=1).max()
+        starts_within = surface.outward(*surface.inward(inside))[0]
+        reach = np.linalg.norm(inside.origins - starts_within, axis=1).max()
         radiance = FittedRadiance.of(inside, surface, detail)
         return ModelledRays(file, radiance, inside, rays.take(~lit), float(lowest), float(reach))
 
@@ -101,10 +105,11 @@ class ModelledRays:
     def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
         """The rays of a sample, each turned to its target (mm); their flux is W/sr there.
 
-        Stray rays are turned as those of a file are.
+        Stray rays are turned as those of a file are, and so are all from a dome.
         """
         rays, places = self._drawn(len(targets), seed)
-        own, lit = self.file.pose.own_points(targets), np.isfinite(places[:, 0])
+        own = self.file.pose.own_points(targets)
+        lit = np.isfinite(places[:, 0]) & (self.radiance.surface.dome is None)
         away = own - places
         along = np.where(lit[:, None], away / np.linalg.norm(away, axis=1, keepdims=True), rays.directions)
         share = np.where(lit, self._emitter.table.intensity(np.where(lit[:, None], places, 0.0), along), 0.0)
@@ -142,27 +147,23 @@ class ModelledRays:
         chosen = np.searchsorted(flux, points[stray, 0] / share * flux[-1], side="right") if len(stray) else stray
         chosen = np.minimum(chosen, len(flux) - 1)
         points[:, 0] = np.clip((points[:, 0] - share) / (1.0 - share), 0.0, np.nextafter(1.0, 0.0))
-        places, directions = self._emitter.emit(points[:, :4])
-        places[:, 2] = self.radiance.surface.height(directions)
+        inner, within = self._emitter.emit(points[:, :4])
+        places, directions = self.radiance.surface.outward(inner, within)
         along = np.maximum(self.start_mm - places[:, 2], 0.0) / np.maximum(directions[:, 2], 1e-9)
         origins = places + np.minimum(along, self.reach_mm)[:, None] * directions
-        origins[stray], directions[stray], places[stray] = (
-            self.stray.origins[chosen],
-            self.stray.directions[chosen],
-            np.nan,
-        )
+        origins[stray], directions[stray] = self.stray.origins[chosen], self.stray.directions[chosen]
+        places[stray] = np.nan
         rays = RayBundle(origins, directions, np.full(count, self.flux_w / count))
         if not coloured:
             return rays, places
-        rows = self._alike(rays, points[:, 4])
+        rows = self._alike(self.radiance.surface.blocks(inner, within, _SIDES), points[:, 4])
         rows[stray] = len(self.lit) + chosen
         like = RayBundle.joined([self.lit, self.stray]).take(rows)
         return replace(like, origins=origins, directions=directions, flux=rays.flux), places
 
-    def _alike(self, rays: RayBundle, numbers: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    def _alike(self, blocks: Int[np.ndarray, " n"], numbers: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
         """Numbers of rays of the file, by flux, from about the place of each into about its angle: of its colour."""
         cumulative, order, ends = self._by_block
-        blocks = _blocks(self.radiance.surface, rays)
         first = np.where(blocks > 0, ends[blocks - 1], 0.0)
         chosen = np.searchsorted(cumulative, first + numbers * (ends[blocks] - first), side="right")
         return order[np.minimum(chosen, len(order) - 1)]
@@ -183,13 +184,7 @@ def _some(file: RaySetEmitter, most: int) -> RayBundle:
 
 
 def _blocks(surface: LightSurface, rays: RayBundle) -> Int[np.ndarray, " n"]:
-    """Number of the block of place and angle of each ray, alike in area and in projected solid angle."""
-    inside = (surface.places(rays) - surface.low) / (surface.high - surface.low)
-    column, row = np.clip(inside * _SIDE, 0, _SIDE - 1).astype(np.int64).T
-    x, y, _ = rays.directions.T
-    ring = np.minimum((x**2 + y**2) * _RINGS, _RINGS - 1).astype(np.int64)
-    azimuth = np.minimum(np.arctan2(y, x) / (2.0 * np.pi) % 1.0 * _AZIMUTHS, _AZIMUTHS - 1).astype(np.int64)
-    return ((row * _SIDE + column) * _RINGS + ring) * _AZIMUTHS + azimuth
+    return surface.blocks(*surface.inward(rays), _SIDES)
 
 
 @dataclass(frozen=True)
@@ -237,7 +232,8 @@ def _best(content: _Content) -> ModelledRays | str:
         return surfaces
     judges = round(_JUDGED_BY * len(rays))
     judging, fitting = rays.take(slice(0, judges)), rays.take(slice(judges, len(rays)))
-    model = _chosen(judging.take(slice(0, round(_JUDGED_BY * _CHOOSING))), fitting.take(slice(0, _CHOOSING)), surfaces)
+    few = judging.take(slice(0, round(_JUDGED_BY * _CHOOSING))), fitting.take(slice(0, _CHOOSING))
+    model = _chosen(*few, _with_images(_likeliest(*few, surfaces), rays))
     surface, detail = model.surface, model.detail
     if len(fitting) > _CHOOSING:
         model = FittedRadiance.of(fitting.take(surface.holds(fitting)), surface, detail)
@@ -258,30 +254,68 @@ def _surfaces(rays: RayBundle) -> list[LightSurface] | str:
         stray = 1.0 - float(rays.flux[surface.holds(rays)].sum() / rays.flux.sum())
         if stray <= _MOST_STRAY and (surface.high - surface.low).min() > _LEAST_WIDTH_MM:
             found.append(surface)
+    dome = LightSurface.in_dome(rays.take(found[0].holds(rays)), found[0]) if found else None
     if found:
-        return found
+        return found if dome is None else [*found, dome]
     if (surface.high - surface.low).min() <= _LEAST_WIDTH_MM:
         return "its rays come from a point or a line, which has no radiance"
     return f"{100.0 * stray:.2g} % of the flux comes from no common surface: at most {100.0 * _MOST_STRAY:.0f} %"
 
 
-def _chosen(judging: RayBundle, fitting: RayBundle, surfaces: list[LightSurface]) -> FittedRadiance:
-    """The model of ``fitting`` that ``judging`` rays, which all surfaces hold, are likeliest to come from."""
+def _better(judging: RayBundle, new: FittedRadiance, old: FittedRadiance) -> bool:
+    gain = (new.logarithms(judging) - old.logarithms(judging)) * (judging.flux / judging.flux.mean())
+    return float(gain.mean()) > _ERRORS * float(gain.std()) / len(gain) ** 0.5
+
+
+def _likeliest(judging: RayBundle, fitting: RayBundle, surfaces: list[LightSurface]) -> LightSurface:
+    """The surface from which ``judging`` rays, which all hold, are likeliest to come, by one factor for each."""
     held = [np.all([surface.holds(rays) for surface in surfaces], axis=0) for rays in (judging, fitting)]
     judging, fitting = judging.take(held[0]), fitting.take(held[1])
-
-    def better(new: FittedRadiance, old: FittedRadiance) -> bool:
-        gain = (new.logarithms(judging) - old.logarithms(judging)) * (judging.flux / judging.flux.mean())
-        return float(gain.mean()) > _ERRORS * float(gain.std()) / len(gain) ** 0.5
-
     best, *others = (FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE) for surface in surfaces)
     for other in others:
-        best = other if better(other, best) else best
+        best = other if _better(judging, other, best) else best
+    return best.surface
+
+
+def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
+    """``surface`` with the largest group of mirrors whose images of ``rays`` differ from them by chance alone."""
+    rays = rays.take(surface.holds(rays))
+    wide, weights = surface.mirrored(rays, "square"), rays.flux / rays.flux.sum()
+    (points, along), middle = wide.inward(rays), np.append(0.5 * (wide.low + wide.high), 0.0)
+
+    def unchanged(mirror: Float[np.ndarray, "3 3"]) -> bool:
+        for sides in _SIDES_OF_IMAGES:
+            rows = (
+                wide.blocks(*each, sides)
+                for each in ((points, along), (middle + (points - middle) @ mirror, along @ mirror))
+            )
+            sums = [[np.bincount(each, weights**power, _MOST_BLOCKS) for power in (1, 2)] for each in rows]
+            (own, noise), (image, other) = sums
+            lit = noise + other > 0.0  # each difference is there twice, so that its sum has twice the variance
+            found = float(((own - image)[lit] ** 2 / (noise + other)[lit]).sum())
+            if found > lit.sum() + 6.0 * np.sqrt(lit.sum()):
+                return False
+        return True
+
+    same = [mirror for mirror in generators("square") if unchanged(mirror)]
+    names = (
+        name
+        for name in reversed(NAMES)
+        if all(any(np.array_equal(each, one) for one in same) for each in generators(name))
+    )
+    found = next(names)
+    return surface if found == "none" else surface.mirrored(rays, found)
+
+
+def _chosen(judging: RayBundle, fitting: RayBundle, surface: LightSurface) -> FittedRadiance:
+    """The model of ``fitting`` that ``judging`` rays are likeliest to come from."""
+    judging, fitting = judging.take(surface.holds(judging)), fitting.take(surface.holds(fitting))
+    best = FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE)
     tried = {best.detail}
     while (detail := next((each for each in _finer(best.detail) if each not in tried), None)) is not None:
         tried.add(detail)
-        new = FittedRadiance.of(fitting, best.surface, detail, _STEPS_OF_CHOICE)
-        best = new if better(new, best) else best
+        new = FittedRadiance.of(fitting, surface, detail, _STEPS_OF_CHOICE)
+        best = new if _better(judging, new, best) else best
     return best
 
 
@@ -303,10 +337,8 @@ def _apart(model: FittedRadiance, judging: RayBundle) -> float:
     As many rays of equal flux differ from their light by the number of blocks over that of rays.
     """
     places, directions = RadianceEmitter(model.table(), 1.0).emit(sobol(_DRAWN, 4, OF_FILE))
-    places[:, 2] = model.surface.height(directions)
-    drawn = RayBundle(places, directions, np.full(_DRAWN, 1.0 / _DRAWN))
     weights, numbers, blocks = judging.flux / judging.flux.sum(), _blocks(model.surface, judging), _BLOCKS
     seen, square = np.bincount(numbers, weights, blocks), np.bincount(numbers, weights**2, blocks)
-    own = np.bincount(_blocks(model.surface, drawn), drawn.flux, blocks)
+    own = np.bincount(model.surface.blocks(places, directions, _SIDES), minlength=blocks) / _DRAWN
     scale = np.maximum(0.5 * (seen + own), 1e-3 / blocks)
     return float((((own - seen) ** 2 - square) / scale).sum())

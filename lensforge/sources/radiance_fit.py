@@ -13,22 +13,20 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter
 
 from lensforge.kernels.mixture import SeenRays, blur, densities, expect
 from lensforge.kernels.parallel import CHUNKS, in_chunks, in_parallel
+from lensforge.sources.light_surface import LightSurface
 from lensforge.sources.radiance_emitter import RadianceTable
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.mirror_group import generators
 
-_LEAST_RISE = 0.02  # flatter rays are no light of the surface, but stray light
-_BEYOND = 0.002  # of the flux, beyond each of the four sides of the surface
-_RINGS_OF_HEIGHT = 8
-_STEEP = 0.15  # rays less flat than this tell the heights
-_CORE = 0.97  # of the rays of a ring, by their distance from its middle
 _UNIFORM = 0.01  # share of an even light in likelihoods, so that one ray in a dark cell does not decide
 STEPS, _LEAST_GAIN = 120, 2e-5  # of a fit; of the logarithm of the likelihood a ray, over ten steps
 _SEED = 7
+_DARK = 1e-30  # a density that no ray has, so that what it is divided by stays finite
 _WORTH = 10_000  # rays for which two threads are quicker than one
 
 
@@ -44,67 +42,6 @@ class Detail:
     azimuths: int = 12
     factors: int = 1
     blur: float = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class LightSurface:
-    """Surface from which light seems to come: a rectangle (mm), its ``heights`` by the ``squares`` of sin gamma."""
-
-    low: Float[np.ndarray, " 2"]
-    high: Float[np.ndarray, " 2"]
-    squares: Float[np.ndarray, " k"]
-    heights: Float[np.ndarray, " k"]
-
-    @staticmethod
-    def of(rays: RayBundle, *, curved: bool) -> "LightSurface":
-        """The surface on which the rays of each angle are closest together, or the plane nearest to all."""
-        rise = rays.directions[:, 2]
-        steep, square = rise > _STEEP, 1.0 - rise**2
-        edges = np.quantile(square[steep], np.linspace(0.0, 1.0, _RINGS_OF_HEIGHT + 1 if curved else 2))
-        rings = [steep & (square >= low) & (square <= high) for low, high in pairwise(edges)]
-        heights = np.array([_waist(rays.take(ring)) for ring in rings])
-        bare = LightSurface(np.zeros(2), np.zeros(2), np.array([square[ring].mean() for ring in rings]), heights)
-        forward = rays.take(rise > _LEAST_RISE)
-        places = bare.places(forward)
-        ends, weights = (_BEYOND, 1.0 - _BEYOND), forward.flux
-        low, high = np.quantile(places, ends, axis=0, weights=weights, method="inverted_cdf")
-        return replace(bare, low=low, high=high)
-
-    def height(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Height (mm) of the surface for light into each direction."""
-        return np.interp(1.0 - directions[:, 2] ** 2, self.squares, self.heights)
-
-    def points(self, rays: RayBundle) -> Float[np.ndarray, "n 3"]:
-        """Points (mm) where rays cross the surface; those along it stay where they are."""
-        rise = rays.directions[:, 2]
-        along = (self.height(rays.directions) - rays.origins[:, 2]) / np.where(rise > _LEAST_RISE, rise, np.inf)
-        return rays.origins + along[:, None] * rays.directions
-
-    def places(self, rays: RayBundle) -> Float[np.ndarray, "n 2"]:
-        """Places (mm) across the axis of these points."""
-        return self.points(rays)[:, :2]
-
-    def holds(self, rays: RayBundle) -> Bool[np.ndarray, " n"]:
-        """True for rays that leave it upwards."""
-        places = self.places(rays)
-        inside = ((places >= self.low) & (places < self.high)).all(axis=1)
-        return inside & (rays.directions[:, 2] > _LEAST_RISE)
-
-
-def _waist(rays: RayBundle) -> float:
-    """Height (mm) at which rays are closest together, but for those that are far from the others."""
-    slope = rays.directions[:, :2] / rays.directions[:, 2:]
-    place, weight = rays.origins[:, :2] - rays.origins[:, 2:] * slope, rays.flux
-    height = 0.0
-    for _ in range(3):
-        own = place - np.average(place, axis=0, weights=weight), slope - np.average(slope, axis=0, weights=weight)
-        spread = float(np.sum(weight[:, None] * own[1] ** 2))
-        height = -float(np.sum(weight[:, None] * own[0] * own[1])) / spread if spread > 0.0 else 0.0
-        at_waist = place + height * slope
-        distance = np.linalg.norm(at_waist - np.median(at_waist, axis=0), axis=1)
-        near = distance <= np.quantile(distance, _CORE)
-        place, slope, weight = place[near], slope[near], weight[near]
-    return height
 
 
 @dataclass(frozen=True)
@@ -206,33 +143,45 @@ class FittedRadiance:
 
     def logarithms(self, rays: RayBundle) -> Float[np.ndarray, " n"]:
         """Logarithm of the radiance (1/mm^2/sr of all the light) of each ray, a hundredth of it even light."""
-        area = float(np.prod(self.surface.high - self.surface.low))
-        found = _densities(self, _seen(rays, self)) * (len(self.place) / area)
+        surface, seen = self.surface, _seen(rays, self)
+        area, cell = (float(np.prod(surface.high - low)) for low in (surface.low, surface.corner))
+        found = _densities(self, seen) * (len(self.place) / cell * surface.dilution)
         return np.log((1.0 - _UNIFORM) * found + _UNIFORM / (np.pi * area))
 
     def table(self) -> RadianceTable:
-        """The model as a table of radiance, of 1 W."""
-        rows, columns = self.shape
-        (left, bottom), (right, top) = self.surface.low, self.surface.high
-        x_mm, y_mm = np.linspace(left, right, columns + 1), np.linspace(bottom, top, rows + 1)
-        area_m2 = float(np.prod(self.surface.high - self.surface.low)) / len(self.place) * 1e-6
+        """The model as a table of radiance on its surface, of 1 W, with all images."""
+        surface, (rows, columns), azimuths = self.surface, self.shape, self.detail.azimuths
+        area_m2 = float(np.prod(surface.high - surface.corner)) / len(self.place) * 1e-6
         grid = np.tensordot(self.place, self.angles.on_grid(self.angle), axes=([1], [2])) / area_m2
+        grid = grid.reshape(rows, columns, *grid.shape[1:])
+        turns = np.arange(azimuths + 1)
+        for mirror in reversed(generators(surface.mirrors)):
+            if mirror[0, 0] == 0.0:
+                grid = 0.5 * (grid + grid.swapaxes(0, 1)[:, :, (azimuths // 4 - turns) % azimuths])
+            elif mirror[0, 0] < 0.0:
+                grid = 0.5 * np.concatenate([grid[:, ::-1, (azimuths // 2 - turns) % azimuths], grid], axis=1)
+            else:
+                grid = 0.5 * np.concatenate([grid[::-1, :, -turns % azimuths], grid], axis=0)
+        (left, bottom), (right, top) = surface.low, surface.high
+        x_mm, y_mm = np.linspace(left, right, grid.shape[1] + 1), np.linspace(bottom, top, len(grid) + 1)
         gamma = np.rad2deg(np.arcsin(np.sqrt(self.angles.squares)))
-        c_deg = np.linspace(0.0, 360.0, self.detail.azimuths + 1)
-        return RadianceTable(x_mm, y_mm, c_deg, gamma, grid.reshape(rows, columns, *grid.shape[1:]))
+        return RadianceTable(x_mm, y_mm, np.linspace(0.0, 360.0, azimuths + 1), gamma, grid)
 
 
 def _shape(surface: LightSurface, detail: Detail) -> tuple[int, int]:
-    sides = surface.high - surface.low
-    columns, rows = np.maximum(np.round(detail.cells * sides / sides.max()), 1).astype(int).tolist()
+    longest = (surface.high - surface.low).max()
+    columns, rows = (
+        np.maximum(np.round(detail.cells * (surface.high - surface.corner) / longest), 1).astype(int).tolist()
+    )
     return rows, columns
 
 
 def _seen(rays: RayBundle, model: FittedRadiance) -> SeenRays:
     surface, (rows, columns) = model.surface, model.shape
-    inside = (surface.places(rays) - surface.low) / (surface.high - surface.low)
+    points, along = surface.told(rays)
+    inside = (points[:, :2] - surface.corner) / (surface.high - surface.corner)
     column, row = np.clip(inside * (columns, rows), 0, (columns - 1, rows - 1)).astype(np.int32).T
-    return SeenRays(row * columns + column, *model.angles.at(rays.directions), rays.flux / rays.flux.sum())
+    return SeenRays(row * columns + column, *model.angles.at(along), rays.flux / rays.flux.sum())
 
 
 def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadiance:
@@ -241,7 +190,7 @@ def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadi
     angle = angles.measures[:, None] * random.gamma(4.0, size=(len(angles.measures), detail.factors))
     noise = random.standard_normal((detail.factors, *shape))
     noise = gaussian_filter(noise, (0.0, min(shape) / 6.0, min(shape) / 6.0)).reshape(detail.factors, -1).T
-    place = np.exp(0.7 * noise / noise.std())
+    place = np.ascontiguousarray(np.exp(0.7 * noise / noise.std()))
     model = FittedRadiance(surface, detail, place, angle / angle.sum(axis=0))
     light = np.bincount(_seen(rays, model).cells, rays.flux / rays.flux.sum(), len(place))
     return replace(model, place=light[:, None] * place / place.sum(axis=1, keepdims=True))
@@ -276,11 +225,11 @@ def _blurred(values: Float[np.ndarray, "r c k"], cells: float) -> Float[np.ndarr
     half = int(4.0 * cells + 0.5)
     taps = np.exp(-0.5 * (np.arange(-half, half + 1) / cells) ** 2)
     taps /= taps.sum()
-    for shape in ((1, len(values), -1), values.shape):
-        before, after = values.reshape(shape), np.empty(shape := values.reshape(shape).shape)
-        in_chunks(lambda _, part: blur(before, taps, part.start, part.stop, after), shape[1], worth=1)
-        values = after.reshape(values.shape)
-    return values
+    once, twice = np.empty(values.shape), np.empty(values.shape)
+    whole = values.reshape(1, len(values), -1), once.reshape(1, len(values), -1)
+    in_chunks(lambda _, part: blur(whole[0], taps, part.start, part.stop, whole[1]), len(values))
+    in_chunks(lambda _, part: blur(once, taps, part.start, part.stop, twice), values.shape[1])
+    return twice
 
 
 def _densities(model: FittedRadiance, seen: SeenRays) -> Float[np.ndarray, " n"]:
@@ -288,4 +237,4 @@ def _densities(model: FittedRadiance, seen: SeenRays) -> Float[np.ndarray, " n"]
     in_chunks(
         lambda _, part: densities(seen.take(part), model.place, model.angle, found[part]), len(found), worth=_WORTH
     )
-    return np.maximum(found, 1e-300)
+    return np.maximum(found, _DARK)

@@ -11,9 +11,10 @@ import pytest
 from lensforge.errors import InputError
 from lensforge.optics.pose import Pose
 from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.light_surface import LightSurface
 from lensforge.sources.measured_rays import held_back, rays_of_file, searched, smoothed
 from lensforge.sources.modelled_rays import ModelledRays, _apart, _best, _Content, modelled
-from lensforge.sources.radiance_fit import Angles, Detail, FittedRadiance, LightSurface
+from lensforge.sources.radiance_fit import Angles, Detail, FittedRadiance
 from lensforge.sources.ray_bundle import RayBundle, is_round, towards
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.spec.source_sections import RaySource

@@ -94,7 +94,7 @@ def _pictures(model: ModelledRays) -> Iterator[_Picture]:
         images = []
         for rays in sets:
             seen: Bool[np.ndarray, " n"] = rays.directions @ towards > _CAP
-            places = surface.places(rays)[seen]
+            places = surface.inward(rays)[0][seen]
             images.append(_binned(places, rays.flux[seen] / rays.flux.sum(), pixels, frame))
         yield title, (*frame[0], *frame[1]), images
     forward = [rays.take(rays.directions[:, 2] > 0.0) for rays in sets]

@@ -1,0 +1,228 @@
+"""Surface from which the light of rays seems to come, where edges of chips and windows are sharp.
+
+It is a plane, or lies at another height for every angle, as behind a window, or it is a plane in a dome of glass:
+rays are traced back into it. Étendue is kept, so that a density of rays by place and projected solid angle within is
+that outside times the square of the index. Light that mirrors leave as it is falls onto one of its images.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.mirror_group import generators, group
+
+LEAST_RISE = 0.02  # flatter rays are no light of the surface, but stray light
+_BEYOND = 0.002  # of the flux, beyond each of the four sides of the surface
+_RINGS_OF_HEIGHT = 8
+_STEEP = 0.15  # rays less flat than this tell the heights
+_CORE = 0.97  # of the rays of a ring, by their distance from its middle
+_FIRST = np.array([2.0, 1.0])  # of its images the one farthest along this is kept
+_CELLS, _RINGS, _AZIMUTHS = 24, 6, 12  # by which a dome is found
+_TELLING, _MOST_LOST = 20_000, 0.03  # rays that do so; their share that may miss it
+_MOST_RADIUS, _INDICES = 4.0, (1.41, 1.53)  # of half the width of the light; of silicones, with which a search begins
+
+Traced = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]  # points (mm) and directions
+
+
+@dataclass(frozen=True)
+class GlassDome:
+    """Sphere of glass of a ``radius`` (mm) and ``index``, its middle on the axis at a ``height`` (mm)."""
+
+    radius: float
+    height: float
+    index: float
+
+    def inward(self, rays: RayBundle) -> Traced:
+        """Points (mm) where rays traced back meet it, and their directions within; down for those that miss it."""
+        starts, along = rays.origins - (0.0, 0.0, self.height), rays.directions
+        middle = np.sum(starts * along, axis=1)
+        square = middle**2 - np.sum(starts**2, axis=1) + self.radius**2
+        points = starts + (np.sqrt(np.maximum(square, 0.0)) - middle)[:, None] * along
+        within, _ = _refracted(along, points / self.radius, 1.0 / self.index)
+        return np.add(points, (0.0, 0.0, self.height)), np.where(square[:, None] > 0.0, within, (0.0, 0.0, -1.0))
+
+    def outward(self, points: Float[np.ndarray, "n 3"], within: Float[np.ndarray, "n 3"]) -> Traced:
+        """Points (mm) where rays from within leave it, and their directions outside; along it if they do not."""
+        starts = points - (0.0, 0.0, self.height)
+        middle = np.sum(starts * within, axis=1)
+        square = np.maximum(middle**2 - np.sum(starts**2, axis=1) + self.radius**2, 0.0)
+        ends = starts + (np.sqrt(square) - middle)[:, None] * within
+        return np.add(ends, (0.0, 0.0, self.height)), _refracted(within, ends / self.radius, self.index)[0]
+
+
+def _refracted(
+    along: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"], ratio: float
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Directions behind a surface with the normal ahead, and the square of their cosine, below 0 where none leaves."""
+    cosine = np.sum(along * normal, axis=1)
+    square = 1.0 - ratio**2 * (1.0 - cosine**2)
+    found = ratio * along + (np.sqrt(np.maximum(square, 0.0)) - ratio * cosine)[:, None] * normal
+    return found / np.linalg.norm(found, axis=1, keepdims=True), square
+
+
+@dataclass(frozen=True, eq=False)
+class LightSurface:
+    """Surface from which light seems to come: a rectangle (mm), its ``heights`` by the ``squares`` of sin gamma.
+
+    ``dome``: the glass in which it lies. ``mirrors``: group of mirrors about its middle that leave its light as it is.
+    """
+
+    low: Float[np.ndarray, " 2"]
+    high: Float[np.ndarray, " 2"]
+    squares: Float[np.ndarray, " k"]
+    heights: Float[np.ndarray, " k"]
+    dome: GlassDome | None = None
+    mirrors: str = "none"
+
+    @staticmethod
+    def of(rays: RayBundle, *, curved: bool) -> "LightSurface":
+        """The surface on which the rays of each angle are closest together, or the plane nearest to all."""
+        rise = rays.directions[:, 2]
+        steep, square = rise > _STEEP, 1.0 - rise**2
+        edges = np.quantile(square[steep], np.linspace(0.0, 1.0, _RINGS_OF_HEIGHT + 1 if curved else 2))
+        rings = [steep & (square >= low) & (square <= high) for low, high in pairwise(edges)]
+        heights = np.array([_waist(rays.take(ring)) for ring in rings])
+        squares = np.array([square[ring].mean() for ring in rings])
+        return LightSurface(np.zeros(2), np.zeros(2), squares, heights)._around(rays)
+
+    @staticmethod
+    def in_dome(rays: RayBundle, plane: "LightSurface") -> "LightSurface | None":
+        """The plane in a dome, found from one without, on which light is nearest to a product of place and angle.
+
+        None where rays by all domes that were tried are farther from it.
+        """
+        from scipy.optimize import minimize
+
+        random, shares = np.random.default_rng(0), rays.flux / rays.flux.sum()
+        some = rays.take(random.choice(len(rays), min(_TELLING, len(rays)), p=shares))
+        some = replace(some, flux=np.ones(len(some)))
+        size = 0.5 * float((plane.high - plane.low).max())
+
+        def dome(radius: float, middle: float, height: float, index: float) -> LightSurface:
+            none, heights = np.zeros(2), np.array([height * size])
+            return LightSurface(none, none, np.zeros(1), heights, GlassDome(radius * size, middle * size, index))
+
+        def spread(numbers: Float[np.ndarray, " n"], *index: float) -> float:
+            allowed = numbers[0] < _MOST_RADIUS and 1.3 < (*numbers, *index)[3] < 1.7
+            return dome(*numbers, *index)._spread(some) if allowed else np.inf
+
+        def nearest(start: list[float], steps: list[float], *index: float) -> Any:
+            simplex = np.vstack([start, start + np.diag(steps)])
+            options = {"initial_simplex": simplex, "maxfev": 30 * len(start), "xatol": 1e-3, "fatol": 1e-4}
+            return minimize(spread, start, index, "Nelder-Mead", options=options)
+
+        height = float(plane.heights[0]) / size
+        firsts = [(nearest([1.6, height, height], [0.5, 0.2, 0.2], index), index) for index in _INDICES]
+        first, index = min(firsts, key=lambda each: float(each[0].fun))
+        best = nearest([*first.x, index], [0.1, 0.05, 0.05, 0.05])
+        return dome(*best.x.tolist())._around(rays) if best.fun < plane._spread(some) else None
+
+    def mirrored(self, rays: RayBundle, mirrors: str) -> "LightSurface":
+        """The surface about the middle of its light, of which images under ``mirrors`` are one."""
+        places = self.inward(rays.take(self.holds(rays)))[0][:, :2]
+        middle = np.average(places, axis=0, weights=rays.flux[self.holds(rays)])
+        half = np.maximum(self.high - middle, middle - self.low)
+        half = np.full(2, half.max()) if any(each[0, 0] == 0.0 for each in generators(mirrors)) else half
+        return replace(self, low=middle - half, high=middle + half, mirrors=mirrors)
+
+    @property
+    def corner(self) -> Float[np.ndarray, " 2"]:
+        """Lower corner (mm) of the part onto which all images fall; the upper one is ``high``."""
+        halved = [any(each[axis, axis] == -1.0 for each in generators(self.mirrors)) for axis in (0, 1)]
+        return np.where(halved, 0.5 * (self.low + self.high), self.low)
+
+    @property
+    def dilution(self) -> float:
+        """Density of rays (1/mm^2/sr) outside over that by place and direction as they are told."""
+        return 1.0 / len(group(self.mirrors)) / (1.0 if self.dome is None else self.dome.index**2)
+
+    def inward(self, rays: RayBundle) -> Traced:
+        """Points (mm) where rays traced back cross the surface, and their directions there."""
+        points, along = (rays.origins, rays.directions) if self.dome is None else self.dome.inward(rays)
+        rise = along[:, 2]
+        steps = (self.height(along) - points[:, 2]) / np.where(rise > LEAST_RISE, rise, np.inf)
+        return points + steps[:, None] * along, along
+
+    def outward(self, places: Float[np.ndarray, "n _"], along: Float[np.ndarray, "n 3"]) -> Traced:
+        """Points (mm) of the surface, or of the dome, where rays from places leave, and their directions outside."""
+        points = np.column_stack([places[:, :2], self.height(along)])
+        return (points, along) if self.dome is None else self.dome.outward(points, along)
+
+    def told(self, rays: RayBundle) -> Traced:
+        """Points (mm) and directions on the surface, each as the one of its images that stands for all."""
+        points, along = self.inward(rays)
+        middle = np.append(0.5 * (self.low + self.high), 0.0)
+        own = points - middle
+        for mirror in generators(self.mirrors):
+            beyond = ((own @ mirror - own)[:, :2] @ _FIRST > 0.0)[:, None]
+            own, along = np.where(beyond, own @ mirror, own), np.where(beyond, along @ mirror, along)
+        return own + middle, along
+
+    def height(self, along: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Height (mm) of the surface for light into each direction there."""
+        return np.interp(1.0 - along[:, 2] ** 2, self.squares, self.heights)
+
+    def holds(self, rays: RayBundle) -> Bool[np.ndarray, " n"]:
+        """True for rays that leave it upwards."""
+        points, along = self.inward(rays)
+        inside = ((points[:, :2] >= self.low) & (points[:, :2] < self.high)).all(axis=1)
+        return inside & (along[:, 2] > LEAST_RISE) & (rays.directions[:, 2] > LEAST_RISE)
+
+    def blocks(
+        self, points: Float[np.ndarray, "n 3"], along: Float[np.ndarray, "n 3"], sides: tuple[int, int, int]
+    ) -> Int[np.ndarray, " n"]:
+        """Number of the block of place and angle of each ray there, alike in area and in projected solid angle.
+
+        ``sides``: numbers on a side in place, in sin^2 gamma and in azimuth.
+        """
+        cells, rings, azimuths = sides
+        inside = (points[:, :2] - self.low) / (self.high - self.low)
+        column, row = np.clip(inside * cells, 0, cells - 1).astype(np.int64).T
+        x, y, _ = along.T
+        ring = np.minimum((x**2 + y**2) * rings, rings - 1).astype(np.int64)
+        azimuth = np.minimum(np.arctan2(y, x) / (2.0 * np.pi) % 1.0 * azimuths, azimuths - 1).astype(np.int64)
+        return ((row * cells + column) * rings + ring) * azimuths + azimuth
+
+    def _around(self, rays: RayBundle) -> "LightSurface":
+        """The surface with the rectangle of its light."""
+        points, along = self.inward(rays)
+        upwards = along[:, 2] > LEAST_RISE
+        ends = (_BEYOND, 1.0 - _BEYOND)
+        low, high = np.quantile(points[upwards, :2], ends, axis=0, weights=rays.flux[upwards], method="inverted_cdf")
+        return replace(self, low=low, high=high)
+
+    def _spread(self, rays: RayBundle) -> float:
+        """Mean logarithm of 1 over the density of rays of equal flux, as if place and angle had nothing in common."""
+        points, along = self.inward(rays)
+        upwards = (along[:, 2] > LEAST_RISE) & (rays.directions[:, 2] > LEAST_RISE)
+        if upwards.mean() < 0.5:
+            return np.inf
+        points, along = points[upwards], along[upwards]
+        low, high = np.quantile(points[:, :2], (_BEYOND, 1.0 - _BEYOND), axis=0)
+        own = replace(self, low=low, high=high)
+        found = np.log(float(np.prod(high - low)) * np.pi / self.dilution)
+        for sides in ((_CELLS, 1, 1), (1, _RINGS, _AZIMUTHS)):
+            share = np.bincount(own.blocks(points, along, sides)) / len(points)
+            lit = share[share > 0.0]
+            found -= float(np.sum(lit * np.log(lit))) + np.log(np.prod(sides) * sides[0])
+        return float(found + 10.0 * max(1.0 - upwards.mean() - _MOST_LOST, 0.0))
+
+
+def _waist(rays: RayBundle) -> float:
+    """Height (mm) at which rays are closest together, but for those that are far from the others."""
+    slope = rays.directions[:, :2] / rays.directions[:, 2:]
+    place, weight = rays.origins[:, :2] - rays.origins[:, 2:] * slope, rays.flux
+    height = 0.0
+    for _ in range(3):
+        own = place - np.average(place, axis=0, weights=weight), slope - np.average(slope, axis=0, weights=weight)
+        spread = float(np.sum(weight[:, None] * own[1] ** 2))
+        height = -float(np.sum(weight[:, None] * own[0] * own[1])) / spread if spread > 0.0 else 0.0
+        at_waist = place + height * slope
+        distance = np.linalg.norm(at_waist - np.median(at_waist, axis=0), axis=1)
+        near = distance <= np.quantile(distance, _CORE)
+        place, slope, weight = place[near], slope[near], weight[near]
+    return height
