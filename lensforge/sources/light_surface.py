@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.surfaces.mirror_group import generators, group
+from lensforge.surfaces.mirror_group import generators
 
 LEAST_RISE = 0.02  # flatter rays are no light of the surface, but stray light
 _BEYOND = 0.002  # of the flux, beyond each of the four sides of the surface
@@ -136,9 +136,9 @@ class LightSurface:
         return np.where(halved, 0.5 * (self.low + self.high), self.low)
 
     @property
-    def dilution(self) -> float:
-        """Density of rays (1/mm^2/sr) outside over that by place and direction as they are told."""
-        return 1.0 / len(group(self.mirrors)) / (1.0 if self.dome is None else self.dome.index**2)
+    def square_index(self) -> float:
+        """Square of the index of the glass: density of rays by place and direction within over that outside."""
+        return 1.0 if self.dome is None else self.dome.index**2
 
     def inward(self, rays: RayBundle) -> Traced:
         """Points (mm) where rays traced back cross the surface, and their directions there."""
@@ -204,7 +204,7 @@ class LightSurface:
         points, along = points[upwards], along[upwards]
         low, high = np.quantile(points[:, :2], (_BEYOND, 1.0 - _BEYOND), axis=0)
         own = replace(self, low=low, high=high)
-        found = np.log(float(np.prod(high - low)) * np.pi / self.dilution)
+        found = np.log(float(np.prod(high - low)) * np.pi * self.square_index)
         for sides in ((_CELLS, 1, 1), (1, _RINGS, _AZIMUTHS)):
             share = np.bincount(own.blocks(points, along, sides)) / len(points)
             lit = share[share > 0.0]

@@ -80,12 +80,13 @@ class ModelledRays:
     @property
     def words(self) -> str:
         """The model in a few words."""
-        detail, (rows, columns) = self.radiance.detail, self.radiance.shape
+        detail, (rows, columns), surface = self.radiance.detail, self.radiance.shape, self.radiance.surface
+        dome = f" in a dome of {surface.dome.radius:.3g} mm, n = {surface.dome.index:.3g}," if surface.dome else ","
+        images = "" if surface.mirrors == "none" else f" and its images under {surface.mirrors},"
         factors = "1 factor" if detail.factors == 1 else f"{detail.factors} factors"
-        return (
-            f"radiance of {factors} on {columns} x {rows} cells and {detail.rings} x {detail.azimuths} angles, "
-            f"fitted to {len(self.lit):,} rays; {100.0 * self.stray_share:.2g} % of the flux are rays of the file"
-        )
+        fine = f"{columns} x {rows} cells{images} and {detail.rings} x {detail.azimuths} angles{dome}"
+        kept = f"{100.0 * self.stray_share:.2g} % of the flux are rays of the file"
+        return f"radiance of {factors} on {fine} fitted to {len(self.lit):,} rays; {kept}"
 
     @cached_property
     def stray_share(self) -> float:
@@ -284,11 +285,9 @@ def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
     (points, along), middle = wide.inward(rays), np.append(0.5 * (wide.low + wide.high), 0.0)
 
     def unchanged(mirror: Float[np.ndarray, "3 3"]) -> bool:
+        images = middle + (points - middle) @ mirror
         for sides in _SIDES_OF_IMAGES:
-            rows = (
-                wide.blocks(*each, sides)
-                for each in ((points, along), (middle + (points - middle) @ mirror, along @ mirror))
-            )
+            rows = wide.blocks(points, along, sides), wide.blocks(images, along @ mirror, sides)
             sums = [[np.bincount(each, weights**power, _MOST_BLOCKS) for power in (1, 2)] for each in rows]
             (own, noise), (image, other) = sums
             lit = noise + other > 0.0  # each difference is there twice, so that its sum has twice the variance

@@ -21,7 +21,7 @@ from lensforge.kernels.parallel import CHUNKS, in_chunks, in_parallel
 from lensforge.sources.light_surface import LightSurface
 from lensforge.sources.radiance_emitter import RadianceTable
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.surfaces.mirror_group import generators
+from lensforge.surfaces.mirror_group import generators, group
 
 _UNIFORM = 0.01  # share of an even light in likelihoods, so that one ray in a dark cell does not decide
 STEPS, _LEAST_GAIN = 120, 2e-5  # of a fit; of the logarithm of the likelihood a ray, over ten steps
@@ -145,8 +145,8 @@ class FittedRadiance:
         """Logarithm of the radiance (1/mm^2/sr of all the light) of each ray, a hundredth of it even light."""
         surface, seen = self.surface, _seen(rays, self)
         area, cell = (float(np.prod(surface.high - low)) for low in (surface.low, surface.corner))
-        found = _densities(self, seen) * (len(self.place) / cell * surface.dilution)
-        return np.log((1.0 - _UNIFORM) * found + _UNIFORM / (np.pi * area))
+        found = _densities(self, seen) * (len(self.place) / cell / len(group(surface.mirrors)))
+        return np.log(((1.0 - _UNIFORM) * found + _UNIFORM / (np.pi * area)) / surface.square_index)
 
     def table(self) -> RadianceTable:
         """The model as a table of radiance on its surface, of 1 W, with all images."""

@@ -1,23 +1,33 @@
 """A radiance fitted to rays, against radiances that are known, and what its rays keep of those of the file."""
 
+import re
 import runpy
+from base64 import b64decode
 from dataclasses import replace
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from PIL import Image
 
+from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.optics.pose import Pose
 from lensforge.sources.build_source import build_source, summarise
-from lensforge.sources.light_surface import LightSurface
+from lensforge.sources.light_surface import GlassDome, LightSurface
 from lensforge.sources.measured_rays import held_back, rays_of_file, searched, smoothed
 from lensforge.sources.modelled_rays import ModelledRays, _apart, _best, _Content, modelled
 from lensforge.sources.radiance_fit import Angles, Detail, FittedRadiance
 from lensforge.sources.ray_bundle import RayBundle, is_round, towards
 from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.sources.rayfiles.ray_file import RayFile
+from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.spec.source_sections import RaySource
+from lensforge.surfaces.mirror_group import contains
 
 ASKEW = Pose.of_tilts((0.4, -0.3, 0.2), (25.0, -10.0), 40.0)
 SIDES = np.array([0.8, 0.5])  # mm of the two chips, along x and y
@@ -146,6 +156,89 @@ def test_light_behind_a_window_comes_from_another_height_for_every_angle() -> No
     assert plane.heights.shape == (1,)
 
 
+def in_dome(count: int, seed: int, radius: float = 2.0, index: float = 1.5, height: float = 0.2) -> RayBundle:
+    """Two chips at a height (mm) in a dome about it, by Snell's law in vectors; the right one has more light."""
+    random = np.random.default_rng(seed)
+    right = random.random(count) < 2.0 / 3.0
+    starts = np.column_stack([CENTRES[right.astype(int)] + (random.random((count, 2)) - 0.5) * SIDES, np.zeros(count)])
+    inside = lambertian(random, count, np.ones(count))
+    along = np.einsum("ni,ni->n", starts, inside)
+    normal = starts + (np.sqrt(along**2 + radius**2 - np.sum(starts**2, axis=1)) - along)[:, None] * inside
+    normal /= radius
+    across = index * np.cross(np.cross(normal, inside), normal)
+    outside = across + np.sqrt(1.0 - np.sum(across**2, axis=1))[:, None] * normal
+    return RayBundle(radius * normal + (0.0, 0.0, height), outside, np.ones(count))
+
+
+def test_light_in_a_dome_is_that_of_a_plane_within() -> None:
+    """Which dome, its rays tell; then each pattern of angles is that of a chip, and edges are those of chips."""
+    rays = in_dome(30_000, 5)
+    exact = GlassDome(2.0, 0.2, 1.5)
+    points, along = exact.inward(rays)
+    np.testing.assert_allclose(points, rays.origins, atol=1e-12)
+    again = exact.outward(points - 0.3 * along, along)
+    np.testing.assert_allclose(again, (rays.origins, rays.directions), atol=1e-12)
+    model = modelled(RaySetEmitter(rays, 1.0), "auto")
+    assert isinstance(model, ModelledRays)
+    surface = model.radiance.surface
+    assert surface.dome is not None and model.radiance.detail.factors == 1
+    assert surface.dome.radius / surface.dome.index == pytest.approx(2.0 / 1.5, rel=0.03)
+    np.testing.assert_allclose(surface.high, (0.9, 0.35), atol=0.08)
+    drawn, others = model.sample(2**17, 3), in_dome(2**12, 6)
+    starts, within = exact.inward(drawn)
+    places = (starts + ((0.2 - starts[:, 2]) / within[:, 2])[:, None] * within)[:, :2]
+    right, left = ((np.abs(places - centre) < 0.5 * SIDES + 0.08).all(axis=1) for centre in CENTRES[::-1])
+    assert right.mean() == pytest.approx(2.0 / 3.0, abs=0.02) and (left | right).mean() > 0.97
+    assert (1.0 - within[:, 2] ** 2).mean() == pytest.approx(0.5, abs=0.01)  # Lambertian
+    far = towards(model, 1e4 * others.directions, 3)
+    np.testing.assert_allclose(far.directions, others.directions, atol=1e-3)
+
+
+def one_chip(count: int, seed: int, brighter: float = 0.0) -> RayBundle:
+    """A square chip whose light leans outwards, more the farther from its middle, the right half of it brighter."""
+    random = np.random.default_rng(seed)
+    places = random.random((count, 2)) - 0.5
+    places[:, 0] = np.where(random.random(count) < brighter, np.abs(places[:, 0]), places[:, 0])
+    leaning = lambertian(random, count, np.full(count, 8.0)) + np.column_stack([1.2 * places, np.zeros(count)])
+    directions = leaning / np.linalg.norm(leaning, axis=1, keepdims=True)
+    return RayBundle(np.column_stack([np.add(places, (0.3, -0.2)), np.zeros(count)]), directions, np.ones(count))
+
+
+@pytest.mark.parametrize(("brighter", "mirrors", "share"), [(0.0, "square", 0.25), (0.1, "mirror_y", 0.8)])
+def test_light_that_mirrors_leave_as_it_is_falls_onto_one_image(brighter: float, mirrors: str, share: float) -> None:
+    model = modelled(RaySetEmitter(one_chip(30_000, 4, brighter), 1.0), "auto")
+    assert isinstance(model, ModelledRays)
+    surface, table = model.radiance.surface, model.radiance.table()
+    assert surface.mirrors == mirrors and model.radiance.detail.factors > 1
+    np.testing.assert_allclose(0.5 * (surface.low + surface.high), (0.3, -0.2), atol=0.03)
+    assert table.flux() == pytest.approx(1.0, rel=1e-9)
+    middle = 0.5 * (surface.low + surface.high)
+    centred = replace(table, x_mm=table.x_mm - middle[0], y_mm=table.y_mm - middle[1])
+    assert contains(centred.symmetry, mirrors)
+    others = one_chip(200_000, 8, brighter)
+    assert _apart(model.radiance, others.take(surface.holds(others))) < share * BLOCKS / 30_000
+    own = model.sample(2**17, 3)
+    leaning = [np.cov(rays.origins[:, 0], rays.directions[:, 0])[0, 1] for rays in (own, others)]
+    assert leaning[0] == pytest.approx(leaning[1], rel=0.03)
+
+
+@pytest.mark.parametrize("rays", [in_dome, one_chip])
+def test_densities_integrate_to_the_light_of_the_surface(rays) -> None:
+    """Over place and projected solid angle outside, by even rays within: étendue outside is n^2 times theirs."""
+    model = modelled(RaySetEmitter(rays(30_000, 4), 1.0), "auto")
+    assert isinstance(model, ModelledRays)
+    random, count, surface = np.random.default_rng(1), 200_000, model.radiance.surface
+    places, directions = (
+        random.uniform(surface.low, surface.high, (count, 2)),
+        lambertian(random, count, np.ones(count)),
+    )
+    starts, outside = surface.outward(places, directions)
+    index = 1.0 if surface.dome is None else surface.dome.index
+    found = np.exp(model.radiance.logarithms(RayBundle(starts, outside, np.ones(count))))
+    assert found.mean() * np.pi * index**2 * np.prod(surface.high - surface.low) == pytest.approx(1.0, abs=0.03)
+    assert model.radiance.surface.mirrors == ("square" if rays is one_chip else "none")
+
+
 def test_models_take_part_where_rays_are_drawn_and_files_where_they_are_cast() -> None:
     model = fitted()
     assert searched(model) is model and held_back(model) is model and smoothed(model) is model
@@ -183,6 +276,43 @@ def test_refits_tell_what_the_file_leaves_open() -> None:
     weights = own.flux / own.flux.sum()
     error = float(np.sqrt(np.sum(weights**2 * (own.directions[:, 0] - np.sum(weights * own.directions[:, 0])) ** 2)))
     assert 0.5 * error < np.std(shifts) < 1.6 * error
+
+
+def test_the_picture_shows_the_chips_from_each_side_in_the_file_and_in_the_model(tmp_path: Path) -> None:
+    """Colours turned back into values: rows are file, model and difference; the left chip shines towards +x alone."""
+    rays = two_chips(40_000, 2, stray=0.0)
+    left = rays.origins[:, 0] < 0.0
+    rays.directions[left, 0] = np.abs(rays.directions[left, 0])
+    columns = (each.astype(np.float32) for each in (rays.origins, rays.directions, rays.flux))
+    write_rayfile(tmp_path / "led.tm25ray", RayFile(*columns, "W"), "tm25")
+    picture = tmp_path / "led.svg"
+    done = CliRunner().invoke(cli, ["rays", str(tmp_path / "led.tm25ray"), "--model", "--plot", str(picture)])
+    assert done.exit_code == 0, done.output
+    drawn = picture.read_text(encoding="utf-8")
+    panels = re.findall('data:image/png;base64,([^"]+)', drawn)
+    assert drawn.count("scale(1 -1)") == len(panels)  # the first row of each is the lowest
+    values = [shown(each, "inferno" if number < 12 else "RdBu_r")[::-1] for number, each in enumerate(panels)]
+    assert len(values) == 18  # from the front, 45 degrees from +x, +y, -x, -y, and the far field
+    for front, right, up, away, down, far in (values[:6], values[6:12]):
+        middle = front.shape[1] // 2
+        for view, share in ((front, (1.0 / 3.0) / 2.0), (right, 1.0 / 1.0), (up, 0.5), (away, 0.0), (down, 0.5)):
+            parts = [view[:, half].sum() for half in (slice(0, middle), slice(middle, None))]
+            assert parts[0] / parts[1] == pytest.approx(share, abs=0.08 + 0.1 * share)  # left over right
+        rows = [float(np.average(np.arange(len(front)), weights=front[:, half].sum(axis=1))) for half in
+                (slice(0, middle), slice(middle, None))]  # fmt: skip
+        assert rows[0] < rows[1]  # counted from above
+        assert front[:, middle - 2 : middle + 2].mean() < 0.25 * front.mean()  # between the chips
+        assert far[:, len(far) // 2 :].sum() > 1.5 * far[:, : len(far) // 2].sum()
+    differences = np.concatenate([2.0 * each.ravel() - 1.0 for each in values[12:]]) * 0.3
+    assert np.abs(differences).mean() < 0.06 and np.abs(differences.mean()) < 0.01
+
+
+def shown(panel: str, colours: str) -> np.ndarray:
+    """Values in [0, 1] of the pixels of a picture, by the nearest of the 256 colours."""
+    with Image.open(BytesIO(b64decode(panel))) as image:
+        pixels = np.asarray(image.convert("RGB").resize((60, 60), Image.Resampling.NEAREST), float)
+    table = 255.0 * matplotlib.colormaps[colours](np.arange(256))[:, :3]
+    return np.argmin(np.sum((pixels[:, :, None] - table) ** 2, axis=3), axis=2) / 255.0
 
 
 def few(count: int = 54) -> RayBundle:
