@@ -135,7 +135,7 @@ class FittedRadiance:
         for step in range(steps):
             found = _densities(model, seen)
             if step % 10 == 0:
-                before, logarithm = logarithm, float(seen.weights @ np.log(found))
+                before, logarithm = logarithm, float(seen.weights @ np.log(found, dtype=float))
                 if logarithm - before < _LEAST_GAIN:
                     break
             model = _stepped(model, seen, found, light)
@@ -145,7 +145,7 @@ class FittedRadiance:
         """Logarithm of the radiance (1/mm^2/sr of all the light) of each ray, a hundredth of it even light."""
         surface, seen = self.surface, _seen(rays, self)
         area, cell = (float(np.prod(surface.high - low)) for low in (surface.low, surface.corner))
-        found = _densities(self, seen) * (len(self.place) / cell / len(group(surface.mirrors)))
+        found = _densities(self, seen).astype(float) * (len(self.place) / cell / len(group(surface.mirrors)))
         return np.log(((1.0 - _UNIFORM) * found + _UNIFORM / (np.pi * area)) / surface.square_index)
 
     def table(self) -> RadianceTable:
@@ -181,7 +181,9 @@ def _seen(rays: RayBundle, model: FittedRadiance) -> SeenRays:
     points, along = surface.told(rays)
     inside = (points[:, :2] - surface.corner) / (surface.high - surface.corner)
     column, row = np.clip(inside * (columns, rows), 0, (columns - 1, rows - 1)).astype(np.int32).T
-    return SeenRays(row * columns + column, *model.angles.at(along), rays.flux / rays.flux.sum())
+    nodes, shares = model.angles.at(along)
+    weights = (rays.flux / rays.flux.sum()).astype(np.float32)
+    return SeenRays(row * columns + column, nodes, shares.astype(np.float32), weights)
 
 
 def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadiance:
@@ -203,13 +205,14 @@ def _stepped(
 
     The mixture in a cell becomes that of the cells around, its ``light`` that of the rays.
     """
-    by_place, by_angle = np.zeros_like(model.place), np.zeros((CHUNKS, *model.angle.shape))
+    place, angle = model.place.astype(np.float32), model.angle.astype(np.float32)
+    by_place, by_angle = np.zeros_like(place), np.zeros((CHUNKS, *angle.shape), np.float32)
     ends = np.searchsorted(seen.cells, seen.cells[len(found) * np.arange(1, CHUNKS) // CHUNKS])
     parts = [slice(*edges) for edges in pairwise([0, *ends, len(found)])]  # no cell is in two
 
     def add(chunk: int) -> None:
         part = parts[chunk]
-        expect(seen.take(part), found[part], model.place, model.angle, by_place, by_angle[chunk])
+        expect(seen.take(part), found[part], place, angle, by_place, by_angle[chunk])
 
     in_parallel(add, CHUNKS, shared=len(found) >= _WORTH)
     angle = model.angle * by_angle.sum(axis=0)
@@ -233,8 +236,7 @@ def _blurred(values: Float[np.ndarray, "r c k"], cells: float) -> Float[np.ndarr
 
 
 def _densities(model: FittedRadiance, seen: SeenRays) -> Float[np.ndarray, " n"]:
-    found = np.empty(len(seen.cells))
-    in_chunks(
-        lambda _, part: densities(seen.take(part), model.place, model.angle, found[part]), len(found), worth=_WORTH
-    )
+    place, angle = model.place.astype(np.float32), model.angle.astype(np.float32)
+    found = np.empty(len(seen.cells), np.float32)
+    in_chunks(lambda _, part: densities(seen.take(part), place, angle, found[part]), len(found), worth=_WORTH)
     return np.maximum(found, _DARK)
