@@ -203,6 +203,8 @@ class LightSurface:
             return np.inf
         points, along = points[upwards], along[upwards]
         low, high = np.quantile(points[:, :2], (_BEYOND, 1.0 - _BEYOND), axis=0)
+        if (high <= low).any():
+            return np.inf
         own = replace(self, low=low, high=high)
         found = np.log(float(np.prod(high - low)) * np.pi * self.square_index)
         for sides in ((_CELLS, 1, 1), (1, _RINGS, _AZIMUTHS)):
