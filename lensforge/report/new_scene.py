@@ -98,6 +98,7 @@ class NewScene:
         section, made_by = LensShape.kinds[kind], shop or {}
         first = section.first_tables(shape)
         shaped = [role.name for role in section.roles if role.follows is None and not role.is_open]
+        faces = {name: {**first["lens"].get(name, {}), **made_by.get("face", {})} for name in shaped}
         named = {} if kind == LensShape.usual_kind else {"kind": kind}
         material = {"material": self.material} if self.takes_material(kind) else {}
         radius_mm = self.constraints["max_radius_mm"]
@@ -105,7 +106,7 @@ class NewScene:
         base = first.get("base") or (wide if radius_mm > _OF_USUAL_BASE_MM else None)
         tables = {
             "source": self.source,
-            "lens": {**named, **material, **first["lens"], **{name: {**made_by.get("face", {})} for name in shaped}},
+            "lens": {**named, **material, **first["lens"], **faces},
             "constraints": self.constraints,
             **self.light,
             "manufacture": made_by.get("manufacture"),

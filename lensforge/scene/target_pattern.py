@@ -19,13 +19,14 @@ from lensforge.optics.image_reading import MOST_BYTES
 from lensforge.results.files import read_file
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver
-from lensforge.scene.target_light import MISSING, light_of
+from lensforge.scene.target_light import MISSING, LightAt, light_of
 from lensforge.spec import TargetSection
 from lensforge.spec.target_sections import IN_TARGET
 
 _WORTH_SHARING = 2**15  # hits: three milliseconds of work
 _OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
 _LEAST_SUBPIXELS, _MOST_SUBPIXELS = 512, 4096  # across the receiver: to resolve small patterns, and to bound the memory
+_PLACES = 64  # along a side of a region of uniform light, and from the edge of a far field to the horizon
 _CANVAS = 1024  # pixels across the far field on which soft edges are drawn: 0.16 degrees on that to 80 degrees
 _KEPT_PATTERNS = 16  # a design asks for those of search and evaluation again and again; 48 MB at most each
 
@@ -111,7 +112,41 @@ def _drawn(targets: Targets, receiver: PosedReceiver, contents: tuple[str, ...],
     total = float(wanted.sum())
     if not total >= np.finfo(np.float64).tiny:
         raise InputError("target: it is dark everywhere on the receiver; check the image, its size, and the receiver's")
-    return DrawnTarget(wanted / total, fine, lit > IN_TARGET * wanted.max())
+    drawn = DrawnTarget(wanted / total, fine, lit > IN_TARGET * wanted.max())
+    if receiver.lamps.period_mm is None:  # of lamps without end the pattern goes on beyond it
+        for target in targets:
+            _require_uniform_lit(target, receiver, drawn)
+    return drawn
+
+
+def _require_uniform_lit(target: TargetSection, receiver: PosedReceiver, drawn: DrawnTarget) -> None:
+    """Raise :class:`InputError` for a region of uniform light of which a part is dark, or off the receiver."""
+    sides = target.pair("uniform")
+    if sides is None:
+        return
+    within = 1.5 * max(drawn.fine.pixel) * (180.0 / np.pi if receiver.is_far else 1.0)  # what sub-pixels know
+    along = np.linspace(-0.5, 0.5, _PLACES)
+    x, y = (each.ravel() for each in np.meshgrid(*(max(side - within, 0.0) * along for side in sides)))
+    places = (x + 1j * y) * np.exp(1j * np.radians(target.rotation_deg)) + complex(*target.centre)
+    dark = ~drawn.contains(np.stack(receiver.chart_coordinates(places.real, places.imag), axis=1))
+    if dark.any():
+        raise InputError(
+            f"target: uniform_{target.unit} = {' x '.join(f'{side:g}' for side in sides)} reaches beyond the light: "
+            f"{max(1.0, 100.0 * dark.mean()):.0f} % of it is dark; lower it until it lies in the light of the "
+            f"{target.description}, or leave it out"
+        )
+
+
+def _require_within(target: TargetSection, light: LightAt, most: float, half_deg: float) -> None:
+    """Raise :class:`InputError` for light of a far field beyond its receiver, above half of the ``most`` on that."""
+    angles, azimuth = np.linspace(half_deg, 90.0, _PLACES + 1)[1:, None], np.linspace(0.0, 2.0 * np.pi, 4 * _PLACES)
+    beyond = light(*target.about_centre(angles * np.cos(azimuth), angles * np.sin(azimuth))) > 0.5 * most
+    if half_deg < 90.0 and beyond.any():
+        farthest = float(angles[beyond.any(axis=1)].max())
+        raise InputError(
+            f"target: {target.description} goes on beyond its receiver of half_angle_deg = {half_deg:.4g}, up to "
+            f"{farthest:.3g} deg; raise half_angle_deg"
+        )
 
 
 def _drawn_sharp(
@@ -131,8 +166,11 @@ def _on_far_field(target: TargetSection, receiver: PosedReceiver, fine: PixelGri
     """Light on the equal-area chart; soft edges are drawn, and blurred, over angles along x and y."""
     x, y = receiver.target_coordinates(*np.meshgrid(fine.x(), fine.y()))
     within, light = receiver.window.pixels(fine), light_of(target, receiver.grid)
+    sharp = np.where(within, light(*target.about_centre(x, y)), 0.0)
+    half_deg = float(receiver.target_coordinates(np.array([receiver.window.radius]), np.zeros(1))[0].item())
+    _require_within(target, light, float(sharp.max()), half_deg)
     if edge == 0.0:
-        return np.where(within, light(*target.about_centre(x, y)), 0.0)
+        return sharp
     reach = float(np.hypot(x, y)[within].max()) + 4.0 * edge
     canvas = PixelGrid.square(2.0 * reach, _CANVAS)
     drawn = np.broadcast_to(light(*target.about_centre(canvas.x()[None, :], canvas.y()[:, None])), canvas.shape)

@@ -14,7 +14,7 @@ hemisphere's solid angle: the same feasible set, reached more smoothly.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import radians, sqrt
+from math import cos, radians, sqrt
 
 import numpy as np
 import torch
@@ -33,7 +33,7 @@ from lensforge.search.constraint_points import (
     meridian_points,
     nearest_of,
 )
-from lensforge.search.design_result import CURVATURE, DRAFT, EDGE, FLANGE_ROOM, Limit, limits_of
+from lensforge.search.design_result import CURVATURE, DRAFT, EDGE, FLANGE_ROOM, OPENING_ROOM, Limit, limits_of
 from lensforge.search.face_fields import draft_sine, least_curvature, meridian_curvature, wall_mm
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -44,6 +44,7 @@ _CURVATURE_MARGIN = 0.01
 _ANGLE_MARGIN_DEG = 0.1
 _REACH = 0.01  # of the largest radius: so much above its limit a wall is still followed, where multipliers act
 _FAR = 1.0  # a field, times its factor, where it does not hold
+_ABOUT_AXIS = cos(0.1)  # so far around the axis an opening stays open, rad
 _STEEP = 0.5  # sine of the draft above which the field is constant: the arcsine's slope is infinite at the apex
 
 WALL = "wall_margin_mm"
@@ -74,7 +75,7 @@ class Constraint(Limit):
         It takes the nearest of the faces that bound the cavity, and of those that bound the body. One of a single face
         holds where that face is the nearest, and one of a wall where the cavity has no opening.
         """
-        if self.kind in (EDGE, FLANGE_ROOM):
+        if self.kind in (EDGE, FLANGE_ROOM, OPENING_ROOM):
             return self.field([jets[name] for name in self.names], points)
         if self.of_one_face:
             own, *others = (jets[name] for name in self.names)
@@ -146,6 +147,9 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
         ),
         "largest_wall_margin_mm": lambda inside, outside, points: limit.given - (outside.rho - inside.rho),
         FLANGE_ROOM: partial(_room_left, limit.given),
+        OPENING_ROOM: lambda jets, points: torch.where(
+            points.cosine > _ABOUT_AXIS, jets[0].rho - jets[1].rho - limit.given, limits.max_radius_mm
+        ),
         "height_margin_mm": lambda face, points: limit.given - face.rho * points.cosine,
     }
     return fields[limit.kind]

@@ -59,6 +59,7 @@ class Margins(Record):
     ``largest_wall_margin_mm``: wall thickness below the largest; ``height_margin_mm``: from the outer surface up to the
     largest height; ``keep_out_clearance_mm``: from the keep-out, grown by its margin, outwards to the inner surface
     along the ray from the origin. ``flange_margin_mm``: height of the cylinder at the rim beyond what its flange needs.
+    ``opening_margin_mm``: of a mirror over its opening, along rays about the axis, which is to meet the opening.
     """
 
     cavity_clearance_mm: Number
@@ -71,6 +72,7 @@ class Margins(Record):
     height_margin_mm: Number | None = None
     keep_out_clearance_mm: Number | None = None
     flange_margin_mm: Number | None = None
+    opening_margin_mm: Number | None = None
 
     @staticmethod
     def of(measured: Mapping["Limit", float]) -> "Margins":
@@ -255,7 +257,7 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
-FLANGE_ROOM = "flange_margin_mm"
+FLANGE_ROOM, OPENING_ROOM = "flange_margin_mm", "opening_margin_mm"
 CURVATURE, DRAFT, EDGE = _OF_ONE_FACE = ("curvature_margin_per_mm", "draft_margin_deg", "edge_margin_deg")
 ON_CAVITY, ON_ENVELOPE, ON_BOTH = (CAVITY,), (BODY,), (CAVITY, BODY)  # media whose faces a limit concerns
 _SHARP = "lower {field} or take more steps"
@@ -274,6 +276,7 @@ _LIMITS = (
     (DRAFT, (), "lens.{0}.draft_deg", _SHARP),
     *((EDGE, media, "constraints.min_edge_angle_deg", _SHARP) for media in (ON_CAVITY, ON_ENVELOPE)),
     (FLANGE_ROOM, ON_ENVELOPE, "lens.flange_room_mm", "lower lens.flange.thickness_mm or take more steps"),
+    (OPENING_ROOM, ON_CAVITY, "lens.opening_mm", "take more steps, or lower lens.mouth.offset_mm"),
     ("largest_wall_margin_mm", ON_BOTH, "constraints.max_wall_mm", "raise {field} or lens.{0}.offset_mm"),
     ("height_margin_mm", ON_ENVELOPE, "constraints.max_height_mm", "raise {field} or lower lens.{0}.offset_mm"),
     ("keep_out_clearance_mm", ON_CAVITY, "constraints.keep_out", "raise lens.{0}.offset_mm or lower {field}_margin_mm"),

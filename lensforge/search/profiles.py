@@ -21,7 +21,7 @@ from lensforge.search.start_faces import start_faces
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import ProfiledShape
 from lensforge.surfaces.bicubic_table import APRON, BasisTables, TableGrid, dyadic_grid
-from lensforge.surfaces.profile import AXIS, HORIZON, FormedFace, ProfileBasis, ProfileFace, shrunk
+from lensforge.surfaces.profile import AXIS, HORIZON, FormedFace, ProfileBasis, ProfileFace, around, shrunk
 from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface, bent
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
 from lensforge.surfaces.surface import Surface
@@ -29,6 +29,7 @@ from lensforge.surfaces.surface import Surface
 _DIRECTIONS = 4000  # at which the part of a face that bounds its medium is looked for
 _BEYOND = 0.1  # cosine by which a profile bends beyond that part: creases move, and beyond it all bends fade
 _LOWEST = -0.1  # cosine: exported faces reach a little below z = 0
+_MERIDIAN = 96  # angles at which a face of no revolution is fitted, on each of its meridians
 _NODES_PER_SIGMA = 6.0  # at least: with 2.5 the wall is 30 um off at its rim
 
 
@@ -43,18 +44,30 @@ class FaceParameters:
     basis: ProfileBasis
     scale: float
     steps: Float[np.ndarray, " c"]
+    srbf: SrbfBasis | None = None
 
     @cached_property
-    def coefficients(self) -> Float[np.ndarray, " c"]:
-        """Coefficients of the start's profile."""
-        return self.coefficients_of(self.start)
+    def begins(self) -> ProfileFace:
+        """The start by these functions."""
+        return self.shaped(self.start)
 
-    def coefficients_of(self, surface: Surface) -> Float[np.ndarray, " c"]:
-        """Coefficients of the profile of ``surface``: its own where it has this basis, else in least squares."""
-        if isinstance(surface, ProfileFace) and surface.basis == self.basis:
-            return np.array(surface.coefficients)
+    def shaped(self, surface: Surface) -> ProfileFace:
+        """``surface`` by these functions: itself where it has them, else in least squares; of no revolution by both."""
         basis, reach_mm = self.basis, self.start.reach_mm
-        return np.array(ProfileFace.fitted(surface, basis.low, basis.high, basis.count, reach_mm).coefficients)
+        formed = isinstance(surface, FormedFace)
+        if isinstance(surface, ProfileFace) and surface.basis == basis and (not formed or surface.srbf == self.srbf):
+            return surface
+        is_round = surface.symmetry == "square" and not formed
+        if self.srbf is None or is_round or not isinstance(surface, ReciprocalSurface):
+            return ProfileFace.fitted(surface, basis.low, basis.high, basis.count, reach_mm)
+        directions = around(np.linspace(np.arccos(basis.high), np.arccos(basis.low), _MERIDIAN))
+        return FormedFace.nearest(directions, surface.reciprocal(directions)[0], basis, self.srbf, reach_mm)
+
+    def weights_of(self, surface: ProfileFace) -> Float[np.ndarray, " m"]:
+        """Weights (1/mm) of its SRBFs in ``surface``; 0 in one that has others."""
+        if isinstance(surface, FormedFace) and surface.srbf == self.srbf:
+            return surface.weights_per_mm
+        return np.zeros(0 if self.srbf is None else self.srbf.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +95,7 @@ class ProfileParameters(Parametrisation):
         body, leaders = Body.of(start, lens.body_roles), {role.name: role.follows for role in lens.body_roles}
         fixed = {name: None if name in lens.free else surface for name, surface in start.items()}
         own: list[FaceParameters | ReciprocalSurface | None] = []
+        srbf = lens.basis if lens.levels else None
         for face in body.faces:
             if fixed[face.name] is not None:
                 own.append(None)
@@ -90,8 +104,7 @@ class ProfileParameters(Parametrisation):
             elif (leader := leaders[face.name]) is not None:
                 own.append(_following(face, own[lens.body_names.index(leader)]))
             else:
-                own.append(_parameters(body, face.name, lens.profile))
-        srbf = lens.basis if lens.levels else None
+                own.append(_parameters(body, face.name, lens.profile, srbf))
         with remedy("take a lower accuracy, or coarser lens.levels"):
             details = [surface.detail_rad for surface in start.values()]
             sigmas = [] if srbf is None else [level_sigma(count, srbf.sigma_c) for count in srbf.levels]
@@ -149,8 +162,8 @@ class ProfileParameters(Parametrisation):
         """``1/rho`` (1/mm) at the nodes, before the offset."""
         if isinstance(own, ReciprocalSurface):
             return torch.from_numpy(own.reciprocal(self._nodes)[0])
-        column = torch.from_numpy(own.coefficients) + torch.from_numpy(own.steps) * weights[: self.profile, face]
-        values = self._profiles[face] @ column
+        column = torch.tensor(own.begins.coefficients) + torch.from_numpy(own.steps) * weights[: self.profile, face]
+        values = self._profiles[face] @ column + self._begun[face]
         return values if sums is None else values + own.scale * sums[face].reshape(-1)
 
     def _sums(self, weights: Float[Tensor, "k f"]) -> Float[Tensor, "f n n"] | None:
@@ -172,6 +185,15 @@ class ProfileParameters(Parametrisation):
         ]
 
     @cached_property
+    def _begun(self) -> list[Tensor | float]:
+        """Sums of the SRBFs with which each face begins, at the nodes; 0 of one of revolution."""
+        found: list[Tensor | float] = [0.0] * len(self.own)
+        for face, own in enumerate(self.own):
+            if isinstance(own, FaceParameters) and isinstance(own.begins, FormedFace):
+                found[face] = torch.from_numpy(own.begins.srbf.evaluate(self._nodes) @ own.begins.weights_per_mm)
+        return found
+
+    @cached_property
     def _sampled(self) -> Float[Tensor, "n side"]:
         """Matrix from coefficients to the nodes and, mirrored at the points of the first and last, their apron."""
         count, side = self.grid.nodes, self.grid.side
@@ -191,10 +213,11 @@ class ProfileParameters(Parametrisation):
                 towards = HORIZON if isinstance(own, ConeFace) else AXIS
                 offsets[face] = surface.radius(towards)[0] / own.radius(towards)[0]
             elif isinstance(own, FaceParameters) and self.columns[face] == face:
-                moved = (own.coefficients_of(surface) - own.coefficients) / own.steps
+                shaped, begins = own.shaped(surface), own.begins
+                moved = (np.array(shaped.coefficients) - begins.coefficients) / own.steps
                 weights[: self.profile, face] = torch.from_numpy(moved)
-                if isinstance(surface, FormedFace) and self.srbf == surface.srbf:
-                    weights[self.profile :, face] = torch.from_numpy(surface.weights_per_mm / own.scale)
+                functions = (own.weights_of(shaped) - own.weights_of(begins)) / own.scale
+                weights[self.profile :, face] = torch.from_numpy(functions)
         return weights, offsets
 
     def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
@@ -208,16 +231,16 @@ class ProfileParameters(Parametrisation):
             elif isinstance(own, ConeFace | PlaneFace):
                 found[name] = shrunk(own, factor)
             elif isinstance(own, FaceParameters):
-                moved = own.coefficients + own.steps * weights[: self.profile, face].numpy()
+                moved = own.begins.coefficients + own.steps * weights[: self.profile, face].numpy()
                 profile = own.start.reach_mm, own.basis.low, own.basis.high, tuple((factor * moved).tolist())
-                functions = factor * own.scale * weights[self.profile :, face].numpy()
+                functions = factor * (own.weights_of(own.begins) + own.scale * weights[self.profile :, face].numpy())
                 found[name] = ProfileFace(*profile)
                 if self.srbf is not None and functions.any():
                     found[name] = FormedFace(*profile, self.srbf, functions)
         return found
 
 
-def _parameters(body: Body, name: str, count: int) -> FaceParameters:
+def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> FaceParameters:
     """Parameters of a face over the part of it that bounds its medium, and a little more."""
     face = body.face(name)
     assert isinstance(face.surface, ReciprocalSurface)
@@ -227,10 +250,10 @@ def _parameters(body: Body, name: str, count: int) -> FaceParameters:
     reciprocals, basis = np.abs(face.surface.reciprocal(own)[0]), ProfileBasis(low, high, count)
     if not any(each.is_open for each in faces):
         scale = float(reciprocals.mean())
-        return FaceParameters(face.surface, basis, scale, np.full(count, scale))
+        return FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
     scale = float(reciprocals.min())
-    found = FaceParameters(face.surface, basis, scale, np.full(count, scale))
-    return replace(found, steps=np.maximum(np.abs(found.coefficients), scale))
+    found = FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
+    return replace(found, steps=np.maximum(np.abs(found.begins.coefficients), scale))
 
 
 def _following(face: Face, leader: FaceParameters | ReciprocalSurface | None) -> FaceParameters:

@@ -37,10 +37,17 @@ LightShape = Literal["round", "patch", "beside", "picture"]  # about the axis; i
 
 
 class Beam(NamedTuple):
-    """Least and largest angle (rad) from the axis of the light that is wanted; least: 0 for light about the axis."""
+    """Least and largest angle (rad) from the axis of the light that is wanted; least: 0 for light about the axis.
+
+    ``off_rad``, ``azimuth_rad``: of its middle from the axis, and about it from x; ``half_rad``: half angle of a cone
+    about its middle as wide as it is.
+    """
 
     least_rad: float
     most_rad: float
+    off_rad: float = 0.0
+    azimuth_rad: float = 0.0
+    half_rad: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -158,6 +165,11 @@ class LensShape(LensMaterial, OfSeveralKinds):
     def made_alone(self) -> Cutting:
         """Process by which such a lens is made where it is no part of a plate: turned, if all its faces can be."""
         return "turned" if all(map(self.is_revolved, self.names)) else "milled"
+
+    @property
+    def opening_mm(self) -> float | None:
+        """Distance that the search keeps a mirror from closing over its opening; None where it cannot close."""
+        return None
 
     @property
     def drawn_from_below(self) -> str | None:

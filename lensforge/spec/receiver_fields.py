@@ -4,7 +4,7 @@ A kind of receiver is a class that extends :class:`ReceiverSection`: it register
 """
 
 from cmath import rect
-from math import hypot, inf, radians
+from math import radians
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
@@ -142,7 +142,7 @@ def _require_on_receiver(target: TargetSection, extent: tuple[float, float]) -> 
 
 
 def require_target_fits(receiver: ReceiverSection, endless: bool) -> None:
-    """Raise ``ValueError`` for a target beyond its receiver, and for a region of uniform light beyond the target.
+    """Raise ``ValueError`` for a target beyond its receiver.
 
     ``endless``: of lamps without end, whose pattern goes on beyond a receiver of one period.
     """
@@ -152,16 +152,6 @@ def require_target_fits(receiver: ReceiverSection, endless: bool) -> None:
             at = complex(*target.centre) + place * turn
             what = f"target: {target.description}: its edge at"
             require_on(what, (at.real, at.imag), unit, receiver.extent, "the receiver")
-        mask, bounds = target.pair("uniform"), target.bounds
-        if mask is None or bounds is None or not target.outline or len(receiver.targets) > 1:
-            continue
-        known = bounds if len(target.outline) > 2 else (bounds[0], inf)  # the height of a picture is that of its file
-        width, height = (side / whole for side, whole in zip(mask, known, strict=True))
-        if (hypot(width, height) if target.is_round else max(width, height)) > 1.0 + _SAME:
-            raise ValueError(
-                f"target: uniform_{unit} = {' x '.join(f'{side:g}' for side in mask)} reaches beyond the light of the "
-                f"{target.description}; lower it until it lies within, or leave it out"
-            )
 
 
 def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str) -> None:

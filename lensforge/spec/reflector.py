@@ -1,6 +1,7 @@
 """The reflector: a mirror around the source, open at its mouth, with a back behind it."""
 
 from dataclasses import replace
+from math import radians
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,11 +14,19 @@ from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Label, check
-from lensforge.surfaces.reflector_cup import ParabolicCup, best_cup, mouth_radius_mm, reflector_faces
+from lensforge.surfaces.reflector_cup import (
+    LeaningCup,
+    ParabolicCup,
+    best_cup,
+    best_leaning_cup,
+    mouth_radius_mm,
+    reflector_faces,
+)
 from lensforge.surfaces.surface import Surface
 
 _ALUMINISED = 0.88  # reflectance of a plain film of aluminium on a smooth lacquer, over the visible range
 _THICKER = 1.15  # a back over the minimum wall: the wall varies as the cup moves
+_BESIDE, _ROOM = 0.5, 1.4  # of the half width of light beside the axis: its middle is so far off; reach over size
 
 
 class CupSection(FaceSection):
@@ -53,7 +62,7 @@ class ReflectorSection(ProfiledShape):
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
         """Fields for as much light as can be where it is wanted, with levels where that is beside; without a base."""
-        lens = super().first_tables(shape)["lens"] if shape == "beside" else {}
+        lens = {**super().first_tables(shape)["lens"], "cup": {"draft_deg": 0.0}} if shape == "beside" else {}
         return {"lens": lens, "base": {"kind": "none"}, "optimise": {"aim": "share"}}
 
     @check
@@ -90,6 +99,11 @@ class ReflectorSection(ProfiledShape):
         """Height of the mouth as it is given, or as it may be."""
         return self.mouth.offset_mm or limits.max_height_mm or np.inf
 
+    @property
+    def opening_mm(self) -> float | None:
+        """0 mm: a cup that levels shape must not close over the axis."""
+        return 0.0 if self.levels and self.cup.fixed is None else None
+
     @check
     def _is_open(self) -> None:
         if self.cavity_index != self.outside_index:
@@ -107,14 +121,28 @@ class ReflectorSection(ProfiledShape):
         wall_mm = _THICKER * (limits.min_thickness_mm + 2.0 * limits.margin_mm)
         most_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - limits.margin_mm
         cup, height_mm = self.fixed["cup"], self.mouth.offset_mm
-        beam = conditions.beam() if cup is None else Beam(0.0, 0.0)
+        beam, shaped = conditions.beam() if cup is None else Beam(0.0, 0.0), None
         try:
-            if cup is None:
+            leaning = self._leaning(conditions, beam, wall_mm, height_mm or most_mm) if cup is None else None
+            if leaning is not None:
+                cup = leaning.face(_ROOM * float(np.hypot(limits.max_radius_mm, leaning.height_mm)), beam.azimuth_rad)
+                most_mm, shaped = min(most_mm, leaning.height_mm), self.basis
+            elif cup is None:
                 best = self._of_a_point(conditions, beam, wall_mm, most_mm)
                 cup, height_mm = best.face, height_mm or best.height_mm
-            return reflector_faces(cup, limits.rim_radius_mm, wall_mm, height_mm, most_mm)
+            return reflector_faces(cup, limits.rim_radius_mm, wall_mm, height_mm, most_mm, shaped)
         except InputError as error:
             raise InputError(f"lens: {str(error).removeprefix('reflector: ')} (lens.kind = 'reflector')") from None
+
+    def _leaning(self, conditions: StartConditions, beam: Beam, wall_mm: float, most_mm: float) -> LeaningCup | None:
+        """The cup that leans towards light beside the axis, where levels can shape one; None where none has room."""
+        limits = conditions.limits
+        if not self.levels or self.cup.offset_mm is not None or beam.off_rad <= _BESIDE * beam.half_rad:
+            return None
+        sizes = limits.rim_radius_mm - _THICKER * wall_mm, conditions.side_mm
+        wanted = beam.off_rad, beam.half_rad, self.cup.mirror
+        draft_rad = radians(max(self.cup.draft_deg or 0.0, 0.0))
+        return best_leaning_cup(*sizes, *wanted, conditions.clear_mm, min(most_mm, limits.tallest_mm), draft_rad)
 
     def _of_a_point(self, conditions: StartConditions, beam: Beam, wall_mm: float, most_mm: float) -> ParabolicCup:
         best = best_cup(

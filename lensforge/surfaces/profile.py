@@ -32,6 +32,8 @@ DEGREE = 5  # as the exported faces; tables and exports could not follow the kin
 LEAST_COEFFICIENTS = DEGREE + 1
 _MOST_COEFFICIENTS = 512
 _SAMPLES = 8  # of a fit, for each coefficient
+_MERIDIANS = 32  # of a face of no revolution
+_FIT_RCOND = 1e-5  # of the functions of a fit: combinations that hardly differ have small weights
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,16 @@ class FormedFace(ProfileFace):
             raise InputError(f"formed: {len(self.weights_per_mm)} weights of {self.srbf.size} functions")
         super().__post_init__()
 
+    @staticmethod
+    def nearest(
+        directions: _Vectors, reciprocals: _Values, basis: ProfileBasis, srbf: SrbfBasis, reach_mm: float
+    ) -> "FormedFace":
+        """The face nearest to ``1/rho`` (1/mm) at these directions: first by its profile, what is left by functions."""
+        coefficients = basis.nearest(directions[:, 2], reciprocals)
+        left = reciprocals - basis.matrix(directions[:, 2]) @ np.array(coefficients)
+        weights = np.linalg.lstsq(srbf.evaluate(directions), left, rcond=_FIT_RCOND)[0]
+        return FormedFace(reach_mm, basis.low, basis.high, coefficients, srbf, weights)
+
     @property
     def symmetry(self) -> str:
         """Largest mirror group: that of the functions."""
@@ -183,6 +195,13 @@ def _meridian(face: Surface, cosines: _Values) -> _Values:
     """``1/rho`` over the x axis, of faces within a reach without their continuation."""
     directions = np.column_stack([np.sqrt(1.0 - cosines**2), np.zeros_like(cosines), cosines])
     return face.reciprocal(directions)[0] if isinstance(face, ReciprocalSurface) else 1.0 / face.radius(directions)
+
+
+def around(polar_rad: _Values) -> Float[np.ndarray, "k 3"]:
+    """Directions at these angles from the axis, each on all meridians in turn."""
+    azimuth = 2.0 * np.pi * np.arange(_MERIDIANS) / _MERIDIANS
+    across = [np.outer(np.sin(polar_rad), each).ravel() for each in (np.cos(azimuth), np.sin(azimuth))]
+    return np.stack([*across, np.repeat(np.cos(polar_rad), _MERIDIANS)], axis=1)
 
 
 def shrunk(face: ReciprocalSurface, factor: float) -> ReciprocalSurface:

@@ -2,10 +2,12 @@
 
 A paraboloid about the source sends all that meets it along the axis, and what leaves by its mouth directly goes where
 it went. The flatter it is, the farther from the source light meets it, and the less the size of the source turns it;
-the deeper, the more light it takes. Which one suits a source and a beam is found by a scan.
+the deeper, the more light it takes. Which one suits a source and a beam is found by a scan. For light to one side the
+cup leans there: its mirror sends light that way, and stands before the light that would leave to the other sides.
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -13,18 +15,22 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.surfaces.collimator import share_within
-from lensforge.surfaces.profile import ProfileBasis, ProfileFace
+from lensforge.surfaces.profile import FormedFace, ProfileBasis, ProfileFace, around
 from lensforge.surfaces.reciprocal import ConicFace, PlaneFace, ReciprocalSurface
+from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.surface import Surface
 
 _ROOM = 1.4  # reach of a face over its farthest point, as of a collimator
 _RAYS, _TRIED = 64, 24  # angles of the estimated share; focal lengths that are tried, and radii
+_OPEN = 1.1  # a leaning cup is so much higher over the source than its mouth, which the axis meets
 _NARROWEST = 0.2  # of the largest radius: of a mouth that is tried
 _LOWEST, _BEYOND = -0.15, 0.1  # cosines: of the lowest point of a back, and by which it is known beyond its rim
-_COEFFICIENTS, _MERIDIANS, _ALONG = 24, 32, 721  # of a back; of a cup, and places on each
+_COEFFICIENTS, _ALONG = 24, 721  # of a back; places on each meridian of a cup
 _FINE = 8  # times as many places, on which the rim of a mouth is found
 _FLATTEST = 0.2  # height of the mouth over its radius, at least
 _ENOUGH = 0.98  # of the largest share: among these the lowest cup is chosen
+_TRACED, _LEAST_ECCENTRICITY, _FLATTER = 2048, 0.5, 0.05  # rays through a leaning cup; least, and 1 - the first one
+_LEANS, _FOCI, _STEPS = (0.6,), (1.0, 1.6), 120  # of the light's angle and the clearance, where its search begins
 
 _Values = Float[np.ndarray, " n"]
 
@@ -68,6 +74,139 @@ class ParabolicCup:
         return within - share_within(turned, least_rad, side_mm) + max(0.0, float(direct))
 
 
+@dataclass(frozen=True)
+class LeaningCup:
+    """A conic about the origin, open at ``height_mm``, whose axis leans by ``lean_rad`` from z towards +x.
+
+    ``focal_mm``: from the origin to its vertex; ``eccentricity``: 1 of a paraboloid, less of an ellipsoid.
+    """
+
+    focal_mm: float
+    eccentricity: float
+    lean_rad: float
+    height_mm: float
+
+    @property
+    def _parameter_mm(self) -> float:
+        return self.focal_mm * (1.0 + self.eccentricity)
+
+    def face(self, reach_mm: float, azimuth_rad: float = 0.0) -> ConicFace:
+        """The mirror, leaning towards ``azimuth_rad`` from x."""
+        aside = np.sin(self.lean_rad)
+        x, y = float(aside * np.cos(azimuth_rad)), float(aside * np.sin(azimuth_rad))
+        return ConicFace(reach_mm, self._parameter_mm, self.eccentricity, (x, y, float(np.cos(self.lean_rad))))
+
+    @property
+    def narrowest_mm(self) -> float:
+        """Least radius at z = 0."""
+        return float(self._parameter_mm / (1.0 + self.eccentricity * np.sin(self.lean_rad)))
+
+    @property
+    def tallest_mm(self) -> float:
+        """Largest height of a mouth that the axis meets."""
+        return float(self._parameter_mm / max(1.0 - self.eccentricity * np.cos(self.lean_rad), 1e-9))
+
+    @property
+    def widest_mm(self) -> float:
+        """Largest distance of the mirror from the z axis below the mouth."""
+        directions, radii = self._below
+        return float((radii * np.hypot(directions[:, 0], directions[:, 1])).max())
+
+    @property
+    def draft_rad(self) -> float:
+        """Least angle by which the mirror widens upwards; negative where it leans over itself."""
+        normals = self._below[0] - self.eccentricity * self._axis
+        return float(-np.arcsin((normals[:, 2] / np.linalg.norm(normals, axis=1)).max()))
+
+    @property
+    def _below(self) -> tuple[Float[np.ndarray, "k 3"], _Values]:
+        """Directions of the mirror below the mouth, and its radii (mm)."""
+        directions = around(np.linspace(0.0, 0.5 * np.pi, _ALONG // 4))
+        radii = self._parameter_mm / np.maximum(1.0 - self.eccentricity * (directions @ self._axis), 1e-9)
+        below = radii * directions[:, 2] <= self.height_mm
+        return directions[below], radii[below]
+
+    @property
+    def _axis(self) -> Float[np.ndarray, " 3"]:
+        return np.array([np.sin(self.lean_rad), 0.0, np.cos(self.lean_rad)])
+
+    def share(self, off_rad: float, half_rad: float, side_mm: float, mirror: float) -> float:
+        """Share of a square Lambertian source that it sends within ``half_rad`` of ``off_rad`` from z towards +x.
+
+        Directly, or by one reflection, of which ``mirror`` is left; by a conic, which a ray from the point s in the
+        direction u meets at ``|s + t u| = p + e a (s + t u)``, a quadratic equation.
+        """
+        axis, (places, ways) = self.eccentricity * self._axis, _lambertian()
+        places = side_mm * places
+        along, past = ways @ axis, self._parameter_mm + places @ axis
+        linear = (places * ways).sum(axis=1) - along * past
+        square = np.maximum(1.0 - along**2, 1e-12)
+        root = np.sqrt(np.maximum(linear**2 - square * ((places**2).sum(axis=1) - past**2), 0.0))
+        to_mirror = (root - linear) / square
+        met = to_mirror * ways[:, 2] < self.height_mm
+        points = places + to_mirror[:, None] * ways
+        normals = points / np.linalg.norm(points, axis=1, keepdims=True) - axis
+        turned = ways - (2.0 * (ways * normals).sum(axis=1) / (normals**2).sum(axis=1))[:, None] * normals
+        rises = met & (turned[:, 2] > 1e-6)
+        rest = np.where(rises, self.height_mm - points[:, 2], 0.0) / np.where(rises, turned[:, 2], 1.0)
+        out = points + rest[:, None] * turned
+        rises &= np.linalg.norm(out, axis=1) <= self._parameter_mm + out @ axis + 1e-9
+        wanted = np.array([np.sin(off_rad), 0.0, np.cos(off_rad)])
+        direct = ~met & (ways @ wanted > np.cos(half_rad))
+        return float(direct.mean() + mirror * (rises & (turned @ wanted > np.cos(half_rad))).mean())
+
+
+def _lambertian() -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Places on a square of side 1, and directions of its Lambertian light, by a Kronecker sequence."""
+    steps = 1.1673039782614187 ** -np.arange(1.0, 5.0)  # powers of the root of x^5 = x + 1
+    x, y, square, turn = (np.mod(np.outer(np.arange(_TRACED), steps) + 0.5, 1.0)).T
+    sine, azimuth = np.sqrt(square), 2.0 * np.pi * turn
+    ways = np.column_stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1.0 - square)])
+    return np.column_stack([x - 0.5, y - 0.5, np.zeros_like(x)]), ways
+
+
+@lru_cache(maxsize=8)  # half a second, for the check of a scene and for its search
+def best_leaning_cup(
+    radius_mm: float,
+    side_mm: float,
+    off_rad: float,
+    half_rad: float,
+    mirror: float,
+    clearance_mm: float,
+    most_height_mm: float,
+    draft_rad: float = -np.inf,
+) -> LeaningCup | None:
+    """The leaning cup that sends the most light within ``half_rad`` of a direction ``off_rad`` from the axis.
+
+    ``radius_mm``: of its mirror, at most; ``clearance_mm``: its least radius at z = 0; ``draft_rad``: by which it
+    widens upwards at least. The axis meets its mouth. None where none has room.
+    """
+    from scipy.optimize import minimize
+
+    def cup_of(sizes: _Values) -> LeaningCup:
+        focal, flatter, lean, height = np.exp(sizes).tolist()
+        return LeaningCup(focal, max(1.0 - flatter, _LEAST_ECCENTRICITY), min(lean, 0.5 * np.pi), height)
+
+    def missing(sizes: _Values) -> float:
+        cup = cup_of(sizes)
+        highest_mm = min(most_height_mm, cup.tallest_mm / _OPEN)
+        over = max(cup.widest_mm / radius_mm, clearance_mm / cup.narrowest_mm, cup.height_mm / highest_mm)
+        over = max(over, 1.0 + draft_rad - cup.draft_rad)
+        return over if over > 1.0 else -cup.share(off_rad, half_rad, side_mm, mirror)
+
+    tried = [
+        minimize(
+            missing,
+            np.log([focus * clearance_mm, _FLATTER, lean * off_rad, min(radius_mm, most_height_mm)]),
+            method="Nelder-Mead",
+            options={"maxiter": _STEPS},
+        )
+        for lean, focus in product(_LEANS, _FOCI)
+    ]
+    best = min(tried, key=lambda each: float(each.fun))
+    return cup_of(best.x) if best.fun < 0.0 else None
+
+
 def best_cup(
     radius_mm: float,
     wall_mm: float,
@@ -102,14 +241,21 @@ def best_cup(
 
 
 def reflector_faces(
-    cup: Surface, radius_mm: float, wall_mm: float, height_mm: float | None = None, most_height_mm: float = np.inf
+    cup: Surface,
+    radius_mm: float,
+    wall_mm: float,
+    height_mm: float | None = None,
+    most_height_mm: float = np.inf,
+    shaped: SrbfBasis | None = None,
 ) -> dict[str, Surface]:
     """The faces of a reflector by name: ``cup``, ``back`` and ``mouth``.
 
     The mouth is at ``height_mm``, by default where the back has ``radius_mm`` from the axis, or is widest below that,
-    and no higher than ``most_height_mm``. Raises :class:`InputError` where it does not meet the cup.
+    and no higher than ``most_height_mm``. ``shaped``: functions by which the back follows a cup that leans; without
+    them it is round. Raises :class:`InputError` where the mouth does not meet the cup.
     """
-    polar, behind = _behind(cup, wall_mm)
+    polar, each = _behind(cup, wall_mm)
+    behind = each.max(axis=1)
     across, heights = behind * np.sin(polar), behind * np.cos(polar)
     if height_mm is None:
         beyond = np.flatnonzero(across > radius_mm)
@@ -123,9 +269,12 @@ def reflector_faces(
         )
     rim = float(polar[above[0]])
     reach = _ROOM * float(behind[above[0]])
-    basis = ProfileBasis(_LOWEST, min(1.0, float(np.cos(rim)) + _BEYOND), _COEFFICIENTS)
+    high = 1.0 if shaped is not None else min(1.0, float(np.cos(rim)) + _BEYOND)
+    basis = ProfileBasis(_LOWEST, high, _COEFFICIENTS)
     known = np.cos(polar) <= basis.high
     back = ProfileFace(reach, basis.low, basis.high, basis.nearest(np.cos(polar[known]), 1.0 / behind[known]))
+    if shaped is not None:
+        back = FormedFace.nearest(around(polar), 1.0 / each.ravel(), basis, shaped, reach)
     if isinstance(cup, ReciprocalSurface):  # a conic has no reach of its own
         cup = replace(cup, reach_mm=min(reach, cup.reach_mm))
     return {"cup": cup, "back": back, "mouth": PlaneFace(reach, height_mm)}
@@ -134,26 +283,18 @@ def reflector_faces(
 def mouth_radius_mm(cup: Surface, height_mm: float) -> float:
     """Radius (mm) about the axis of the part of a level plane that lies within ``cup``, or a step more."""
     polar = np.linspace(0.0, 0.5 * np.pi, _FINE * _ALONG, endpoint=False)
-    directions = _around(polar)
+    directions = around(polar)
     radii = cup.radius(directions).reshape(len(polar), -1)
     within = np.flatnonzero((radii * np.cos(polar)[:, None] >= height_mm).any(axis=1))
     return height_mm * float(np.tan(polar[min(within.max(initial=0) + 1, len(polar) - 1)]))
 
 
-def _behind(cup: Surface, wall_mm: float) -> tuple[_Values, _Values]:
-    """Angles from the axis, falling from below the horizon, and the distances (mm) of a round back there.
+def _behind(cup: Surface, wall_mm: float) -> tuple[_Values, Float[np.ndarray, "n k"]]:
+    """Angles from the axis, falling from below the horizon, and the distances (mm) of a back on each meridian.
 
-    The farthest all around: at the wall along the normal, to first order.
+    At the wall along the normal, to first order.
     """
     polar = np.linspace(np.arccos(_LOWEST), 1e-3, _ALONG)
-    directions = _around(polar)
+    directions = around(polar)
     slant = np.sum(cup.normal(directions) * directions, axis=1)
-    found = (cup.radius(directions) + wall_mm / slant).reshape(_ALONG, -1)
-    return polar, found.max(axis=1)
-
-
-def _around(polar: _Values) -> Float[np.ndarray, "k 3"]:
-    """Directions at these angles from the axis, on each of the meridians in turn."""
-    azimuth = 2.0 * np.pi * np.arange(_MERIDIANS) / _MERIDIANS
-    across = [np.outer(np.sin(polar), each).ravel() for each in (np.cos(azimuth), np.sin(azimuth))]
-    return np.stack([*across, np.repeat(np.cos(polar), _MERIDIANS)], axis=1)
+    return polar, (cup.radius(directions) + wall_mm / slant).reshape(_ALONG, -1)

@@ -1,6 +1,7 @@
 """Irradiance of targets from pictures, text, arrays and tables, against the numbers that were put into them."""
 
 import unicodedata
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,11 +9,12 @@ from picture_files import png, tiff
 
 from lensforge.errors import InputError
 from lensforge.optics.pose import Pose
-from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver_shapes import Plane
+from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.receiver_shapes import FarField, Plane
 from lensforge.scene.target_light import drawn_text, read_table
 from lensforge.scene.target_pattern import target_light
 from lensforge.spec import ImageTarget, TextTarget
+from lensforge.spec.target_sections import TargetSection
 
 PLANE = Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
@@ -157,3 +159,68 @@ def test_what_is_no_table_is_refused_with_its_place_and_few_of_its_words(tmp_pat
     (tmp_path / "light.csv").write_text("0,1;0,5\n1,0;0.5\n")
     with pytest.raises(InputError, match=r"light\.csv, line 1, column 1: '0,1' beside numbers with decimal points"):
         read_table(tmp_path / "light.csv")
+
+
+def far_field(half_deg: float) -> FarField:
+    radius = 2.0 * np.sin(np.radians(0.5 * half_deg))
+    grid, pose = PixelGrid.square(2.0 * radius, 64), Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    return FarField(pose, grid, Window(radius=radius))
+
+
+# Targets whose region of uniform light just lies in their light, and one of these or more that does not.
+UNIFORM = {
+    "disc": ({"kind": "disc", "diameter_mm": 80.0}, (48.0, 64.0), [(52.0, 68.0)]),
+    "turned": (
+        {"kind": "rectangle", "width_mm": 60.0, "height_mm": 30.0, "rotation_deg": 30.0},
+        (60.0, 30.0),
+        [(64.0, 9.0)],
+    ),
+    "aside": (
+        {"kind": "rectangle", "width_mm": 60.0, "height_mm": 30.0, "centre_mm": (90.0, 0.0)},
+        (60.0, 30.0),
+        [(64.0, 9.0)],
+    ),
+    "ring": (
+        {"kind": "ring", "outer_diameter_mm": 100.0, "inner_diameter_mm": 60.0},
+        None,
+        [(20.0, 20.0), (90.0, 9.0)],
+    ),
+    "polygon": ({"kind": "polygon", "corners_mm": ((-50, -50), (50, -50), (0, 50))}, (25.0, 50.0), [(30.0, 50.0)]),
+    "cross": ({"kind": "cross", "length_mm": 90.0, "stroke_mm": 20.0}, (90.0, 20.0), [(40.0, 24.0)]),
+    "spots": ({"kind": "spots", "columns": 3, "diameter_mm": 30.0, "pitch_mm": 40.0}, (20.0, 20.0), [(90.0, 9.0)]),
+    "text": ({"kind": "text", "text": "I", "width_mm": 9.0}, (9.0, 60.0), [(11.0, 60.0)]),
+}
+
+
+@pytest.mark.parametrize("name", UNIFORM)
+def test_a_region_of_uniform_light_lies_in_the_light(name: str) -> None:
+    """Corners of the rectangle in the disc lie on its circle, of that in the triangle on its sides; no ring has one."""
+    fields, fits, others = UNIFORM[name]
+    kind = TargetSection.kinds[fields["kind"]]
+    if fits is not None:
+        assert target_light((kind(**fields, uniform_mm=fits),), PLANE).sum() == pytest.approx(1.0)
+    for sides in others:
+        with pytest.raises(InputError, match=r"^target: uniform_mm = .* of it is dark; .* leave it out$"):
+            target_light((kind(**fields, uniform_mm=sides),), PLANE)
+
+
+def test_light_of_several_targets_may_hold_one_region() -> None:
+    kind = TargetSection.kinds["rectangle"]
+    left, right = (kind(width_mm=40.0, height_mm=40.0, centre_mm=(x, 0.0)) for x in (-20.0, 20.0))
+    wide = left.changed(uniform_mm=(80.0, 30.0), centre_mm=(0.0, 0.0), width_mm=8.0)
+    assert target_light((left, right, wide), PLANE).sum() == pytest.approx(1.0)
+    with pytest.raises(InputError, match="of it is dark"):
+        target_light((left, wide), PLANE)
+
+
+def test_a_photometric_target_does_not_go_on_beyond_its_receiver(tmp_path: Path) -> None:
+    """Of half of its peak and more up to 60 degrees: on a receiver that reaches to 40 degrees it is cut off."""
+    gamma = np.arange(0.0, 91.0, 10.0)
+    candela = np.where(gamma <= 60.0, 100.0, 49.0)
+    lines = ["IESNA:LM-63-2002", "TILT=NONE", f"1 1000 1 {len(gamma)} 1 1 2 0.1 0.1 0", "1 1 10"]
+    rows = [" ".join(f"{each:g}" for each in values) for values in (gamma, (0.0,), candela)]
+    (tmp_path / "wide.ies").write_text("\n".join([*lines, *rows]) + "\n", encoding="ascii")
+    wide = TargetSection.kinds["photometric"](file=tmp_path / "wide.ies")
+    with pytest.raises(InputError, match=r"wide\.ies goes on beyond its receiver of half_angle_deg = 40, up to 6\d"):
+        target_light((wide,), far_field(40.0))
+    assert target_light((wide,), far_field(71.0)).sum() == pytest.approx(1.0)

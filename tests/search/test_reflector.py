@@ -26,7 +26,7 @@ from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.reciprocal import ConicFace
-from lensforge.surfaces.reflector_cup import best_cup, reflector_faces
+from lensforge.surfaces.reflector_cup import best_cup, best_leaning_cup, reflector_faces
 
 BEAM: dict[str, Any] = {
     "source": {"kind": "square", "side_mm": 1.0},
@@ -278,3 +278,102 @@ def test_a_cup_for_a_wall_beside_its_axis_lets_the_light_through_to_it() -> None
     assert float(mouth.radius(np.array([[np.sin(rim), 0.0, np.cos(rim)]]))[0]) < float(
         start_faces(spec)["cup"].radius(np.array([[np.sin(rim), 0.0, np.cos(rim)]]))[0]
     ), "light at 55 degrees passes the mouth before it meets the cup"
+
+
+WALL = np.radians([25.0, 18.0])  # angle of its middle from the axis, half angle of a cone as wide as it is
+LEANING = best_leaning_cup(12.0, 1.0, *WALL, MIRROR, 0.85, 12.0)
+
+
+def washer(**lens: Any) -> Spec:
+    wall = {"kind": "plane", "centre_mm": [0.0, 211.309, 453.154], "tilt_deg": [-30.0, 0.0]}
+    target = {"kind": "rectangle", "width_mm": 240.0, "height_mm": 320.0}
+    return parse_spec(
+        {
+            **{name: table for name, table in BEAM.items() if name != "target"},
+            "lens": {"kind": "reflector", "levels": [25, 81], "profile": 8, **lens},
+            "constraints": {"max_radius_mm": 14.0},
+            "receivers": [{**wall, "width_mm": 480.0, "height_mm": 480.0, "targets": [target]}],
+            "optimise": {"aim": "share", "steps_per_level": [2, 2, 2], "rays": 4096},
+        },
+        "washer",
+    )
+
+
+def test_the_share_of_a_leaning_cup_is_that_of_rays_through_its_faces() -> None:
+    """The estimate solves a quadratic equation; the kernels trace tables of the faces, a mirror and a plane."""
+    assert LEANING is not None
+    spec = reflector({"cup": {"mirror": MIRROR}})
+    faces = reflector_faces(LEANING.face(40.0), 20.0, 0.8, LEANING.height_mm)
+    rays = build_source(spec.source, None).sample(2**15, 4)
+    exits = TracedLens.of(Lens(faces, spec, 0, FEW), 8.0).trace(rays)
+    wanted = np.array([np.sin(WALL[0]), 0.0, np.cos(WALL[0])])
+    once = (exits.met >= 0).sum(axis=1) <= 2
+    within = exits.left_lens & once & (exits.directions @ wanted > np.cos(WALL[1]))
+    assert LEANING.share(*WALL, 1.0, MIRROR) == pytest.approx(exits.flux[within].sum() / rays.flux.sum(), abs=0.015)
+
+
+@pytest.mark.parametrize(("room_mm", "draft_deg"), [(12.0, 0.0), (9.0, 3.0)])
+def test_a_leaning_cup_keeps_its_sizes_and_lets_a_tool_in(room_mm: float, draft_deg: float) -> None:
+    """Measured at points of the conic: its radius, its narrowest place, its slope, and its height over the axis."""
+    cup = best_leaning_cup(room_mm, 1.0, *WALL, MIRROR, 0.85, 12.0, np.radians(draft_deg))
+    assert cup is not None and cup.height_mm <= 12.0
+    face, mouth = cup.face(60.0, 0.7), cup.height_mm
+    polar, azimuth = (
+        each.ravel() for each in np.meshgrid(np.linspace(0.0, np.pi / 2, 400), np.linspace(0.0, 6.28, 91))
+    )
+    u = np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
+    points = face.radius(u)[:, None] * u
+    below = points[:, 2] < mouth
+    across = np.hypot(*points[below, :2].T)
+    assert across.max() < 1.003 * room_mm and np.hypot(*points[polar > 1.57, :2].T).min() > 0.849
+    assert np.degrees(np.arcsin(-face.normal(u[below])[:, 2])).min() > draft_deg - 0.2
+    assert face.radius(np.array([[0.0, 0.0, 1.0]]))[0] > 1.05 * mouth, "the axis meets the mouth"
+    farthest = points[below][across.argmax()]
+    assert np.arctan2(farthest[1], farthest[0]) == pytest.approx(0.7, abs=0.05)
+
+
+def test_a_reflector_for_a_wall_leans_towards_it() -> None:
+    """The most that a mirror can send there is 0.896 of the light; by cups of revolution 0.21 was the most found."""
+    spec = washer()
+    lens = Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, FEW)
+    light = lf.evaluate(lens, rays=2**14)
+    assert 0.69 < light.share_in_target.value < light.possible.share_in_target < 0.9
+    polar = np.linspace(0.4, 1.5, 40)
+    sides = [
+        lens.surfaces["cup"].radius(np.column_stack([0.0 * polar, k * np.sin(polar), np.cos(polar)])) for k in (1, -1)
+    ]
+    assert (sides[0] > 1.2 * sides[1]).all(), "it reaches farther towards the wall, at +y"
+
+
+def test_parameters_of_a_leaning_lens_are_those_it_has() -> None:
+    spec = washer()
+    parameters = ProfileParameters.of(spec, 2.5)
+    weights, offsets = moved(parameters)
+    again = parameters.parameters_of(parameters.lens(weights, offsets, spec, 0, FEW))
+    same = parameters.tables(*again), parameters.tables(weights, offsets)
+    apart = (same[0] - same[1]).abs().amax(dim=(1, 2))
+    assert apart[0] < 1e-5 and apart[2] < 1e-6
+    wall = parameters.surfaces(*parameters.start())
+    polar = np.linspace(0.6, 1.5, 60)
+    for azimuth in (0.5 * np.pi, -0.5 * np.pi, 0.0):
+        u = np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
+        cup, back = (wall[name].radius(u) for name in ("cup", "back"))
+        slant = np.sum(wall["cup"].normal(u) * u, axis=1)
+        walls = ((back - cup) * slant)[back * u[:, 2] < 11.0]
+        assert 0.9 * spec.constraints.min_thickness_mm < walls.min() and walls.max() < 2.5
+
+
+def test_a_cup_does_not_close_over_its_mouth() -> None:
+    """The margin is the cup's radius less the mouth's, along rays up to 0.1 rad from the axis; none without levels."""
+    spec = washer()
+    parameters = ProfileParameters.of(spec, 2.5)
+    constraints = AugmentedLagrangian.of(spec, parameters.grid)
+    weights, offsets = parameters.start()
+    offsets[2] *= 1.4  # the mouth rises
+    lens = parameters.lens(weights, offsets, spec, 0, FEW)
+    polar, azimuth = (each.ravel() for each in np.meshgrid(np.linspace(0.0, 0.1, 30), np.linspace(0.0, 6.2, 60)))
+    u = np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
+    expected = float((lens.surfaces["cup"].radius(u) - lens.surfaces["mouth"].radius(u)).min())
+    found = constraints.least(constraints.fields(parameters.tables(weights, offsets)))["opening_margin_mm"]
+    assert found == pytest.approx(expected, rel=0.05)
+    assert "opening_margin_mm" not in AugmentedLagrangian.of(reflector(), parameters.grid).keys
