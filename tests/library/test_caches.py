@@ -41,6 +41,7 @@ from lensforge.spec.tolerances_section import _causes
 from lensforge.surfaces.asphere import sphere as ball
 from lensforge.surfaces.bicubic_table import TableGrid, _cubic_pieces
 from lensforge.surfaces.collimator import best_collimator
+from lensforge.surfaces.reflector_cup import best_leaning_cup
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 U = fibonacci_hemisphere(50)
@@ -134,6 +135,10 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "surfaces.collimator.best_collimator": (
         lambda **fields: [float(each) for each in vars(best_collimator(**fields)).values() if isinstance(each, float)],
 [BEST, BEST | {"radius_mm": 12.0}, BEST | {"draft_rad": 0.1}]),
+    "surfaces.reflector_cup.best_leaning_cup": (
+        lambda *sizes: list(vars(best_leaning_cup(*sizes)).values()),
+        [(radius, 1.0, 0.4, 0.3, 0.88, 0.9, 20.0, draft) for radius, draft in ((12.0, 0.0), (12.0, 0.1), (9.0, 0.0))],
+    ),
 }  # fmt: skip
 
 

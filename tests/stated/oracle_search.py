@@ -90,6 +90,7 @@ def found_of(case):
         "cavity_clearance_mm": (clear, near), "radius_margin_mm": (limits["max_radius_mm"] - largest[0], near),
         "wall_margin_mm": (thinnest(case) - limits["min_thickness_mm"], 1e-4) if kind == "double" else ...,
         "largest_wall_margin_mm": None, "height_margin_mm": None, "keep_out_clearance_mm": None,
+        "opening_margin_mm": opening(case, solid, u),
         "flange_margin_mm": ..., "curvature_margin_per_mm": ..., "draft_margin_deg": ..., "edge_margin_deg": ...,
     }  # fmt: skip
     if limits["max_wall_mm"]:
@@ -102,6 +103,15 @@ def found_of(case):
         "constraints": margins, "source": source(case), "source_outline_mm": ..., "history": ..., "ended": ...,
         "kept_start": ..., "starts": [], "criteria": ..., "functions": functions, "last": steps,
     }  # fmt: skip
+
+
+def opening(case, solid, u):
+    """Room of a cup that levels shape over its mouth; None of any other lens."""
+    spec, about = case.lens["spec"], u[u[:, 2] > np.cos(0.1)]
+    if spec["lens"]["kind"] != "reflector" or not spec["lens"]["levels"] or spec["lens"]["cup"]["fixed"]:
+        return None
+    room = (solid.faces["cup"].exact(about)[0] - solid.faces["mouth"].exact(about)[0]).min()
+    return min(room, spec["constraints"]["max_radius_mm"]), 0.05
 
 
 def source(case):
