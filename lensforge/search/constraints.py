@@ -37,6 +37,7 @@ from lensforge.search.design_result import CURVATURE, DRAFT, EDGE, FLANGE_ROOM, 
 from lensforge.search.face_fields import draft_sine, least_curvature, meridian_curvature, wall_mm
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
+from lensforge.surfaces.reflector_cup import OPEN_RAD
 
 # The search aims this far inside the limits, relative to the cutter's curvature, and in degrees: its last steps still
 # move by that much, and a peak lies between the points. Of lengths: ``ConstraintsSection.margin_mm``.
@@ -44,7 +45,6 @@ _CURVATURE_MARGIN = 0.01
 _ANGLE_MARGIN_DEG = 0.1
 _REACH = 0.01  # of the largest radius: so much above its limit a wall is still followed, where multipliers act
 _FAR = 1.0  # a field, times its factor, where it does not hold
-_ABOUT_AXIS = cos(0.1)  # so far around the axis an opening stays open, rad
 _STEEP = 0.5  # sine of the draft above which the field is constant: the arcsine's slope is infinite at the apex
 
 WALL = "wall_margin_mm"
@@ -148,7 +148,7 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
         "largest_wall_margin_mm": lambda inside, outside, points: limit.given - (outside.rho - inside.rho),
         FLANGE_ROOM: partial(_room_left, limit.given),
         OPENING_ROOM: lambda jets, points: torch.where(
-            points.cosine > _ABOUT_AXIS, jets[0].rho - jets[1].rho - limit.given, limits.max_radius_mm
+            points.cosine > cos(OPEN_RAD), jets[0].rho - jets[1].rho - limit.given, limits.max_radius_mm
         ),
         "height_margin_mm": lambda face, points: limit.given - face.rho * points.cosine,
     }

@@ -22,7 +22,7 @@ from lensforge.surfaces.surface import Surface
 
 _ROOM = 1.4  # reach of a face over its farthest point, as of a collimator
 _RAYS, _TRIED = 64, 24  # angles of the estimated share; focal lengths that are tried, and radii
-_OPEN = 1.1  # a leaning cup is so much higher over the source than its mouth, which the axis meets
+OPEN_RAD, _OPEN = 0.25, 1.05  # so far around the axis a mouth stays open, and the cup is so much higher at the start
 _NARROWEST = 0.2  # of the largest radius: of a mouth that is tried
 _LOWEST, _BEYOND = -0.15, 0.1  # cosines: of the lowest point of a back, and by which it is known beyond its rim
 _COEFFICIENTS, _ALONG = 24, 721  # of a back; places on each meridian of a cup
@@ -103,8 +103,9 @@ class LeaningCup:
 
     @property
     def tallest_mm(self) -> float:
-        """Largest height of a mouth that the axis meets."""
-        return float(self._parameter_mm / max(1.0 - self.eccentricity * np.cos(self.lean_rad), 1e-9))
+        """Largest height of a mouth that all rays within ``OPEN_RAD`` of the axis meet."""
+        past = 1.0 - self.eccentricity * np.cos(self.lean_rad + OPEN_RAD)
+        return float(self._parameter_mm * np.cos(OPEN_RAD) / past)
 
     @property
     def widest_mm(self) -> float:
