@@ -22,7 +22,9 @@ from lensforge.surfaces.surface import Surface
 
 _ROOM = 1.4  # reach of a face over its farthest point, as of a collimator
 _RAYS, _TRIED = 64, 24  # angles of the estimated share; focal lengths that are tried, and radii
-OPEN_RAD, _OPEN = 0.25, 1.05  # so far around the axis a mouth stays open, and the cup is so much higher at the start
+# So far around the axis a mouth stays open: nearer to it the facets of a cup's mesh are long and narrow, and an STL's
+# normals there wrong. At the start the cup is so much higher.
+OPEN_RAD, _OPEN = 0.3, 1.05
 _NARROWEST = 0.2  # of the largest radius: of a mouth that is tried
 _LOWEST, _BEYOND = -0.15, 0.1  # cosines: of the lowest point of a back, and by which it is known beyond its rim
 _COEFFICIENTS, _ALONG = 24, 721  # of a back; places on each meridian of a cup
@@ -96,36 +98,19 @@ class LeaningCup:
         x, y = float(aside * np.cos(azimuth_rad)), float(aside * np.sin(azimuth_rad))
         return ConicFace(reach_mm, self._parameter_mm, self.eccentricity, (x, y, float(np.cos(self.lean_rad))))
 
-    @property
-    def narrowest_mm(self) -> float:
-        """Least radius at z = 0."""
-        return float(self._parameter_mm / (1.0 + self.eccentricity * np.sin(self.lean_rad)))
-
-    @property
-    def tallest_mm(self) -> float:
-        """Largest height of a mouth that all rays within ``OPEN_RAD`` of the axis meet."""
-        past = 1.0 - self.eccentricity * np.cos(self.lean_rad + OPEN_RAD)
-        return float(self._parameter_mm * np.cos(OPEN_RAD) / past)
-
-    @property
-    def widest_mm(self) -> float:
-        """Largest distance of the mirror from the z axis below the mouth."""
-        directions, radii = self._below
-        return float((radii * np.hypot(directions[:, 0], directions[:, 1])).max())
-
-    @property
-    def draft_rad(self) -> float:
-        """Least angle by which the mirror widens upwards; negative where it leans over itself."""
-        normals = self._below[0] - self.eccentricity * self._axis
-        return float(-np.arcsin((normals[:, 2] / np.linalg.norm(normals, axis=1)).max()))
-
-    @property
-    def _below(self) -> tuple[Float[np.ndarray, "k 3"], _Values]:
-        """Directions of the mirror below the mouth, and its radii (mm)."""
+    def over(self, radius_mm: float, clearance_mm: float, most_height_mm: float, draft_rad: float) -> float:
+        """Largest of its sizes over what it may be, above 1 where it has no room, as of :func:`best_leaning_cup`."""
         directions = around(np.linspace(0.0, 0.5 * np.pi, _ALONG // 4))
         radii = self._parameter_mm / np.maximum(1.0 - self.eccentricity * (directions @ self._axis), 1e-9)
         below = radii * directions[:, 2] <= self.height_mm
-        return directions[below], radii[below]
+        widest_mm = float((radii * np.hypot(directions[:, 0], directions[:, 1]))[below].max())
+        normals = directions[below] - self.eccentricity * self._axis
+        undercut = float(np.arcsin((normals[:, 2] / np.linalg.norm(normals, axis=1)).max()))
+        narrowest_mm = self._parameter_mm / (1.0 + self.eccentricity * float(np.sin(self.lean_rad)))
+        past = 1.0 - self.eccentricity * float(np.cos(self.lean_rad + OPEN_RAD))
+        tallest_mm = min(most_height_mm, self._parameter_mm * float(np.cos(OPEN_RAD)) / (past * _OPEN))
+        sizes = widest_mm / radius_mm, clearance_mm / narrowest_mm, self.height_mm / tallest_mm
+        return max(*sizes, 1.0 + draft_rad + undercut)
 
     @property
     def _axis(self) -> Float[np.ndarray, " 3"]:
@@ -180,7 +165,7 @@ def best_leaning_cup(
     """The leaning cup that sends the most light within ``half_rad`` of a direction ``off_rad`` from the axis.
 
     ``radius_mm``: of its mirror, at most; ``clearance_mm``: its least radius at z = 0; ``draft_rad``: by which it
-    widens upwards at least. The axis meets its mouth. None where none has room.
+    widens upwards at least. All rays within ``OPEN_RAD`` of the axis meet its mouth. None where none has room.
     """
     from scipy.optimize import minimize
 
@@ -190,9 +175,7 @@ def best_leaning_cup(
 
     def missing(sizes: _Values) -> float:
         cup = cup_of(sizes)
-        highest_mm = min(most_height_mm, cup.tallest_mm / _OPEN)
-        over = max(cup.widest_mm / radius_mm, clearance_mm / cup.narrowest_mm, cup.height_mm / highest_mm)
-        over = max(over, 1.0 + draft_rad - cup.draft_rad)
+        over = cup.over(radius_mm, clearance_mm, most_height_mm, draft_rad)
         return over if over > 1.0 else -cup.share(off_rad, half_rad, side_mm, mirror)
 
     tried = [

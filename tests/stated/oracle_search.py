@@ -107,7 +107,7 @@ def found_of(case):
 
 def opening(case, solid, u):
     """Room of a cup that levels shape over its mouth; None of any other lens."""
-    spec, about = case.lens["spec"], u[u[:, 2] > np.cos(0.25)]
+    spec, about = case.lens["spec"], u[u[:, 2] > np.cos(0.3)]
     if spec["lens"]["kind"] != "reflector" or not spec["lens"]["levels"] or spec["lens"]["cup"]["fixed"]:
         return None
     room = (solid.faces["cup"].exact(about)[0] - solid.faces["mouth"].exact(about)[0]).min()
