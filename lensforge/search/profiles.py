@@ -51,6 +51,11 @@ class FaceParameters:
         """The start by these functions."""
         return self.shaped(self.start)
 
+    @property
+    def first(self) -> Float[np.ndarray, " c"]:
+        """Coefficients of the start's profile."""
+        return np.array(self.begins.coefficients)
+
     def shaped(self, surface: Surface) -> ProfileFace:
         """``surface`` by these functions: itself where it has them, else in least squares; of no revolution by both."""
         basis, reach_mm = self.basis, self.start.reach_mm
@@ -162,7 +167,7 @@ class ProfileParameters(Parametrisation):
         """``1/rho`` (1/mm) at the nodes, before the offset."""
         if isinstance(own, ReciprocalSurface):
             return torch.from_numpy(own.reciprocal(self._nodes)[0])
-        column = torch.tensor(own.begins.coefficients) + torch.from_numpy(own.steps) * weights[: self.profile, face]
+        column = torch.from_numpy(own.first) + torch.from_numpy(own.steps) * weights[: self.profile, face]
         values = self._profiles[face] @ column + self._begun[face]
         return values if sums is None else values + own.scale * sums[face].reshape(-1)
 
@@ -214,7 +219,7 @@ class ProfileParameters(Parametrisation):
                 offsets[face] = surface.radius(towards)[0] / own.radius(towards)[0]
             elif isinstance(own, FaceParameters) and self.columns[face] == face:
                 shaped, begins = own.shaped(surface), own.begins
-                moved = (np.array(shaped.coefficients) - begins.coefficients) / own.steps
+                moved = (np.array(shaped.coefficients) - own.first) / own.steps
                 weights[: self.profile, face] = torch.from_numpy(moved)
                 functions = (own.weights_of(shaped) - own.weights_of(begins)) / own.scale
                 weights[self.profile :, face] = torch.from_numpy(functions)
@@ -231,7 +236,7 @@ class ProfileParameters(Parametrisation):
             elif isinstance(own, ConeFace | PlaneFace):
                 found[name] = shrunk(own, factor)
             elif isinstance(own, FaceParameters):
-                moved = own.begins.coefficients + own.steps * weights[: self.profile, face].numpy()
+                moved = own.first + own.steps * weights[: self.profile, face].numpy()
                 profile = own.start.reach_mm, own.basis.low, own.basis.high, tuple((factor * moved).tolist())
                 functions = factor * (own.weights_of(own.begins) + own.scale * weights[self.profile :, face].numpy())
                 found[name] = ProfileFace(*profile)
@@ -253,7 +258,7 @@ def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> Fa
         return FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
     scale = float(reciprocals.min())
     found = FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
-    return replace(found, steps=np.maximum(np.abs(found.begins.coefficients), scale))
+    return replace(found, steps=np.maximum(np.abs(found.first), scale))
 
 
 def _following(face: Face, leader: FaceParameters | ReciprocalSurface | None) -> FaceParameters:
