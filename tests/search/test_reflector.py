@@ -352,7 +352,7 @@ def test_parameters_of_a_leaning_lens_are_those_it_has() -> None:
     again = parameters.parameters_of(parameters.lens(weights, offsets, spec, 0, FEW))
     same = parameters.tables(*again), parameters.tables(weights, offsets)
     apart = (same[0] - same[1]).abs().amax(dim=(1, 2))
-    assert apart[0] < 1e-6 and apart[2] < 1e-6
+    assert apart[0] < 1e-5 and apart[2] < 1e-6
     wall = parameters.surfaces(*parameters.start())
     polar = np.linspace(0.6, 1.5, 60)
     for azimuth in (0.5 * np.pi, -0.5 * np.pi, 0.0):
