@@ -59,10 +59,10 @@ class FaceParameters:
     def shaped(self, surface: Surface) -> ProfileFace:
         """``surface`` by these functions: itself where it has them, else in least squares; of no revolution by both."""
         basis, reach_mm = self.basis, self.start.reach_mm
-        formed = isinstance(surface, FormedFace)
-        if isinstance(surface, ProfileFace) and surface.basis == basis and (not formed or surface.srbf == self.srbf):
+        others = isinstance(surface, FormedFace) and surface.srbf != self.srbf
+        if isinstance(surface, ProfileFace) and surface.basis == basis and not others:
             return surface
-        is_round = surface.symmetry == "square" and not formed
+        is_round = surface.symmetry == "square" and not isinstance(surface, FormedFace)
         if self.srbf is None or is_round or not isinstance(surface, ReciprocalSurface):
             return ProfileFace.fitted(surface, basis.low, basis.high, basis.count, reach_mm)
         directions = around(np.linspace(np.arccos(basis.high), np.arccos(basis.low), _MERIDIAN))
