@@ -167,8 +167,9 @@ def _on_far_field(target: TargetSection, receiver: PosedReceiver, fine: PixelGri
     x, y = receiver.target_coordinates(*np.meshgrid(fine.x(), fine.y()))
     within, light = receiver.window.pixels(fine), light_of(target, receiver.grid)
     sharp = np.where(within, light(*target.about_centre(x, y)), 0.0)
-    half_deg = float(receiver.target_coordinates(np.array([receiver.window.radius]), np.zeros(1))[0].item())
-    _require_within(target, light, float(sharp.max()), half_deg)
+    if not target.outline:  # others fit their receivers by that
+        radius = np.array([min(receiver.window.radius, 2.0)])  # that of the whole chart
+        _require_within(target, light, float(sharp.max()), receiver.target_coordinates(radius, np.zeros(1))[0].item())
     if edge == 0.0:
         return sharp
     reach = float(np.hypot(x, y)[within].max()) + 4.0 * edge
