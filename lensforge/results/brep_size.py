@@ -85,7 +85,8 @@ class _Sectors:
 
     def _cells(self, edge: Any) -> tuple[float, float]:
         cells = (_places(edge) - self._middle) * self._per_unit
-        return float(np.hypot(*np.diff(cells, axis=0).T).sum()), float(np.hypot(*cells.T).max())
+        # outwards there are twice as many: in the hole of a steep wall the spline bends within a cell
+        return float(np.hypot(*np.diff(cells, axis=0).T).sum()), 2.0 * float(np.hypot(*cells.T).max())
 
     def _surface_at(self, places: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n 3"], ...]:
         """Points (mm) of the surface, and its normals, as long as the area that a unit of its parameters has."""
