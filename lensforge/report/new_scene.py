@@ -194,5 +194,5 @@ _OF_TWO_FACES: dict[LightShape, str] = {"beside": "light to one side", "picture"
 def _unsuited(kind: type[LensShape], shape: LightShape) -> Iterator[str]:
     """A line where another kind of lens suits light of that ``shape`` better."""
     if shape in _OF_TWO_FACES and shape not in kind.draws:
-        words = f"a {kind.title} has a larger error there, or less light"
-        yield f"lens: {_OF_TWO_FACES[shape]} takes two faces, --lens {LensShape.usual_kind}; {words}"
+        words = f"{_OF_TWO_FACES[shape]} takes two faces, --lens {LensShape.usual_kind}"
+        yield f"lens: {words}; a {kind.title} has a larger error there"

@@ -111,7 +111,8 @@ def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[
         values = []
     if len(values) != len(names) or not all(0.0 < value < 1e9 for value in values):
         expected = "x".join(names).replace("_mm", "")
-        raise InputError(f"{option} {words}: {given!r} must be {expected}, {len(names)} above 0, such as 200x150")
+        example = "x".join(("200", "150", "100")[: len(names)])
+        raise InputError(f"{option} {words}: {given!r} must be {expected}, above 0, such as {example}")
     return dict(zip(names, values, strict=True))
 
 
