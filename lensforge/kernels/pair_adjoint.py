@@ -99,11 +99,12 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
         packet[BY_COSINE + k] = arrived * dot(by_first, three(packet, SLOPES + k))
         by_cosine = arrived * by_c - 2.0 * ratio * ratio * c * packet[BY_SIN2 + k]
         e, f = back_into_faces(body.placement, three(packet, EX + k), three(packet, FX + k))
+        by_n = scaled(arrived, by_n)
+        to, f, by_n, by_cosine = before_last_spread(hit.number, n, b, c, rays.shifts, f, by_n, by_cosine)
         # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
-        to, f, of_n, of_c = before_last_spread(hit.number, n, b, c, f, rays.shifts)
         e = add_scaled(e, -dot(e, to), to)
-        f, by_n = add_scaled(f, arrived, by_b), add_scaled(of_n, arrived, by_n)
-        by = ByEvent(e, f, by_cosine + of_c, by_n, scaled(arrived, by_d), by_path)
+        f = add_scaled(f, arrived, by_b)
+        by = ByEvent(e, f, by_cosine, by_n, scaled(arrived, by_d), by_path)
         e, f = back_to_ray(packet, k, SECOND_EVENT, face, hit, by, rays)
         write(packet, BY_NORMAL + k, turned_back(body.placement, BETWEEN, scaled(arrived, by_m)))
         write(packet, EX + k, turned_back(body.placement, BETWEEN, e))

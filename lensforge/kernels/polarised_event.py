@@ -65,9 +65,6 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
         met = packet[STATUS + k] == FOUND and p[2] >= 0.0
         write(packet, DX + k, (b[0] if met else d[0], b[1] if met else d[1], b[2] if met else d[2]))
         packet[COSINE + k], packet[BEHIND + k] = c, q_squared
-        m = three(packet, MX + k)
-        if face == 0 or rays.shifts is not None:
-            write(packet, MX + k, n)
         if body.fresnel:
             q = sqrt(q_squared)
             passed, _ = through_face(c, q, ratio, film, own_or_shared(rays.film_rows, number))
@@ -75,12 +72,15 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
                 mean = 0.5 * (passed[0] + passed[1])
                 packet[THROUGH + k], packet[T_S + k], packet[T_P + k] = mean, passed[0] / mean, passed[1] / mean
                 packet[EXCESS + k] = passed[2] / (mean * ratio * ratio)
+                write(packet, MX + k, n)
             else:
-                first = packet[T_S + k], packet[T_P + k], packet[EXCESS + k]
+                first, m = (packet[T_S + k], packet[T_P + k], packet[EXCESS + k]), three(packet, MX + k)
                 y = dot(m, n) - dot(m, d) * c
                 packet[THROUGH + k] = polarised_share(first, passed, y)[0]
                 if axis is not None:
                     packet[AXIAL + k] = axial_share(first, passed, m, SecondFace(ratio, c, q, n, d, b), axis)[0]
+        if face == 1 and rays.shifts is not None:  # light is spread about it, once the polarisation is known
+            write(packet, MX + k, n)
 
 
 @inline

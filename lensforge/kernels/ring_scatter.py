@@ -130,17 +130,17 @@ def spread_behind(packet, lane, event, face, mirrored, shifts, sides):
 
 
 @inline
-def before_last_spread(number, n, b, c, f, shifts):
-    """Direction of a ray behind the outer face of a double lens, which would send it along b; and sensitivities from f.
+def before_last_spread(number, n, b, c, shifts, f, by_n, by_c):
+    """Direction of a ray behind the outer face of a double lens, which would send it along b; and sensitivities before.
 
-    f is that to the direction; returned are those to b, to the normal n, and to the cosine c before the face.
+    f is that to the direction, and becomes that to b; by_n, that to the normal n, and by_c, to the cosine c before the
+    face, have what the spread adds.
     """
-    by_c, by_n, to = 0.0, scaled(0.0, n), b
-    if shifts is not None:
-        shift, spreads = shift_at(number, 1, 1, c, shifts)
-        if spreads:
-            at = bounce(n, 1.0, False)
-            to = spread(b, shift, at)
-            f, by_n, by_amount = spread_adjoint(b, shift, at, f)
-            by_c = shift.by_cosine * by_amount
-    return to, f, by_n, by_c
+    if shifts is None:
+        return b, f, by_n, by_c
+    shift, spreads = shift_at(number, 1, 1, c, shifts)
+    if not spreads:
+        return b, f, by_n, by_c
+    at = bounce(n, 1.0, False)
+    to_b, to_n, by_amount = spread_adjoint(b, shift, at, f)
+    return spread(b, shift, at), to_b, add_scaled(by_n, 1.0, to_n), by_c + shift.by_cosine * by_amount

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,8 @@ _ERRORS, _LEAST_EFFECTIVE = 1.0, 2000.0  # of the likelihood, by which finer det
 _MOST_STRAY, _LEAST_WIDTH_MM = 0.1, 1e-6  # of the flux; of the surface
 _LEAST_START = 0.01  # of the flux starts lower
 _SIDES = 6, 3, 6  # blocks of place and angle
-_BLOCKS = 6 * 6 * 3 * 6
-_SIDES_OF_IMAGES, _MOST_BLOCKS = ((6, 3, 12), (24, 1, 1)), 1296  # with images that are blocks themselves
+_BLOCKS = _SIDES[0] * prod(_SIDES)
+_SIDES_OF_IMAGES = (6, 3, 12), (24, 1, 1)  # with images that are blocks themselves
 _DRAWN = 2**18  # rays of a model that is judged
 _STEPS_OF_CHOICE, _STEPS_AGAIN = 25, 20
 _MOST_FACTORS, _MOST_CELLS, _LEAST_BLUR, _MOST_AZIMUTHS = 64, 96, 0.5, 48
@@ -288,7 +289,7 @@ def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
         images = middle + (points - middle) @ mirror
         for sides in _SIDES_OF_IMAGES:
             rows = wide.blocks(points, along, sides), wide.blocks(images, along @ mirror, sides)
-            sums = [[np.bincount(each, weights**power, _MOST_BLOCKS) for power in (1, 2)] for each in rows]
+            sums = [[np.bincount(each, weights**power, sides[0] * prod(sides)) for power in (1, 2)] for each in rows]
             (own, noise), (image, other) = sums
             lit = noise + other > 0.0  # each difference is there twice, so that its sum has twice the variance
             found = float(((own - image)[lit] ** 2 / (noise + other)[lit]).sum())

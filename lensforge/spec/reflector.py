@@ -26,7 +26,7 @@ from lensforge.surfaces.surface import Surface
 
 _ALUMINISED = 0.88  # reflectance of a plain film of aluminium on a smooth lacquer, over the visible range
 _THICKER = 1.15  # a back over the minimum wall: the wall varies as the cup moves
-_BESIDE, _ROOM = 0.5, 1.4  # of the half width of light beside the axis: its middle is so far off; reach over size
+_BESIDE = 0.5  # of the half width of light beside the axis: its middle is so far off
 
 
 class CupSection(FaceSection):
@@ -125,7 +125,7 @@ class ReflectorSection(ProfiledShape):
         try:
             leaning = self._leaning(conditions, beam, wall_mm, height_mm or most_mm) if cup is None else None
             if leaning is not None:
-                cup = leaning.face(_ROOM * float(np.hypot(limits.max_radius_mm, leaning.height_mm)), beam.azimuth_rad)
+                cup = leaning.face(limits.max_radius_mm, beam.azimuth_rad)
                 most_mm, shaped = min(most_mm, leaning.height_mm), self.basis
             elif cup is None:
                 best = self._of_a_point(conditions, beam, wall_mm, most_mm)

@@ -7,13 +7,14 @@ cup leans there: its mirror sends light that way, and stands before the light th
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import product
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.seeds import sobol
 from lensforge.surfaces.collimator import share_within
 from lensforge.surfaces.profile import FormedFace, ProfileBasis, ProfileFace, around
 from lensforge.surfaces.reciprocal import ConicFace, PlaneFace, ReciprocalSurface
@@ -32,7 +33,7 @@ _FINE = 8  # times as many places, on which the rim of a mouth is found
 _FLATTEST = 0.2  # height of the mouth over its radius, at least
 _ENOUGH = 0.98  # of the largest share: among these the lowest cup is chosen
 _TRACED, _LEAST_ECCENTRICITY, _FLATTER = 2048, 0.5, 0.05  # rays through a leaning cup; least, and 1 - the first one
-_LEANS, _FOCI, _STEPS = (0.6,), (1.0, 1.6), 120  # of the light's angle and the clearance, where its search begins
+_LEAN, _FOCI, _STEPS = 0.6, (1.0, 1.6), 120  # of the light's angle and the clearance, where its search begins
 
 _Values = Float[np.ndarray, " n"]
 
@@ -92,9 +93,9 @@ class LeaningCup:
     def _parameter_mm(self) -> float:
         return self.focal_mm * (1.0 + self.eccentricity)
 
-    def face(self, reach_mm: float, azimuth_rad: float = 0.0) -> ConicFace:
-        """The mirror, leaning towards ``azimuth_rad`` from x."""
-        aside = np.sin(self.lean_rad)
+    def face(self, radius_mm: float, azimuth_rad: float = 0.0) -> ConicFace:
+        """The mirror, of this radius at most, leaning towards ``azimuth_rad`` from x."""
+        reach_mm, aside = _ROOM * float(np.hypot(radius_mm, self.height_mm)), np.sin(self.lean_rad)
         x, y = float(aside * np.cos(azimuth_rad)), float(aside * np.sin(azimuth_rad))
         return ConicFace(reach_mm, self._parameter_mm, self.eccentricity, (x, y, float(np.cos(self.lean_rad))))
 
@@ -142,10 +143,10 @@ class LeaningCup:
         return float(direct.mean() + mirror * (rises & (turned @ wanted > np.cos(half_rad))).mean())
 
 
+@cache
 def _lambertian() -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Places on a square of side 1, and directions of its Lambertian light, by a Kronecker sequence."""
-    steps = 1.1673039782614187 ** -np.arange(1.0, 5.0)  # powers of the root of x^5 = x + 1
-    x, y, square, turn = (np.mod(np.outer(np.arange(_TRACED), steps) + 0.5, 1.0)).T
+    """Places on a square of side 1, and directions of its Lambertian light."""
+    x, y, square, turn = sobol(_TRACED, 4, 0).T
     sine, azimuth = np.sqrt(square), 2.0 * np.pi * turn
     ways = np.column_stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1.0 - square)])
     return np.column_stack([x - 0.5, y - 0.5, np.zeros_like(x)]), ways
@@ -181,11 +182,11 @@ def best_leaning_cup(
     tried = [
         minimize(
             missing,
-            np.log([focus * clearance_mm, _FLATTER, lean * off_rad, min(radius_mm, most_height_mm)]),
+            np.log([focus * clearance_mm, _FLATTER, _LEAN * off_rad, min(radius_mm, most_height_mm)]),
             method="Nelder-Mead",
             options={"maxiter": _STEPS},
         )
-        for lean, focus in product(_LEANS, _FOCI)
+        for focus in _FOCI
     ]
     best = min(tried, key=lambda each: float(each.fun))
     return cup_of(best.x) if best.fun < 0.0 else None
