@@ -72,17 +72,18 @@ def test_tables_are_those_of_the_faces_in_the_record(levels: list[int]) -> None:
 
 
 def test_a_lens_with_levels_is_taken_up_from_a_start_with_other_bounds() -> None:
-    """A start that has moved since has profiles over other angles: they and the functions are fitted, each counted once."""
+    """A start that has moved has profiles over other angles: they and the functions are fitted, and count once."""
     parameters, above = begun(4, 9), fibonacci_hemisphere(4000)
     found = parameters.lens(*moved(parameters, 0.01), spot(levels=[4, 9]), 0, "draft")
-    other = ProfileParameters.of(spot(levels=[4, 9], cap={"offset_mm": 4.6}), 2.5)
+    other = ProfileParameters.of(spot(levels=[4, 9]).replace(constraints={"max_radius_mm": 8.3}), 2.5)
     assert other.own[0].basis != parameters.own[0].basis
     again = other.surfaces(*other.parameters_of(found))
-    for name in ("cap", "wall", "exit"):
+    for name in ("cap", "wall"):
         own = parameters.own[parameters.names.index(name)].basis
         there = other.own[parameters.names.index(name)].basis
         seen = above[(above[:, 2] > max(own.low, there.low, 0.0)) & (above[:, 2] < min(own.high, there.high))]
-        assert np.abs(again[name].radius(seen) - found.surfaces[name].radius(seen)).max() < 0.02, name
+        was, now = found.surfaces[name].radius(seen), again[name].radius(seen)
+        assert np.abs(now - was)[was < 9.0].max() < 0.02, name  # mm, where it may bound the lens
 
 
 def oval(width_deg: float, **lens: Any) -> Spec:
