@@ -329,7 +329,7 @@ def test_a_leaning_cup_keeps_its_sizes_and_lets_a_tool_in(room_mm: float, draft_
     assert np.degrees(np.arcsin(-face.normal(u[below])[:, 2])).min() > draft_deg - 0.2
     assert face.radius(np.array([[0.0, 0.0, 1.0]]))[0] > 1.05 * mouth, "the axis meets the mouth"
     farthest = points[below][across.argmax()]
-    assert np.arctan2(farthest[1], farthest[0]) == pytest.approx(0.7, abs=0.05)
+    assert np.arctan2(farthest[1], farthest[0]) == pytest.approx(0.7, abs=0.08), "within a step of the grid"
 
 
 def test_a_reflector_for_a_wall_leans_towards_it() -> None:
