@@ -163,14 +163,19 @@ def to_outer(packet, lane, going, rays, body):
 
 
 @inline
-def to_nearest(packet, lane, going, face, medium, sides):
-    """Put a ray on its way from a ``face`` to the nearest one that bounds the ``medium`` in which it is."""
+def to_nearest(packet, lane, going, face, medium, noise, sides):
+    """Put a ray on its way from a ``face`` to the nearest one that bounds the ``medium`` in which it is.
+
+    Returns 0; below that where a facet sends it to the other side of its face, which is followed no further.
+    """
     p, d = three(packet, PX + lane), three(packet, DX + lane)
     normal = outward_normal(p, packet[RHO_X + lane], packet[RHO_Y + lane])
     packet[MEDIUM + going], packet[LAST + going] = medium, float(face)
-    packet[LEAVING + going] = dot(normal, d) / length_of(p)
+    leaving = dot(normal, d) / length_of(p)
+    packet[LEAVING + going] = leaving
     carry_on(packet, lane, going, None, sides)
     store_ray(packet, going, int(packet[RAY + lane]), p, d, 1.0)
+    return -1.0 if noise is not None and (leaving > 0.0) != (sides.behind[face] == medium) else 0.0
 
 
 @inline
@@ -181,8 +186,7 @@ def to_next_event(packet, lane, going, face, medium, rays, body, balls):
     """
     if balls is None:  # known to the compiler
         return to_outer(packet, lane, going, rays, body)
-    to_nearest(packet, lane, going, face, medium, body.sides)
-    return 0.0
+    return to_nearest(packet, lane, going, face, medium, rays.noise, body.sides)
 
 
 @inline
@@ -225,7 +229,7 @@ def pass_on(packet, count, event, rays, body, ways, exits):
             entered = medium if mirrored else behind
             start = to_next_event(packet, lane, going, face, entered, rays, body, body.bounds.balls)
             if start < 0.0:
-                exits.fates[k] = Fate.BASE
+                exits.fates[k] = Fate.BASE if ordered else Fate.EVENT_LIMIT
                 continue
             ways.lengths[k, event + 1] = start
             going += 1

@@ -265,7 +265,8 @@ class _Passage:
         path, points = face.hit(light.points, light.directions, paths_mm, sense)
         light = self._dimmed(light, path, medium)
         met = Meeting(number, event, light.numbers)
-        normals = sense * self.rough.facets(face.normal(points), light.directions, met)
+        along = sense * face.normal(points)
+        normals = sense * self.rough.facets(sense * along, light.directions, met)
         cosine, ratio = (light.directions * normals).sum(dim=1), self._ratio(light.numbers, medium, behind)
         squared = transmitted_cosine_squared(cosine, ratio)
         is_exit, bends = number + 1 == len(self.body.faces), behind == OUTSIDE and mirror is None
@@ -285,6 +286,11 @@ class _Passage:
                     ahead = Ahead(here.cosine, sense * here.normals, -here.normals if mirrored else here.normals)
                     to, turned = self.rough.spread(some.directions, some.fields, ahead, met.take(rows))
                     some = some._replace(directions=to, fields=turned)
+                goes_on = event + 1 < self.body.chain.events and (mirrored or behind != OUTSIDE)
+                if goes_on and self.rough.facet is not None and not self.body.in_order:
+                    away = ((some.directions * along[rows]).sum(dim=1) > 0.0) == mirrored  # through its own face
+                    yield _ENDED, some.take(away).ended(Fate.EVENT_LIMIT)
+                    some = some.take(~away)
                 yield from self._onward(some, medium if mirrored else behind, mirrored and mirror is None, event)
 
     def _dimmed(self, light: RaysInBody, path_mm: Float[Tensor, " n"], medium: str) -> RaysInBody:

@@ -181,6 +181,18 @@ def test_no_flux_is_lost_without_a_cause() -> None:
     assert np.array_equal(dark.exits.fates == Fate.EVENT_LIMIT, dark.met[:, 1] // 4 == NAMES.index("wall"))
 
 
+def test_light_that_a_facet_sends_through_its_own_face_is_trapped() -> None:
+    """Steep facets do so; no search for a face behind which it already is gives up, and the light is counted."""
+    body, rays = collimator(0.05), upwards(20_000, 8, 0.5)
+    media = replace(clear(), scatter=tuple(FaceScatter(name, GaussianFacets(0.3)) for name in ("wall", "exit")))
+    few, found = rays.take(slice(0, 2000)), TracedBundle.of(tables_of(body, FINE), scene(body, media, grid=FINE), rays)
+    assert not (found.exits.fates == Fate.NOT_CONVERGED).any()
+    after_two = (found.exits.fates == Fate.EVENT_LIMIT) & (found.met[:, 2] < 0)
+    assert 0.001 < after_two.mean() < 0.1
+    wanted = exactly({face.name: face.surface for face in body.faces}, scene(body, media, grid=FINE), few)
+    assert np.mean(wanted.fates != found.exits.fates[:2000]) < 0.002, "but at the edges of tables"
+
+
 @pytest.mark.parametrize("events", [1, 2, 3, 6])
 def test_a_mirror_absorbs_what_it_does_not_reflect_at_the_last_event_too(events: int) -> None:
     media, body, rays = clear(coatings=mirrors(0.7, wall=OUTSIDE, side=CAVITY)), collimator(0.05), upwards(3000, 8, 0.5)
