@@ -42,7 +42,8 @@ class ModelledRays:
     """Rays drawn by the ``radiance`` fitted to those of ``file``, and of its ``stray`` rays the share they have.
 
     ``lit``, ``stray``: rays of the file, about its own origin. ``start_mm``: height at which rays start, or on the
-    surface where that is higher; ``reach_mm``: from the surface at most.
+    surface where that is higher; ``reach_mm``: from the surface at most. ``off``: the most that its relative
+    difference from rays held back can be, rms; ``chance``: that of the file's rays.
     """
 
     file: RaySetEmitter
@@ -53,6 +54,8 @@ class ModelledRays:
     reach_mm: float
     symmetry: str = "none"
     ray_count: int | None = None
+    off: float = 0.0
+    chance: float = 0.0
 
     @staticmethod
     def of(file: RaySetEmitter, surface: LightSurface, detail: Detail) -> "ModelledRays":
@@ -87,7 +90,8 @@ class ModelledRays:
         factors = "1 factor" if detail.factors == 1 else f"{detail.factors} factors"
         fine = f"{columns} x {rows} cells{images} and {detail.rings} x {detail.azimuths} angles{dome}"
         kept = f"{100.0 * self.stray_share:.2g} % of the flux are rays of the file"
-        return f"radiance of {factors} on {fine} fitted to {len(self.lit):,} rays; {kept}"
+        near = f"at most {self.off:.2g} off rays held back, the file's own rays {self.chance:.2g} by chance"
+        return f"radiance of {factors} on {fine} fitted to {len(self.lit):,} rays; {near}; {kept}"
 
     @cached_property
     def stray_share(self) -> float:
@@ -241,9 +245,11 @@ def _best(content: _Content) -> ModelledRays | str:
         model = FittedRadiance.of(fitting.take(surface.holds(fitting)), surface, detail)
     noise = _BLOCKS / (effective * len(file) / len(rays))
     apart = _apart(model, judging.take(surface.holds(judging)))
-    if apart > noise + 3.0 * np.sqrt(2.0 * _BLOCKS) / judges:
-        return f"the model is {np.sqrt(apart):.2g} off rays held back, those of the file {np.sqrt(noise):.2g} by chance"
-    return ModelledRays.of(file, surface, detail)
+    error, chance = np.sqrt(2.0 * _BLOCKS) / judges, noise**0.5
+    if apart > noise + 3.0 * error:
+        return f"the model is {np.sqrt(apart):.2g} off rays held back, those of the file {chance:.2g} by chance"
+    off = float(np.sqrt(max(apart, 0.0) + 2.0 * error))
+    return replace(ModelledRays.of(file, surface, detail), off=off, chance=chance)
 
 
 def _surfaces(rays: RayBundle) -> list[LightSurface] | str:

@@ -288,6 +288,9 @@ def test_the_picture_shows_the_chips_from_each_side_in_the_file_and_in_the_model
     picture = tmp_path / "led.svg"
     done = CliRunner().invoke(cli, ["rays", str(tmp_path / "led.tm25ray"), "--model", "--plot", str(picture)])
     assert done.exit_code == 0, done.output
+    off, chance = map(float, re.findall(r"([\d.]+) (?:off rays held back|by chance)", done.output))
+    assert chance == pytest.approx((BLOCKS * (1.0 + 1.0 / 12.0) / 40_000) ** 0.5, rel=0.02)
+    assert 0.05 < off < chance
     drawn = picture.read_text(encoding="utf-8")
     panels = re.findall('data:image/png;base64,([^"]+)', drawn)
     assert drawn.count("scale(1 -1)") == len(panels)  # the first row of each is the lowest

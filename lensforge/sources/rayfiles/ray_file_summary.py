@@ -173,7 +173,7 @@ class RayFileSummary(StageResult):
     ``rays_dropped``: the others, by cause. ``effective_rays``: number of rays of equal flux that would have the same
     noise. ``flux``: in W and lm, and what states it. ``bounding_box_mm``: around the start points, least and largest
     corner. ``virtual_focus_mm``: point nearest to all rays. ``mean_direction``: of the flux. ``wavelengths_nm``: their
-    range. ``header``: its fields by the names of its format.
+    range. ``header``: its fields by the names of its format. ``model``: the radiance that was fitted to it, in words.
     """
 
     stage: ClassVar[str] = "rays"
@@ -192,6 +192,7 @@ class RayFileSummary(StageResult):
     wavelengths_nm: WavelengthRange | None
     header: dict[Text, HeaderValue]
     warnings: tuple[Text, ...]
+    model: Text | None = None
     _rayfile: RayFile | None = PrivateAttr(None)
 
     def plot(self, axes: "Axes | None" = None, *, which: Panel = "front") -> "Axes":
