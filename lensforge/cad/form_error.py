@@ -130,17 +130,17 @@ def fit_to_form(
 ) -> Patch:
     """The patch of ``surface`` with ``nodes``; by default ``least``, or as many as its ``tolerance`` needs.
 
-    That is kept at samples, one of mirror images each, and, by default, ``between`` them, too. Its control points have
-    as many decimals as leave it within a fiftieth of that.
+    That is kept at samples, one of mirror images each, and, by default, ``between`` all of them, too, as it is judged.
+    Its control points have as many decimals as leave it within a fiftieth of that.
     """
     if nodes is not None:
         return rounded_to(fit_patch(surface, nodes, domain.extent), tolerance)
     chart, count = chart_samples(domain=domain), default_nodes(surface.detail_rad, least, FIRST_PER_SIGMA)
-    if not domain.edges:  # creases may have other images than the face
-        chart = chart[first_images(chart, surface.symmetry)]
+    # creases may have other images than the face
+    first = chart if domain.edges else chart[first_images(chart, surface.symmetry)]
     while True:
         patch = rounded_to(fit_patch(surface, count, domain.extent), tolerance)
-        excess = _excess(form_error(surface, patch.points(chart), patch.normals(chart)), tolerance)
+        excess = _excess(form_error(surface, patch.points(first), patch.normals(first)), tolerance)
         if excess <= 1.0 and between:
             excess = _excess(largest_errors(surface, patch.points_and_normals, chart, domain), tolerance)
         if excess <= 1.0 or count == MAX_NODES:
