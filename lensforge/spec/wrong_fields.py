@@ -141,12 +141,15 @@ def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
     near = _nearest(place.last, place.known)
     if near:
         return f"did you mean {near}?", f"{before}.{near}".lstrip(".")
-    for name, field in root.model_fields.items():
-        having = [each for each in sections_in(field.annotation) if place.last in each.model_fields]
-        if having and name == before.partition(".")[0]:
-            return f"it goes with kind = {', '.join(str(kind_of(each)) for each in having)}", ""
-        if having:
-            return f"it belongs to [{name}]", ""
+    having = {
+        name: [each for each in sections_in(field.annotation) if place.last in each.model_fields]
+        for name, field in root.model_fields.items()
+    }
+    own = ", ".join(str(kind_of(each)) for each in having.pop(before.partition(".")[0], []))
+    others = " or ".join(f"[{name}]" for name, sections in having.items() if sections)
+    if own or others:
+        ways = (f"goes with kind = {own}" if own else "", f"belongs to {others}" if others else "")
+        return f"it {', or '.join(filter(None, ways))}", ""
     names = [name for each in all_sections(root) for name in each.model_fields]
     elsewhere = _nearest(place.last, names)
     known = f"{_NO_HINT}{', '.join(place.known)}"

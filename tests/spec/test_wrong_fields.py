@@ -41,6 +41,10 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ({"targets": {"kind": "disc"}}, "targets: unknown; did you mean target?"),
         ({"lens.max_radius_mm": 3}, "lens.max_radius_mm = 3: unknown; it belongs to [constraints]"),
         (
+            {"lamps": {"kind": "endless", "pitch_mm": 9.0, "columns": 5}},
+            "lamps.columns = 5: unknown; it goes with kind = grid, or belongs to [source] or [target] or [plate]",
+        ),
+        (
             {"source.intensity": {"kind": "cosine"}},
             "source.intensity: unknown; it goes with kind = rectangle, disc, chips, chip_array, luminance",
         ),
