@@ -327,8 +327,9 @@ _SLACK = 1e-6  # relative: rounding of a corner that lies on the boundary
 def source_clearance_warnings(spec: Spec, source: Source) -> tuple[str, ...]:
     """Warn where the limits let the inner surface touch ``source``, the one of ``spec``.
 
-    Raises :class:`InputError` for a source that was placed there, off the axis or above z = 0: its place or the limits
-    are wrong. Nothing is said of a ray set: its rays need not start on the source.
+    Raises :class:`InputError` for a source that was placed there, off the axis or above z = 0, and for one that reaches
+    beyond the largest lens: its place or the limits are wrong. Nothing is said of a ray set: its rays need not start on
+    the source.
     """
     if isinstance(spec.source, Placement):
         return ()
@@ -340,7 +341,13 @@ def source_clearance_warnings(spec: Spec, source: Source) -> tuple[str, ...]:
     if not len(room) or room.min() >= -_SLACK * distance.max():
         return ()
     x, y, z = above[room.argmin()]
+    reaches = f"source: it reaches ({x:.4g}, {y:.4g}, {z:.4g}) mm"
     limits = spec.constraints
+    if distance.max() >= limits.max_radius_mm:
+        raise InputError(
+            f"{reaches}, beyond a lens of constraints.max_radius_mm = {limits.max_radius_mm:g}; correct its size "
+            "or place, which are in mm, or raise the limit"
+        )
     kept = (
         f"lens.{spec.lens.names[0]}.fixed"
         if spec.lens.fixed[spec.lens.names[0]] is not None
@@ -348,8 +355,8 @@ def source_clearance_warnings(spec: Spec, source: Source) -> tuple[str, ...]:
         f"{limits.cavity_radius_mm:g}"
     )
     problem = (
-        f"source: it reaches ({x:.4g}, {y:.4g}, {z:.4g}) mm, {np.hypot(x, y):.4g} mm from the axis, outside {kept}; "
-        "only that is kept clear, and the lens may touch the source"
+        f"{reaches}, {np.hypot(x, y):.4g} mm from the axis, outside {kept}; only that is kept clear, and the lens may "
+        "touch the source"
     )
     if spec.source.pose.moves:
         raise InputError(f"{problem}; raise the limits, or change source.position_mm or tilt_deg")

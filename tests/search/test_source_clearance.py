@@ -56,6 +56,19 @@ def test_a_source_too_large_for_the_cavity_is_a_warning_where_it_was_not_placed(
     assert "1.414 mm from the axis, outside the paraboloid of constraints.cavity_height_mm = 0.5" in warning
 
 
+def test_a_source_that_reaches_beyond_the_largest_lens_is_refused():
+    """One of three chips lies at 7.01 mm; the largest lens has 7 mm."""
+    chip = {"width_mm": 0.02, "height_mm": 0.02}
+    chips = [{"x_mm": x, "y_mm": y} | chip for x, y in ((0.0, 0.2), (0.0, -6.995), (0.3, 0.0))]
+    limits = {"cavity_height_mm": 0.5, "cavity_radius_mm": 1.0, "max_radius_mm": 7.0}
+    spec = small_spec(source={"kind": "chips", "chips": chips}, constraints=limits)
+    with pytest.raises(lf.InputError, match=r"reaches \(-?0\.01, -7\.005, 0\) mm, beyond .*max_radius_mm = 7; correct"):
+        source_clearance_warnings(spec, build_source(spec.source))
+    larger = spec.replace({"constraints.max_radius_mm": 7.1})
+    (warning,) = source_clearance_warnings(larger, build_source(larger.source))
+    assert "only that is kept clear" in warning
+
+
 def test_a_fixed_inner_surface_is_the_cavity():
     spec = small_spec(
         source={"kind": "square", "side_mm": 0.4, "position_mm": [0.0, 0.0, 2.97]},
