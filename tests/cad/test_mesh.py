@@ -178,9 +178,9 @@ def test_a_tolerance_that_takes_too_many_triangles_is_refused(monkeypatch):
 
 def test_rings_follow_the_detail_of_the_faces_and_the_width_of_the_base():
     plan = rough_plan()
-    assert rings_for(plan, 1e-3) == 88
+    assert rings_for(plan, 1e-3) == 98
     fine = make_plan(fit_patch(random_surface(6.0, 0.02, 1), 200), plan.envelope, NONE)
-    assert rings_for(fine, 1e-3) == 244
+    assert rings_for(fine, 1e-3) == 270
     wide = plan_of(random_surface(6.0, 0.0, 1), random_surface(13.7, 0.0, 51), BaseSection(diameter_mm=600.0))
     rings = rings_for(wide, 1e-3)
     assert rings > 128
