@@ -149,7 +149,7 @@ def _require_walls(layout: PlateLayout, openings: Sequence[Float[np.ndarray, "n 
     if wall is not None and wall.thickness_mm < MIN_BASE_WALL_MM:
         raise InputError(
             f"plate: the wall between {wall.between} is {wall.thickness_mm:.4g} mm; allowed: at least "
-            f"{MIN_BASE_WALL_MM:g}; move one of the two, or take a smaller diameter"
+            f"{MIN_BASE_WALL_MM:g}; move one of the two, or lower its diameter, plate.draft_deg or thickness_mm"
         )
 
 

@@ -81,7 +81,8 @@ def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -
             name = f"Δu′v′ {words} {BEAMS[section.within]}"
             value = _NO_COLOUR if receiver.colour is None else getattr(receiver.colour, words)
             quantity = "distance from the mean colour"
-            yield Fact.measured(name, name, value, quantity, limit=bound, place=receiver.name)
+            fact = Fact.measured(name, name, value, quantity, limit=bound, place=receiver.name)
+            yield replace(fact, remedy=_OF_COLOUR) if fact.state == "fail" else fact
 
 
 def colours_left_out(
@@ -98,6 +99,7 @@ def colours_left_out(
         yield np.array([(_NO_COLOUR if each is None else each[words]).value for each in found])
 
 
+_OF_COLOUR = "take a larger lens, a softer edge of the target, or a face that scatters"
 BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak"}
 
 

@@ -90,6 +90,15 @@ _PLAIN = (
     ("a valid number", "a number"),
     ("a valid integer", "a whole number"),
     ("a valid string", "text"),
+    *(
+        (f"String should match pattern '{pattern}'", f"must be {words}")
+        for pattern, words in (
+            (r"^[A-Za-z0-9_-]{1,64}$", "up to 64 letters, digits, _ and -"),
+            (r"^[A-Za-z0-9_-]{1,32}$", "up to 32 letters, digits, _ and -"),
+            (r"^[a-z][a-z0-9_]{0,15}$", "a small letter and up to 15 more, digits and _"),
+            (r"^\w[\w.-]{0,39}$", "a letter or digit and up to 39 more, _ . and -"),
+        )
+    ),
 )
 
 

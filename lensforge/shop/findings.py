@@ -237,8 +237,10 @@ def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -
         changes = [f"manufacture.cutter_radius_mm = {rounded_down_mm(gap_mm / 2.0)}", "a wider pitch of lamps"]
         yield finding_on("gap", BODY, wide, gap_mm, reason, changes, tolerance)
     if wall is not None:
-        thinnest = f"{quantity(wall.thickness_mm, 'mm', digits=4)} thick between {wall.between}"
-        reason = f"the plate is {thinnest}; constraints.min_thickness_mm = {required_mm:g}"
+        thickness = quantity(wall.thickness_mm, "mm", digits=4)
+        reason = (
+            f"the plate's wall between {wall.between} is {thickness}; constraints.min_thickness_mm = {required_mm:g}"
+        )
         changes = ["another place for one of the two"]
         yield finding_on("plate", BODY, wall.thickness_mm, required_mm, reason, changes, tolerance)
 

@@ -124,6 +124,13 @@ def _with_flange(
     limits, rim_mm = conditions.limits, float(leaving.radius(AXIS)[0])
     cylinder = ConeFace(1.1 * leaving.reach_mm, limits.rim_radius_mm)  # its continuation is that of no other face
     height_mm = rim_mm + flange.room_mm + 2.0 * limits.margin_mm
+    if height_mm >= leaving.reach_mm:
+        most_mm = flange.thickness_mm - (height_mm - leaving.reach_mm)
+        raise InputError(
+            f"lens.flange.thickness_mm = {flange.thickness_mm:g}: the exit above it would be {height_mm:.4g} mm high, "
+            f"where a lens of {limits.rim_radius_mm:g} mm radius has none; less than {most_mm:.3g} mm, or raise "
+            "constraints.max_radius_mm"
+        )
     return {RIM_FLANGE.name: cylinder, "exit": _resized(leaving, height_mm, AXIS)}
 
 

@@ -183,7 +183,12 @@ class Density:
 
 
 _PUBLISHED = {  # densities by source: grades of one plastic differ by 2 %, of silicone by more, so that it has none
-    "Osaka Gas Chemicals, OKP4 data sheet": {"PMMA": 1.19, "PC": 1.2, "COP": 1.01, "polyester": 1.22},
+    "comparison of plastics in the data sheet of OKP4, Osaka Gas Chemicals": {
+        "PMMA": 1.19,
+        "PC": 1.2,
+        "COP": 1.01,
+        "polyester": 1.22,
+    },
     "Apollo Optical Systems, optical polymers": {"PS": 1.05, "COC": 1.02},
     "SCHOTT data sheet": {"N-BK7": 2.51, "B270": 2.56, "borosilicate 3.3": 2.23},
     "Corning HPFS 7980 data sheet": {"fused silica": 2.2},

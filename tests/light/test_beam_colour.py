@@ -175,6 +175,9 @@ def test_limits_on_colour_are_judged_by_the_verdict() -> None:
     assert [limit.outcome for limit in light.limits] == ["missed", "held"]
     assert [limit.metric for limit in light.limits] == [light.first.colour.rms, light.first.colour.worst]
     assert [words.split(" = ")[0] for words in _reasons(light, lens)] == ["Δu′v′ rms within a tenth of the peak"]
+    assert _reasons(light, lens)[0].endswith(
+        ": take a larger lens, a softer edge of the target, or a face that scatters"
+    )
     facts = {fact.key: fact for group in light_facts(light, lens) for fact in group.facts}
     assert {"colour_u", "colour_v", "cct", "rms_delta_uv", "worst_delta_uv"} <= set(facts)
     same = spheres(*alike, colour=strict)

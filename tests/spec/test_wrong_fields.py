@@ -39,6 +39,7 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ({"source": {"kind": "disc", "diametre_mm": 2}}, "source.diametre_mm = 2: unknown; did you mean diameter_mm?"),
         ({"source": {"kind": "disc", "diameter": 2}}, "source.diameter = 2: unknown; did you mean diameter_mm?"),
         ({"targets": {"kind": "disc"}}, "targets: unknown; did you mean target?"),
+        ({"name": "rgb 1.5"}, "name = 'rgb 1.5': must be up to 64 letters, digits, _ and -"),
         ({"lens.max_radius_mm": 3}, "lens.max_radius_mm = 3: unknown; it belongs to [constraints]"),
         (
             {"lamps": {"kind": "endless", "pitch_mm": 9.0, "columns": 5}},
