@@ -111,7 +111,11 @@ def _drawn(targets: Targets, receiver: PosedReceiver, contents: tuple[str, ...],
         lit += scale * image
     total = float(wanted.sum())
     if not total >= np.finfo(np.float64).tiny:
-        raise InputError("target: it is dark everywhere on the receiver; check the image, its size, and the receiver's")
+        raise InputError(
+            "target: it is dark everywhere on the receiver; check its size and image, and the size of the receiver; "
+            f"where it is narrower than one of {max(receiver.grid.shape)} pixels, raise optimise.pixels and "
+            "evaluate.pixels"
+        )
     drawn = DrawnTarget(wanted / total, fine, lit > IN_TARGET * wanted.max())
     if receiver.lamps.period_mm is None:  # of lamps without end the pattern goes on beyond it
         for target in targets:

@@ -11,7 +11,7 @@ inside it is never touched; the smallest inner surface that the limits allow is 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf, isfinite, sqrt
+from math import ceil, inf, isfinite, sqrt
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -28,7 +28,7 @@ from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
-from lensforge.search.start_faces import AngularSize, start_faces
+from lensforge.search.start_faces import Stroke, start_faces
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
@@ -190,6 +190,9 @@ _WIDEST, _CLOSE, _ROUNDING = 1e3, 1.0001, 1e-9  # of radii that are tried, relat
 _RAYS, _SEED = 2**14, 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
+_FEW_ENTERING = 0.1  # of the flux, where nothing else is said: a ray file that looks backwards has 0.2 % left
+_MOST_PIXELS = 1024  # along a side, in a search
+_LEAST_ACROSS = 2.5  # pixels of a stroke; those of the shipped specs have 5.9 or more (curved_screen)
 _WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {
@@ -222,12 +225,14 @@ class SceneCheck:
         return SceneCheck(spec, sum(by_fate.values()), lost, *light_requirements(spec, source), (x, y, z))
 
     def require_light(self, *, force: bool = False) -> None:
-        """Raise :class:`InputError` where no light enters the lens or, unless ``force``, less than half can do.
+        """Raise :class:`InputError` where no light enters the lens, or, unless ``force``, less than a tenth of it.
 
-        That is half of what the target requires. A luminance that is an estimate refuses nothing.
+        Likewise where less than half of what a target requires can reach it; an estimated luminance refuses nothing.
         """
-        if self.entering < _LEAST_ENTERING:
-            raise InputError(f"source: {self._entry()}; at least {_percent(_LEAST_ENTERING)} must enter")
+        least = _LEAST_ENTERING if force else _FEW_ENTERING
+        if self.entering < least:
+            anyway = "" if force else "; or design it all the same: --force, in a script force=True"
+            raise InputError(f"source: {self._entry()}; at least {_percent(least)} must enter{anyway}")
         for field, light in self._required():
             if light.met < LEAST_POSSIBLE and light.certain and not force:
                 lossy = self.entering < LEAST_POSSIBLE  # then the source is to blame, not lens or target
@@ -247,16 +252,30 @@ class SceneCheck:
                 lines.append(f"{field}: {light.possible_words} {self._through()}; try {light.remedies()}")
             elif light.beside:
                 lines.append(f"{field}: off the axis; try {LEVELS}")
-        return tuple(lines or self._blur())
+        return (*(lines or self._blur()), *self._raster())
 
     def _blur(self) -> Iterator[str]:
-        """A line where the image of the LED is wider than the target at its narrowest."""
-        narrow, image = AngularSize.of(self.spec).narrow_rad, image_rad(self.spec)
-        if image > narrow:
-            larger = f"a larger lens (>= {rounded_up(image * self.spec.constraints.max_radius_mm / narrow)} mm)"
+        """A line where the image of the LED is wider than any stroke of the target."""
+        wide, image = Stroke.of(self.spec).width_rad, image_rad(self.spec)
+        if image > wide:
+            larger_mm = rounded_up(image * self.spec.constraints.max_radius_mm / wide)
             yield (
-                f"target: as seen from the lens {np.degrees(narrow):.3g}° wide at its narrowest, the LED's image up to "
-                f"{np.degrees(image):.3g}°, which blurs it; try {larger}, a smaller source or a wider target"
+                f"target: no part of it is wider than {np.degrees(wide):.3g}° as seen from the lens, and the LED's "
+                f"image of up to {np.degrees(image):.3g}° blurs it; try a larger lens (>= {larger_mm} mm), a smaller "
+                "source or a wider target"
+            )
+
+    def _raster(self) -> Iterator[str]:
+        """A line where the pixels of the search are too wide for the target."""
+        across, settings = Stroke.of(self.spec).pixels, self.spec.optimise
+        if across < _LEAST_ACROSS:
+            enough = ceil(_LEAST_ACROSS / across * settings.pixels)
+            more = (
+                f"optimise.pixels = {enough} and evaluate.pixels = {2 * enough}, or " if enough <= _MOST_PIXELS else ""
+            )
+            yield (
+                f"target: no part of it is wider than {across:.2g} pixels of the search, which blur it; try {more}a "
+                "smaller receiver"
             )
 
     def _required(self) -> Iterator[tuple[str, Requirement]]:

@@ -11,7 +11,7 @@ from lensforge.results import Image
 from lensforge.scene.body import Body
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import in_target, target_light
+from lensforge.scene.target_pattern import drawn_target, in_target, target_light
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import Beam, StartConditions
 from lensforge.surfaces.surface import Surface
@@ -67,6 +67,30 @@ class AngularSize:
         moments = np.linalg.eigvalsh((across * light[:, None]).T @ across / light.sum())
         narrow, wide = np.sqrt(12.0 * np.maximum(moments[1:], 0.0)).tolist()
         return AngularSize(float(np.arccos(np.clip(middle[2], -1.0, 1.0))), narrow, wide)
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Width of the broadest stroke of some light, by the largest circle in it: as seen from the lens, and in pixels."""
+
+    width_rad: float
+    pixels: float
+
+    @staticmethod
+    def of(spec: Spec) -> "Stroke":
+        """That of the light that the first receiver wants, in pixels of the search."""
+        from scipy.ndimage import distance_transform_edt
+
+        receiver = receivers_of(spec, spec.evaluate.pixels)[0]
+        drawn = drawn_target(spec.all_receivers[0].targets, receiver)
+        rows, columns = receiver.grid.shape
+        times = drawn.fine.columns // columns
+        # in a row of n sub-pixels the middle is n/2 or (n + 1)/2 from the next outside
+        widths = 2.0 * distance_transform_edt(np.pad(drawn.inside, 1))[1:-1, 1:-1] - 0.5
+        across = widths.reshape(rows, times, columns, times).max(axis=(1, 3)) / times
+        sides = [np.linalg.norm(np.gradient(pixel_directions(receiver), axis=axis), axis=2) for axis in (0, 1)]
+        seen = across * np.sqrt(sides[0] * sides[1])
+        return Stroke(float(seen.max()), float(across.max()) * spec.optimise.pixels / spec.evaluate.pixels)
 
 
 def beam_of(spec: Spec) -> Beam:

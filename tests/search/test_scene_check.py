@@ -1,5 +1,6 @@
 """Scenes that no search can serve are refused before it; others are described by their shares."""
 
+import re
 from math import sqrt
 from pathlib import Path
 
@@ -77,8 +78,10 @@ def test_shares_of_a_disc_that_is_wider_than_the_cavity_are_those_of_its_area() 
 def test_light_that_goes_backward_is_a_warning_until_there_is_none_left() -> None:
     most = check(small_spec().replace(source=beam((0.0, 0.0, 1.0), backward=0.98)))
     most.require_light(force=True)
-    with pytest.raises(InputError, match=r"less than half of the .*98 % goes backward.*force"):
+    with pytest.raises(InputError, match=r"98 % goes backward.*; at least 10 % must enter; .*--force"):
         most.require_light()
+    with pytest.raises(InputError, match=r"less than half of the .*89 % goes backward.*force"):
+        check(small_spec().replace(source=beam((0.0, 0.0, 1.0), backward=0.89))).require_light()
     assert most.lost[Fate.BACKWARD] == pytest.approx(0.98)
     assert any("2 % of the light enters" in words and "98 % goes backward" in words for words in most.warnings())
     with pytest.raises(InputError, match=r"0 % of the light enters.*100 % goes backward.*source\.axis") as refusal:
@@ -218,7 +221,19 @@ def test_a_target_narrower_than_the_image_of_the_led_is_said(radius_mm: float, b
     band = {"kind": "rectangle", "width_mm": 30.0, "height_mm": 80.0, "distance_mm": 300.0, "rotation_deg": 20.0}
     content = {"source": {"kind": "square", "side_mm": 1.0}, "constraints": {"max_radius_mm": radius_mm}}
     words = check(Spec.model_validate({**content, "lens": {"kind": "tir", "levels": [25]}, "target": band})).warnings()
-    assert ["which blurs it; try a larger lens (>= 14.1" in each for each in words] == [True] * blurred
+    assert ["blurs it; try a larger lens (>= 14.1" in each for each in words] == [True] * blurred
+
+
+@pytest.mark.parametrize(("width_mm", "degrees", "pixels"), [(10.0, "1.15", "0.43"), (40.0, "4.58", "1.7")])
+def test_a_line_is_as_wide_as_it_is_and_asks_for_pixels(width_mm: float, degrees: str, pixels: str) -> None:
+    """A metre of light at half a metre: 64 pixels of the search are 23 mm each, wider than the line."""
+    line = {"kind": "rectangle", "width_mm": 1000.0, "height_mm": width_mm, "distance_mm": 500.0, "receiver_mm": 1500.0}
+    content = {"source": {"kind": "square", "side_mm": 1.0}, "constraints": {"max_radius_mm": 15.0}, "target": line}
+    blur, raster = check(Spec.model_validate(content)).warnings()
+    widths = [float(re.findall(r"wider than ([\d.]+)", each)[0]) for each in (blur, raster)]
+    assert widths == [pytest.approx(float(degrees), abs=0.25), pytest.approx(float(pixels), abs=0.1)]  # a sub-pixel
+    finer = {"optimise": {"pixels": round(3.3 / float(pixels) * 64)}}
+    assert len(check(Spec.model_validate(content | finer)).warnings()) == 1
 
 
 def test_an_estimated_luminance_warns_and_stops_nothing() -> None:
