@@ -279,7 +279,7 @@ def _remedies(study: Yield) -> Iterator[Fact]:
         elif study.budget.reached:
             change, note = "none", f"{of_parts} alone the yield is {wanted} or more"
         else:
-            change, note = "no single tolerance", f"however small, gives a yield of {wanted}, {of_parts}"
+            change, note = "none is enough", f"no tolerance alone, however small, gives a yield of {wanted}, {of_parts}"
         yield Fact("cheapest", "Smallest tightening", change, note=note)
     if study.flux is not None:
         yield _flux(study.flux)
@@ -288,10 +288,10 @@ def _remedies(study: Yield) -> Iterator[Fact]:
 def _flux(flux: FluxNeeded) -> Fact:
     wanted = f"for a yield of {percent(flux.pass_rate)}, tolerances as specified"
     if flux.factor is None:
-        best = "no part passes at any flux"
+        most = "no part passes at any flux"
         if flux.best is not None:
-            best = f"at the best, × {quantity(flux.best, digits=4)}, it is {percent(flux.most)}"
-        return Fact("flux", "Required LED flux", "no flux", note=f"{wanted}; {best}")
+            most = f"× {quantity(flux.best, digits=4)} gives the highest, {percent(flux.most)}"
+        return Fact("flux", "Required LED flux", "none is enough", note=f"{wanted}; {most}")
     low, factor = (f"× {quantity(each, digits=4)}" for each in (flux.low, flux.factor))
     between = f"{low} at least" if flux.high is None else f"{low} to × {quantity(flux.high, digits=4)}"
     return Fact("flux", "Required LED flux", factor, note=f"{wanted}; {between}")

@@ -126,19 +126,22 @@ def test_what_reaches_the_required_yield_is_said_where_it_is_missed(lens, found)
     assert (facts.fact("flux").text, facts.fact("flux").note) == (
         "× 1.042", "for a yield of 95\u2009%, tolerances as specified; × 1.03 at least",
     )  # fmt: skip
-    assert first().fact("cheapest").text == "no single tolerance"
+    assert first().fact("cheapest").text == "none is enough"
     few = flux.changed(factor=None, low=None, most=0.9)
     for own, words in (
-        (few, "at the best, × 1.05, it is 90\u2009%"),
+        (few, "× 1.05 gives the highest, 90\u2009%"),
         (few.changed(best=None), "no part passes at any flux"),
     ):
         fact = yield_facts(found.model_copy(update={"flux": own}))[0].fact("flux")
-        assert (fact.text, fact.note) == ("no flux", f"for a yield of 95\u2009%, tolerances as specified; {words}")
+        assert (fact.text, fact.note) == (
+            "none is enough",
+            f"for a yield of 95\u2009%, tolerances as specified; {words}",
+        )
     enough = found.budget.together.changed(at_most=1.1, high=1.2)
     assert first(together=enough).fact("cheapest").text == "none"
     study = found.model_copy(update={"pass_rate": low, "flux": flux})
     text = Page(undrawn_page_of(make_results(("evaluate",), lens, **{"yield": study}))).text
-    assert "no single tolerance" in text and "× 1.042" in text
+    assert "none is enough" in text and "× 1.042" in text
 
 
 def test_shares_are_in_per_cent_and_other_numbers_in_their_unit():
