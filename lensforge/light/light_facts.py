@@ -18,7 +18,7 @@ from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judg
 from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement, with_remedies
 from lensforge.light.seen_lens import seen_groups
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
-from lensforge.results import Fact, Group
+from lensforge.results import Fact, Group, Metric
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
 from lensforge.results.fact_table import Row, facts_of
@@ -27,6 +27,7 @@ from lensforge.results.verdict import Reason
 from lensforge.scene.lens import Lens
 from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
+from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.light_limits import BeamAngleLimit
 from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, names_of
 from lensforge.spec.spec_section import rounded_up
@@ -332,6 +333,28 @@ def _judged_planes(spec: Spec) -> Iterator[float]:
                 yield limit.azimuth_deg % 180.0
 
 
+_OF_WANTED = 0.1  # of a wanted beam angle: a beam that differs by more deserves a look
+
+
+def _wanted(spec: Spec) -> dict[float, float]:
+    """Beam angle (deg) that the target of one lamp wants in a plane C (deg); none where it wants another light."""
+    receiver = spec.all_receivers[0]
+    upright = receiver.facing == (0.0, 0.0, 1.0) and receiver.rotation_deg == 0.0
+    match receiver.targets:
+        case [BeamTarget(centre=(0.0, 0.0), rotation_deg=0.0) as target] if upright and len(spec.all_lamps) == 1:
+            return dict(zip((0.0, 90.0), target.sides("fwhm"), strict=True))
+    return {}
+
+
+def _beam_angle(key: str, label: str, found: Metric | None, wanted_deg: float | None) -> Fact:
+    note = "full width at 50 % of the peak in this plane"
+    if found is None or wanted_deg is None:
+        return Fact.measured(key, label, found, note)
+    away, wanted = abs(found.value - wanted_deg), f"the target wants {quantity(wanted_deg, '°', digits=3)}"
+    far = away > max(_OF_WANTED * wanted_deg, 3.0 * (found.standard_error or 0.0))
+    return Fact.measured(key, label, found, f"{wanted}; {note}", notice=wanted if far else "")
+
+
 def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]:
     """Facts of the files; ``whose`` light they have, of several lenses or lamps."""
     direction, start = photometry.peak_direction, f"{whose}; " if whose else ""
@@ -344,8 +367,9 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     for beam in (photometry.beam_c0, photometry.beam_c90):
         plane = f"C {beam.c_deg:.0f}"
         if beam.c_deg not in _judged_planes(spec):
-            note = "full width at 50 % of the peak in this plane"
-            yield Fact.measured(f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, note)
+            yield _beam_angle(
+                f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, _wanted(spec).get(beam.c_deg)
+            )
         yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "full width at 10 %")
     noise = "" if photometry.node_error is None else f"the table’s noise is {percent(photometry.node_error.rms)} rms"
     yield Fact("photometry_rays", "Rays", photometry.rays, note=noise)

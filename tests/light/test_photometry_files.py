@@ -68,6 +68,20 @@ def test_the_file_of_a_lamp_holds_the_light_of_all_its_lenses(cosine, tmp_path):
     assert lamp.fact("luminaire").value == "luminaire.ies" and field.fact("exit_lm").note.startswith("one lens of 12; ")
 
 
+def test_a_beam_angle_stands_beside_the_one_that_the_target_wants(cosine):
+    """A cosine has 120 degrees in every plane; the target wants 112 along x and 100 along y."""
+    beam = {"kind": "beam", "fwhm_deg": [112.0, 100.0], "profile": "cosine", "half_angle_deg": 80.0}
+    for turned, wanted in ((0.0, True), (90.0, False)):
+        spec = lf.Spec.model_validate(
+            small_spec().model_dump(exclude={"target"}) | {"target": {**beam, "rotation_deg": turned}}
+        )
+        far = photometry_facts(cosine[0], spec)[0]
+        facts = [far.fact(f"beam_C {plane}") for plane in (0, 90)]
+        assert [fact.value for fact in facts] == [pytest.approx(120.0, rel=0.02)] * 2
+        assert [fact.notice for fact in facts] == (["", "the target wants 100°"] if wanted else ["", ""])
+        assert facts[0].note.startswith("the target wants 112°; ") == wanted
+
+
 def test_every_file_says_that_it_is_computed_and_when():
     """The date is that of the spec, and none where the spec has none: the same bits on any day."""
     for lens, date in ((DATED, "2026-03-01"), (ROUGH, "")):
