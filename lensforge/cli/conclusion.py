@@ -145,6 +145,9 @@ def blocks_of(result: StageResult, run: Run) -> list[Block]:
     blocks = [Block(title, [*rows_of(groups), *reasons])] if title else _titled(groups)
     conditions = conditions_of(result)
     under = [] if conditions is None else [("Conditions", str(conditions))]
+    names = sorted(name for name in result.file_names(stem_of(result)) if Path(name).suffix not in (".json", ".npz"))
+    if files := [name for name in names if (run.folder / name).exists()]:
+        under.append(("Files", ", ".join(files)))
     return [*blocks, Block(f"Written: {run.folder / stem_of(result)}.json", under)]
 
 

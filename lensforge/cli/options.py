@@ -21,7 +21,6 @@ else:
 
 Command = Callable[..., None]
 _FILE = click.Path(path_type=Path)
-_ABOVE_ZERO = click.FloatRange(0.0, min_open=True)
 
 
 class _Corner(_Pixel):
@@ -36,6 +35,15 @@ class _Corner(_Pixel):
 
 
 _MOST_DIGITS = 18  # of a number that any option takes; a larger exponent is not written out
+
+
+class Number(click.FloatRange):
+    """A number in a range."""
+
+    name = "number"
+
+
+_ABOVE_ZERO = Number(0.0, min_open=True)
 
 
 class WholeNumber(click.IntRange):
@@ -134,13 +142,13 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
     ),
     "form_nm": click.option(
         "--form-nm",
-        type=click.FloatRange(0.1, 1e4),
+        type=Number(0.1, 1e4),
         metavar="NM",
         help="Largest form error of the optical faces in the STEP; default: the spec's, or 50.",
     ),
     "normal_mrad": click.option(
         "--normal-mrad",
-        type=click.FloatRange(1e-3, 10.0),
+        type=Number(1e-3, 10.0),
         metavar="MRAD",
         help="Largest error of their normals; default: the spec's, or 0.2, or as the LED's image requires.",
     ),
@@ -162,7 +170,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
     ),
     "lumens": click.option(
         "--lumens",
-        type=click.FloatRange(1e-6, 1e9),
+        type=Number(1e-6, 1e9),
         help="Flux of the LED (lm); default: the spec's, or relative to 1000.",
     ),
     "parts": click.option("--parts", type=WholeNumber(40, 100_000), metavar="N", default=1000, help="Number of parts."),
@@ -182,7 +190,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         help="Corners of the target, clockwise from top left; default: found.",
     ),
     "target_mm": click.option("--target-mm", type=_ABOVE_ZERO, help="Side of the target; default: the receiver's."),
-    "gamma": click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, help="Gamma of the camera."),
+    "gamma": click.option("--gamma", type=Number(0.2, 5.0), default=1.0, help="Gamma of the camera."),
     "led": click.option("--led", metavar="NAME", help="LED in the photographs, of several; default: the first."),
     "points": click.option("--points", type=_FILE, help="Points x, y, z in mm, measured on one surface."),
     "surface": click.option("--surface", metavar="FACE", help="Face on which --points lie, such as inner or outer."),

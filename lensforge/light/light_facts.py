@@ -346,13 +346,14 @@ def _wanted(spec: Spec) -> dict[float, float]:
     return {}
 
 
-def _beam_angle(key: str, label: str, found: Metric | None, wanted_deg: float | None) -> Fact:
+def _beside_wanted(found: Metric | None, wanted_deg: float | None) -> tuple[str, str]:
+    """Words beside a beam angle, and the notice where it is far from the one that is wanted."""
     note = "full width at 50 % of the peak in this plane"
     if found is None or wanted_deg is None:
-        return Fact.measured(key, label, found, note)
-    away, wanted = abs(found.value - wanted_deg), f"the target wants {quantity(wanted_deg, '°', digits=3)}"
-    far = away > max(_OF_WANTED * wanted_deg, 3.0 * (found.standard_error or 0.0))
-    return Fact.measured(key, label, found, f"{wanted}; {note}", notice=wanted if far else "")
+        return note, ""
+    wanted = f"the target wants {quantity(wanted_deg, '°', digits=3)}"
+    far = abs(found.value - wanted_deg) > max(_OF_WANTED * wanted_deg, 3.0 * (found.standard_error or 0.0))
+    return f"{wanted}; {note}", wanted if far else ""
 
 
 def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]:
@@ -367,9 +368,8 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     for beam in (photometry.beam_c0, photometry.beam_c90):
         plane = f"C {beam.c_deg:.0f}"
         if beam.c_deg not in _judged_planes(spec):
-            yield _beam_angle(
-                f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, _wanted(spec).get(beam.c_deg)
-            )
+            note, notice = _beside_wanted(beam.beam_angle_deg, _wanted(spec).get(beam.c_deg))
+            yield Fact.measured(f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, note, notice=notice)
         yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "full width at 10 %")
     noise = "" if photometry.node_error is None else f"the table’s noise is {percent(photometry.node_error.rms)} rms"
     yield Fact("photometry_rays", "Rays", photometry.rays, note=noise)
