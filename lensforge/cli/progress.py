@@ -195,7 +195,7 @@ class DesignProgress:
 
     def on_step(self, step: Step) -> None:
         """Show a gradient step; where there is no terminal, write a line for each level that the spec names."""
-        self._clock.show(f"level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f}")
+        self._clock.show(f"level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f} with ray noise")
         left = self._left(step)
         if left is not None:
             self._clock.expect(left, at_least=not self._of_steps)
@@ -220,7 +220,7 @@ class DesignProgress:
     def _words(self, step: Step) -> str:
         return (
             f"level {step.level + 1}{self._of_levels}  step {step.steps_done}/{step.steps_total}  "
-            f"NMSE {step.nmse:.4f}  efficiency {step.efficiency:.3f}"
+            f"NMSE {step.nmse:.4f} with ray noise  efficiency {step.efficiency:.3f}"
         )
 
     def on_stage(self, words: str) -> None:
