@@ -361,7 +361,8 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     direction, start = photometry.peak_direction, f"{whose}; " if whose else ""
     source = f"{start}for {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
     taken = ", whose flux is not stated" if photometry.per_1000_lm else ""
-    yield Fact.measured("exit_lm", "Luminous flux", photometry.exit_lm, f"{source}{taken}")
+    plate = "" if spec.plate is None else "; as if none entered other lenses of the plate (verify --stray)"
+    yield Fact.measured("exit_lm", "Luminous flux", photometry.exit_lm, f"{source}{taken}{plate}")
     at = f"at C {quantity(direction.c_deg, '°', digits=4)}, gamma {quantity(direction.gamma_deg, '°', digits=3)}"
     yield Fact.measured("peak_cd", "Peak intensity", photometry.peak_cd, f"{start}{at}")
     yield Fact.measured("axis_cd", "Intensity on the axis", photometry.axis_cd)
