@@ -207,7 +207,7 @@ def _share_in_target(receiver: ReceiverLight, judged: Fact | None, rays: int) ->
     fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], share, sense=">=")
     return replace(
         fact,
-        note="share of the LED’s flux in the bright part of the target",
+        note="share of the LED’s flux where the target is above a tenth of its maximum",
         possible=possible.share_in_target,
         possible_note=f"{_estimate(receiver)}{possible.law}",
         remedy=_remedy(receiver, "a wider target"),
