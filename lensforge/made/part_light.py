@@ -264,9 +264,11 @@ class MeasuredPart:
                 within = min(max(moved.value, -ratio), 1.0 - ratio)
                 change["uniformity"] = moved.changed(value=within)
             found.append({**change, "share_in_target": jackknife_metric(share - other_share, float)})
-        limits = {}
-        for number, (own_limit, other_limit) in enumerate(zip(self.limits, before.limits, strict=True)):
-            difference = own_limit - other_limit
+        return [*found, {str(number): change for number, change in enumerate(self.limit_changes(before))}]
+
+    def limit_changes(self, before: "MeasuredPart") -> Iterator[Metric]:
+        """Difference of what decides on each limit from ``before``, by the same rays."""
+        for own, other in zip(self.limits, before.limits, strict=True):
+            difference = own - other
             error = jackknife_error(difference[1:]) if len(difference) > 1 else None
-            limits[str(number)] = Metric(value=float(difference[0]), standard_error=error)
-        return [*found, limits]
+            yield Metric(value=float(difference[0]), standard_error=error)

@@ -7,7 +7,7 @@ Parts share their rays with the lens as designed, so that most of the ray noise 
 of a part is that of the lens as designed, by many rays, plus this change.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, repeat
@@ -31,7 +31,7 @@ from lensforge.made.board_light import (
     pictures_of,
 )
 from lensforge.made.part_light import Channels, MeasuredPart, PartLight, ReplicateRays, judged_colour
-from lensforge.made.tolerance_result import MetricBound
+from lensforge.made.tolerance_result import LimitChange, MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Fact, Metric
 from lensforge.scene.eye_view import EyeView, eye_views
@@ -286,6 +286,15 @@ class LedStudy:
             MetricBound(metric=name, sense=figure.sense, bound=figure.bound, unit=figure.unit, flux_power=power)
             for (name, figure), power in zip(asked, powers, strict=False)
         )
+
+    def limit_changes(self, part: MeasuredPart) -> Iterator[LimitChange]:
+        """What decides on each limit of the spec in ``part``, and its change from the lens as designed."""
+        if not part.limits:
+            return
+        judged = zip(self._limit_names, self.designed_light.limits, part.limits, strict=True)
+        for (name, limit, found), change in zip(judged, part.limit_changes(self.designed), strict=True):
+            value = Metric(value=float(found[0]), unit=limit.metric.unit)
+            yield LimitChange(name=name, value=value, change=change.changed(unit=value.unit))
 
     def made(self, found: Sequence[Deviations]) -> tuple[MadePart, ...]:
         """The lenses of a part with these deviations, one for each lamp; the LED turns about its own place.

@@ -55,11 +55,10 @@ def _with(led: LedStudy, errors: Sequence[SingleError], announce: Callable[[], o
     designed, rays = led.designed.metrics[0], len(led.light.held)
     announce()
     for error in errors:
-        lit = led.light.measured(led.light.received(led.made(error.deviations))).metrics[0]
-        change: LightMetrics = lit.change_from(designed, rays)
-        rows.append(
-            ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=lit.metrics(), change=change)
-        )
+        part = led.light.measured(led.light.received(led.made(error.deviations)))
+        change: LightMetrics = part.metrics[0].change_from(designed, rays)
+        stated = {"name": error.name, "amount": error.amount, "unit": error.unit, "metrics": part.metrics[0].metrics()}
+        rows.append(ErrorRow(**stated, change=change, limits=tuple(led.limit_changes(part))))
         announce()
     return Sensitivity(
         inputs={"lens": lens.sha256},

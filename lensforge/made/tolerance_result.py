@@ -38,8 +38,16 @@ MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
 _MOST_ROWS = 200  # bars of a plot; the study has 34 errors at most, of 21 tolerances
 
 
+class LimitChange(Record):
+    """What decides on a limit of the spec, by its name: with a tolerance at its end, and its change by that."""
+
+    name: Text
+    value: Metric
+    change: Metric
+
+
 class ErrorRow(Record):
-    """One tolerance at its end: its amount, the metrics with it, and their change by it.
+    """One tolerance at its end: its amount, the metrics with it, their change by it, and that of each limit.
 
     ``change`` is the difference from the lens as designed by the same rays, with the standard error of that difference:
     what both have of the noise cancels. That of uniformity cancels least, since each lens has its own darkest pixels.
@@ -50,6 +58,7 @@ class ErrorRow(Record):
     unit: Text
     metrics: LightMetrics
     change: LightMetrics
+    limits: tuple[LimitChange, ...] = ()
 
 
 class Sensitivity(ResultByLed):

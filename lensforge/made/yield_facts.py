@@ -1,6 +1,6 @@
 """Facts of the studies of tolerances: who passes, how far the light spreads, by which causes, what each may be."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -56,9 +56,14 @@ def sensitivity_facts(study: Sensitivity) -> list[Group]:
     designed, changes = [], []
     for name, led in study.by_led.items():
         end = f", {name}" if name else ""
-        facts = (*metric_facts(led.nominal), Fact("rays", "Rays", led.rays))
+        before = [
+            (each.name, each.change.changed(value=each.value.value - each.change.value, standard_error=None))
+            for row in led.rows[:1]
+            for each in row.limits
+        ]
+        facts = (*_of_limits(before), *metric_facts(led.nominal), Fact("rays", "Rays", led.rays))
         designed.append(Group("nominal", f"As designed{end}", facts))
-        rows = sorted(led.rows, key=lambda row: abs(row.change.nmse.value), reverse=True)
+        rows = sorted(led.rows, key=_effect, reverse=True)
         changes += [_change(row, end) for row in rows]
     return [*designed, *changes]
 
@@ -313,6 +318,20 @@ def _causes(study: Yield, name: str) -> Iterator[Fact]:
         yield Fact("together", "Causes", UNCERTAIN)
 
 
+def _effect(row: ErrorRow) -> float:
+    """Largest change of what decides on a limit, relative to it; without limits that of the NMSE."""
+    if not row.limits:
+        return abs(row.change.nmse.value)
+    return max(abs(each.change.value) / max(abs(each.value.value), 1e-300) for each in row.limits)
+
+
+def _of_limits(named: Iterable[tuple[str, Metric]]) -> Iterator[Fact]:
+    for number, (name, metric) in enumerate(named):
+        fact = Fact.share if is_share(name) else Fact.measured
+        yield fact(f"limit_{number}", metric_words(name), metric)
+
+
 def _change(row: ErrorRow, end: str) -> Group:
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
-    return Group("error", f"{row.name}{end}", (size, *metric_facts(row.change)))
+    limits = _of_limits((each.name, each.change) for each in row.limits)
+    return Group("error", f"{row.name}{end}", (size, *limits, *metric_facts(row.change)))

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nightly import scaled
-from parts import lens_with
+from parts import STUDY, lens_with
 from presets import FEW
 from scenes import random_surface, small_spec
 
@@ -11,6 +11,7 @@ from lensforge.light.evaluation import evaluate_lens
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.sensitivity import measure_sensitivity, single_errors
 from lensforge.made.tolerance_result import Sensitivity
+from lensforge.made.yield_facts import sensitivity_facts
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
 
@@ -61,6 +62,38 @@ def test_the_standard_error_of_the_uniformity_is_no_less_than_the_scatter(change
     values, stated = changes[error, "uniformity"].T
     assert 0.1 < values.std(ddof=1) / np.sqrt(np.mean(stated**2)) < 1.2
     assert stated.min() > 0.05 * np.median(stated), "never nothing"
+
+
+def test_limits_change_by_what_a_tolerance_does_to_them():
+    """5 % of flux are 5 % of the light at a place and none of a share; by 0.4 mm the light is another."""
+    limits = [
+        {"kind": "points", "name": "middle", "at_mm": [[55.0, -4.0]], "at_least": 0.01, "unit": "w_per_m2"},
+        {
+            "kind": "zone",
+            "name": "half",
+            "zone": {"kind": "rectangle", "width_mm": 80.0, "height_mm": 60.0, "centre_mm": [60.0, 0.0]},
+            "at_least_share": 0.01,
+        },
+    ]
+    lens = lens_with({"source_flux": 0.05, "source_shift_mm": 0.4}, limits=limits)
+    found = measure_sensitivity(lens, rays=RAYS)
+    brighter = [row for row in found.rows if row.name.startswith("source, flux")]
+    assert sorted(row.amount for row in brighter) == [-0.05, 0.05]
+    for row in brighter:
+        light, share = row.limits
+        assert (light.name, share.name) == ("middle: light", "half: share of the flux")
+        assert light.change.value == pytest.approx(light.value.value * row.amount / (1.0 + row.amount), rel=1e-9)
+        assert share.change.value == pytest.approx(0.0, abs=1e-12) and 0.01 < share.value.value < 1.0
+    shifted = next(row for row in found.rows if row.name.endswith("decentre in x"))
+    moved = lens.spec.source.position_mm[0] + 0.4
+    spec = lens.spec.replace({"source.position_mm": [moved, *lens.spec.source.position_mm[1:]]})
+    by_itself = evaluate_lens(replace(lens, spec=spec), build_source(spec.source), STUDY, rays=RAYS)
+    for limit, judged in zip(shifted.limits, by_itself.limits, strict=True):
+        # a lens by itself is traced by finer tables
+        assert abs(limit.value.value - judged.metric.value) < 0.15 * abs(limit.change.value), (limit, judged.metric)
+        assert abs(limit.change.value) > 2.0 * limit.change.standard_error
+    first = sensitivity_facts(found)[0]
+    assert first.fact("limit_0").value == pytest.approx(shifted.limits[0].value.value - shifted.limits[0].change.value)
 
 
 def test_common_rays_leave_little_noise(changes):

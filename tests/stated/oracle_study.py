@@ -382,7 +382,7 @@ def led_record(case, led):
         "conditions": None, "preset": case.lens["spec"]["tolerances"]["preset"],
         "nominal": metrics_record(before), "rays": len(rays_of(case, led)[0]),
         "rows": [{"name": name, "amount": amount, "unit": unit, "metrics": metrics_record(found),
-                  "change": metrics_record(change)} for (name, amount, unit), found, change in rows],
+                  "change": metrics_record(change), "limits": []} for (name, amount, unit), found, change in rows],
     }  # fmt: skip
 
 
