@@ -219,14 +219,15 @@ def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:
 def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     """Join ``parts``, with the power of ``spec`` if it states one, and place them in lens coordinates."""
     names = [f"source.files[{number}] ({part.name})" for number, part in enumerate(parts)]
-    flux = joined_flux(spec, [part.flux for part in parts], spec.luminous_efficacy_lm_per_w, names)
-    flux = with_spectrum_compared(flux, spec, spectral_efficacy(spec.spectrum))
-    total, flux_w = sum(part.flux.flux_w for part in parts), flux.flux_w
+    own = [part.flux for part in parts]
+    flux = joined_flux(spec, own, spec.luminous_efficacy_lm_per_w, names)
+    flux = with_spectrum_compared(flux, spec, spectral_efficacy(spec.spectrum), own)
+    total, flux_w = sum(part.flux_w for part in own), flux.flux_w
     for name, part in zip(names, parts, strict=True):
         if part.flux.flux_w < _LEAST_SHARE * total:
             raise InputError(f"{name}: {part.flux.flux_w / total:.3g} of the flux of all: correct it, or leave it out")
     rays, figures = parts[0].rays, parts[0].figures
-    if len(parts) > 1:
+    if len(parts) > 1 or flux_w != total:
         together = joined([part.rays for part in parts])
         rays = changed(together, lambda some: replace(some, flux=some.flux * (flux_w / total)))
         figures = RaySums.of(rays)

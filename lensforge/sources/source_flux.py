@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from lensforge.errors import InputError
 from lensforge.optics.colorimetry import LARGEST_LM_PER_W, luminous_efficacy
 from lensforge.sources.source_spectrum import spectrum_of
@@ -28,7 +26,8 @@ class SourceFlux:
     """Flux of a source or of a part of it: ``flux_w`` (W), and its luminous ``efficacy`` (lm/W) where that is known.
 
     ``in_lumens``: spec or file speak of lumens. ``least_power``: nothing else is known, and ``flux_w`` is the least
-    radiant flux that they can have, at 683.002 lm/W; then lx, cd and lm are exact, and W are not.
+    radiant flux that they can have, at 683.002 lm/W; then lx, cd and lm are exact, and W are not. ``fixed_lm``: the
+    spec states its lumens, or nothing but lumens is known: an efficacy of the whole light changes W alone.
     """
 
     flux_w: float
@@ -36,6 +35,7 @@ class SourceFlux:
     in_lumens: bool = False
     least_power: bool = False
     warnings: tuple[str, ...] = ()
+    fixed_lm: bool = False
 
     @property
     def flux_lm(self) -> float | None:
@@ -78,12 +78,13 @@ def settled_flux(
     power, lumens = (stated.flux_w, stated.flux_lm) if is_stated else (own.flux_w, own.flux_lm)
     in_lumens = not (stated.flux_lm is None and efficacy is None and own.flux_lm is None)
     if power is not None or lumens is None:
-        return SourceFlux(DEFAULT_FLUX_W if power is None else power, known, in_lumens, warnings=warnings)
+        fixed, power = stated.flux_lm is not None, DEFAULT_FLUX_W if power is None else power
+        return SourceFlux(power, known, in_lumens, warnings=warnings, fixed_lm=fixed)
     if known is None:
-        return SourceFlux(lumens / LARGEST_LM_PER_W, LARGEST_LM_PER_W, True, True, (*warnings, _LEAST_POWER))
+        return SourceFlux(lumens / LARGEST_LM_PER_W, LARGEST_LM_PER_W, True, True, (*warnings, _LEAST_POWER), True)
     if known < _NO_LIGHT_LM_PER_W:
         raise InputError(f"source: flux of {lumens:g} lm, but its spectrum has no visible light; give flux_w instead")
-    return SourceFlux(lumens / known, known, True, warnings=warnings)
+    return SourceFlux(lumens / known, known, True, warnings=warnings, fixed_lm=True)
 
 
 def _own_ratio(own: OwnFlux) -> tuple[float | None, tuple[str, ...]]:
@@ -105,8 +106,8 @@ def joined_flux(
 ) -> SourceFlux:
     """Settle the flux of a source of several ``parts``, whose sum or, with ``stated`` fluxes, whose ratio counts.
 
-    ``efficacy`` (lm/W): of the whole light, if the spec states it. ``names``: of the parts. Raises
-    :class:`InputError` where the ratio is not known: some parts have a power and others only lumens.
+    ``efficacy`` (lm/W): of the whole light, if the spec states it; it leaves stated lumens as they are. ``names``: of
+    the parts. Raises :class:`InputError` where the ratio is not known: some parts have a power and others only lumens.
     """
     dim = [part.least_power for part in parts]
     if any(dim) and not all(dim):
@@ -114,35 +115,50 @@ def joined_flux(
         raise InputError(
             f"{which}: flux known in lm alone, the flux of other parts in W; give its flux_w or a spectrum"
         )
-    watts, lumens = np.array([part.flux_w for part in parts]), [part.flux_lm for part in parts]
-    seen = None if None in lumens else sum(each for each in lumens if each is not None)
-    joined = settled_flux(stated, efficacy, own=OwnFlux(None if all(dim) else float(watts.sum()), seen))
+    seen = _total_lm(parts)
+    own_w = None if all(dim) else sum(part.flux_w for part in parts)
+    if efficacy and seen and any(part.fixed_lm and part.efficacy != efficacy for part in parts):
+        own_w = None
+    joined = settled_flux(stated, efficacy, own=OwnFlux(own_w, seen))
     warnings = dict.fromkeys(warning for part in parts for warning in part.warnings if warning != _LEAST_POWER)
     in_lumens = stated.flux_lm is not None or efficacy is not None or any(part.in_lumens for part in parts)
     return replace(joined, in_lumens=in_lumens, warnings=(*warnings, *joined.warnings))
 
 
+def _total_lm(parts: Sequence[SourceFlux]) -> float | None:
+    lumens = [part.flux_lm for part in parts if part.flux_lm is not None]
+    return sum(lumens) if len(lumens) == len(parts) else None
+
+
 def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceFlux:
     """Settle the flux of an emitter of ``spec``; ``own_w``: of its table, if it has one. Raises :class:`InputError`."""
-    spectral = None if spec.spectra else spectral_efficacy(spec.spectrum)
+    spectral, parts = None if spec.spectra else spectral_efficacy(spec.spectrum), list[SourceFlux]()
     if isinstance(spec, ChipsSource):
-        names = [f"source.chips[{number}]" for number in range(len(spec.chips))]
-        settled = joined_flux(spec, chip_fluxes(spec), spec.luminous_efficacy_lm_per_w, names)
+        names, parts = [f"source.chips[{number}]" for number in range(len(spec.chips))], chip_fluxes(spec)
+        settled = joined_flux(spec, parts, spec.luminous_efficacy_lm_per_w, names)
         if settled.least_power:  # lumens are what data sheets of chips state: nothing to doubt
             settled = replace(settled, warnings=tuple(each for each in settled.warnings if each != _LEAST_POWER))
     else:
         settled = settled_flux(spec, spec.luminous_efficacy_lm_per_w, spectral, OwnFlux(own_w))
-    return with_spectrum_compared(settled, spec, spectral)
+    return with_spectrum_compared(settled, spec, spectral, parts)
 
 
-def with_spectrum_compared(flux: SourceFlux, spec: EmitterSection, spectral: float | None) -> SourceFlux:
-    """Add a warning where the efficacy that ``spec`` states differs from the spectrum's, ``spectral`` (lm/W)."""
-    said = spec.stated_lm_per_w or spec.luminous_efficacy_lm_per_w
+def with_spectrum_compared(
+    flux: SourceFlux, spec: EmitterSection, spectral: float | None, parts: Sequence[SourceFlux] = ()
+) -> SourceFlux:
+    """Add a warning where the efficacy that ``spec`` states differs from the spectrum's, ``spectral`` (lm/W).
+
+    Without that it is compared with that of all ``parts`` together.
+    """
+    said, whose = spec.stated_lm_per_w or spec.luminous_efficacy_lm_per_w, "spectrum has"
+    if spectral is None and parts and not any(part.least_power for part in parts):
+        lumens, whose = _total_lm(parts), "parts have"
+        spectral = None if lumens is None else lumens / sum(part.flux_w for part in parts)
     if said is None or not spectral or abs(said / spectral - 1.0) <= _SPECTRUM_TOLERANCE:
         return flux
     warning = (
-        f"source: {said:.4g} lm/W stated, its spectrum has {spectral:.4g} lm/W; lm per W of light are meant, not per W "
-        "of electric power"
+        f"source: {said:.4g} lm/W stated, its {whose} {spectral:.4g} lm/W; lm per W of light are meant, not per W of "
+        "electric power"
     )
     return replace(flux, warnings=(*flux.warnings, warning))
 

@@ -125,6 +125,33 @@ def test_watts_of_one_chip_and_lumens_of_another_have_no_ratio():
         joined_flux(FluxSection(), parts, names=("blue", "yellow"))
 
 
+@pytest.mark.parametrize("blue", [{"flux_lm": 26.0}, {"flux_lm": 26.0, "flux_w": 1.0}])
+def test_lumens_of_parts_stay_whatever_efficacy_of_the_whole_is_stated(blue, tmp_path):
+    """Lumens of green and blue, each with its spectrum: 100 lm/W changes W alone, and the contradiction is told."""
+    green, fields = {"flux_lm": 683.0, "spectrum": GREEN}, {"luminous_efficacy_lm_per_w": 100.0}
+    blue = blue | {"spectrum": BLUE}
+    flux_w, lumens_per_watt, right, warnings = _chips(green, blue, **fields)
+    assert (flux_w, lumens_per_watt, right) == (pytest.approx(7.09), 100.0, pytest.approx(0.5, abs=1e-3))
+    assert len(warnings) == 1 and "100 lm/W stated, its parts have 354" in warnings[0]
+    assert _chips(green, blue)[0] == pytest.approx(2.0, rel=2e-3) and _chips(green, blue)[3] == ()
+    write_rayfile(tmp_path / "led.tm25ray", _file(2.0, 500.0))
+    for parts in ((green, blue), (green,)):
+        files = tuple(lf.RayfilePart(file=tmp_path / "led.tm25ray", **each) for each in parts)
+        spec = lf.RayfilesSource(files=files, **fields)
+        source, lumens = build_source(spec), sum(each["flux_lm"] for each in parts)
+        summary = summarise(source, spec)
+        assert summary.flux_lm == pytest.approx(lumens, rel=1e-6) and summary.lumens_per_watt == 100.0
+        assert source.rays.flux.sum() == pytest.approx(lumens / 100.0, rel=1e-6)
+        assert any("100 lm/W stated, its parts have" in warning for warning in summary.warnings)
+
+
+def test_watts_of_parts_stay_where_they_are_what_is_stated():
+    flux_w, lumens_per_watt, *_, warnings = _chips(
+        {"flux_w": 1.0, "spectrum": GREEN}, {"flux_w": 1.0, "spectrum": BLUE}, luminous_efficacy_lm_per_w=100.0
+    )
+    assert (flux_w, lumens_per_watt, len(warnings)) == (2.0, 100.0, 1)
+
+
 def _table():
     return {"spectral_tables": [{"wavelength_nm": [549.0, 550.0, 551.0], "weight": [0.0, 1.0, 0.0]}]}
 
