@@ -17,6 +17,7 @@ from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.exit_light import ExitLight, Goniophotometer, trace_exit_light
 from lensforge.light.luminaire_classes import LampLight
+from lensforge.light.luminous_opening import luminous_opening
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import (
     IES_FILE,
@@ -41,7 +42,6 @@ from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
 from lensforge.sources.photometric import PhotometricFile
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
-from lensforge.sources.photometric.opening import LuminousOpening
 from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_io import encoded, photometric_of
 from lensforge.sources.ray_bundle import RayBundle, Source
@@ -52,7 +52,7 @@ from lensforge.sources.rayfiles.ray_file_rows import FileImage
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
-from lensforge.spec.lamps_section import ALONE, Lamps
+from lensforge.spec.lamps_section import ALONE
 from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import reach_mm
 
@@ -179,7 +179,7 @@ def measure_photometry(
         candela,
         (LampSet(bright.lumens, kind="LED"),),
         title=", ".join(filter(None, (f"lensforge {lens.spec.name}", led))),
-        opening=_opening(lamps, lens_mm),
+        opening=luminous_opening(lens, lamps),
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )
@@ -225,14 +225,6 @@ def measure_photometry(
         luminaire_ies=of_all,
         seconds=time.perf_counter() - started,
     )
-
-
-def _opening(lamps: Lamps, lens_mm: float) -> LuminousOpening:
-    """The disc of one lens within ``lens_mm`` of its origin; the box that holds all of several."""
-    if lamps.is_single:
-        return LuminousOpening.disc(2.0 * lens_mm)
-    x_mm, y_mm, z_mm = np.ptp([lamp.place_mm for lamp in lamps.lamps], axis=0).tolist()
-    return LuminousOpening.of_area(x_mm + 2.0 * lens_mm, y_mm + 2.0 * lens_mm, (z_mm,) * 4, circular=False)
 
 
 def _lamp(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLight:

@@ -106,8 +106,8 @@ def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
         np.testing.assert_allclose(photometric.intensity.gamma_deg, found.gamma_deg)
         assert photometric.lamp_lumens == 250.0
         assert photometric.issued == "2025-03-04"
-        largest = float(ROUGH.outer.radius(fibonacci_hemisphere(4000)).max())  # a sphere about all of the lens
-        assert photometric.opening.diameter_mm == pytest.approx(2.0 * largest, rel=0.01)
+        seen = ROUGH.outer.radius(fibonacci_hemisphere(4000)) * np.hypot(*fibonacci_hemisphere(4000).T[:2])
+        assert photometric.opening.diameter_mm == pytest.approx(2.0 * float(seen.max()), rel=0.01)
 
 
 def test_the_ray_file_is_the_light_that_the_tracer_sees(tmp_path):
