@@ -111,13 +111,15 @@ def _read_back(content: bytes, name: str, exit_lm: float) -> WrittenFile:
     return WrittenFile(lumens=lumens, relative_error=abs(lumens / exit_lm - 1.0))
 
 
-def _of_luminaire(lens: PhotometricFile, lenses: int, ies_version: IesVersion) -> bytes | None:
-    """The IES file of a lamp of so many equal lenses that shine alike; None for one, which has its own."""
+def _of_luminaire(
+    lens: PhotometricFile, lenses: int, remarks: tuple[str, ...], ies_version: IesVersion
+) -> bytes | None:
+    """The IES file of a lamp of so many equal lenses that shine alike, with ``remarks`` on it; None for one lens."""
     if lenses == 1:
         return None
-    light = replace(lens.intensity, values=lenses * lens.intensity.values)
-    lamps = (replace(lens.lamps[0], lumens=lenses * (lens.lamps[0].lumens or 0.0)),)
-    remarks = (*lens.remarks, f"{lenses} equal lenses; their places are not known, the opening is that of one")
+    light, led = replace(lens.intensity, values=lenses * lens.intensity.values), lens.lamps[0]
+    lamps = (replace(led, lumens=lenses * (led.lumens or 0.0), count=lenses * led.count),)
+    remarks = (*remarks, f"{lenses} equal lenses; their places are not known, the opening is that of one")
     whole = replace(lens, intensity=light, lamps=lamps, title=f"{lens.title}, {lenses} lenses", remarks=remarks)
     return encoded(Path(LUMINAIRE_FILE), whole, ies_version)
 
@@ -177,7 +179,7 @@ def measure_photometry(
     errors, warnings = fitted.standard_errors, tuple(_warnings(bright, source, light, lens.spec))
     photometric = PhotometricFile(
         candela,
-        (LampSet(bright.lumens, kind="LED"),),
+        (LampSet(bright.lumens, count=len(lamps), kind="LED"),),
         title=", ".join(filter(None, (f"lensforge {lens.spec.name}", led))),
         opening=luminous_opening(lens, lamps),
         remarks=(*warnings, *_remarks(light, per_watt)),
@@ -187,7 +189,7 @@ def measure_photometry(
     known_lm, spectrum = None if bright.per_1000_lm else exit_lm.value, spectrum_of_source(lens.spec.source, summary)
     contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
     files, all_lenses = read_back(contents, light.exit_w.value, per_watt), section.lenses
-    of_all = _of_luminaire(photometric, all_lenses, ies_version)
+    of_all = _of_luminaire(photometric, all_lenses, (*warnings, *_remarks(light, all_lenses * per_watt)), ies_version)
     luminaire = None if of_all is None else _read_back(of_all, LUMINAIRE_FILE, all_lenses * exit_lm.value)
     return Photometry(
         inputs={"lens": lens.sha256},

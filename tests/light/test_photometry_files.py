@@ -52,10 +52,13 @@ def test_the_file_of_a_lamp_holds_the_light_of_all_its_lenses(cosine, tmp_path):
     found = measured(replace(SYMMETRIC, spec=spec), rays=2**12, lumens=250.0)
     found.write(tmp_path)
     _, _, candela, lumens, _ = by_photompy(tmp_path / "luminaire.ies")
-    assert lumens == 3000.0
+    assert lumens == 250.0  # of each of the 12
     np.testing.assert_allclose(candela, 12.0 * found.candela, rtol=5e-7, atol=1e-9)
     assert found.luminaire.lumens == pytest.approx(12.0 * found.exit_lm.value, rel=1e-6)
     assert b"12 lenses" in found.luminaire_ies and b"12 lenses" not in found.ies
+    peaks = [_peak(each) for each in (found.ies, found.luminaire_ies)]
+    assert peaks == pytest.approx([found.peak_cd.value, 12.0 * found.peak_cd.value], rel=1e-4)
+    assert [_lamps(each) for each in (found.ies, found.luminaire_ies)] == [["1", "250"], ["12", "250"]]
     assert found.criteria[-1].key == "flux of luminaire.ies as read back" and found.criteria[-1].holds
     assert Photometry.read(tmp_path) == found
     assert not (folder / "luminaire.ies").exists() and one.luminaire is None
@@ -80,6 +83,26 @@ def test_a_beam_angle_stands_beside_the_one_that_the_target_wants(cosine):
         assert [fact.value for fact in facts] == [pytest.approx(120.0, rel=0.02)] * 2
         assert [fact.notice for fact in facts] == (["", "the target wants 100°"] if wanted else ["", ""])
         assert facts[0].note.startswith("the target wants 112°; ") == wanted
+
+
+def _peak(ies: bytes) -> float:
+    """The largest intensity (cd) that its remark states."""
+    return float(ies.decode("ascii").partition("peak without noise ")[2].split()[0])
+
+
+def _lamps(ies: bytes) -> list[str]:
+    """Number of lamps and lumens of each."""
+    return ies.decode("ascii").partition("TILT=NONE\r\n")[2].split()[:2]
+
+
+def test_the_files_count_the_leds_of_several_lamps():
+    """LM-63: number of lamps, and lumens of each of them; EULUMDAT: their number, and lumens of all."""
+    spec = small_spec(lamps={"kind": "grid", "columns": 5, "rows": 4, "pitch_mm": 20.0})
+    found = measured(replace(SYMMETRIC, spec=spec), rays=2**12, lumens=250.0)
+    assert _lamps(found.ies) == ["20", "250"] and found.source_lm == 5000.0
+    lines = found.ldt.decode("latin-1").split("\r\n")
+    assert (lines[26], lines[28]) == ("20", "5000")
+    assert found.files.ies.lumens == pytest.approx(found.exit_lm.value, rel=1e-6)
 
 
 def test_every_file_says_that_it_is_computed_and_when():
