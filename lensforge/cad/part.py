@@ -220,8 +220,8 @@ def part_facts(part: Part) -> list[Group]:
     density = part.lens.spec.lens.density
     words = {"source": "" if density is None else density.source, "turned": _turned(part)}
     table = facts_of(part, _FILES, judged=part.criteria, **words)
-    if part.lens.spec.plate is not None:
-        alone = "volume", "mass"
+    spec, alone = part.lens.spec, ("volume", "mass")
+    if spec.plate is not None or not spec.all_lamps.is_single or spec.photometry.lenses > 1:
         table = (replace(fact, label=f"{fact.label} of a lens") if fact.key in alone else fact for fact in table)
     groups = [Group("files", "Files as read back", (*table, *_mould(part), *_plate_elsewhere(part.lens)))]
     if part.plate is not None:

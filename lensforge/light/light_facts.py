@@ -113,6 +113,7 @@ def limit_facts(
     for road, limits in groupby(light.limits, key=road_of):
         for limit in with_remedies([*limits]) if road else limits:
             on = f", on {limit.place}" if len(light.receivers) > 1 and limit.place else ""
+            on += f", by its picture of {light.pixels} pixels" if road else ""
             quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
             fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")
             most = (possible or {}).get((limit.label, limit.bound))
@@ -379,7 +380,7 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
 def road_facts(road: RoadJudgement) -> Group:
     """The group of one road: its class, what that requires for every driver, and its other figures."""
     by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
-    note = f"{road.standard}; achieved: {road.reached}"
+    note = f"{road.standard}; achieved: {road.reached}, by the intensities of the file"
     facts = [Fact("road_class", "Class", road.lighting_class, note=note)]
     facts += [replace(limit, key=f"road_{k}", note="") for k, limit in enumerate(with_remedies(road.limits))]
     for driver in road.drivers if by_luminance else ():

@@ -25,6 +25,7 @@ from lensforge.spec.accuracy import accuracy_of, preset_of
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import base_warnings
+from lensforge.spec.road_section import road_warnings
 from lensforge.spec.spec_files import joined_name
 from lensforge.surfaces.mirror_group import contains
 
@@ -189,8 +190,10 @@ def _checked_scene(
         scene, name = SceneCheck.of(own, source, start), f"{led}: " if led else ""
         with remedy(f"the LED is {led}") if led else nullcontext():
             scene.require_light(force=force)
-        of_scene += tuple(f"{name}{words}" for words in scene.warnings())
-        remarks += [f"{name}{words}" for words in (*summary.warnings, *scene.warnings(), *room)]
+        lenses = own.photometry.lenses * len(own.all_lamps)
+        stated = (*scene.warnings(), *road_warnings(own.roads, own.all_receivers, lenses, summary.flux_lm))
+        of_scene += tuple(f"{name}{words}" for words in stated)
+        remarks += [f"{name}{words}" for words in (*summary.warnings, *stated, *room)]
     wanted = searched_source(spec)
     if isinstance(wanted, SeveralSources):
         remarks += _led_warnings(wanted, leds)

@@ -4,7 +4,7 @@ A road is straight, and seen along its direction of travel: left and right are t
 a road are equal, and stand in rows at equal steps.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from lensforge.spec.receiver_fields import ReceiverSection
-from lensforge.spec.receiver_sections import FarFieldReceiver
+from lensforge.spec.receiver_sections import FarFieldReceiver, PlaneReceiver
 from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import FilePath, Label, Section, check, section_of
 
@@ -280,6 +280,36 @@ def require_all_below(roads: Sequence[RoadSection], receivers: Sequence[Receiver
             f"roads: their far lamps and their glare are light at up to {_ALL_BELOW:g} degrees from the axis, on a "
             f"receiver of kind far_field; {found}; give it half_angle_deg = {_ALL_BELOW:g}"
         )
+
+
+_SAME = 0.01  # relative: what is stated twice agrees this well
+
+
+def road_warnings(
+    roads: Sequence[RoadSection], receivers: Sequence[ReceiverSection], lenses: int, source_lm: float | None
+) -> Iterator[str]:
+    """Warn of what a spec states twice and differently: lumens of a lamp of ``lenses``, and the height of the poles.
+
+    ``source_lm``: lumens of the source of one lens, where they are known; of one lens alone nobody counts them.
+    """
+    for road, name in zip(roads, names_of(roads), strict=True):
+        whole_lm = lenses * (source_lm or 0.0)
+        if road.lamp_lm and whole_lm and lenses > 1 and abs(road.lamp_lm / whole_lm - 1.0) > _SAME:
+            yield (
+                f"roads: {name}: lamp_lm = {road.lamp_lm:g}, but {lenses} lenses over {source_lm:.4g} lm have "
+                f"{whole_lm:.4g} lm: its light is judged with the former, the files have the latter; correct one, or "
+                "leave out lamp_lm"
+            )
+    heights = {road.pole_height_m for road in roads if not road.tilt_deg}
+    for each in receivers:
+        if not isinstance(each, PlaneReceiver) or each.facing[:2] != (0.0, 0.0) or len(heights) != 1:
+            continue
+        away, height = 1e-3 * each.distance_mm, max(heights)
+        if abs(away / height - 1.0) > _SAME:
+            yield (
+                f"receivers: {each.name} lies {away:g} m below the lamps, pole_height_m of the roads is {height:g}; "
+                f"give it centre_mm with z = {1e3 * height:g}, unless another plane is meant"
+            )
 
 
 class RoadFile(Section):
