@@ -1,11 +1,13 @@
 """Facts against the records that they are of: label, value, unit, limit and state; and what a fact says of itself."""
 
 from contextlib import nullcontext
+from dataclasses import replace
 
 import pytest
 from pydantic import TypeAdapter, ValidationError
 from shown_folders import FOLDERS, folder_of
 
+from lensforge.cad.part import part_facts
 from lensforge.errors import CriterionMissed
 from lensforge.results import Fact, Group, Metric, Record
 from lensforge.results.criteria import Criteria, at_least, at_most, missed, require
@@ -94,6 +96,21 @@ TOLD = (
     ("second_cut", "Expected, second cut", "µm", lambda r: r.corrections["inner"].expected_um.rms),
     ("pass_rate", "Yield", "%", lambda r: 100.0 * r.found["yield"].pass_rate.value),
 )
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, ""),
+        ({"photometry": {"lenses": 3}}, " of a lens"),
+        ({"lamps": {"kind": "table", "places_mm": [[-30.0, 0.0], [0.0, 0.0], [30.0, 0.0]]}}, " of a lens"),
+    ],
+)
+def test_the_size_of_one_of_several_lenses_is_called_that(changes, words):
+    part = folder_of("every stage").part
+    several = part.changed(lens=replace(part.lens, spec=part.lens.spec.replace(changes)))
+    facts = {fact.key: fact.label for group in part_facts(several) for fact in group.facts}
+    assert facts["volume"] == f"Volume{words}"
 
 
 @pytest.fixture(scope="module")
