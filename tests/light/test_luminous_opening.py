@@ -97,10 +97,14 @@ def _ball(radius_mm: float) -> dict[str, object]:
     return {"kind": "sphere", "radius_mm": radius_mm, "centre_z_mm": 0.0}
 
 
-def test_the_files_state_it(tmp_path) -> None:
-    found = lf.photometry(COLLIMATOR, rays=2**10)
+@pytest.mark.parametrize(
+    ("lens", "sizes"), [(COLLIMATOR, [2.0 * RIM_MM, 2.0 * RIM_MM, 0.0]), (DOME, [12.0, 12.0, 6.0])]
+)
+def test_the_files_state_it(lens, sizes, tmp_path) -> None:
+    found = lf.photometry(lens, rays=2**10)
     for suffix, content in found.products().items():
         (tmp_path / f"lens{suffix}").write_bytes(content)
     for suffix in (".ies", ".ldt", ".iesxml"):
-        opening = lf.rays(tmp_path / f"lens{suffix}").opening_mm
-        np.testing.assert_allclose(opening, [2.0 * RIM_MM, 2.0 * RIM_MM, 0.0], rtol=1e-5)
+        read = lf.rays(tmp_path / f"lens{suffix}")
+        np.testing.assert_allclose(read.opening_mm, sizes, rtol=1e-5)
+        assert read.opening_shape == ("circle" if sizes[2] == 0.0 else "vertical cylinder")
