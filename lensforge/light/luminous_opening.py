@@ -39,8 +39,8 @@ def luminous_opening(lens: Lens, lamps: Lamps) -> LuminousOpening:
             turned[key] = np.stack([points.min(axis=0), points.max(axis=0), rim.min(axis=0)])
         ends[number] = turned[key] + lamp.place_mm
     low, high, rims = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0), ends[:, 2].min(axis=0)
-    x_mm, y_mm, z_mm = (*(high - low)[:2].tolist(), float(high[2] - rims[2]))
-    return _with_height(x_mm, y_mm, z_mm, circular=False)
+    wide, high_mm = (high - low).tolist(), float(high[2] - rims[2])
+    return _with_height(wide[0], wide[1], high_mm, circular=False)
 
 
 def _with_height(x_mm: float, y_mm: float, z_mm: float, *, circular: bool) -> LuminousOpening:
