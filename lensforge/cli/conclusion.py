@@ -12,7 +12,7 @@ from lensforge.cli.output import Block, Output, Row, warning_line
 from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
-from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILE, TM25_FILE, TM33_FILE, Photometry
+from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILES, TM25_FILE, TM33_FILE, Photometry
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline, kinds
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 _STEM = "lens"  # of the files
 _MOST_ROWS, _MOST_LIMITS = 10, 3
-_WHOLE = ("ways", "limits")  # groups of a whole run; of others some facts
+_WHOLE = ("ways", "of_roads", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
 _LINES = ("ways", "place", "road_yield", "bound", "spread", "causes", "budget", "error", "design", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
@@ -173,7 +173,8 @@ def summary(run: Run) -> list[Block]:
     light, lens = _selected(run, _LIGHT, Light), _selected(run, _LENS, Design)
     design = run.find(Design)
     search = "" if design is None else f": {_search(run, design)}"
-    far_field, files = _selected(run, _FAR_FIELD, Photometry), _selected(run, _FILES, Part, Proof)
+    kept = [key for key in _FAR_FIELD if not (run.spec.roads and key.startswith("beam_"))]  # which no road asks for
+    far_field, files = _selected(run, tuple(kept), Photometry), _selected(run, _FILES, Part, Proof)
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
     return [
         Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
@@ -291,9 +292,7 @@ def _written(run: Run) -> str:
     part, photometry = run.find(Part), run.find(Photometry)
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
-    names += [LUMINAIRE_FILE] if photometry is not None and photometry.luminaire else []
+    names += [*LUMINAIRE_FILES.values()] if photometry is not None and photometry.luminaire else []
     names += [] if photometry is None else [f"{_STEM}_{each.led}.ies" for each in photometry.others]
-    first = names[:1]  # "lens.step, .stl, .3mf"
-    return ", ".join(
-        [*first, *(name.removeprefix(_STEM) if name.startswith(f"{_STEM}.") else name for name in names[1:])]
-    )
+    pairs = zip([Path(), *map(Path, names)], map(Path, names), strict=False)  # "lens.step, .stl, .3mf"
+    return ", ".join(path.suffix if path.stem == before.stem else path.name for before, path in pairs)

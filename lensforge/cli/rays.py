@@ -72,7 +72,9 @@ def rays(
         print_json(content)
     elif output.screen:
         content.get("header", {}).pop("spectral_tables", None)
-        print_screen([Block(str(file), [_row(each) for each in rows(content) if each.value != NOTHING])])
+        texts = [(name, each) for name in ("lost", "warnings") for each in content.pop(name, None) or ()]
+        listed = [_row(each) for each in rows(content) if each.value != NOTHING]
+        print_screen([Block(str(file), [*listed, *texts])])
 
 
 def _row(row: TableRow) -> Row:

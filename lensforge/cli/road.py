@@ -9,8 +9,7 @@ import click
 from lensforge.cli.conclusion import rows_of
 from lensforge.cli.output import Block, Output, warning_line, with_output
 from lensforge.errors import CriterionMissed, InputError
-from lensforge.light.light_facts import road_facts, spacing_fact
-from lensforge.light.road_lighting import RoadJudgement, with_remedies
+from lensforge.light.road_lighting import RoadJudgement, road_facts, spacing_fact, with_remedies
 from lensforge.results import Group
 from lensforge.sources.photometric.photometric_file import coarse_for_roads, cut_below, far_field_warnings
 from lensforge.sources.photometric.photometric_io import read_photometric
@@ -53,7 +52,7 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
     found = [judge_road(*each) for each in zip(wanted, lights, names_of(wanted), strict=True)]
     for words in (*far_field_warnings(lamp), *coarse_for_roads(lamp)):
         click.echo(warning_line(words), err=True)
-    groups = [road_facts(each) for each in found]
+    groups = [road_facts(*each) for each in zip(found, wanted, strict=True)]
     if spacing:
         held = (held_spacing(*each) for each in zip(wanted, lights, strict=True))
         groups = [

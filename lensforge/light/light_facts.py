@@ -15,7 +15,7 @@ from lensforge.light.light_ways import leak_facts, way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judged_figures
-from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement, with_remedies
+from lensforge.light.road_lighting import RoadFigures, road_facts, with_remedies, worst_on_roads
 from lensforge.light.seen_lens import seen_groups
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
 from lensforge.results import Fact, Group, Metric
@@ -29,8 +29,7 @@ from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.light_limits import BeamAngleLimit
-from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, names_of
-from lensforge.spec.spec_section import rounded_up
+from lensforge.spec.road_section import names_of
 
 
 class Attainable(NamedTuple):
@@ -64,6 +63,8 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
         if led_light.limits:
             facts = limit_facts(led_light, names_of(lens.spec.roads), possible or {}, end)
             groups.append(Group("limits", f"Limits{end}", tuple(facts)))
+        if lens.spec.roads and led_light.limits:
+            groups.append(worst_on_roads(led_light.limits, lens.spec.roads, end))
     groups += place_groups(light)
     return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
 
@@ -184,7 +185,8 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
         )
     if receiver.rsd is not None:
         yield Fact.measured("rsd", METRICS["rsd"], receiver.rsd, f"standard deviation/mean {mask}")
-    yield from _in_region(receiver, unit_on(light, receiver))
+    if not lens.spec.roads:  # which judge the light of all lenses of their lamps
+        yield from _in_region(receiver, unit_on(light, receiver), _of_lenses(lens.spec))
     if receiver.tristimulus_map is not None:
         yield from _colour(receiver.colour)
 
@@ -233,17 +235,25 @@ def _by_pixels(receiver: ReceiverLight) -> str:
     return f"; with half as many pixels it is {number(receiver.nmse.value - change, 2)}"
 
 
-def _in_region(receiver: ReceiverLight, unit: LightUnit) -> Iterator[Fact]:
-    """Light in the region of uniform light or where the target is bright; in the dark, the peak of the map."""
+def _of_lenses(spec: Spec) -> str:
+    """Which lens the light is of, where a lamp has several; else empty."""
+    return f"one lens of {spec.photometry.lenses}" if spec.photometry.lenses > 1 else ""
+
+
+def _in_region(receiver: ReceiverLight, unit: LightUnit, one: str) -> Iterator[Fact]:
+    """Light in the region of uniform light or where the target is bright; in the dark, the peak of the map.
+
+    ``one``: the lens of which it is, of several.
+    """
+    of = f", {one}" if one else ""
     region = receiver.in_region
     if region is None:
         peak = unit.per_watt * float(receiver.map.max())
-        yield Fact(
-            "level", f"Peak {unit.quantity}", peak, unit.symbol, note=f"largest of a pixel, {receiver.place}", digits=3
-        )
+        note = f"largest of a pixel, {receiver.place}"
+        yield Fact("level", f"Peak {unit.quantity}{of}", peak, unit.symbol, note=note, digits=3)
         return
     where, mean = REGIONS[region.region], scaled(region.mean, unit.per_watt, unit.symbol)
-    yield Fact.measured("level", f"Mean {unit.quantity}", mean, where)
+    yield Fact.measured("level", f"Mean {unit.quantity}{of}", mean, where)
     yield Fact.measured("u0", "U0", region.u0, f"min/mean of the light {where}")
     yield Fact.measured("u1", "U1", region.u1, f"min/max of the light {where}")
     yield Fact.measured("peak", "Peak/target peak", region.peak, "max. light/max. of the target, at equal flux")
@@ -312,10 +322,10 @@ def photometry_facts(photometry: Photometry, spec: Spec) -> list[Group]:
 
 def _photometry_of_led(photometry: Photometry, spec: Spec) -> list[Group]:
     lenses = spec.photometry.lenses
-    one = f"one lens of {lenses}" if lenses > 1 else spec.all_lamps.whole.replace("of all lamps", "one lamp")
+    one = _of_lenses(spec) or spec.all_lamps.whole.replace("of all lamps", "one lamp")
     beside = f", {one}" if one else ""
     far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))
-    groups = [far, *map(road_facts, photometry.roads)]
+    groups = [far, *map(road_facts, photometry.roads, spec.roads)]
     if photometry.road is None:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside
@@ -377,46 +387,14 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     yield Fact("photometry_rays", "Rays", photometry.rays, note=noise)
 
 
-def road_facts(road: RoadJudgement) -> Group:
-    """The group of one road: its class, what that requires for every driver, and its other figures."""
-    by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
-    note = f"{road.standard}; achieved: {road.reached}, by the intensities of the file"
-    facts = [Fact("road_class", "Class", road.lighting_class, note=note)]
-    facts += [replace(limit, key=f"road_{k}", note="") for k, limit in enumerate(with_remedies(road.limits))]
-    for driver in road.drivers if by_luminance else ():
-        words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
-        facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
-    facts += facts_of(road, _ROAD, q0=f"{road.q0:.3g}", s1=_TOO_SHORT if road.s1 is None else f"{road.s1:.3g}")
-    return Group("road", road.name, tuple(facts))
-
-
-_TOO_SHORT = "not known: its table ends before tan γ = 2; light from beyond is ignored"
-_ROAD = (
-    Row("road_lx", "Mean illuminance", "mean_lx"),
-    Row("road_least_lx", "Minimum illuminance", "least_lx"),
-    Row("surface", "Surface", "surface", "Q0 {q0}, S1 {s1}"),
-    Row("power_density", "Power density D_P", "power_density"),
-    Row("yearly_energy", "Annual energy D_E", "yearly_energy"),
-)
-
-
-def spacing_fact(held: HeldSpacing | None) -> Fact:
-    """The largest spacing of a road at which its class is held."""
-    if held is None:
-        return Fact("largest_spacing", "Largest spacing", "class met at none")
-    beyond = "" if held.beyond is None else f"; beyond, {held.beyond.label} is missed"
-    note = f"class met from {rounded_up(held.least, 3)} m up{beyond}"
-    return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
-
-
 def _lamp(photometry: Photometry, road: RoadFigures, lenses: int) -> Iterator[Fact]:
     shape, glare, several = road.distribution, road.glare, f"all {lenses} lenses" if lenses > 1 else ""
     led = f"_{photometry.led}" if photometry.others else ""
     yield Fact("lenses", "Lenses", lenses)
     yield Fact.measured("lamp_lm", "Luminous flux, lamp", road.lumens)
     if photometry.luminaire is not None:
-        note = f"holds {quantity(photometry.luminaire.lumens, 'lm', digits=5)} of {several}"
-        yield Fact("luminaire", "Luminaire file", f"luminaire{led}.ies", note=note)
+        note = f"hold {quantity(photometry.luminaire.ies.lumens, 'lm', digits=5)} of {several}"
+        yield Fact("luminaire", "Luminaire files", f"luminaire{led}.ies, .ldt, .iesxml", note=note)
     yield Fact("distribution", "IES distribution", str(shape).removeprefix("type "))
     yield Fact.measured("street_mh", "Half-peak line reaches", shape.street_mh, "mounting heights towards the street")
     yield Fact("bug", "BUG rating", str(road.bug), note=several)

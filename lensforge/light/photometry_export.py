@@ -22,13 +22,14 @@ from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import (
     IES_FILE,
     LDT_FILE,
-    LUMINAIRE_FILE,
+    LUMINAIRE_FILES,
     PLANES_DEG,
     TM25_FILE,
     TM33_FILE,
     CandelaTables,
     LostFlux,
     Photometry,
+    WrittenFarFields,
     WrittenFile,
     WrittenFiles,
     photometry_criteria,
@@ -113,15 +114,15 @@ def _read_back(content: bytes, name: str, exit_lm: float) -> WrittenFile:
 
 def _of_luminaire(
     lens: PhotometricFile, lenses: int, remarks: tuple[str, ...], ies_version: IesVersion
-) -> bytes | None:
-    """The IES file of a lamp of so many equal lenses that shine alike, with ``remarks`` on it; None for one lens."""
+) -> dict[str, bytes]:
+    """The files of a lamp of so many equal lenses that shine alike, with ``remarks``, by format; none of one lens."""
     if lenses == 1:
-        return None
+        return {}
     light, led = replace(lens.intensity, values=lenses * lens.intensity.values), lens.lamps[0]
     lamps = (replace(led, lumens=lenses * (led.lumens or 0.0), count=lenses * led.count),)
     remarks = (*remarks, f"{lenses} equal lenses; their places are not known, the opening is that of one")
     whole = replace(lens, intensity=light, lamps=lamps, title=f"{lens.title}, {lenses} lenses", remarks=remarks)
-    return encoded(Path(LUMINAIRE_FILE), whole, ies_version)
+    return {key: encoded(Path(name), whole, ies_version) for key, name in LUMINAIRE_FILES.items()}
 
 
 _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
@@ -190,7 +191,9 @@ def measure_photometry(
     contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
     files, all_lenses = read_back(contents, light.exit_w.value, per_watt), section.lenses
     of_all = _of_luminaire(photometric, all_lenses, (*warnings, *_remarks(light, all_lenses * per_watt)), ies_version)
-    luminaire = None if of_all is None else _read_back(of_all, LUMINAIRE_FILE, all_lenses * exit_lm.value)
+    all_lm = all_lenses * exit_lm.value
+    wholes = {key: _read_back(content, LUMINAIRE_FILES[key], all_lm) for key, content in of_all.items()}
+    luminaire = WrittenFarFields(**wholes) if wholes else None
     return Photometry(
         inputs={"lens": lens.sha256},
         rays=light.rays,
@@ -224,7 +227,7 @@ def measure_photometry(
         ldt=contents[LDT_FILE],
         tm33=contents[TM33_FILE],
         tm25=contents[TM25_FILE],
-        luminaire_ies=of_all,
+        **{f"luminaire_{key}": content for key, content in of_all.items()},
         seconds=time.perf_counter() - started,
     )
 

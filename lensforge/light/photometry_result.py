@@ -150,7 +150,7 @@ class CandelaTables:
 
 
 IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.iesxml", "lens.tm25ray"
-LUMINAIRE_FILE = "luminaire.ies"
+LUMINAIRE_FILES = {"ies": "luminaire.ies", "ldt": "luminaire.ldt", "tm33": "luminaire.iesxml"}
 _CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
 
 
@@ -163,22 +163,28 @@ class WrittenFile(Record):
     relative_error: NotNegative
 
 
-class WrittenFiles(Record):
-    """The four files as read back."""
+class WrittenFarFields(Record):
+    """The files of candela as read back."""
 
     ies: WrittenFile
     ldt: WrittenFile
     tm33: WrittenFile
+
+
+class WrittenFiles(WrittenFarFields):
+    """The four files as read back."""
+
     tm25ray: WrittenFile
 
 
 _FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
 
 
-def photometry_criteria(files: WrittenFiles, luminaire: WrittenFile | None) -> Criteria:
+def photometry_criteria(files: WrittenFiles, luminaire: WrittenFarFields | None) -> Criteria:
     """One criterion for each file: it holds the flux of the rays."""
     written = {name: getattr(files, field) for field, name in _FILE_NAMES.items()}
-    written |= {} if luminaire is None else {LUMINAIRE_FILE: luminaire}
+    of_all = {} if luminaire is None else LUMINAIRE_FILES
+    written |= {name: getattr(luminaire, field) for field, name in of_all.items()}
     errors = {f"flux of {name} as read back": each.relative_error for name, each in written.items()}
     remedy = "please report the lens.json"
     return tuple(at_most(name, error, _CONSERVED, "relative", remedy) for name, error in errors.items())
@@ -215,8 +221,9 @@ class Photometry(ResultByLed):
     beam in the plane C 90 - C 270. ``road``: classes of a lamp for an area or a road, by the spec. ``roads``: each of
     the spec's roads, judged. ``node_error``: standard error over intensity, where that is above a tenth of the peak:
     the largest, and the root mean square over solid angle. ``interpolation_error``: rms, relative to the peak, of what
-    a table of half the steps would add. ``files``: each file as read back. ``luminaire``: the same of the file of all
-    lenses of a lamp, where the spec says that it has several. ``luminaire_ies``: content of that file. ``c_deg``: angle
+    a table of half the steps would add. ``files``: each file as read back. ``luminaire``: the same of those of all
+    lenses of a lamp, where the spec says that it has several. ``luminaire_ies``, ``luminaire_ldt``, ``luminaire_tm33``:
+    content of these. ``c_deg``: angle
     C of the table's rows, 0 at +x and 90 at -y. ``gamma_deg``: angle from the lens axis of its columns. ``candela``:
     intensities in cd. ``candela_standard_error``: of each of them by independent samples of rays, 0 for a single one.
     ``ies``, ``ldt``, ``tm33``, ``tm25``: content of the files.
@@ -248,7 +255,7 @@ class Photometry(ResultByLed):
     interpolation_error: NotNegative | None
     warnings: tuple[Text, ...] = ()
     files: WrittenFiles
-    luminaire: WrittenFile | None = None
+    luminaire: WrittenFarFields | None = None
     seconds: NotNegative
     criteria: Criteria
     c_deg: Annotated[Float[np.ndarray, " c"], Array("c")]
@@ -259,7 +266,9 @@ class Photometry(ResultByLed):
     ldt: Annotated[bytes, InFile(LDT_FILE)]
     tm33: Annotated[bytes, InFile(TM33_FILE)]
     tm25: Annotated[bytes, InFile(TM25_FILE, 1024 * MIB)]  # 38 million rays
-    luminaire_ies: Annotated[bytes | None, InFile(LUMINAIRE_FILE)] = None
+    luminaire_ies: Annotated[bytes | None, InFile(LUMINAIRE_FILES["ies"])] = None
+    luminaire_ldt: Annotated[bytes | None, InFile(LUMINAIRE_FILES["ldt"])] = None
+    luminaire_tm33: Annotated[bytes | None, InFile(LUMINAIRE_FILES["tm33"])] = None
 
     def products(self) -> dict[str, bytes]:
         """Bytes of the IES, EULUMDAT, TM-33 and TM-25 files, by suffix."""

@@ -13,10 +13,13 @@ from jaxtyping import Float
 from lensforge.light.evaluation_result import JudgedLimits
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
 from lensforge.light.metrics import largest_without_noise, scaled
-from lensforge.results import Count, Fact, Metric, NotNegative, Positive, Record, Sense, Text
+from lensforge.results import Count, Fact, Group, Metric, NotNegative, Positive, Record, Sense, Text
+from lensforge.results.fact_table import Row, facts_of
 from lensforge.scene.road_classes import glare_law
 from lensforge.spec.derived_values import three_digits
 from lensforge.spec.light_limits import PhotometrySection
+from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, RoadSection, names_of
+from lensforge.spec.spec_section import rounded_up
 
 _NONE = "none"
 # Most candela per 1000 lm of the lamp at and above 70 and 80 degrees; none shines at 90, so that G*5 is G*6.
@@ -176,3 +179,63 @@ class HeldSpacing:
     least: float
     largest: float
     beyond: Fact | None
+
+
+def road_facts(road: RoadJudgement, section: RoadSection) -> Group:
+    """The group of one road, of this ``section``: its class, what that requires for every driver, and other figures."""
+    by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
+    note = f"{road.standard}; achieved: {road.reached}, by the intensities of the file"
+    facts = [Fact("road_class", "Class", road.lighting_class, note=note), Fact("lanes", "Traffic", section.traffic)]
+    facts += [replace(limit, key=f"road_{k}", note="") for k, limit in enumerate(with_remedies(road.limits))]
+    for driver in road.drivers if by_luminance else ():
+        words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
+        facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
+    facts += facts_of(road, _ROAD, q0=f"{road.q0:.3g}", s1=_TOO_SHORT if road.s1 is None else f"{road.s1:.3g}")
+    return Group("road", road.name, tuple(facts))
+
+
+_TOO_SHORT = "not known: its table ends before tan γ = 2; light from beyond is ignored"
+_ROAD = (
+    Row("road_lx", "Mean illuminance", "mean_lx"),
+    Row("road_least_lx", "Minimum illuminance", "least_lx"),
+    Row("surface", "Surface", "surface", "Q0 {q0}, S1 {s1}"),
+    Row("power_density", "Power density D_P", "power_density"),
+    Row("yearly_energy", "Annual energy D_E", "yearly_energy"),
+)
+
+
+def spacing_fact(held: HeldSpacing | None) -> Fact:
+    """The largest spacing of a road at which its class is held."""
+    if held is None:
+        return Fact("largest_spacing", "Largest spacing", "class met at none")
+    beyond = "" if held.beyond is None else f"; beyond, {held.beyond.label} is missed"
+    note = f"class met from {rounded_up(held.least, 3)} m up{beyond}"
+    return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
+
+
+def worst_on_roads(limits: Sequence[Fact], roads: Sequence[RoadSection], end: str) -> Group:
+    """What the classes of ``roads`` ask for, each figure once: that of the road, lane or edge that has it worst."""
+    worst: dict[tuple[str, str], Fact] = {}
+    for limit in limits:
+        road = next((road for road in names_of(roads) if limit.label.startswith(f"{road}: ")), None)
+        if road is None:
+            continue
+        place, _, figure = limit.label.removeprefix("" if len(roads) > 1 else f"{road}: ").rpartition(": ")
+        if figure.endswith(_EDGE):
+            place, figure = f"{f'{place}: ' * bool(place)}{figure.removesuffix(_EDGE)} edge", _EDGE[1:]
+        note = f"worst: {place}" if place else ""
+        fact = replace(limit, key="of_road", label=figure[:1].upper() + figure[1:], note=note)
+        key = figure, limit.sense
+        worst[key] = max(worst.get(key, fact), fact, key=_strain)
+    words = dict.fromkeys(f"{road.lighting_class}, {road.traffic}" for road in roads)
+    head = Fact("traffic", "Class and traffic", "; ".join(words))
+    return Group("of_roads", f"{'Roads' if len(roads) > 1 else 'Road'}{end}", (head, *worst.values()))
+
+
+_EDGE = " edge ratio"
+
+
+def _strain(limit: Fact) -> float:
+    """Part of an upper bound that is reached, or of what a lower one asks, its inverse."""
+    part = limit.metric.value / limit.bound
+    return part if limit.sense == "<=" else 1.0 / max(part, 1e-9)

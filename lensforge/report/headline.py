@@ -44,7 +44,7 @@ _OF_FACES = {"compare": "{} surface", "correct": "correction of the {} surface"}
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak", "cct", "rms_delta_uv", "leak")
 _SHAPE = ("kept_start", "radius", "height", "cavity", "keep_out", "thinnest")
 _PROOF = ("nmse_vs_design", "fitted_nmse", "table_nmse", "detected_stray")
-_FURTHER = ("form_error", "volume", "mass", "plate_mass", *_PROOF, "ssim", "form")
+_FURTHER = ("traffic", "form_error", "volume", "mass", "plate_mass", *_PROOF, "ssim", "form")
 
 _REMARKS = {
     "design": "There is no design.json, so the search is not documented; run lensforge design.",

@@ -197,6 +197,15 @@ class RoadSection(Section):
         return self.width_m / self.lanes
 
     @property
+    def traffic(self) -> str:
+        """Directions of its lanes in words."""
+        lanes = "1 lane" if self.lanes == 1 else f"{self.lanes} lanes"
+        if not self.by_luminance:  # no driver looks along it
+            return lanes
+        one_way = "one way" if self.lanes == 1 else "both one way" if self.lanes == 2 else "all one way"
+        return f"{lanes}, {f'{self.oncoming_lanes} oncoming' if self.oncoming_lanes else one_way}"
+
+    @property
     def has_wet_surface(self) -> bool:
         """True where the wet road counts, too."""
         return self.wet_surface is not None or self.wet_surface_file is not None

@@ -104,3 +104,18 @@ def test_rays_pixels_and_seed_are_those_given_or_those_of_spec_and_lens(
     (limit_there,) = named["limits"]
     assert limit_there.readings.shape[1] == wanted[1] * round(wanted[1] * 2 / 3)
     assert found.lumens_per_watt == 250.0 and found.inputs == {"lens": lens.sha256}
+
+
+def test_the_map_of_one_lens_does_not_stand_for_its_lamp_or_a_road(light: Light, scene: tuple[Any, Spec, Any]) -> None:
+    """Of several lenses it is said to be of one; where a road judges the light of all, that is told instead."""
+    road = {"lighting_class": "M4", "width_m": 7.0, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "lamp_lm": 5e3}
+    receivers = [WALL, {**SKY, "half_angle_deg": 90.0}]
+
+    def labels(**fields: Any) -> set[str]:
+        spec = small_spec(target=None, receivers=receivers, **fields)
+        groups = [each for each in light_facts(light, bumpy(spec)) if each.key == "light"]
+        return {fact.label for group in groups for fact in group.facts if fact.key in ("level", "u0", "u1", "peak")}
+
+    assert labels() >= {"Mean irradiance", "U0", "U1"}
+    assert labels(photometry={"lenses": 12}) >= {"Mean irradiance, one lens of 12", "U0", "U1"}
+    assert labels(roads=[road]) == set()

@@ -16,7 +16,6 @@ from lensforge.errors import InputError
 from lensforge.light import road_judgement
 from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.judged_limits import judged_limits, limit_value
-from lensforge.light.light_facts import spacing_fact
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.road_judgement import (
     best_class,
@@ -28,8 +27,8 @@ from lensforge.light.road_judgement import (
     of_lens,
     p_class,
 )
-from lensforge.light.road_lighting import with_remedies
-from lensforge.results import Metric
+from lensforge.light.road_lighting import spacing_fact, with_remedies, worst_on_roads
+from lensforge.results import Fact, Metric, Sense
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.road_field import RoadReadings
@@ -424,3 +423,29 @@ def test_a_road_by_illuminance_reaches_a_class_of_its_kind(name: str, reached: C
     found = judge_road(road, lambda light: 1500.0 * np.cos(np.radians(light.gamma_deg))[None])
     second = found.least_lx if name == "P2" else found.uniformity_lx
     assert found.reached == reached(found.mean_lx.value, second.value) != "none"
+
+
+def test_each_figure_of_a_road_is_told_where_it_is_worst() -> None:
+    """By hand: a lower bound where the least is nearest to it, an upper one the other way; not of other limits."""
+
+    def limit(name: str, value: float, sense: Sense, bound: float) -> Fact:
+        return Fact(name, name, value, "", 0.01, sense, bound, note="light").judged(0.01)
+
+    figures = {"a: lane 1: glare TI": 11.9, "a: lane 2: glare TI": 12.2, "b: lane 1: glare TI": 9.0}
+    judged = [limit(name, value, "<=", 15.0) for name, value in figures.items()]
+    judged += [limit("a: lane 1: mean luminance", 0.9, ">=", 0.75), limit("b: lane 1: mean luminance", 1.05, ">=", 1.0)]
+    judged += [limit("b: left edge ratio", 0.31, ">=", 0.3), limit("b: right edge ratio", 0.4, ">=", 0.3)]
+    judged += [limit("a wall: lane 1: mean luminance", 0.0, ">=", 1.0)]
+    roads = [RoadSection(**{**ROAD, "name": name, "lanes": 2, "oncoming_lanes": k}) for k, name in enumerate("ab")]
+    head, *told = worst_on_roads(judged, roads, "").facts
+    assert [(each.label, each.value, each.note) for each in told] == [
+        ("Glare TI", 12.2, "worst: a: lane 2"),
+        ("Mean luminance", 1.05, "worst: b: lane 1"),
+        ("Edge ratio", 0.31, "worst: b: left edge"),
+    ]
+    of_one = worst_on_roads(judged[:2], roads[:1], "").facts[1]
+    assert of_one.sentence == "12.200 ± 0.010 (required ≤ 15); worst: lane 2"
+    name = ROAD["lighting_class"]
+    assert head.value == f"{name}, 2 lanes, both one way; {name}, 2 lanes, 1 oncoming"
+    words = [RoadSection(**{**ROAD, "lanes": lanes}).traffic for lanes in (1, 3)]
+    assert words == ["1 lane, one way", "3 lanes, all one way"]

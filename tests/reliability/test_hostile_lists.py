@@ -21,8 +21,8 @@ from pydantic import BaseModel
 from test_hostile_files import changed, require_line
 
 import lensforge as lf
-from lensforge.light.light_facts import road_facts
 from lensforge.light.road_judgement import held_spacing, judge_road, of_file
+from lensforge.light.road_lighting import road_facts
 from lensforge.scene.road_surface import RoadSurface
 from lensforge.sources.photometric import PhotometricFile, read_photometric
 from lensforge.spec.road_section import STANDARD_SURFACES, RoadSection, load_roads
@@ -94,7 +94,7 @@ def finite(value: object) -> bool:
 
 def judged(road: RoadSection) -> None:
     found = judge_road(road, of_file(lamp(), 90.0, road.lamp_lm))
-    assert finite(found.model_dump()) and road_facts(found).plain()
+    assert finite(found.model_dump()) and road_facts(found, road).plain()
 
 
 def surface(path: Path, road: RoadSection) -> None:

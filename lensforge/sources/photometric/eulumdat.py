@@ -160,7 +160,7 @@ def encode(photometric: PhotometricFile) -> str:
     kind = _LINEAR if photometric.linear else 1 if revolution else 3
     opening, count = photometric.opening, max(photometric.lamps[0].count, 1)
     first = replace(photometric.lamps[0], lumens=None if photometric.per_1000_lm else lumens)
-    date_and_remark = _REMARK.join(filter(None, (photometric.issued, *photometric.remarks[:1])))
+    date_and_remark = _REMARK.join((photometric.issued, *photometric.remarks[:1])) if photometric.issued else ""
     lines = [
         _text(photometric.maker), f"{kind:g}", "1" if revolution else "0", str(len(planes)),
         _step(planes), str(len(table.gamma_deg)), _step(table.gamma_deg), _text(photometric.test),
