@@ -96,6 +96,7 @@ def new(
         if not (folder / SCHEMA_FILE).exists():
             _write(folder / SCHEMA_FILE, _schema_text())
         click.echo(f"{spec}\tlensforge design {shlex.quote(str(spec))}")
+        _told(text.split("\n")[1].removeprefix("# "))  # what it is for
     if why:
         click.echo(why, err=True)
 

@@ -104,8 +104,8 @@ def compare(
         traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
         return compare_surface(read_cloud(points), traced, registration).changed(conditions=conditions)
     raise InputError(
-        "compare: give a Light with on=PHOTO (--on PHOTO), or a Lens with points=FILE and surface=FACE, one of its "
-        "faces (--points FILE --surface FACE)"
+        "compare: give one of two: a photograph of the light, --on PHOTO, or points of a face, --points FILE "
+        "--surface FACE; in Python compare(light, on=PHOTO) or compare(lens, points=FILE, surface=FACE)"
     )
 
 

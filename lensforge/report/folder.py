@@ -123,14 +123,14 @@ def folder_of(folder: object) -> Path:
     with refused(str(path)[:60], "cannot be read (…); give a result folder", OSError):
         is_file, _ = path.is_file(), (path / RUN_FILE).exists()
     if is_file:
-        raise InputError(f"{path}: a file, must be a result folder")
+        raise InputError(f"{path}: a file, must be a result folder, such as cad_out/NAME that `lensforge design` wrote")
     return path
 
 
 @contextmanager
 def opened(folder: Path, *, create: bool = False) -> "Iterator[RunFolder]":
     """A folder locked inside the block; ``create``: where it is missing. Raises :class:`InputError` if it is in use."""
-    with locked(folder, create=create):
+    with locked(folder_of(folder), create=create):
         yield RunFolder(folder)
 
 

@@ -141,10 +141,12 @@ class NewScene:
         for words in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
             warn(words)
         reasons = _with_derived(content, made)
-        for section in ("source", "target"):
-            if "file" in content.get(section, {}):
-                content[section]["file"] = _relative(getattr(made, section).file.resolve(), folder)
-        title = f"{made.source.title}, target {made.all_receivers[0].targets[0].kind}"
+        lit = content.get("target") or content["receivers"][0]["targets"][0]
+        section = made.all_receivers[0]
+        for table, read in ((content["source"], made.source), (lit, section.targets[0])):
+            if "file" in table:
+                table["file"] = _relative(read.file.resolve(), folder)
+        title = f"{made.source.title}; target: {section.targets[0].description} {section.place}"
         possible = f"Target: {scene.targets[0].possible_words}, {made.lens.title} of largest radius.{examples}"
         return new_text(content, reasons, title[:1].upper() + title[1:], possible)
 

@@ -27,13 +27,14 @@ _TARGET_FIELDS = {
     if target.has_word
 } | {"line": ("length_mm", "width_mm")}
 _PHOTOMETRIC = (".ies", ".ldt")
-SOURCE_KINDS, TARGET_KINDS = tuple(_SOURCE_FIELDS), (*_TARGET_FIELDS, "text", "beam")
+_DRAWN = {"text": "text", "image": "file"}  # the field of what is drawn, of each picture by its width
+SOURCE_KINDS, TARGET_KINDS = tuple(_SOURCE_FIELDS), (*_TARGET_FIELDS, *_DRAWN, "beam")
 
 
 def _shapes(fields: dict[str, tuple[str, ...]], end: str) -> str:
-    """Words of each shape: ``ring:OUTERxINNER@DISTANCE``."""
+    """Words of each shape: ``ring:OUTER-DIAMETERxINNER-DIAMETER@DISTANCE``."""
     sizes = {
-        kind: "x".join(name.removesuffix("_mm").split("_")[0].upper() for name in names)
+        kind: "x".join(name.removesuffix("_mm").replace("_", "-").upper() for name in names)
         for kind, names in fields.items()
     }
     return ", ".join(f"{kind}:{size}{end}" for kind, size in sizes.items())
@@ -41,7 +42,8 @@ def _shapes(fields: dict[str, tuple[str, ...]], end: str) -> str:
 
 SOURCES = f"{_shapes(_SOURCE_FIELDS, '')} in mm, or a ray file"
 TARGETS = (
-    f"{_shapes(_TARGET_FIELDS, '@DISTANCE')} or text:STRING:WIDTH@DISTANCE in mm, beam:AxB in degrees, or FILE.ies"
+    f"{_shapes(_TARGET_FIELDS, '@DISTANCE')}, text:STRING:WIDTH@DISTANCE or "
+    "image:FILE:WIDTH@DISTANCE in mm, beam:A or beam:AxB in degrees, or FILE.ies"
 )
 
 
@@ -66,18 +68,20 @@ def target_in(words: str) -> dict[str, Any]:
         angles = list(_sizes("--target", words, rest, ("A", "B")).values())
         return {"kind": kind, "fwhm_deg": angles}
     size, at, distance = rest.rpartition("@")
-    if not at or kind not in (*_TARGET_FIELDS, "text"):
+    if not at or kind not in (*_TARGET_FIELDS, *_DRAWN):
         raise InputError(f"--target {words}: not understood; give {TARGETS}")
     away = _sizes("--target", words, distance, ("distance_mm",))
-    if kind != "text":
+    if kind not in _DRAWN:
         sizes = _sizes("--target", words, size, _TARGET_FIELDS[kind])
         if kind == "line":  # a rectangle, by lengths of its own
             kind, sizes = "rectangle", dict(zip(_TARGET_FIELDS["rectangle"], sizes.values(), strict=True))
         return {"kind": kind, **sizes, **away}
-    text, _, width = size.rpartition(":")
-    if not text:
-        raise InputError(f"--target {words}: give its text and width, such as text:LF:200@150")
-    return {"kind": kind, "text": text, **_sizes("--target", words, width, ("width_mm",)), **away}
+    drawn, _, width = size.rpartition(":")
+    if not drawn:
+        raise InputError(f"--target {words}: give its {_DRAWN[kind]} and width, such as {kind}:LF:200@150")
+    if kind == "image" and not Path(drawn).is_file():
+        raise InputError(f"--target {words}: there is no file {drawn}; give {TARGETS}")
+    return {"kind": kind, _DRAWN[kind]: drawn, **_sizes("--target", words, width, ("width_mm",)), **away}
 
 
 def receiver_beside(target: Mapping[str, Any], off_axis_deg: float = 0.0, tilt_deg: float = 0.0) -> Mapping[str, Any]:
@@ -110,8 +114,10 @@ def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[
     except ValueError:
         values = []
     if len(values) != len(names) or not all(0.0 < value < 1e9 for value in values):
-        expected = "x".join(names).replace("_mm", "")
+        expected = "x".join(names).replace("_mm", "").replace("_", " ") + " in mm"
         example = "x".join(("200", "150", "100")[: len(names)])
+        if names == ("A", "B"):
+            expected, example = "A or AxB in degrees", "10 or 60x25"
         raise InputError(f"{option} {words}: {given!r} must be {expected}, above 0, such as {example}")
     return dict(zip(names, values, strict=True))
 
@@ -135,6 +141,7 @@ _OPTIONS = {
 _OPTIONS["target"] = _OPTIONS["receivers.targets"] = [
     "edge_mm: soft edges; a source of finite size makes no sharp ones"
 ]
+_READ = "read from behind the receiver; mirrored = true: from the lens's side, as a wall"
 _MEASURED = "measured: 99 % of the ray file's flux starts inside"
 _NOTES = {
     "lens.levels": '"auto" refines until the error stops improving',
@@ -144,6 +151,7 @@ _NOTES = {
     "manufacture.cutter_radius_mm": "of the ball",
     "manufacture.process": "inserts of a mould are cut, not the lens; shrinkage = 0.005: of its material",
     "receivers.centre_mm": "(x, y, z), from the LED",
+    **{f"{target}.{field}": _READ for target in ("target", "receivers.targets") for field in _DRAWN.values()},
     "receivers.tilt_deg": "of its normal from the axis, about x, then about y",
     "tolerances.preset": "of parts that are moulded",
     "base.height_mm": "the radius of the ball and a wall, at least",

@@ -35,6 +35,14 @@ class PictureTarget(SizedTarget, SoftTarget):
     needs: ClassVar[tuple[str, ...]] = ("width",)
     takes: ClassVar[tuple[str, ...]] = (*SoftTarget.takes, "height")
 
+    mirrored: bool = False
+    """Turn left and right about, for eyes on the lens's side of a wall: without it, it is read from behind a screen."""
+
+    @property
+    def description(self) -> str:
+        """The target in a few words, and from where it is read."""
+        return f"{super().description}, {'mirrored' if self.mirrored else 'as seen from behind'}"
+
     def size_of(self, rows: int, columns: int) -> tuple[float, float]:
         """Width and height of a picture of so many rows and columns, in the target's unit."""
         width, height = self.size("width"), self.length("height")
@@ -43,6 +51,7 @@ class PictureTarget(SizedTarget, SoftTarget):
     def shown(self, picture: Float[np.ndarray, "h w"], x: Places, y: Places) -> Places:
         """``picture`` at places about its centre: nearest pixel, 0 outside; row 0 of it is its top."""
         height, width = picture.shape
+        x = -x if self.mirrored else x
         size = self.size_of(height, width)
         framed = np.pad(picture, 1)
         # clipped to the frame: far from a narrow picture the index would overflow
@@ -52,7 +61,7 @@ class PictureTarget(SizedTarget, SoftTarget):
 
 
 class TextTarget(PictureTarget):
-    """One line of glyphs, uniform on a dark ground, read from behind the screen; from the lens it is mirrored."""
+    """One line of glyphs, uniform on a dark ground, read from behind the screen unless it is ``mirrored``."""
 
     words: ClassVar[str] = "“{0.text}”, {width} wide"
 

@@ -310,15 +310,15 @@ def road_warnings(
                 "leave out lamp_lm"
             )
     heights = {road.pole_height_m for road in roads if not road.tilt_deg}
-    for each in receivers:
-        if not isinstance(each, PlaneReceiver) or each.facing[:2] != (0.0, 0.0) or len(heights) != 1:
-            continue
-        away, height = 1e-3 * each.distance_mm, max(heights)
-        if abs(away / height - 1.0) > _SAME:
-            yield (
-                f"receivers: {each.name} lies {away:g} m below the lamps, pole_height_m of the roads is {height:g}; "
-                f"give it centre_mm with z = {1e3 * height:g}, unless another plane is meant"
-            )
+    planes = [each for each in receivers if isinstance(each, PlaneReceiver) and each.facing[:2] == (0.0, 0.0)]
+    if not planes or len(heights) != 1:
+        return
+    height, name, away = max(heights), planes[0].name, [1e-3 * each.distance_mm for each in planes]
+    if all(abs(each / height - 1.0) > _SAME for each in away):
+        yield (
+            f"receivers: {name} lies {away[0]:g} m below the lamps, pole_height_m of the roads is {height:g}; give it "
+            f"centre_mm with z = {1e3 * height:g}, unless another plane is meant"
+        )
 
 
 class RoadFile(Section):

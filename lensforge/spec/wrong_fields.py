@@ -111,7 +111,7 @@ def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
     if cure is not None:
         return f"{words}; {cure.words}" + ("" if cure.told else f"; write {cure.meant}")
     near = _nearest(given, re.findall(r"'([^']*)'", str(context.get("expected", ""))))
-    return f"{words}; did you mean {near}?" if near and error["type"] == "literal_error" else words
+    return f"did you mean {near}? It {words}" if near and error["type"] == "literal_error" else words
 
 
 def _shape_wanted(error: ErrorDetails, place: _FieldPlace) -> str:

@@ -99,7 +99,9 @@ def test_a_new_spec_of_every_kind_is_valid_and_names_examples(kind: str, tmp_pat
     light = ("--source", "square:1.5", "--target", "beam:20", "--max-radius", "12", "--lens", kind)
     code, _, errors = lensforge("new", tmp_path / "new.toml", *light, "--cutter", "0.7")
     spec = load_spec(tmp_path / "new.toml")
-    assert (code, errors, spec.lens.kind) == (0, "", kind)
+    assert (code, spec.lens.kind) == (0, kind)
+    said = "lensforge: 1.5 mm square Lambertian source; target: gaussian beam 20° in the far field, to 26.7°\n"
+    assert errors == said, "what was written"
     shaped = [face for face in spec.lens.faces.values() if face.concave_radius_mm is not None]
     assert len(shaped) == (2 if kind == "double" else 0), "what is turned needs no ball"
     assert spec.manufacture.process == ("milled" if kind == "double" else "turned")
@@ -198,6 +200,21 @@ def test_a_ray_file_and_a_photometric_file_are_named_from_the_folder_of_the_spec
     assert limits.cavity_radius_mm == pytest.approx(shipped.cavity_radius_mm, rel=0.25)
 
 
+ARROW = str(EXAMPLES / "arrow.png")
+
+
+def test_a_new_spec_of_a_picture_names_its_file_from_its_own_folder(tmp_path: Path) -> None:
+    """On a plane across the axis and beside it; size and place are said, and from where it is read."""
+    light = ("--source", "square:1", "--target", f"image:{ARROW}:200@500", "--max-radius", "12", "--lens", "double")
+    for name, beside in (("a", ()), ("b", ("--off-axis", "20"))):
+        code, _, errors = lensforge("new", tmp_path / "x" / f"{name}.toml", *light, *beside)
+        spec = load_spec(tmp_path / "x" / f"{name}.toml")
+        (target,) = spec.all_receivers[0].targets
+        assert (code, target.file.resolve(), target.width_mm) == (0, Path(ARROW).resolve(), 200.0)
+        assert "target: arrow.png, 200 mm wide, as seen from behind" in errors
+        assert "mirrored = true" in (tmp_path / "x" / f"{name}.toml").read_text(encoding="utf-8")
+
+
 def answered(answers: str, *arguments: str) -> Result:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("lensforge.cli.specs._at_terminal", lambda: True)
@@ -226,6 +243,8 @@ def test_nothing_is_asked_without_a_terminal() -> None:
         ("disc:50@200", {"kind": "disc", "diameter_mm": 50.0, "distance_mm": 200.0}),
         ("rectangle:9@20", {"kind": "rectangle", "width_mm": 9.0, "height_mm": 9.0, "distance_mm": 20.0}),
         ("text:a:b@c:90@150", {"kind": "text", "text": "a:b@c", "width_mm": 90.0, "distance_mm": 150.0}),
+        (f"image:{ARROW}:90@150", {"kind": "image", "file": ARROW, "width_mm": 90.0, "distance_mm": 150.0}),
+        ("beam:10", {"kind": "beam", "fwhm_deg": [10.0, 10.0]}),
         ("beam:60x25", {"kind": "beam", "fwhm_deg": [60.0, 25.0]}),
         ("line:300x20@200", {"kind": "rectangle", "width_mm": 300.0, "height_mm": 20.0, "distance_mm": 200.0}),
         ("cross:200x60@150", {"kind": "cross", "length_mm": 200.0, "stroke_mm": 60.0, "distance_mm": 150.0}),
@@ -235,11 +254,15 @@ def test_targets_in_a_word(words: str, fields: dict[str, object]) -> None:
     assert target_in(words) == fields
 
 
-@pytest.mark.parametrize("words", ["disc:50", "disc:a@3", "star:3@4", "text:5@3", "beam:60x25x3", "no.ies", "disc:0@1"])
+NO_TARGETS = ["disc:50", "disc:a@3", "star:3@4", "text:5@3", "beam:60x25x3", "no.ies", "disc:0@1", "image:a.png@2"]
+
+
+@pytest.mark.parametrize("words", [*NO_TARGETS, "beam:9deg", "image:no.png:2@3"])
 def test_targets_that_are_none_are_refused_with_what_is_allowed(words: str) -> None:
     with pytest.raises(InputError, match=rf"^--target {words}: ") as refusal:
         target_in(words)
     assert "give" in str(refusal.value) or "such as" in str(refusal.value)
+    assert "in degrees" in str(refusal.value) or not words.startswith("beam")
 
 
 def test_sources_in_a_word() -> None:

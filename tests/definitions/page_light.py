@@ -57,6 +57,7 @@ def pattern(target, x, y, folder):
         return ((abs(x) <= long) & (abs(y) <= short) | (abs(x) <= short) & (abs(y) <= long)).astype(float)
     picture = glyphs(target["text"]) if kind == "text" else luma(Path(folder) / target["file"])
     h, w = picture.shape
+    x = -x if target.get("mirrored") else x
     column = np.floor(x * w / target["width_mm"] + w / 2).astype(int) + 0 * y.astype(int)
     row = np.floor(-y * w / target["width_mm"] + h / 2).astype(int) + 0 * x.astype(int)
     on = (column >= 0) & (column < w) & (row >= 0) & (row < h)

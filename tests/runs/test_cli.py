@@ -125,6 +125,23 @@ def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path, monk
     assert not list(tmp_path.iterdir())
 
 
+def test_a_file_is_no_result_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A spec in place of its folder, to read from or to write into: what it is, and what is wanted."""
+    monkeypatch.chdir(tmp_path)
+    write_spec(tmp_path).rename("m4.toml")
+    for arguments in (["report", "m4.toml"], ["check", "m4.toml"], ["design", "m4.toml", "--out", "m4.toml"]):
+        result = lensforge(*arguments)
+        assert result.code == 2
+        assert result.stderr.endswith(
+            "m4.toml: a file, must be a result folder, such as cad_out/NAME that `lensforge design` wrote\n"
+        )
+
+
+def test_a_comparison_with_nothing_is_refused_in_the_words_of_the_command(small_run: lf.Run) -> None:
+    result = lensforge("compare", small_run.folder)
+    assert result.code == 2 and "--on PHOTO" in result.stderr and "--points FILE --surface FACE" in result.stderr
+
+
 def test_a_process_ends_in_one_line_too(tmp_path: Path) -> None:
     """Nothing that is loaded on the way says more."""
     command = [sys.executable, "-m", "lensforge", "design", write_spec(tmp_path, **{"[lens]": "[lense]"})]

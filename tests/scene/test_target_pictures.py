@@ -55,6 +55,13 @@ def test_every_bit_of_a_picture_is_irradiance(tmp_path, content, light):
     np.testing.assert_allclose(irradiance(tmp_path, content), expected(light), rtol=1e-12)
 
 
+def test_a_mirrored_picture_is_that_of_its_other_side(tmp_path):
+    """Value by value: row 0 at the top, the last column on the left; turned about its centre after that."""
+    own, other = (irradiance(tmp_path, png(GREY16, "grey", 16), mirrored=each) for each in (False, True))
+    np.testing.assert_allclose(other, own[:, ::-1], rtol=1e-12)
+    assert np.abs(other - own).max() > 0.1 * own.max()
+
+
 def test_another_picture_of_the_same_name_is_another_target(tmp_path):
     one, other = (irradiance(tmp_path, png(grey, "grey", 16)) for grey in (GREY16, GREY16[::-1]))
     np.testing.assert_array_equal(one, other[::-1])
