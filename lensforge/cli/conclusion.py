@@ -21,7 +21,9 @@ from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Fact, Group, ResultByLed, StageResult
 from lensforge.results.criteria import criteria_of, require
+from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.record import State
+from lensforge.results.validation import shortened
 from lensforge.results.verdict import TITLES, Verdict
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import tip_keys
@@ -33,9 +35,11 @@ if TYPE_CHECKING:
 
 _STEM = "lens"  # of the files
 _MOST_ROWS, _MOST_LIMITS = 10, 3
+_WIDEST_CELL, _WIDEST_TABLE = 24, 120
+_DESIGN, _VERDICTS = "design", ("criteria", "cutting")  # of a study: its groups, and columns of all of them
 _WHOLE = ("ways", "of_roads", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
-_LINES = ("ways", "place", "road_yield", "bound", "spread", "causes", "budget", "error", "design", "preset")
+_LINES = ("ways", "place", "road_yield", "bound", "spread", "causes", "budget", "error", "failed", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
 _ON_RECEIVER = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv")
 _LIGHT = (*_ON_RECEIVER, "leak", "rays", "fitted_nmse")
@@ -102,8 +106,36 @@ def finish_study(output: Output, directory: Path, study: Sweep | Tradeoff, title
     """Print a study of its own folder under ``title``, and its ``page``."""
     output.show(
         lambda: {"folder": str(directory), study.stage: study.plain()},
-        lambda: [Block(title, list(rows_of(study.facts))), Block(f"Written: {directory / page}")],
+        lambda: [_block_of(title, study.facts), Block(f"Written: {directory / page}")],
     )
+
+
+def _block_of(title: str, groups: Sequence[Group]) -> Block:
+    """A study: a table of its designs, and a line for each group of another kind."""
+    designs = [group for group in groups if group.key == _DESIGN]
+    return Block(title, list(rows_of([group for group in groups if group.key != _DESIGN])), list(table_of(designs)))
+
+
+def table_of(groups: Sequence[Group]) -> Iterator[str]:
+    """Lines of a table of ``groups``: verdicts, and what they differ in; in parts where it is too wide for one."""
+    columns = columns_of(groups)
+    rows = [[shortened(" ".join(cell.text.split()), _WIDEST_CELL) for cell in cells_of(g, columns)] for g in groups]
+    told = [
+        [label, *cells]
+        for (key, label), *cells in zip(columns.items(), *rows, strict=True)
+        if key in _VERDICTS or len({*cells}) != 1 or len(groups) == 1
+    ]
+    first, room = ["", *(group.title for group in groups)], 0
+    parts: list[list[list[str]]] = []
+    for column in told:
+        wide = max(map(len, column)) + 2
+        if not parts or wide > room:
+            parts, room = [*parts, [first]], _WIDEST_TABLE - max(map(len, first)) - 4
+        parts[-1].append(column)
+        room -= wide
+    for part in parts:
+        padded = [[text.ljust(max(map(len, column))) for text in column] for column in part]
+        yield from ("  ".join(line).rstrip() for line in zip(*padded, strict=True))
 
 
 def document(run: Run, *results: StageResult) -> dict[str, object]:

@@ -62,10 +62,11 @@ def print_json(content: Mapping[str, object]) -> None:
 
 @dataclass(frozen=True)
 class Block:
-    """A title, and labelled lines below it."""
+    """A title, below it lines of a ``table``, which are not wrapped, and labelled lines."""
 
     title: str
     rows: Sequence[Row] = ()
+    table: Sequence[str] = ()
 
 
 def print_screen(blocks: Sequence[Block], width: int | None = None) -> None:
@@ -77,6 +78,7 @@ def print_screen(blocks: Sequence[Block], width: int | None = None) -> None:
     for block in blocks:
         title = textwrap.fill(_line(block.title), width, break_long_words=False, break_on_hyphens=False)
         shown.write(f"{title}\n")  # a path in it is never broken, so that it can be copied
+        shown.write("".join(f"  {printable(line)}\n" for line in block.table))
         if block.rows:
             with shown.indentation():
                 rows = [(_line(label).ljust(widest), _line(text)) for label, text in block.rows]

@@ -28,6 +28,7 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, under
+from lensforge.results.numerals import unit_in, unit_suffix
 from lensforge.results.plots import Axes, new_axes
 from lensforge.results.verdict import TITLES
 from lensforge.search.design_result import Margins
@@ -97,6 +98,14 @@ class Sweep(StageResult):
     def values(self) -> tuple[float | str, ...]:
         """Values of the varied field, smallest first, or names of LEDs."""
         return tuple(row.value for row in self.designs)
+
+    @property
+    def label(self) -> str:
+        """The varied field in words, with its unit: ``roads.0: pole spacing (m)``."""
+        section, _, field = self.vary.rpartition(".")
+        unit = unit_in(field)
+        words = field.removesuffix(unit_suffix(unit)).replace("_", " ") if unit else field.replace("_", " ")
+        return f"{section}: " * bool(section) + words + f" ({unit})" * bool(unit)
 
     @property
     def criteria(self) -> Criteria:
@@ -176,7 +185,7 @@ class Sweep(StageResult):
         require_choice("metric", metric, get_args(MetricName))
         axes = new_axes(axes)
         axes.errorbar(*self.curve(metric), marker="o")
-        axes.set(xlabel=self.vary, ylabel=metric)
+        axes.set(xlabel=self.label, ylabel=metric)
         return axes
 
 

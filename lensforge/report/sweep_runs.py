@@ -244,7 +244,7 @@ def _of_kind(sweep: Sweep, key: str) -> list[Group]:
 
 
 def _label(sweep: Sweep) -> str:
-    return _AXES.get(sweep.vary, sweep.vary)
+    return _AXES.get(sweep.vary, sweep.label)
 
 
 @in_report_style

@@ -2,7 +2,9 @@
 
 import csv
 import json
+import re
 import shutil
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from undrawn import undrawn
 
 import lensforge as lf
 from lensforge import build, check, design, evaluate
+from lensforge.cli.conclusion import table_of
 from lensforge.errors import InputError
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
@@ -112,9 +115,32 @@ def numbers_in(cells):
     return {key: str(each) for key, each in cells.items() if each not in (None, "")}
 
 
+def test_the_screen_has_a_table_of_what_differs_and_of_the_verdicts(swept):
+    """Each figure stands under its label, in the line of its design; no line is wider than 120 columns."""
+    groups = swept[1].facts
+    lines = list(table_of(groups))
+    assert max(map(len, lines)) <= 120 and len(lines) % 3 == 0
+    told = {}
+    for head, *rows in zip(*[iter(lines)] * 3, strict=True):
+        starts = [match.start() for match in re.finditer(r"\S+(?: \S+)*", head)]
+        for begin, end in pairwise([*starts, 999]):
+            told[head[begin:end].strip()] = [row[begin:end].strip() for row in rows]
+        assert [row.split()[0] for row in rows] == [group.title for group in groups]
+    columns = zip(*(group.facts for group in groups), strict=True)
+    facts = {pair[0].label: [" ".join(each.text.split()) for each in pair] for pair in columns}
+    verdicts = {"Criteria", "Manufacture"}
+    assert told == {label: texts for label, texts in facts.items() if label in verdicts or texts[0] != texts[1]}
+    assert facts.keys() > told.keys() > verdicts, "both took as many steps"
+    assert all(label in " ".join(table_of(groups[:1])) for label in facts), "of one design all figures are told"
+
+
 def test_the_plot_shows_the_figures_of_the_designs(swept):
     folder, content = swept
     figure = sweep_figure(content)
+    assert content.plot().get_xlabel() == "constraints: max radius (mm)"
+    named = ("roads.0.pole_spacing_m", "lens.outer.offset_mm", "optimise.pixels", "source")
+    labels = [content.changed(vary=field).label for field in named]
+    assert labels == ["roads.0: pole spacing (m)", "lens.outer: offset (mm)", "optimise: pixels", "source"]
     drawn = {axes.get_ylabel(): axes.containers[0][0].get_xydata() for axes in figure.axes}
     for row, nmse, efficiency in zip(content.designs, *drawn.values(), strict=True):
         assert np.array_equal(nmse, [row.value, row.nmse.value])
