@@ -63,9 +63,6 @@ def wall(height_mm: float, **more: object) -> tuple[str, ...]:
     return check(spec).warnings()
 
 
-DISC = {"kind": "disc", "diameter_mm": 20.0}
-
-
 def test_shares_of_a_disc_that_is_wider_than_the_cavity_are_those_of_its_area() -> None:
     """A square of 6 mm around a cavity of 1.5 mm radius: pi 1.5^2 of its 36 mm^2 starts inside."""
     spec = small_spec(source__side_mm=6.0, lens__inner__offset_mm=1.5)
