@@ -17,6 +17,7 @@ from lensforge.report.results import Results
 from lensforge.results.criteria import criteria_of
 from lensforge.scene.receiver_shapes import seen_by_lamp
 from lensforge.sources.photometric.photometric_io import photometric_of
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 ASIDE = {"position_mm": [0.3, -0.2, 0.15], "tilt_deg": [9.0, -14.0], "flux_w": 0.2, "flux_lm": 30.0}
 LEDS = (
@@ -124,13 +125,20 @@ def moment(found: lf.Photometry, turned: np.ndarray = LEVEL) -> np.ndarray:
     return table.flux() * 2 * np.pi * integral
 
 
-def test_opening_holds_all_lamps_and_only_one_lens_is_a_disc(lens: lf.Lens, whole: lf.Photometry) -> None:
+def test_opening_holds_all_lamps_and_only_one_lens_is_round(lens: lf.Lens, whole: lf.Photometry) -> None:
+    """The outer faces of all lamps as they lean; its sides go from the lowest rim to the highest point."""
     opening = photometric_of(whole.ies, "lens.ies").opening
-    reach = lens.body.largest_mm
-    sizes = (57.0 + 2 * reach, 24.0 + 2 * reach, 18.0)
-    assert (opening.length_mm, opening.width_mm, opening.heights_mm[0]) == pytest.approx(sizes, abs=0.5)
+    turns = np.radians(np.arange(0.0, 360.0))
+    rim = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(360)])
+    face, rims = (lens.surfaces["outer"].radius(u)[:, None] * u for u in (fibonacci_hemisphere(20_000), rim))
+    lamps = lens.spec.all_lamps.lamps
+    points = np.concatenate([lamp.pose.points(each) for lamp in lamps for each in (face, rims)])
+    x_mm, y_mm, _ = np.ptp(points, axis=0)
+    height_mm = points[:, 2].max() - min(lamp.pose.points(rims)[:, 2].min() for lamp in lamps)
+    sizes = opening.length_mm, opening.width_mm, opening.heights_mm[0]
+    assert sizes == pytest.approx((x_mm, y_mm, height_mm), abs=0.02) and opening.shape == "box"
     alone = lf.photometry(lens_with(lamps=None), rays=2**10)
-    assert photometric_of(alone.ies, "lens.ies").opening.shape == "circle"
+    assert photometric_of(alone.ies, "lens.ies").opening.shape == "vertical cylinder"
 
 
 def test_road_is_lit_by_poles_that_carry_all_lamps(light: lf.Light, whole: lf.Photometry) -> None:
