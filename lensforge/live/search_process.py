@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -31,16 +31,16 @@ import torch
 
 from lensforge.errors import Cancelled, FileWarning, LensforgeError, SourceWarning
 from lensforge.kernels.fate import Fate
-from lensforge.light.lens_light import evaluate
+from lensforge.light.lens_light import evaluate, source_of
 from lensforge.live.lens_view import as_tabulated, drawn
 from lensforge.live.page_frames import Fields, packed
 from lensforge.live.physics import chart_head
-from lensforge.live.session import JOB_FILE
+from lensforge.live.session import DOWNLOADS, JOB_FILE
 from lensforge.live.spec_text import SpecText
 from lensforge.report.folder import Run, load, opened
 from lensforge.report.headline import headline, required_facts
 from lensforge.report.pipeline import Listener, run_later_stages, write_kinds
-from lensforge.report.results import handover
+from lensforge.report.results import REPORT_FILE, handover
 from lensforge.results.child_pool import child_pool
 from lensforge.results.files import write_file
 from lensforge.scene.lens import Lens
@@ -50,10 +50,12 @@ from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
 from lensforge.search.design_result import ENOUGH, Progress
 from lensforge.search.scene_check import compile_search_kernels
 from lensforge.search.searches import design
+from lensforge.sources.build_source import summarise
 from lensforge.spec import Spec
 from lensforge.spec.feasible import require_base_around_cavity
 
 _START_FILE = "studio_start.json"  # the lens from which a search has begun
+_PHOTOMETRIC = (".ies", ".ldt", ".iesxml", ".tm25ray")
 _BETWEEN_S, _SHARE = (0.25, 0.9), 0.04  # looks: seconds between them, and their share of the time of one core
 _MEMORY = 0.8  # of the mean picture of the steps of a level, that stays at each step
 _ENDINGS = {"": None, "enough": ENOUGH}  # what an observer answers to a wish; False to any other
@@ -202,6 +204,7 @@ class Worker:
             "folder": run.folder.resolve().name,
             "facts": facts,
             "sentence": headline(run).sentence,
+            "old": list(_files_of_lens_before(run)),
         }
         fates = [fate.name.lower().replace("_", " ") for fate in Fate]
         if place == "own":
@@ -214,14 +217,28 @@ def _spec_of(job: Mapping[str, Any]) -> Spec:
     return SpecText.of(job["text"], Path(job["path"])).required()
 
 
+def _files_of_lens_before(run: Run) -> Iterator[str]:
+    """Names of the files to take whose stage has not run for this lens, and of a report without its hash."""
+    for path in filter(Path.is_file, run.folder.iterdir()):
+        stages = ("photometry",) if path.suffix in _PHOTOMETRIC else ("export", "check")
+        if path.name == REPORT_FILE:
+            is_old = run.lens.sha256.encode() not in path.read_bytes()
+        else:
+            is_old = not all(stage in run.found for stage in stages)
+        if is_old and path.suffix in DOWNLOADS - {".json"}:
+            yield path.name
+
+
 class _Watch:
     """An observer of a search: it keeps the mean picture and the figures of all steps, and looks at the lens."""
 
     def __init__(self, worker: Worker, spec: Spec) -> None:
         self._worker, self._steps, self._light = worker, list[tuple[float, float]](), tuple[np.ndarray, ...]()
         pairs = list(zip(spec.all_receivers, receivers_of(spec, spec.optimise.pixels), strict=True))
-        self._heads = [chart_head(section, each.grid.width, each.grid.height) for section, each in pairs]
-        self._measures = [each.pixel_measure for _, each in pairs]
+        first = spec.of_each_source[0]
+        lumens = summarise(source_of(first), first.source).lumens_per_watt
+        self._heads = [chart_head(section, each.grid.width, each.grid.height, lumens) for section, each in pairs]
+        self._measures = [each.pixel_measure / (lumens or 1.0) for _, each in pairs]
         self._targets = [target_light(section.targets, each) for section, each in pairs]
         self._last: Progress | None = None
         self._new, self._over = threading.Event(), threading.Event()

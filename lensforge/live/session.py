@@ -27,7 +27,7 @@ from lensforge.surfaces.imported_face import LENS_FILE
 JOB_FILE, DROPPED = "studio_search.json", "dropped"  # a search that may go on; a folder of files that were dropped in
 _PROCESS, _PACKAGES = Path(__file__).with_name("search_process.py"), Path(__file__).resolve().parents[2]
 _SETTLED_S, _ENDING_S = 0.35, 20.0  # after a change, before a search goes on with it; for the process to end
-_DOWNLOADS = {".html", ".pdf", ".dxf", ".step", ".stl", ".3mf", ".ies", ".ldt", ".xml", ".csv", ".json", ".tm25ray"}
+DOWNLOADS = {".html", ".pdf", ".dxf", ".step", ".stl", ".3mf", ".ies", ".ldt", ".xml", ".csv", ".json", ".tm25ray"}
 _PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}
 
 
@@ -50,7 +50,8 @@ class Session:
     async def open(self) -> None:
         """Start the process, and show what the folder holds. Raises :class:`InputError` for one that is in use."""
         with locked(self.folder):
-            self.tell(phase="paused" if self._resumable else "idle")
+            finished = (self.folder / LENS_FILE).exists()  # before the first search the page asks if it is to be replaced
+            self.tell(phase="paused" if self._resumable else "idle", asks=finished)
         self._serving = asyncio.create_task(self._serve())
         self.change(self.text)
 
@@ -180,7 +181,7 @@ class Session:
         Raises :class:`InputError` where the text is no spec.
         """
         self.text.required()
-        self.tell(warnings=[], **settings)
+        self.tell(warnings=[], asks=False, **settings)
         asked = {name: self.state[name] for name in ("accuracy", "seed", "force")}
         job = {"job": "search", **self._of_text(), **asked, "resume": False, "start": not anew}
         if self.state["phase"] in ("searching", "making"):
@@ -228,7 +229,7 @@ class Session:
     def files(self) -> list[str]:
         """Names of the files in the folder that a reader may open or take."""
         paths = self.folder.iterdir() if self.folder.is_dir() else ()
-        fit = (path for path in paths if path.suffix.lower() in _DOWNLOADS and path.is_file() and not path.is_symlink())
+        fit = (path for path in paths if path.suffix.lower() in DOWNLOADS and path.is_file() and not path.is_symlink())
         return sorted(path.name for path in fit)
 
     def place_of(self, name: str) -> Path:

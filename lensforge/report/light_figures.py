@@ -62,7 +62,7 @@ def _reach(centres: Float[np.ndarray, " k"], lit: Bool[np.ndarray, " k"], pitch:
     return 2.0 * float(np.abs(centres[lit]).max()) + pitch
 
 
-ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 0.9: "#d6453d"}  # of the level: colour
+ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 0.9: "#d6453d"}  # of the peak: colour
 MOST_DRAWN = 256  # pixels along the longer side of a map: as many as a screen shows in a fifth of its width
 _ROUNDED = 1.0 + 1e-9  # of the top of a scale: an image that just reaches it is not beyond
 _VALUES_FIT = 0.7  # height over width of the axes: the values of the isolines stand beside them
@@ -115,11 +115,11 @@ def seen_lens(seen: SeenLens, unit: LightUnit) -> Figure:
 
 
 @in_report_style
-def isolines(image: Image, chart: Chart, level: float, unit: LightUnit = WATTS) -> Figure:
-    """Lines of equal light at the ``ISO_SHARES`` of ``level`` (W/m^2 or W/sr), with the value of each."""
+def isolines(image: Image, chart: Chart, unit: LightUnit = WATTS) -> Figure:
+    """Lines of equal light at the ``ISO_SHARES`` of the peak of ``image`` as drawn, with the value of each."""
     figure, axes, scale = new_map(tall=max(chart.height / chart.width, _VALUES_FIT))
     image = drawn(image)
-    colours = list(ISO_SHARES.values())
+    level, colours = float(image.max()), list(ISO_SHARES.values())
     if min(image.shape) > 1:  # one row of pixels has no lines
         x, y = chart.x(image.shape[1]), chart.y(image.shape[0])
         axes.contour(x, y, image, levels=[share * level for share in ISO_SHARES], colors=colours, linewidths=0.9)

@@ -37,7 +37,7 @@ _BY_NIGHT = (
 OWN = "nominal"
 _SEEN = "Seen from behind the receiver, towards the lens."
 _FIRST = 4.6  # inches: half of the page
-_ABOVE = 1.1  # of the target's peak: the ripple of a flat target can still be told
+_ABOVE, _HOT = 1.1, 1.25  # of the target's peak: shows the ripple of a flat one; light beyond has a scale of its own
 # Groups of facts on a result under other conditions that stand for it in one row, and the keys of these facts.
 _MAIN = {
     "part": ("landing", "nmse_vs_design", "part_efficiency"),
@@ -147,16 +147,25 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Attainable]:
 
 
 def first_picture(results: Results) -> PagePicture | None:
-    """The light on the first receiver for the top of the page, in the place and on the scale of the target."""
+    """The light on the first receiver for the top of the page, in the place and on the scale of the target.
+
+    Light with a hot spot is on a scale of its own, on which a line is the target's peak.
+    """
     for shown in shown_receivers(results)[:1]:
         light, unit, target = shown.light, shown.unit, shown.light.target_map
-        frame = light_figures.lit_frame(target, light.map, light.chart)
+        frame, wanted = light_figures.lit_frame(target, light.map, light.chart), top_of([target])
+        peak = top_of([light_figures.drawn(light.map)])
+        hot = peak > _HOT * wanted
+        top, whose = (peak, "its own") if hot else (_ABOVE * wanted, "the target\u2019s")
         figure = light_figures.irradiance_map(
-            light.map, light.chart, _ABOVE * top_of([target]), target, unit=unit, width=_FIRST, frame=frame
+            light.map, light.chart, top, target, unit=unit, width=_FIRST, frame=frame
         )
+        if hot:
+            figure.axes[1].axhline(unit.per_watt * wanted, color="white", linewidth=1.2)
+        level = " Line on the scale: the target\u2019s peak." if hot else ""
         cut = "" if frame == light.chart else " Cut to the lit part of the receiver."
-        caption = f"Simulated {unit.quantity} {shown.place}. {_SEEN} Line: the target at half its peak.{cut}"
-        return picture("first", figure, "The light, on the target\u2019s scale", caption)
+        caption = f"Simulated {unit.quantity} {shown.place}. {_SEEN} Line: the target at half its peak.{level}{cut}"
+        return picture("first", figure, f"The light, on {whose} scale", caption)
     return None
 
 
@@ -260,13 +269,13 @@ def line_pictures(
 
 def _flux(shown: ShownReceiver) -> list[PagePicture]:
     light, chart, name = shown.light, shown.light.chart, shown.picture_name
-    lines = light_figures.isolines(light.map, chart, top_of([light.target_map]), shown.unit)
+    lines = light_figures.isolines(light.map, chart, shown.unit)
     encircled = light_figures.encircled_energy(light.target_map, light.raw_map, chart)
     budget = light_figures.flux_budget(light.flux, light.missed_by_cause, light.lost_in_bodies)
     whole = light.section.is_round and not light.is_far_field
     window = "all of the receiver" if whole else window_words(light).removeprefix("within ")
     return [
-        picture(name("isolines"), lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
+        picture(name("isolines"), lines, "Isolines", "Of the simulation, in per cent of its peak."),
         picture(name("encircled"), encircled, "Encircled energy", "Around the centre, out to the corners."),
         picture(name("flux"), budget, "Flux budget", f"Window: {window}."),
     ]

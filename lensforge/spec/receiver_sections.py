@@ -3,7 +3,7 @@
 A target may imply a receiver. Receivers lie outside the lens and, where it has a cover glass, behind it.
 """
 
-from math import cos, dist, hypot, inf, pi, radians, sin
+from math import atan2, cos, degrees, dist, hypot, inf, pi, radians, sin
 from typing import Annotated, ClassVar, Literal, TypeVar
 
 from pydantic import Field
@@ -90,10 +90,12 @@ class PlaneReceiver(ReceiverSection):
 
     @property
     def place(self) -> str:
-        """Its place in a few words."""
-        if self.centre_mm[:2] == (0.0, 0.0) and self.facing[:2] == (0.0, 0.0):
-            return f"at {self.centre_mm[2]:g} mm"
-        return f"centred at ({', '.join(f'{value:g}' for value in self.centre_mm)}) mm"
+        """Its place in a few words, and the angle of its normal to the lens's axis."""
+        turned = degrees(atan2(hypot(*self.facing[:2]), self.facing[2]))
+        tilt = f", tilted by {turned:.3g}°" if turned else ""
+        if self.centre_mm[:2] == (0.0, 0.0):
+            return f"at {self.centre_mm[2]:g} mm{tilt}"
+        return f"centred at ({', '.join(f'{value:g}' for value in self.centre_mm)}) mm{tilt}"
 
 
 class FarFieldReceiver(ReceiverSection):

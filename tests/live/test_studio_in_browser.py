@@ -86,10 +86,14 @@ def test_a_changed_field_moves_the_bound_and_the_text_and_a_wrong_one_has_its_li
     window.fill("#f-source-side_mm", "-2")
     wrong = until(lambda: window.inner_text("#f-source-side_mm-wrong"), 20.0)
     assert wrong == "source.side_mm = -2: must be at least 0"
+    assert window.inner_text("body").count(wrong) == 1, "said once"
+    assert window.evaluate("getComputedStyle(document.getElementById('bounds')).opacity") == "0.45", "of another spec"
+    assert window.input_value("#f-lens-kind") == "double", "the default, though another field is wrong"
     assert window.get_attribute("#f-source-side_mm", "aria-invalid") == "true"
     window.fill("#text", window.input_value("#text").replace("side_mm = -2", "side_mm = 2.0"))
     until(lambda: window.input_value("#f-source-side_mm") == "2", 20.0)
     assert window.inner_text("#f-source-side_mm-wrong") == ""
+    assert window.evaluate("getComputedStyle(document.getElementById('bounds')).opacity") == "1"
     window.select_option("#f-target-kind", "disc")
     until(lambda: "diameter_mm: missing" in window.inner_text("#form"), 20.0)
     assert "stroke_mm" not in window.input_value("#text"), "a disc has none"
@@ -157,6 +161,41 @@ def test_a_part_is_made_and_its_step_downloaded(studio, window, tmp_path):
     until(lambda: window.is_visible("#beside-figure") and "other" in window.inner_text("#facts"), 60.0)
     window.reload()
     until(lambda: window.is_visible("#beside-figure") and window.input_value("#others") == "other", 60.0)
+
+
+def test_a_finished_lens_is_replaced_when_asked_and_what_is_left_of_it_has_a_mark(studio, started):
+    folder = studio.folder.parent / "other"
+    kept, asked = (folder / "lens.json").read_bytes(), list[str]()
+    opened = lf.studio(folder, browser=False)
+    page = started.new_page()
+    page.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.accept() if asked[1:] else dialog.dismiss()))
+    try:
+        page.goto(opened.address)
+        page.wait_for_selector("body[data-ready]")
+        until(lambda: "peak" in page.inner_text("#own-readout"), 60.0)
+        assert "of the lens before" not in page.inner_text("#files")
+        lumens = page.input_value("#text").replace("[source]\n", "[source]\nflux_lm = 100.0\n")
+        page.fill("#text", re.sub(r"flux_w = .*\n", "", lumens))
+        page.click("#search")
+        assert "other holds a finished lens" in asked[0] and (folder / "lens.json").read_bytes() == kept
+        assert page.get_attribute("body", "data-phase") == "idle"
+        page.click("#search")
+        phase(page, "searching")
+        until(lambda: step(page) > 2)
+        assert re.match(r"peak [\d.]+ lx;", page.inner_text("#own-readout")), "as before and after it"
+        warned = until(lambda: page.query_selector("#note .warned"))
+        assert warned.evaluate("each => getComputedStyle(each).color") == "rgb(138, 90, 0)", "no error"
+        page.click("#enough")
+        phase(page, "idle")
+        until(lambda: "of the lens before" in page.inner_text("#files"), 20.0)
+        names = set(page.inner_text("#files").split("\n"))
+        assert {f"{name}, of the lens before" for name in ("lens.step", "lens.ies", "report.html", "drawing.dxf")} <= names
+        page.click("#search")
+        phase(page, "searching")
+        assert len(asked) == 2, "asked once"
+    finally:
+        page.close()
+        opened.close()
 
 
 def test_the_keyboard_alone_moves_the_sections_and_turns_the_lens(window):

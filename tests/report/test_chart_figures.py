@@ -78,7 +78,7 @@ def test_a_rectangle_keeps_its_shape():
     for figure in (
         light_figures.irradiance_map(image, WIDE, float(image.max()), outline=image),
         light_figures.difference_map(image, WIDE),
-        light_figures.isolines(image, WIDE, float(image.max())),
+        light_figures.isolines(image, WIDE),
     ):
         axes, bar = figure.axes
         figure.draw_without_rendering()

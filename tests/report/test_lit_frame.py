@@ -35,7 +35,10 @@ def test_faint_light_far_away_is_left_out_and_a_lit_receiver_is_shown_whole():
     assert lit_frame(np.zeros((4, 4)), np.ones((4, 4)), CHART) == CHART
 
 
-def test_the_first_picture_has_the_scale_and_the_place_of_the_target(monkeypatch):
+@pytest.mark.parametrize(("times", "top", "ends"), [(1.2, 44.0, 1), (3.2, 128.0, 0)])
+def test_the_first_picture_has_the_place_of_the_target_and_its_scale_unless_a_spot_is_hot(
+    monkeypatch, times, top, ends
+):
     seen = {}
     draw = light_figures.irradiance_map
 
@@ -46,10 +49,13 @@ def test_the_first_picture_has_the_scale_and_the_place_of_the_target(monkeypatch
     monkeypatch.setattr(light_figures, "irradiance_map", keep)
     target = np.zeros((16, 16))
     target[6:10, 6:10] = 40.0
-    first = first_picture(make_results(("evaluate",), evaluate={"map": 3.0 * target, "target_map": target}))
-    assert seen["top"] == pytest.approx(44.0), "of the target, though the light is three times as bright"
+    first = first_picture(make_results(("evaluate",), evaluate={"map": times * target, "target_map": target}))
+    assert seen["top"] == pytest.approx(top)
     axes, bar = seen["figure"].axes
     assert axes.get_xlim() == pytest.approx((-45.0, 45.0)), "of a receiver of 300 mm"
-    assert axes.images[0].get_clim() == pytest.approx((0.0, 44.0))
-    assert len(bar.patches) == 1, "an arrow at the end of the scale"
+    assert axes.images[0].get_clim() == pytest.approx((0.0, top))
+    assert len(bar.patches) == ends, "an arrow at the end of the scale"
+    marks = [line.get_ydata()[0] for line in bar.lines if line.get_color() == "white"]
+    assert marks == ([] if ends else [40.0]), "the target's peak on the scale of the light"
+    assert ("target’s scale" in first.title, "its own scale" in first.title) == (bool(ends), not ends)
     assert "Cut to the lit part" in first.caption

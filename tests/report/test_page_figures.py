@@ -57,11 +57,11 @@ def test_the_flux_budget_closes():
 
 @pytest.mark.parametrize("unit", [WATTS, LUX])
 def test_isolines_lie_where_the_light_has_the_share_that_they_name(unit):
-    image = 100.0 * np.tile((np.arange(64) + 0.5) / 64.0, (64, 1))  # 0 to 100 W/m^2 from left to right
-    axes, scale = light_figures.isolines(image, CHART, 80.0, unit).axes
+    image = 80.0 * np.tile((np.arange(64) + 0.5) / 63.5, (64, 1))  # to 80 W/m^2 from left to right
+    axes, scale = light_figures.isolines(image, CHART, unit).axes
     (contour,) = [item for item in axes.collections if hasattr(item, "levels")]
     for path, share in zip(contour.get_paths(), light_figures.ISO_SHARES, strict=True):
-        assert path.vertices[:, 0] == pytest.approx(0.8 * share * SIDE - 0.5 * SIDE, abs=1e-6)
+        assert path.vertices[:, 0] == pytest.approx(63.5 / 64.0 * share * SIDE - 0.5 * SIDE, abs=1e-6)
     named = [float(text.get_text().split("\n")[1].replace("\u2009", "")) for text in scale.texts[:-1]]
     assert named == pytest.approx([80.0 * share * unit.per_watt for share in light_figures.ISO_SHARES], rel=5e-3)
 

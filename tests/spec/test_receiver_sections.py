@@ -143,6 +143,9 @@ def test_either_side_of_a_plane_may_be_named() -> None:
     beside = {**PLANE, "centre_mm": [100.0, 0.0, 0.0]}
     tilted = _spec(_on({**beside, "tilt_deg": [30.0, 90.0]}, DISC)).all_receivers[0]
     assert tilted.facing == pytest.approx((np.cos(np.pi / 6), -0.5, 0.0), abs=1e-12)
+    assert tilted.place == "centred at (100, 0, 0) mm, tilted by 90°"
+    wall = _spec(_on({**PLANE, "tilt_deg": [0.0, -30.0]}, DISC)).all_receivers[0]
+    assert wall.place == f"at {PLANE['centre_mm'][2]:g} mm, tilted by 30°"
 
 
 def test_a_file_of_a_target_is_relative_to_the_folder_of_the_spec(tmp_path: Path) -> None:

@@ -28,16 +28,16 @@ export class Form {
 
   show({ tables, values, lines }) {
     const shape = this.outline(tables, this.resolved(this.schema), []);
-    Object.assign(this, { tables, values });
+    Object.assign(this, { tables, values: values ?? this.values }); // of the last spec that held
     if (shape !== this.shape) {
       const focused = document.activeElement?.dataset?.place;
       this.inputs.clear();
-      this.root.replaceChildren(element("div", { className: "wrong", id: "unplaced", role: "alert" }), ...this.fields(this.schema, tables, []));
+      this.root.replaceChildren(...this.fields(this.schema, tables, []));
       this.shape = shape;
       if (focused) this.inputs.get(focused)?.focus();
     }
     for (const [place, input] of this.inputs) if (input !== document.activeElement) this.fill(input, JSON.parse(place));
-    this.mark(lines);
+    return this.mark(lines);
   }
 
   // Which tables there are, and of which kind: where this changes, the form is made anew.
@@ -140,16 +140,21 @@ export class Form {
     if (input.type === "text") input.placeholder = whole === undefined || whole === null || typeof whole === "object" && !Array.isArray(whole) ? "" : toml(whole).slice(0, 60);
   }
 
+  // Each line beside its field; gives those of no field that is seen.
   mark(lines) {
+    const elsewhere = [];
     for (const each of this.root.querySelectorAll(".wrong")) each.textContent = "";
     for (const [, input] of this.inputs) input.removeAttribute("aria-invalid");
     for (const details of this.root.querySelectorAll("details")) details.classList.remove("bad");
     for (const [name, words] of lines) {
       const place = JSON.stringify(name.split(".").map(step => (/^\d+$/.test(step) ? Number(step) : step))), input = this.inputs.get(place);
-      const said = input ? input.parentElement.querySelector(".wrong") : this.root.querySelector("#unplaced");
       if (input) input.setAttribute("aria-invalid", "true");
-      said.textContent += `${said.textContent ? "\n" : ""}${words}`;
+      if (input?.offsetParent) {
+        const said = input.parentElement.querySelector(".wrong");
+        said.textContent += `${said.textContent ? "\n" : ""}${words}`;
+      } else elsewhere.push(words);
       for (const details of this.root.querySelectorAll("details")) if (`${name}.`.startsWith(`${details.dataset.section}.`)) details.classList.add("bad");
     }
+    return elsewhere;
   }
 }

@@ -9,6 +9,7 @@ const at = id => document.getElementById(id), base = new URL("./", location.href
 const own = new Picture(at("own"), at("own-readout")), beside = new Picture(at("beside"), at("beside-readout"));
 const solid = new Solid(at("solid"), at("scale"));
 const frames = {}, numbers = {}, notes = {};
+let old = []; // names of files of the lens before
 [own.twin, beside.twin] = [beside, own];
 let state = {}, version = -1, form = null, changes = 0, changed = false;
 
@@ -16,15 +17,15 @@ function take(spec) {
   if (spec.version === undefined) return note("change", spec.lines);
   version = spec.version;
   if (at("text").value !== spec.text) at("text").value = spec.text;
-  form.show(spec);
+  at("text-wrong").textContent = form.show(spec).join("\n");
   at("text").setAttribute("aria-invalid", String(spec.lines.length > 0));
-  at("text-wrong").textContent = spec.lines.map(([, words]) => words).join("\n");
+  at("possible").classList.toggle("stale", spec.lines.length > 0);
   note("change", []);
 }
 
 function note(about, lines) {
   notes[about] = lines ?? [];
-  at("note").replaceChildren(...Object.values(notes).flat().map(words => element("p", {}, words)));
+  at("note").replaceChildren(...Object.entries(notes).flatMap(([name, all]) => all.map(words => element("p", { className: name }, words))));
 }
 
 // An answer counts where nothing has been changed since it was asked for.
@@ -50,7 +51,8 @@ async function hear(now) {
   }
   buttons();
   physics();
-  note("state", [...now.refused, ...now.warnings]);
+  note("refused", now.refused);
+  note("warned", now.warnings);
   for (const place of ["wanted", "own", "beside"]) if ((now.frames[place] ?? 0) !== (numbers[place] ?? 0) && !frames[`${place} asked`]) {
     frames[`${place} asked`] = true;
     numbers[place] = now.frames[place] ?? 0;
@@ -76,8 +78,12 @@ function buttons() {
   at("pause").disabled = !(running || phase === "paused");
   at("enough").disabled = !running;
   at("part").disabled = running || !(making || state.files.includes("design.json"));
-  const shown = state.files.filter(name => !/\.(json|csv)$/.test(name));
-  at("files").replaceChildren(...shown.map(name => element("li", {}, element("a", { href: new URL(`file/${name}`, base), target: "_blank", rel: "noopener" }, name))));
+  files();
+}
+
+function files() {
+  const shown = state.files.filter(name => !/\.(json|csv)$/.test(name)), link = name => ({ href: new URL(`file/${name}`, base), target: "_blank", rel: "noopener" });
+  at("files").replaceChildren(...shown.map(name => element("li", { className: old.includes(name) ? "old" : "" }, element("a", link(name), old.includes(name) ? `${name}, of the lens before` : name))));
 }
 
 function physics() {
@@ -127,6 +133,8 @@ function show() {
     const head = frames.beside ? [element("tr", {}, element("td"), ...["this", frames.beside.folder].map(name => element("th", { scope: "col" }, name)))] : [];
     at("facts").replaceChildren(element("p", {}, lens.sentence), element("table", {}, ...head, ...rows));
     at("progress").textContent = `${lens.arrays.nmse.values.length} steps`;
+    ({ old } = lens);
+    files();
   }
 }
 
@@ -147,7 +155,8 @@ async function begin() {
   const settings = () => ({ accuracy: at("accuracy").value, seed: Number(at("seed").value) });
   at("form").addEventListener("submit", event => event.preventDefault());
   at("examples").addEventListener("change", event => event.target.value && change({ example: event.target.value }));
-  at("search").addEventListener("click", () => act("search", settings()));
+  const replaced = () => `${state.folder} holds a finished lens. Search replaces it and its light; its other files stay as those of the lens before, until you make the part. Search?`;
+  at("search").addEventListener("click", () => (!state.asks || confirm(replaced())) && act("search", settings()));
   at("pause").addEventListener("click", () => act(state.phase === "paused" ? "go_on" : "pause"));
   at("enough").addEventListener("click", () => act("enough"));
   at("part").addEventListener("click", () => act(state.phase === "making" ? "stop" : "part"));
@@ -166,7 +175,7 @@ async function begin() {
   for (const [canvas, draw] of [["section", section], ["curves", curves]]) new ResizeObserver(() => frames.own && draw(at(canvas), frames.own)).observe(at(canvas));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
   const events = new EventSource(new URL("events", base));
-  const lost = () => { document.body.dataset.phase = "ended"; note("state", ["The studio has ended: what is saved is in its folder, and `lensforge studio` opens it again."]); };
+  const lost = () => { document.body.dataset.phase = "ended"; note("refused", ["The studio has ended: what is saved is in its folder, and `lensforge studio` opens it again."]); };
   events.addEventListener("message", event => hear(JSON.parse(event.data)));
   events.addEventListener("end", () => { events.close(); lost(); });
   events.addEventListener("error", lost);
