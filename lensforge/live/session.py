@@ -50,7 +50,7 @@ class Session:
     async def open(self) -> None:
         """Start the process, and show what the folder holds. Raises :class:`InputError` for one that is in use."""
         with locked(self.folder):
-            finished = (self.folder / LENS_FILE).exists()  # before the first search the page asks if it is to be replaced
+            finished = (self.folder / LENS_FILE).exists()  # the page asks before the first search replaces it
             self.tell(phase="paused" if self._resumable else "idle", asks=finished)
         self._serving = asyncio.create_task(self._serve())
         self.change(self.text)

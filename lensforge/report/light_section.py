@@ -157,9 +157,7 @@ def first_picture(results: Results) -> PagePicture | None:
         peak = top_of([light_figures.drawn(light.map)])
         hot = peak > _HOT * wanted
         top, whose = (peak, "its own") if hot else (_ABOVE * wanted, "the target\u2019s")
-        figure = light_figures.irradiance_map(
-            light.map, light.chart, top, target, unit=unit, width=_FIRST, frame=frame
-        )
+        figure = light_figures.irradiance_map(light.map, light.chart, top, target, unit=unit, width=_FIRST, frame=frame)
         if hot:
             figure.axes[1].axhline(unit.per_watt * wanted, color="white", linewidth=1.2)
         level = " Line on the scale: the target\u2019s peak." if hot else ""

@@ -95,7 +95,7 @@ def test_a_changed_field_moves_the_bound_and_the_text_and_a_wrong_one_has_its_li
     assert window.inner_text("#f-source-side_mm-wrong") == ""
     assert window.evaluate("getComputedStyle(document.getElementById('bounds')).opacity") == "1"
     window.select_option("#f-target-kind", "disc")
-    until(lambda: "diameter_mm: missing" in window.inner_text("#form"), 20.0)
+    until(lambda: "diameter_mm: missing" in window.inner_text("#text-wrong"), 20.0)
     assert "stroke_mm" not in window.input_value("#text"), "a disc has none"
     window.select_option("#examples", NAME)
     until(lambda: "stroke_mm = 60.0" in window.input_value("#text"), 20.0)
@@ -189,7 +189,9 @@ def test_a_finished_lens_is_replaced_when_asked_and_what_is_left_of_it_has_a_mar
         phase(page, "idle")
         until(lambda: "of the lens before" in page.inner_text("#files"), 20.0)
         names = set(page.inner_text("#files").split("\n"))
-        assert {f"{name}, of the lens before" for name in ("lens.step", "lens.ies", "report.html", "drawing.dxf")} <= names
+        assert {
+            f"{name}, of the lens before" for name in ("lens.step", "lens.ies", "report.html", "drawing.dxf")
+        } <= names
         page.click("#search")
         phase(page, "searching")
         assert len(asked) == 2, "asked once"

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from result_folders import make_light, small_lens
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.optics.colorimetry import srgb_of, uv_of
 from lensforge.report.colour_figures import colour_of_rings, colour_over_angle, delta_uv_map, true_colours
+from lensforge.report.headline import required_facts
+from lensforge.report.results import Results
 from lensforge.results.chart import Chart
 
 WARM, COOL = np.array([60.0, 50.0, 20.0]), np.array([50.0, 52.0, 60.0])
@@ -47,3 +50,11 @@ def test_rings_have_the_colour_of_their_light(chart: Chart, reach: float) -> Non
     np.testing.assert_allclose(uv[np.searchsorted(radii, 0.75 * reach)], uv_of(WARM))
     axes = colour_over_angle(rings(), beam(rings()), chart).axes[0]
     assert len(axes.lines) == 2 and ("°" in axes.get_xlabel()) == chart.far_field
+
+
+def test_a_colour_temperature_has_its_distance_from_planck_beside_it_and_the_worst_colour_the_rms() -> None:
+    light = make_light(small_lens())
+    coloured = light.first.changed(colour=beam(rings()), tristimulus_map=rings(16))
+    results = Results(small_lens(), {"evaluate": light.changed(receivers=(coloured,))})
+    keys = [fact.key for fact in required_facts(results)]
+    assert keys[keys.index("cct") :][:4] == ["cct", "duv", "rms_delta_uv", "worst_delta_uv"]
