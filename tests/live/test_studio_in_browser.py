@@ -176,6 +176,7 @@ def test_a_finished_lens_is_replaced_when_asked_and_what_is_left_of_it_has_a_mar
         assert "of the lens before" not in page.inner_text("#files")
         lumens = page.input_value("#text").replace("[source]\n", "[source]\nflux_lm = 100.0\n")
         page.fill("#text", re.sub(r"flux_w = .*\n", "", lumens))
+        until(lambda: page.input_value("#f-source-flux_lm") == "100", 20.0)
         page.click("#search")
         assert "other holds a finished lens" in asked[0] and (folder / "lens.json").read_bytes() == kept
         assert page.get_attribute("body", "data-phase") == "idle"
