@@ -236,7 +236,7 @@ def _by_pixels(receiver: ReceiverLight) -> str:
 
 
 def _of_lenses(spec: Spec) -> str:
-    """Which lens the light is of, where a lamp has several; else empty."""
+    """Words for the one lens that the light is of, where a lamp has several; else empty."""
     return f"one lens of {spec.photometry.lenses}" if spec.photometry.lenses > 1 else ""
 
 

@@ -214,7 +214,7 @@ def spacing_fact(held: HeldSpacing | None) -> Fact:
 
 
 def worst_on_roads(limits: Sequence[Fact], roads: Sequence[RoadSection], end: str) -> Group:
-    """What the classes of ``roads`` ask for, each figure once: that of the road, lane or edge that has it worst."""
+    """Figures that the classes of ``roads`` ask for, each of the road, lane or edge that has it worst."""
     worst: dict[tuple[str, str], Fact] = {}
     for limit in limits:
         road = next((road for road in names_of(roads) if limit.label.startswith(f"{road}: ")), None)
