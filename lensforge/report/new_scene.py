@@ -145,7 +145,7 @@ class NewScene:
         section = made.all_receivers[0]
         for table, read in ((content["source"], made.source), (lit, section.targets[0])):
             if "file" in table:
-                table["file"] = _relative(read.file.resolve(), folder)
+                table["file"] = _relative(attrgetter("file")(read).resolve(), folder)
         title = f"{made.source.title}; target: {section.targets[0].description} {section.place}"
         possible = f"Target: {scene.targets[0].possible_words}, {made.lens.title} of largest radius.{examples}"
         return new_text(content, reasons, title[:1].upper() + title[1:], possible)
