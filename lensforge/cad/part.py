@@ -43,6 +43,7 @@ from lensforge.results.fact_table import Row, facts_of
 from lensforge.results.numerals import quantity
 from lensforge.results.plots import plot_outlines
 from lensforge.scene.lens import Lens
+from lensforge.spec import Spec
 
 if TYPE_CHECKING:
     import cadquery
@@ -215,10 +216,17 @@ class Part(StageResult):
         return plotter
 
 
+def held_by(spec: Spec) -> str:
+    """Words on what holds the lens and counts as part of its solid; empty where nothing does."""
+    holders = {"base": spec.base_made.kind != "none", "flange": spec.lens.rim_flange is not None}
+    there = " and ".join(name for name, is_there in holders.items() if is_there)
+    return f", {there} included" if there else ""
+
+
 def part_facts(part: Part) -> list[Group]:
     """One group on solid and files, and one on the plate."""
     density = part.lens.spec.lens.density
-    words = {"source": "" if density is None else density.source, "turned": _turned(part)}
+    words = {"source": "" if density is None else density.source, "turned": _turned(part), "held": held_by(part.lens.spec)}
     table = facts_of(part, _FILES, judged=part.criteria, **words)
     spec, alone = part.lens.spec, ("volume", "mass")
     if spec.plate is not None or not spec.all_lamps.is_single or spec.photometry.lenses > 1:
@@ -254,7 +262,7 @@ _FILES = (
         "of lens and base from the keep-out solid",
         like="keep_out_distance",
     ),
-    Row("volume", "Volume", "volume_mm3", "of the solid, base included", digits=5),
+    Row("volume", "Volume", "volume_mm3", "of the solid{held}", digits=5),
     Row("density", "Density", "lens.spec.lens.density.g_per_cm3", "by {source}", "g/cm³"),
     Row("mass", "Mass", "mass_g", "volume times density", "g"),
     Row("mesh", "Mesh", "closed_or_not", "{triangulation.triangles} facets, genus {genus}"),

@@ -26,7 +26,7 @@ from lensforge.results.record import State
 from lensforge.results.validation import shortened
 from lensforge.results.verdict import TITLES, Verdict
 from lensforge.search.design_result import Design
-from lensforge.shop.check_facts import tip_keys
+from lensforge.shop.check_facts import shape_facts
 from lensforge.shop.check_result import Check
 from lensforge.verbs import Decides
 
@@ -302,7 +302,8 @@ def _manufacture(run: Run) -> Iterator[Row]:
     check = run.find(Check)
     if check is None:
         return
-    yield from rows_of(_selected(run, (*tip_keys(check.faces), "thinnest"), Check))
+    yield from map(_row, shape_facts(check, run.facts(check)))
+    yield from rows_of(_selected(run, ("thinnest",), Check))
     yield from (_row(fact) for group in _of_mould(run) for fact in group.facts if fact.notice)
     groups = [group for group in run.facts(check) if group.key.startswith("findings")]
     missed = [

@@ -16,7 +16,7 @@ from lensforge.results.criteria import shown
 from lensforge.results.numerals import quantity
 from lensforge.results.verdict import TITLES
 from lensforge.search.design_result import Design
-from lensforge.shop.check_facts import tip_keys
+from lensforge.shop.check_facts import shape_facts
 from lensforge.shop.check_result import Check
 from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.lens_section import LensShape
@@ -200,9 +200,10 @@ def required_facts(results: Results, possible: LimitBounds | None = None) -> lis
         for group in lit
         for fact in group.select(*_LIGHT).facts
     ]
-    faces = results.lens.surfaces
-    shape = _selected(groups, (*_SHAPE, *tip_keys(faces)))
-    if_limited = _selected(groups, ("thickest", *(f"{name}_draft" for name in faces)))
+    check = results.find(Check)
+    shape = [*_selected(groups, _SHAPE), *([] if check is None else shape_facts(check, groups))]
+    drafts = [] if check is not None and check.mould is not None else [f"{name}_draft" for name in results.lens.surfaces]
+    if_limited = _selected(groups, ("thickest", *drafts))
     moulded = [fact for group in groups if group.key == "mould" for fact in group.facts if fact.notice]
     return [*limits, *light, *shape, *(fact for fact in if_limited if fact.limit is not None), *moulded]
 

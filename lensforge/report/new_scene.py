@@ -148,7 +148,7 @@ class NewScene:
                 table["file"] = _relative(attrgetter("file")(read).resolve(), folder)
         title = f"{made.source.title}; target: {section.targets[0].description} {section.place}"
         possible = f"Target: {scene.targets[0].possible_words}, {made.lens.title} of largest radius.{examples}"
-        return new_text(content, reasons, title[:1].upper() + title[1:], possible)
+        return new_text(content, reasons, title[:1].upper() + title[1:], possible, list(_flange_for(made)))
 
     def _spec(self, content: Tables) -> Spec:
         return parse_spec(deepcopy(content), "new")
@@ -168,6 +168,14 @@ def _limits_of(cutter: str, process: Process | None) -> Tables:
     if process == "turned":
         return {}
     return {"face": {"concave_radius_mm": radius, "draft_deg": 0.0}, "manufacture": {"cutter_radius_mm": radius}}
+
+
+def _flange_for(made: Spec) -> Iterator[str]:
+    """The line of a flange, by which a moulded lens of a kind that takes one is filled and held."""
+    if made.manufacture.process == "moulded" and "flange" in type(made.lens).model_fields:
+        radius_mm = made.constraints.max_radius_mm
+        wide, thick = rounded_length(2.4 * radius_mm), rounded_length(min(1.5, 0.15 * radius_mm))
+        yield f"flange = {{ diameter_mm = {wide:g}, thickness_mm = {thick:g} }}  # to fill it at, and to hold it by"
 
 
 def _with_derived(content: Tables, made: Spec) -> dict[str, str]:

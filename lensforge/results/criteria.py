@@ -80,7 +80,7 @@ _WORDS = {
 # Of a face, after its name.
 _OF_FACE = {
     "curvature margin": "concave radii of the {} face above that of the tool",
-    "draft margin": "draft of the {} face, above its minimum",
+    "draft margin": "draft of the {} face, counted to 30° at most, above its minimum",
 }
 
 

@@ -125,8 +125,12 @@ class Fact:
 
     @property
     def required(self) -> str:
-        """Limit as text."""
-        return NOTHING if self.limit is None else limit_text(self.sense, self.limit, self.unit, self.digits)
+        """Limit as text, with the tolerance where the value keeps it by that alone."""
+        if self.limit is None:
+            return NOTHING
+        exact = self.tolerance == 0.0 or not self.holds or replace(self, tolerance=0.0).judged(self.standard_error).holds
+        within = "" if exact else f", within {quantity(self.tolerance, self.unit, digits=2)}"
+        return f"{limit_text(self.sense, self.limit, self.unit, self.digits)}{within}"
 
     @property
     def bounded_by(self) -> str:

@@ -1,6 +1,7 @@
 """Facts of the manufacturing check: each face, the wall, and what the shop can do with them."""
 
 from collections.abc import Iterable, Iterator
+from math import inf
 from typing import NamedTuple
 
 from lensforge.optics.face_roles import CAVITY
@@ -83,7 +84,7 @@ def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
 
 _FACE = (
     Row("{name}_reached", "{Tip} reaches", "cutter.reachable_fraction", "of the face, radius {cutter.radius_mm}", "%"),
-    Row("{name}_concave", "Min. concave radius", "curvature.smallest_concave_radius_mm", none="none"),
+    Row("{name}_concave", "Min. concave radius", "curvature.smallest_concave_radius_mm", "in any direction{of}", none="none"),
     Row("{name}_layers", "Layer steps", "layer_step_um", "between the layers of the print"),
 )
 _MILLED = (
@@ -110,10 +111,10 @@ _SHAPE = (
         sense=">=",
         by="draft",
     ),
-    Row("{name}_sphere", "Best-fit sphere", "best_fit_sphere.radius_or_plane", "radius", "mm", digits=5),
-    Row("{name}_departure", "Departure, PV", "best_fit_sphere.pv_mm", "from the best-fit sphere", "µm", factor=1e3),
-    Row("{name}_departure_rms", "Departure, rms", "best_fit_sphere.rms_mm", unit="µm", factor=1e3),
-    Row("{name}_area", "Area", "area_mm2"),
+    Row("{name}_sphere", "Best-fit sphere", "best_fit_sphere.radius_or_plane", "radius{of}", "mm", digits=5),
+    Row("{name}_departure", "Departure, PV", "best_fit_sphere.pv_mm", "from the best-fit sphere{of}", "µm", factor=1e3),
+    Row("{name}_departure_rms", "Departure, rms", "best_fit_sphere.rms_mm", "from it{of}", "µm", factor=1e3),
+    Row("{name}_area", "Area", "area_mm2", "of the {body}"),
 )
 
 
@@ -121,17 +122,37 @@ def _face(name: str, face: FaceResult, check: Check, spec: Spec) -> Iterator[Fac
     findings = [finding for finding in check.verdicts if finding.place == name]
     cutter, by_tool = face.cutter, tuple[Row, ...]()
     tip = "" if cutter is None else cutter.tip
+    body = "mould insert" if spec.manufacture.cuts == "inserts" else "lens"
+    whose = {"body": body, "of": "" if body == "lens" else f", of the {body}"}
     if cutter is not None:
         turned = isinstance(cutter, TurningTool)
         by_tool = _TURNED if turned else _MILLED
         yield _largest(name, cutter, check, state_of(findings, "nose" if turned else "cutter"))
     rows = (*_FACE, *by_tool, *_SHAPE)
-    yield from facts_of(face, rows, spec=spec, judged=findings, name=name, tip=tip, Tip=tip.capitalize())
+    yield from facts_of(face, rows, spec=spec, judged=findings, name=name, tip=tip, Tip=tip.capitalize(), **whose)
 
 
 def tip_keys(names: Iterable[str]) -> tuple[str, ...]:
     """Keys of the facts on the largest ball, or nose, of each face."""
     return tuple(f"{name}_{kind.tip}" for name in names for kind in (Cutter, TurningTool))
+
+
+def shape_facts(check: Check, groups: Iterable[Group]) -> list[Fact]:
+    """What decides if the faces can be made, of the facts in ``groups``: the largest ball or nose of each face.
+
+    Of a moulded part the face that is worst in each of three: the nose of its insert, its draft, what is released.
+    """
+    facts = {fact.key: fact for group in groups for fact in group.facts}
+    tips = [facts[key] for key in tip_keys(check.faces) if key in facts]
+    if check.mould is None:
+        return tips
+    kinds = tips, *([facts[f"{name}_{kind}"] for name in check.mould.faces] for kind in ("draft", "drawn"))
+    return [min(each, key=_room) for each in kinds if each]
+
+
+def _room(fact: Fact) -> float:
+    """The value, less what it must be; infinite where nothing limits it."""
+    return fact.value - (fact.limit or 0.0) if isinstance(fact.value, float) else inf
 
 
 def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:

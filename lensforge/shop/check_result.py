@@ -295,8 +295,18 @@ class InscribedBall(Record):
     centre_mm: Point
 
 
+class UprightCylinder(Record):
+    """A cylinder about the axis without draft, between two heights."""
+
+    radius_mm: Positive
+    low_mm: Number
+    high_mm: Number
+
+
 class Mould(Record):
     """The part as it is moulded: its faces by the halves of the mould, their parting, and its thickest place.
+
+    ``upright``: what the flange leaves of the cylinder at which it begins, below its underside and above its top.
 
     ``gate``: the piece at whose side it can be filled, away from optical faces; None where it has none. ``cooling_s``:
     estimate for a slab as thick as the ball; None for a material that cures, or whose heat is not known.
@@ -305,6 +315,7 @@ class Mould(Record):
     faces: dict[Text, MouldedFace]
     parting: PartingLine
     thickest: InscribedBall
+    upright: tuple[UprightCylinder, ...] = ()
     gate: Literal["flange", "base", "plate"] | None
     cooling_s: NotNegative | None
 

@@ -18,6 +18,7 @@ from lensforge.cad.flange import ring_of
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.plan import Plan, rim_radius
 from lensforge.cad.section import body_outlines, other_section_deg
+from lensforge.optics.face_roles import DOUBLE
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.shop.profile_table import is_round
@@ -118,7 +119,7 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     yield from on_axis[:1]
     yield Dimension("highest point above z = 0", float(highest_point_mm(envelope)[2]), "largest")
     yield from on_axis[1:]
-    yield _circle("width of the dome", widest_mm(envelope), "largest")
+    yield _circle(f"width of the {'dome' if envelope.faces[0].name == DOUBLE[-1] else 'lens'}", widest_mm(envelope), "largest")
     sign = "⌀" if is_round(lens) else ""
     second_deg, sections = other_section_deg(lens), list[tuple[float, ViewName]]([(0.0, "S")])
     if second_deg is not None:
@@ -137,7 +138,9 @@ def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface])
     gap = lens.spec.part_tolerances.amount(envelope.faces[0].name, "gap_mm")
     low, high = (float(boundary.radius(_AXIS)[0]) for boundary in (cavity, envelope))
     side = -float(rim_radius(envelope)(np.array([np.pi]))[0])
-    yield Dimension("outer apex above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
+    outer = envelope.faces[0].name
+    apex = "outer apex" if outer == DOUBLE[-1] else f"apex of the {outer}"
+    yield Dimension(f"{apex} above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
     yield Dimension("apex of the cavity above z = 0", low, "axis", ((0.0, side), (low, 0.0)))
     ends = (low, 0.0), (high, 0.0)
     yield Dimension("thickness on the axis", high - low, "axis", ends, tolerance_mm=gap or None)

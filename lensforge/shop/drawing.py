@@ -25,7 +25,7 @@ from lensforge.shop.check_facts import words_of
 from lensforge.shop.check_result import BASE, BODY, Check, OfLathe, OfMill
 from lensforge.shop.datums import DatumScheme, datum_scheme
 from lensforge.shop.dimensions import Dimension
-from lensforge.shop.mould_facts import mould_line
+from lensforge.shop.mould_facts import mould_line, upright_words
 from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
@@ -53,20 +53,22 @@ def drawing_notes(
         general_words(words),
         *surface_words(lens, words),
         *mould_words(lens),
-        *_draft_words(lens),
+        *_draft_words(lens, check),
         *([] if check.mould is None else [mould_line(check.mould, lens.spec)]),
         *_open_findings(lens, check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
     ]
 
 
-def _draft_words(lens: Lens) -> Iterator[str]:
-    """Notes on the draft of base and flange; none on what stands upright."""
+def _draft_words(lens: Lens, check: Check) -> Iterator[str]:
+    """Notes on the draft of base and flange, and on the cylinder beside that; none on a base that stands upright."""
     base, flange = lens.spec.base_made, lens.spec.lens.rim_flange
     if base.draft_deg and base.kind in ("cylinder", "square"):
         yield f"Draft of the base: {base.draft_deg:g}°; sizes of side, flange and bore at their tops."
     if flange is not None and (draft_deg := lens.spec.manufacture.draft_deg(flange.draft_deg)):
         yield f"Draft of the rim's flange: {draft_deg:g}°; size at its top, narrower towards its underside."
+    if check.mould is not None and check.mould.upright:
+        yield f"Without draft: {upright_words(check.mould)}."
 
 
 def draft_words(plate: PlateSection) -> str:

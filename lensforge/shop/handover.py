@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, PlainSerializer
 
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
+from lensforge.results.numerals import quantity
 from lensforge.results.files import require_own, write_file
 from lensforge.shop.check_result import Findings
 
@@ -46,7 +47,7 @@ class Handover(Record):
 
     ``name``: of the design. ``html``: the page. ``pdf``, ``dxf``: the drawing. ``points_csv``: table for a measuring
     machine. ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one. ``points``: number of points in
-    the table. ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name,
+    the table. ``scale``: of the mould's faces against the lens's, where the points are of these; None: of the lens. ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name,
     except page and PDF; the page lists them. ``refused``: verdicts of the check that do not hold.
     """
 
@@ -58,6 +59,7 @@ class Handover(Record):
     plate_pdf: FileBytesOrNone = None
     plate_dxf: FileBytesOrNone = None
     points: Count
+    scale: Positive | None = None
     grids: tuple[PointGrid, ...]
     sha256: dict[Text, Sha256]
     refused: Findings
@@ -78,7 +80,8 @@ class Handover(Record):
             for grid in self.grids
         )
         refused = (Fact("refused", "Not met", finding.note) for finding in self.refused)
-        points = Fact("points", "Points", self.points, note="for a measuring machine")
+        mould = "" if self.scale is None else f", of the mould: the lens times {quantity(self.scale, digits=12)}"
+        points = Fact("points", "Points", self.points, note=f"for a measuring machine{mould}")
         return Group("handover", self.name, (Fact("files", "Files", ", ".join(self.files)), points, *grids, *refused))
 
     def save(self, folder: Path | str) -> None:

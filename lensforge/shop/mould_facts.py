@@ -64,6 +64,8 @@ def mould_facts(mould: Mould, check: Check, spec: Spec) -> Iterator[Fact]:
         )
     yield _parting(mould.parting)
     yield _gate(mould, spec)
+    if mould.upright:
+        yield Fact("upright", "Without draft", upright_words(mould), note="keep it short, or agree on it with the moulder")
     yield _inner_corners(check, mould, spec)
     thickest, thinnest = mould.thickest.diameter_mm, check.min_wall_mm
     yield Fact("thickest_ball", "Thickest place", thickest, "mm", note="diameter of the largest inscribed ball")
@@ -79,6 +81,12 @@ def mould_line(mould: Mould, spec: Spec) -> str:
     parting, gate = _parting(mould.parting), _gate(mould, spec)
     where = ", ".join(filter(None, (gate.text, gate.note)))
     return f"PL, parting line: {parting.text}, {parting.note}. G, gate: {where}."
+
+
+def upright_words(mould: Mould) -> str:
+    """Words on the upright cylinder beside the flange: its diameter, and its heights."""
+    heights = " and ".join(f"{each.low_mm:.3f} to {each.high_mm:.3f}" for each in mould.upright)
+    return f"cylinder ⌀{2.0 * mould.upright[0].radius_mm:.3f} beside the flange, z = {heights} mm"
 
 
 def _parting(line: PartingLine) -> Fact:

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Shaped
 
 from lensforge.cad.boundary import Pair, TrimmedFace
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.flange import ring_of
+from lensforge.cad.flange import FlangeRing, flange_heights_mm, ring_of
 from lensforge.cad.outline import FULL_TURN, circle
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.cad.patch import Patch
@@ -23,7 +23,16 @@ from lensforge.cad.plan import Corner, Plan, base_corners, lay_out, rim_directio
 from lensforge.cad.plate_layout import PlateLayout, layout_of
 from lensforge.cad.wall import largest_ball
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_result import BASE, FLANGE, PLATE, InscribedBall, Mould, MouldedFace, PartingLine
+from lensforge.shop.check_result import (
+    BASE,
+    FLANGE,
+    PLATE,
+    InscribedBall,
+    Mould,
+    MouldedFace,
+    PartingLine,
+    UprightCylinder,
+)
 from lensforge.shop.mould_facts import plastic_of
 
 _AZIMUTHS, _ALONG, _ON_EDGE = 192, 512, 64  # points of each face, and between two corners
@@ -41,21 +50,30 @@ def mould_of(lens: Lens, pair: Pair[Patch]) -> Mould:
     """The mould of ``lens`` by its fitted faces, with its base, flange or plate; a base from a file is left out."""
     spec, plate = lens.spec, lens.spec.plate
     base = base_with_room(lens)
-    plan = replace(lay_out(*pair, base), rim_flange=ring_of(lens, pair[1]))
+    ring = ring_of(lens, pair[1])
+    plan = replace(lay_out(*pair, base), rim_flange=ring)
     layout = layout_of(lens)
     around = [] if layout is None else _around(plan, layout, spec.constraints.max_radius_mm)
     halves = TwoHalves.of(pieces_of(plan, around))
     every = [piece.points for piece in pieces_of(plan, around, *_BALL)]
     diameter_mm, centre = largest_ball(np.concatenate(every, axis=1))
     plastic = plastic_of(spec.lens.material)
-    sides = {PLATE: plate is not None, FLANGE: plan.rim_flange is not None, BASE: base.kind != "none"}
+    sides = {PLATE: plate is not None, FLANGE: ring is not None, BASE: base.kind != "none"}
     return Mould(
         faces=halves.faces([name for name in lens.surfaces if lens.body.face(name).is_optical]),
         parting=halves.parting() if plate is None else _OF_PLATE,
         thickest=InscribedBall(diameter_mm=diameter_mm, centre_mm=tuple(centre.tolist())),
+        upright=() if ring is None else tuple(_upright_beside(ring, *flange_heights_mm(pair[1]))),
         gate=next((name for name, there in sides.items() if there), None),
         cooling_s=None if plastic is None else plastic.cooling_s(diameter_mm),
     )
+
+
+def _upright_beside(ring: FlangeRing, wall_mm: float, exit_mm: float) -> Iterator[UprightCylinder]:
+    """The cylinder from the highest place of the wall to the ring, and from it to the lowest of the exit's rim."""
+    for low, high in ((wall_mm, ring.low_mm), (ring.high_mm, exit_mm)):
+        if high - low > _SAME_MM:
+            yield UprightCylinder(radius_mm=ring.inner_mm, low_mm=low, high_mm=high)
 
 
 def _around(plan: Plan[Patch], layout: PlateLayout, lens_mm: float) -> list[Corner]:

@@ -18,7 +18,7 @@ from lensforge.results import Group
 from lensforge.results.numerals import NOTHING, percent
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import face_title
-from lensforge.shop.check_result import FLAT_MM, Check, Sphere
+from lensforge.shop.check_result import FLAT_MM, Check
 from lensforge.shop.dimensions import widest_mm
 from lensforge.shop.profile_table import equation
 from lensforge.shop.sheet import Marks
@@ -95,23 +95,19 @@ def index_wavelength(lens: Lens) -> str:
 
 
 def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection) -> _TEXT:
-    face, sphere = check.faces[name], check.faces[name].best_fit_sphere
+    face = check.faces[name]
     across = widest_mm(lens.surfaces[name], domain_of(lens, name))
     return {
         "title": f"{face_title(name)}, {optical_name(name)}",
-        "shape": _shape(name, lens, sphere),
+        "shape": _shape(name, lens, check),
         "aperture": f"Effective aperture: ⌀{across:.3f}, whole face",
         "form": _form(name, lens),
         "profile": _profile(name, lens, part),
         "centring": _centring(name, lens),
         "imperfections": f"5/ {words.imperfections or NOTHING}",
         "texture": _texture(name, lens, words.roughness_nm),
-        "coating": f"Coating: {_coating(name, lens)}; {face.area_mm2:.1f} mm²",
+        "coating": f"Coating: {_coating(name, lens)}; {face.area_mm2 / check.scale**2:.1f} mm²",
     }
-
-
-def _sphere(sphere: Sphere) -> str:
-    return f"R {sphere.radius_mm:.3f}" if sphere.radius_mm < FLAT_MM else "plane"
 
 
 def _coating(name: str, lens: Lens) -> str:
@@ -121,10 +117,13 @@ def _coating(name: str, lens: Lens) -> str:
     return NOTHING if face.coating is None else face.coating.title
 
 
-def _shape(name: str, lens: Lens, sphere: Sphere) -> str:
-    """The equation of a known form; of others the best-fit sphere."""
+def _shape(name: str, lens: Lens, check: Check) -> str:
+    """The equation of a known form; of others the best-fit sphere, of the part and not of what is cut."""
+    sphere = check.faces[name].best_fit_sphere
+    radius_mm, pv_mm = sphere.radius_mm / check.scale, sphere.pv_mm / check.scale
+    fitted = f"R {radius_mm:.3f}" if sphere.radius_mm < FLAT_MM else "plane"
     form = "of revolution, profile in the table" if lens.spec.lens.is_revolved(name) else "freeform"
-    return equation(lens.surfaces[name]) or f"{form}; best-fit {_sphere(sphere)}, PV {sphere.pv_mm:.3f}"
+    return equation(lens.surfaces[name]) or f"{form}; best-fit {fitted}, PV {pv_mm:.3f}"
 
 
 def _form(name: str, lens: Lens) -> str:

@@ -84,6 +84,7 @@ def make_handover(
         plate_pdf=None if plate is None else sheet_pdf(plate),
         plate_dxf=plate_dxf,
         points_csv=tables[POINTS_FILE],
+        scale=lens.spec.manufacture.scale if lens.spec.manufacture.cuts == "inserts" else None,
         points=sum(len(face.ring_angles) for face in faces_to_cut(lens)),
         grids=grids,
         sha256=hashes,
@@ -217,7 +218,7 @@ def _make(lens: Lens, part: Part) -> Iterator[Fact]:
             mould = f"{SURFACES_FILE}, {mould}"
         note = (
             f"{mould} are those of the mould: the lens times {scale} about the origin; lens.step, lens.stl, lens.3mf, "
-            "section, dimensions, volume and wall are of the moulded lens"
+            "drawing, dimensions, volume and wall are of the moulded lens"
         )
         yield Fact("shrinkage", "Shrinkage", shop.shrinkage, note=note, digits=12)
 

@@ -5,7 +5,7 @@ it.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
@@ -166,19 +166,30 @@ _OF_FACES = {  # said of the first face alone
 }
 
 
-def new_text(content: Mapping[str, Any], derived: Mapping[str, str], title: str, possible: str) -> str:
-    """TOML of ``content``, its ``derived`` values as comments with the reasons under their dotted names."""
+def new_text(
+    content: Mapping[str, Any], derived: Mapping[str, str], title: str, possible: str, of_lens: Sequence[str] = ()
+) -> str:
+    """TOML of ``content``, its ``derived`` values as comments with the reasons under their dotted names.
+
+    ``of_lens``: what its lens may have besides, a commented line each.
+    """
     first = next((face for face, fields in content["lens"].items() if isinstance(fields, Mapping)), "")
     notes = _NOTES | {f"lens.{first}.{field}": words for field, words in _OF_FACES.items()}
+    options = {**_OPTIONS, "lens": [*_OPTIONS["lens"], *of_lens]}
     head = _HEAD.format(schema=SCHEMA_FILE, title=title, possible=possible)
-    return "\n".join([head + _line("name", content["name"], ""), *_sections(content, derived, notes)]) + "\n"
+    return "\n".join([head + _line("name", content["name"], ""), *_sections(content, derived, notes, options)]) + "\n"
 
 
-def _sections(content: Mapping[str, Any], derived: Mapping[str, str], notes: Mapping[str, str]) -> Iterator[str]:
+_Options = Mapping[str, Sequence[str]]  # commented lines of a section, by its name
+
+
+def _sections(
+    content: Mapping[str, Any], derived: Mapping[str, str], notes: Mapping[str, str], options: _Options
+) -> Iterator[str]:
     for section, value in content.items():
         for table in _tables(value):
             yield f"\n[{section}]" if table is value else f"\n[[{section}]]"
-            yield from _section(section, table, derived, notes)
+            yield from _section(section, table, derived, notes, options)
 
 
 def _tables(value: object) -> list[Mapping[str, Any]]:
@@ -186,7 +197,11 @@ def _tables(value: object) -> list[Mapping[str, Any]]:
 
 
 def _section(
-    section: str, table: Mapping[str, Any], derived: Mapping[str, str], notes: Mapping[str, str]
+    section: str,
+    table: Mapping[str, Any],
+    derived: Mapping[str, str],
+    notes: Mapping[str, str],
+    options: _Options,
 ) -> Iterator[str]:
     """Lines of a table; the tables within it follow, as TOML has it."""
     for field, value in table.items():
@@ -196,8 +211,8 @@ def _section(
         elif not _tables(value):
             yield _line(field, value, notes.get(name, ""))
     far = section == "target" and "distance_mm" not in table
-    yield from (f"# {words}" for words in _OPTIONS.get(section, ()) if not far)
-    yield from _sections({f"{section}.{name}": value for name, value in table.items()}, derived, notes)
+    yield from (f"# {words}" for words in options.get(section, ()) if not far)
+    yield from _sections({f"{section}.{name}": value for name, value in table.items()}, derived, notes, options)
 
 
 def _line(field: str, value: object, comment: str, before: str = "") -> str:

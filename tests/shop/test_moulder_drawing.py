@@ -95,7 +95,7 @@ def measured() -> dict[str, tuple[tuple[float, float], tuple[float, float]]]:
         return (corner[0], -corner[1]), corner
 
     return {
-        "outer apex above z = 0": ((0.0, -rim[1]), (high, 0.0)),
+        "apex of the exit above z = 0": ((0.0, -rim[1]), (high, 0.0)),
         "apex of the cavity above z = 0": ((0.0, -rim[1]), (low, 0.0)),
         "thickness on the axis": ((low, 0.0), (high, 0.0)),
         "outer rim in z = 0, along x": across(rim),

@@ -78,7 +78,7 @@ def test_the_sizes_of_creases_are_those_of_spheres_that_meet():
     )
     found = {each.name: each.value_mm for each in dimensions(lens)}
     rim = 2.0 * np.sqrt(144.0 - (267.0 / 82.0 - 6.0) ** 2)
-    assert found["width of the dome"] == pytest.approx(rim, abs=1e-9), "widest at its crease"
+    assert found["width of the lens"] == pytest.approx(rim, abs=1e-9), "widest at its crease"
     lens = OfSpheres(faces, spec, 0, CHECKED)
     (seen,) = (
         line.points for line in section_view(lens, "S", 0.0).lines if np.abs(line.points[:, 0] - 0.51).max() < 1e-9
