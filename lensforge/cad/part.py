@@ -226,7 +226,11 @@ def held_by(spec: Spec) -> str:
 def part_facts(part: Part) -> list[Group]:
     """One group on solid and files, and one on the plate."""
     density = part.lens.spec.lens.density
-    words = {"source": "" if density is None else density.source, "turned": _turned(part), "held": held_by(part.lens.spec)}
+    words = {
+        "source": "" if density is None else density.source,
+        "turned": _turned(part),
+        "held": held_by(part.lens.spec),
+    }
     table = facts_of(part, _FILES, judged=part.criteria, **words)
     spec, alone = part.lens.spec, ("volume", "mass")
     if spec.plate is not None or not spec.all_lamps.is_single or spec.photometry.lenses > 1:

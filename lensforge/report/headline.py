@@ -202,7 +202,9 @@ def required_facts(results: Results, possible: LimitBounds | None = None) -> lis
     ]
     check = results.find(Check)
     shape = [*_selected(groups, _SHAPE), *([] if check is None else shape_facts(check, groups))]
-    drafts = [] if check is not None and check.mould is not None else [f"{name}_draft" for name in results.lens.surfaces]
+    drafts = (
+        [] if check is not None and check.mould is not None else [f"{name}_draft" for name in results.lens.surfaces]
+    )
     if_limited = _selected(groups, ("thickest", *drafts))
     moulded = [fact for group in groups if group.key == "mould" for fact in group.facts if fact.notice]
     return [*limits, *light, *shape, *(fact for fact in if_limited if fact.limit is not None), *moulded]

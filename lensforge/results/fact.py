@@ -128,7 +128,8 @@ class Fact:
         """Limit as text, with the tolerance where the value keeps it by that alone."""
         if self.limit is None:
             return NOTHING
-        exact = self.tolerance == 0.0 or not self.holds or replace(self, tolerance=0.0).judged(self.standard_error).holds
+        bare = replace(self, tolerance=0.0).judged(self.standard_error or 0.0)
+        exact = self.tolerance == 0.0 or not self.holds or bare.holds
         within = "" if exact else f", within {quantity(self.tolerance, self.unit, digits=2)}"
         return f"{limit_text(self.sense, self.limit, self.unit, self.digits)}{within}"
 

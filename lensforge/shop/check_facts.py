@@ -84,7 +84,13 @@ def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
 
 _FACE = (
     Row("{name}_reached", "{Tip} reaches", "cutter.reachable_fraction", "of the face, radius {cutter.radius_mm}", "%"),
-    Row("{name}_concave", "Min. concave radius", "curvature.smallest_concave_radius_mm", "in any direction{of}", none="none"),
+    Row(
+        "{name}_concave",
+        "Min. concave radius",
+        "curvature.smallest_concave_radius_mm",
+        "in any direction{of}",
+        none="none",
+    ),
     Row("{name}_layers", "Layer steps", "layer_step_um", "between the layers of the print"),
 )
 _MILLED = (
@@ -138,7 +144,7 @@ def tip_keys(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def shape_facts(check: Check, groups: Iterable[Group]) -> list[Fact]:
-    """What decides if the faces can be made, of the facts in ``groups``: the largest ball or nose of each face.
+    """Facts in ``groups`` that decide if the faces can be made: the largest ball or nose of each face.
 
     Of a moulded part the face that is worst in each of three: the nose of its insert, its draft, what is released.
     """

@@ -119,7 +119,9 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     yield from on_axis[:1]
     yield Dimension("highest point above z = 0", float(highest_point_mm(envelope)[2]), "largest")
     yield from on_axis[1:]
-    yield _circle(f"width of the {'dome' if envelope.faces[0].name == DOUBLE[-1] else 'lens'}", widest_mm(envelope), "largest")
+    yield _circle(
+        f"width of the {'dome' if envelope.faces[0].name == DOUBLE[-1] else 'lens'}", widest_mm(envelope), "largest"
+    )
     sign = "⌀" if is_round(lens) else ""
     second_deg, sections = other_section_deg(lens), list[tuple[float, ViewName]]([(0.0, "S")])
     if second_deg is not None:

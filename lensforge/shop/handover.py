@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field, PlainSerializer
 
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
-from lensforge.results.numerals import quantity
 from lensforge.results.files import require_own, write_file
+from lensforge.results.numerals import quantity
 from lensforge.shop.check_result import Findings
 
 HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
@@ -47,8 +47,9 @@ class Handover(Record):
 
     ``name``: of the design. ``html``: the page. ``pdf``, ``dxf``: the drawing. ``points_csv``: table for a measuring
     machine. ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one. ``points``: number of points in
-    the table. ``scale``: of the mould's faces against the lens's, where the points are of these; None: of the lens. ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name,
-    except page and PDF; the page lists them. ``refused``: verdicts of the check that do not hold.
+    the table. ``scale``: of the mould's faces against the lens's, where the points are of these; None: of the lens.
+    ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name, except page
+    and PDF; the page lists them. ``refused``: verdicts of the check that do not hold.
     """
 
     name: Text

@@ -65,7 +65,9 @@ def mould_facts(mould: Mould, check: Check, spec: Spec) -> Iterator[Fact]:
     yield _parting(mould.parting)
     yield _gate(mould, spec)
     if mould.upright:
-        yield Fact("upright", "Without draft", upright_words(mould), note="keep it short, or agree on it with the moulder")
+        yield Fact(
+            "upright", "Without draft", upright_words(mould), note="keep it short, or agree on it with the moulder"
+        )
     yield _inner_corners(check, mould, spec)
     thickest, thinnest = mould.thickest.diameter_mm, check.min_wall_mm
     yield Fact("thickest_ball", "Thickest place", thickest, "mm", note="diameter of the largest inscribed ball")

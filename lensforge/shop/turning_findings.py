@@ -45,7 +45,9 @@ def _nose(name: str, tool: TurningTool, spec: Spec) -> Fact:
     else:
         fits = "fits" if within(radius_mm, "<=", largest_mm, tolerance) else "does not fit"
         tightest = quantity(largest_mm, "mm", digits=4)
-        reason = f"a nose of {nose} radius {fits} the meridian of the {name} face, whose min. concave radius is {tightest}"
+        reason = (
+            f"a nose of {nose} radius {fits} the meridian of the {name} face, whose min. concave radius is {tightest}"
+        )
     again = design_again("concave_radius_mm", radius_mm, spec, name) if spec.manufacture.cuts == "lens" else ""
     smaller = "" if largest_mm is None else f"manufacture.nose_radius_mm = {rounded_down_mm(largest_mm)}"
     return finding_on("nose", name, radius_mm, largest_mm, reason, [again, smaller], tolerance)

@@ -12,6 +12,7 @@ from in_this_process import lensforge
 
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
+from lensforge.search.start_faces import start_faces
 from lensforge.spec import load_spec, parse_spec
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.lens_section import LensShape
@@ -84,6 +85,18 @@ def test_the_kind_of_lens_suits_the_light(light: str, kind: str) -> None:
     if light == "beam:12":
         bounds = [float(each) for each in re.findall(r"([0-9.]+) % with a ", errors)]
         assert bounds == [92.3, 88.4, 86.1], "total reflection, a reflector, two faces"
+
+
+@pytest.mark.parametrize("radius_mm", [2.0, 10.0])
+def test_a_new_moulded_lens_has_the_line_of_a_flange_that_fits_it(radius_mm: float) -> None:
+    """Without its # it is one that the lens has room for; a lens of two faces takes none, and has no line."""
+    light = ("--source", f"square:{radius_mm / 10.0}", "--target", "beam:20", "--max-radius", str(radius_mm))
+    _, text, _ = lensforge("new", *light, "--lens", "tir", "--cutter", "mould")
+    spec = parse_spec(tomllib.loads(text.replace("# flange = {", "flange = {")), "lamp")
+    assert parse_spec(tomllib.loads(text), "lamp").lens.rim_flange is None and spec.lens.rim_flange is not None
+    assert "flange" in start_faces(spec)
+    for others in (("--lens", "double", "--cutter", "mould"), ("--lens", "tir", "--cutter", "none")):
+        assert "flange" not in lensforge("new", *light, *others)[1]
 
 
 def test_a_lens_that_has_no_room_is_not_advised() -> None:

@@ -1,16 +1,21 @@
 """The top of the page: verdict, criteria, cards, and stages that are missing or out of date."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from page_text import text_of
 from result_folders import criterion, evaluate_arrays, finding, make_folder, make_results, small_lens, text_target
+from tir_lenses import spot
 
+from lensforge.cad.part import held_by
 from lensforge.cli.conclusion import _manufacture, _of_mould, _title
 from lensforge.report.headline import headline, required_facts
 from lensforge.report.stored import load_results
-from lensforge.results import Metric
-from lensforge.shop.check_result import InscribedBall, Mould, PartingLine
+from lensforge.results import Fact, Group, Metric
+from lensforge.results.criteria import at_least
+from lensforge.shop.check_facts import shape_facts
+from lensforge.shop.check_result import InscribedBall, Mould, MouldedFace, PartingLine
 
 
 def test_a_verdict_that_is_no_pass_comes_with_its_reason():
@@ -71,6 +76,40 @@ def test_what_a_moulder_would_ask_stands_at_the_top_and_on_the_screen(ratio, gat
         assert [label for label in labels if label in of_mould] == told
     look = f"; look at: {', '.join(told).lower()}" if told else ""
     assert _title("cutting", "pass", _of_mould(replace(results, found=found))) == f"Manufacture: pass{look}"
+
+
+def test_of_a_moulded_lens_the_worst_face_stands_at_the_top():
+    """The smallest nose, the least of the draft over what is asked, the least released; not a row for each face."""
+    check = make_results(("design", "check")).check
+    face = MouldedFace(upper_fraction=1.0, lower_fraction=0.0, undercut_fraction=0.0, draft_deg=3.0)
+    mould = SimpleNamespace(faces={"inner": face, "outer": face})
+    facts = [
+        Fact("inner_nose", "", "any", "mm", limit=0.5), Fact("outer_nose", "", 0.7, "mm", limit=0.5),
+        Fact("inner_draft", "", 1.9, "°", limit=1.0), Fact("outer_draft", "", 2.5, "°", limit=2.0),
+        Fact("inner_drawn", "", 99.0, "%"), Fact("outer_drawn", "", 100.0, "%"), Fact("other", "", 0.0),
+    ]  # fmt: skip
+    groups = [Group("any", "", tuple(facts))]
+    moulded = check.model_copy(update={"mould": mould})
+    assert [fact.key for fact in shape_facts(moulded, groups)] == ["outer_nose", "outer_draft", "inner_drawn"]
+    assert [fact.key for fact in shape_facts(check, groups)] == ["inner_nose", "outer_nose"]
+
+
+def test_a_limit_that_is_kept_by_its_tolerance_alone_shows_it():
+    for value, text in ((-0.0004, "≥ 0 deg, within 0.01 deg"), (0.0004, "≥ 0 deg"), (-0.5, "≥ 0 deg")):
+        assert at_least("side draft margin", value, 0.0, "deg", "", 0.01).required == text
+    assert at_least("side draft margin", 28.0, 0.0, "deg", "").label.endswith(
+        "counted to 30° at most, above its minimum"
+    )
+
+
+@pytest.mark.parametrize(
+    ("base", "flange", "words"),
+    [("none", False, ""), ("none", True, ", flange included"), ("cylinder", False, ", base included")],
+)
+def test_only_a_base_that_there_is_counts_as_included(base, flange, words):
+    spec = spot(**({"flange": {"diameter_mm": 20.0, "thickness_mm": 1.0}} if flange else {}))
+    made = {"kind": base} if base == "none" else {"kind": base, "diameter_mm": 14.0, "height_mm": 2.0}
+    assert held_by(spec.replace(base=made)) == words
 
 
 @pytest.mark.parametrize(("aim", "shown"), [("pattern", ["nmse", "share_in_target"]), ("share", ["share_in_target"])])

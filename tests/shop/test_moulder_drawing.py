@@ -19,13 +19,16 @@ from lensforge.cad.form_error import fit_lens
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.results import Fact
 from lensforge.scene.lens import Lens
+from lensforge.shop.check_facts import check_facts
 from lensforge.shop.check_result import Check, as_finding
 from lensforge.shop.datums import datum_scheme
 from lensforge.shop.dimensions import Dimension, dimensions
 from lensforge.shop.drawing import DrawingContent, SheetName, drawing_content, make_sheet
+from lensforge.shop.mould_facts import mould_facts
+from lensforge.shop.mould_halves import mould_of
 from lensforge.shop.profile_table import equation
 from lensforge.shop.sheet import Sheet
-from lensforge.shop.sheet_tables import tolerance_table
+from lensforge.shop.sheet_tables import optical_table, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf
 from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
@@ -294,6 +297,51 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
 def drawing_content_of_spheres() -> DrawingContent:
     part, check = bare_part()
     return drawing_content(part.lens, part, check, [], tolerance_table(part.lens), part.lens.spec.drawing)
+
+
+def test_figures_of_the_faces_are_the_parts_though_the_record_is_of_an_insert_that_is_larger() -> None:
+    lens, part = flanged(), bare_part()[0]
+    own, insert = check_of(lens), check_of(lens)
+    for name, face in own.faces.items():
+        sphere = face.best_fit_sphere.changed(
+            radius_mm=1.006 * face.best_fit_sphere.radius_mm, pv_mm=1.006 * face.best_fit_sphere.pv_mm
+        )
+        larger = face.changed(best_fit_sphere=sphere, area_mm2=1.006**2 * face.area_mm2)
+        insert.__pydantic_extra__[name] = larger
+    insert = insert.model_copy(update={"scale": 1.006})
+    of_part, of_insert = (optical_table(lens, part, each, lens.spec.drawing) for each in (own, insert))
+    assert of_part == of_insert
+    (first,) = re.findall(r"best-fit R ([0-9.]+)", of_insert.columns["wall"]["shape"])
+    assert float(first) == pytest.approx(own.faces["wall"].best_fit_sphere.radius_mm, abs=5.1e-4)
+    told = {fact.key: fact.note for group in check_facts(insert, lens.spec) for fact in group.facts}
+    for key in ("sphere", "departure", "departure_rms", "area", "concave"):
+        assert "of the mould insert" in told[f"wall_{key}"], key
+    cut = {fact.key: fact.note for group in check_facts(own, flanged(manufacture={}).spec) for fact in group.facts}
+    assert not any("insert" in note for note in cut.values())
+
+
+def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> None:
+    """From the wall to the underside, and from the top to the exit, as the corners in the STEP have it."""
+    lens, found = flanged(), measured()
+    mould = mould_of(lens, fit_lens(lens))
+    (under, _), (top, _) = found["thickness of the rim's flange"]
+    (wall, radius), (exit_, _) = (
+        found["crease of flange and wall, along x, above z = 0"][1],
+        found["crease of exit and flange, along x"][1],
+    )
+    found = [(each.low_mm, each.high_mm) for each in mould.upright]
+    assert found == [pytest.approx((wall, under), abs=1e-5), pytest.approx((top, exit_), abs=1e-5)]
+    assert [each.radius_mm for each in mould.upright] == pytest.approx([radius] * 2, abs=1e-5)
+    words = (
+        f"cylinder ⌀{2.0 * radius:.3f} beside the flange, z = {wall:.3f} to {under:.3f} and {top:.3f} to {exit_:.3f} mm"
+    )
+    told = {fact.key: fact.value for fact in mould_facts(mould, check_of(lens), lens.spec)}
+    assert told["upright"] == words
+    part, check = bare_part()[0].model_copy(update={"lens": lens}), check_of(lens).model_copy(update={"mould": mould})
+    notes = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens), lens.spec.drawing).notes
+    assert f"Without draft: {words}." in notes
+    bare = mould_of(spot_lens(), fit_lens(spot_lens()))
+    assert bare.upright == () and "upright" not in {fact.key for fact in mould_facts(bare, check, lens.spec)}
 
 
 def test_findings_are_on_the_drawing_where_they_do_not_hold_and_matter() -> None:

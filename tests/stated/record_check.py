@@ -88,7 +88,7 @@ def mould_record(case, names):
     return {
         "faces": faces, "parting": {key: list(each) if key == "places" else each for key, each in line.items()},
         "thickest": {"diameter_mm": (diameter, 4e-3 * diameter), "centre_mm": [...] * 3},
-        "gate": "plate" if case.lens["spec"]["plate"] else "base",
+        "upright": [], "gate": "plate" if case.lens["spec"]["plate"] else "base",
         "cooling_s": None if seconds is None else (seconds, 1e-2 * seconds),
     }  # fmt: skip
 

@@ -27,11 +27,12 @@ def dimensions_of(lens: dict) -> Iterator[tuple[str, float]]:
     top = max(part.extreme(lambda s, f, part=part: part.at(s, f)[0][..., 2]) for part in body.envelope)
     wide = 2 * max(across_mm(part) for part in body.envelope)
     axis = np.array([[0.0, 0.0, 1.0]])
+    apex, width = ("outer apex", "dome") if "outer" in body.parts else ("apex of the exit", "lens")
     if "mouth" not in body.parts:
         outer, inner = (float(body.radius(parts, axis)[0]) for parts in (body.envelope, body.cavity))
-        yield from (("outer apex above z = 0", outer), ("apex of the cavity above z = 0", inner))
+        yield from ((f"{apex} above z = 0", outer), ("apex of the cavity above z = 0", inner))
         yield "thickness on the axis", outer - inner
-    yield from (("highest point above z = 0", top), ("width of the dome", wide))
+    yield from (("highest point above z = 0", top), (f"width of the {width}", wide))
     for name, start in (("x", 0.0), ("y", np.pi / 2)):
         ways = start + np.array([0.0, np.pi])
         flat = directions(np.full(2, np.pi / 2), ways)
@@ -79,7 +80,7 @@ def test_every_dimension(file: Path) -> None:
 
 @pytest.mark.parametrize("name", ["cup", "plate"])
 def test_faces_on_the_drawing(case: Callable[[str], Case], name: str) -> None:
-    """Sphere, departure, aperture between the creases, and area of each face as it is cut."""
+    """Sphere, departure, aperture between the creases, and area of each face of the part, whatever is cut."""
     own = case(name)
     check, part, lens = own.results["check"], own.results["export"], lf.load_lens(own.folder / "lens.json")
     body, told = PageBody(own.lens), 0
@@ -89,11 +90,11 @@ def test_faces_on_the_drawing(case: Callable[[str], Case], name: str) -> None:
         told, words = told + 1, " ".join(column.values())
         assert column["title"].lower().startswith(f"{face} face")
         stated = {key: float(re.search(rf"{key} ?(-?[\d.]+)", words)[1]) for key in ("best-fit R", "PV", "aperture: ⌀")}
-        record = own.json("check")[face]
-        assert stated["best-fit R"] == pytest.approx(record["best_fit_sphere"]["radius_mm"], abs=6e-4)
-        assert stated["PV"] == pytest.approx(record["best_fit_sphere"]["pv_mm"], abs=6e-4)
+        record, scale = own.json("check")[face], own.json("check")["scale"]
+        assert stated["best-fit R"] == pytest.approx(record["best_fit_sphere"]["radius_mm"] / scale, abs=6e-4)
+        assert stated["PV"] == pytest.approx(record["best_fit_sphere"]["pv_mm"] / scale, abs=6e-4)
         assert stated["aperture: ⌀"] == pytest.approx(2.0 * across_mm(body.parts[face]), abs=6e-4)
-        assert f"{record['area_mm2']:.1f} mm²" in words
+        assert f"{record['area_mm2'] / scale**2:.1f} mm²" in words
     assert told == len(check.faces)
 
 
