@@ -24,6 +24,7 @@ from lensforge.shop.check_result import Check, as_finding
 from lensforge.shop.datums import datum_scheme
 from lensforge.shop.dimensions import Dimension, dimensions
 from lensforge.shop.drawing import DrawingContent, SheetName, drawing_content, make_sheet
+from lensforge.shop.handover import Handover
 from lensforge.shop.mould_facts import mould_facts
 from lensforge.shop.mould_halves import mould_of
 from lensforge.shop.profile_table import equation
@@ -363,3 +364,10 @@ def test_findings_are_on_the_drawing_where_they_do_not_hold_and_matter() -> None
     (cut,) = open_findings(flanged(manufacture={}), draft, ball)
     assert cut == f"{told}; cap face, ball reaches the face: no, 1.25 deg (required ≤ 1 deg)."
     assert open_findings(lens, *[draft] * 5)[0].endswith("; 2 more.")
+
+
+def test_the_screen_says_of_what_the_points_are() -> None:
+    bare = dict.fromkeys(("html", "pdf", "dxf", "points_csv"), b"")
+    for scale, words in ((1.006, "for a measuring machine, of the mould: the lens times 1.006"), (None, "machine")):
+        made = Handover(name="a lens", points=5, scale=scale, grids=(), sha256={}, refused=(), **bare)
+        assert made.facts.fact("points").note.endswith(words)
