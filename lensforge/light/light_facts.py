@@ -41,6 +41,7 @@ class Attainable(NamedTuple):
 
 LimitBounds = Mapping[tuple[str, float], Attainable]  # by a limit's name and bound
 _OF_POSSIBLE = 0.9  # of the efficiency: less deserves a look; the shipped specs have 0.78 to 1.00
+_OF_WANTED = 0.1  # of a wanted beam angle: a beam that differs by more deserves a look
 _LIGHT = {"cd": "luminous intensity", "W/sr": "radiant intensity", "lx": "illuminance", "W/m²": "irradiance"}
 
 
@@ -344,15 +345,11 @@ def _judged_planes(spec: Spec) -> Iterator[float]:
                 yield limit.azimuth_deg % 180.0
 
 
-_OF_WANTED = 0.1  # of a wanted beam angle: a beam that differs by more deserves a look
-
-
 def _wanted(spec: Spec) -> dict[float, float]:
     """Beam angle (deg) that the target of one lamp wants in a plane C (deg); none where it wants another light."""
     receiver = spec.all_receivers[0]
-    upright = receiver.facing == (0.0, 0.0, 1.0) and receiver.rotation_deg == 0.0
-    match receiver.targets:
-        case [BeamTarget(centre=(0.0, 0.0), rotation_deg=0.0) as target] if upright and len(spec.all_lamps) == 1:
+    match receiver.facing, receiver.rotation_deg, len(spec.all_lamps), receiver.targets:
+        case (0.0, 0.0, 1.0), 0.0, 1, [BeamTarget(centre=(0.0, 0.0), rotation_deg=0.0) as target]:
             return dict(zip((0.0, 90.0), target.sides("fwhm"), strict=True))
     return {}
 
@@ -372,8 +369,8 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     direction, start = photometry.peak_direction, f"{whose}; " if whose else ""
     source = f"{start}for {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
     taken = ", whose flux is not stated" if photometry.per_1000_lm else ""
-    plate = "" if spec.plate is None else "; as if none entered other lenses of the plate (verify --stray)"
-    yield Fact.measured("exit_lm", "Luminous flux", photometry.exit_lm, f"{source}{taken}{plate}")
+    taken += "" if spec.plate is None else "; as if none entered other lenses of the plate (verify --stray)"
+    yield Fact.measured("exit_lm", "Luminous flux", photometry.exit_lm, f"{source}{taken}")
     at = f"at C {quantity(direction.c_deg, '°', digits=4)}, gamma {quantity(direction.gamma_deg, '°', digits=3)}"
     yield Fact.measured("peak_cd", "Peak intensity", photometry.peak_cd, f"{start}{at}")
     yield Fact.measured("axis_cd", "Intensity on the axis", photometry.axis_cd)

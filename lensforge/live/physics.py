@@ -12,7 +12,7 @@ from lensforge.results.chart import light_unit
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.scene_check import SceneCheck, image_rad, light_requirements
-from lensforge.search.start_faces import Stroke
+from lensforge.search.start_faces import TargetStroke
 from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.spec_files import plain
 
@@ -46,7 +46,7 @@ def bounds(spec: Spec) -> dict[str, object]:
             unit = light.unit if light.bounds is None else ""
             figures = {"possible": light.possible, "required": light.required, "unit": unit}
             rows.append({"name": f"{led} {name}".strip(), **figures, "words": light.possible_words})
-    return {"rows": rows, "image_rad": image_rad(spec), "narrow_rad": Stroke.of(spec).width_rad}
+    return {"rows": rows, "image_rad": image_rad(spec), "narrow_rad": TargetStroke.of(spec).width_rad}
 
 
 def lens_kinds(spec: Spec) -> dict[str, object]:

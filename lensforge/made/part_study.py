@@ -288,7 +288,7 @@ class LedStudy:
         )
 
     def limit_changes(self, part: MeasuredPart) -> Iterator[LimitChange]:
-        """What decides on each limit of the spec in ``part``, and its change from the lens as designed."""
+        """The value that decides on each limit of the spec in ``part``, and its change from the lens as designed."""
         if not part.limits:
             return
         judged = zip(self._limit_names, self.designed_light.limits, part.limits, strict=True)

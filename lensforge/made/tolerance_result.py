@@ -39,7 +39,7 @@ _MOST_ROWS = 200  # bars of a plot; the study has 34 errors at most, of 21 toler
 
 
 class LimitChange(Record):
-    """What decides on a limit of the spec, by its name: with a tolerance at its end, and its change by that."""
+    """The value that decides on a limit of the spec, with a tolerance at its end, and its change by that."""
 
     name: Text
     value: Metric

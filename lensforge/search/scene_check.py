@@ -28,7 +28,7 @@ from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
-from lensforge.search.start_faces import Stroke, start_faces
+from lensforge.search.start_faces import TargetStroke, start_faces
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
@@ -256,7 +256,7 @@ class SceneCheck:
 
     def _blur(self) -> Iterator[str]:
         """A line where the image of the LED is wider than any stroke of the target."""
-        wide, image = Stroke.of(self.spec).width_rad, image_rad(self.spec)
+        wide, image = TargetStroke.of(self.spec).width_rad, image_rad(self.spec)
         if image > wide:
             larger_mm = rounded_up(image * self.spec.constraints.max_radius_mm / wide)
             yield (
@@ -267,7 +267,7 @@ class SceneCheck:
 
     def _raster(self) -> Iterator[str]:
         """A line where the pixels of the search are too wide for the target."""
-        across, settings = Stroke.of(self.spec).pixels, self.spec.optimise
+        across, settings = TargetStroke.of(self.spec).pixels, self.spec.optimise
         if across < _LEAST_ACROSS:
             enough = ceil(_LEAST_ACROSS / across * settings.pixels)
             more = (

@@ -70,15 +70,15 @@ class AngularSize:
 
 
 @dataclass(frozen=True)
-class Stroke:
+class TargetStroke:
     """Width of the broadest stroke of some light, by the largest circle in it: as seen from the lens, and in pixels."""
 
     width_rad: float
     pixels: float
 
     @staticmethod
-    def of(spec: Spec) -> "Stroke":
-        """That of the light that the first receiver wants, in pixels of the search."""
+    def of(spec: Spec) -> "TargetStroke":
+        """The broadest stroke of the light that the first receiver wants, in pixels of the search."""
         from scipy.ndimage import distance_transform_edt
 
         receiver = receivers_of(spec, spec.evaluate.pixels)[0]
@@ -90,7 +90,7 @@ class Stroke:
         across = widths.reshape(rows, times, columns, times).max(axis=(1, 3)) / times
         sides = [np.linalg.norm(np.gradient(pixel_directions(receiver), axis=axis), axis=2) for axis in (0, 1)]
         seen = across * np.sqrt(sides[0] * sides[1])
-        return Stroke(float(seen.max()), float(across.max()) * spec.optimise.pixels / spec.evaluate.pixels)
+        return TargetStroke(float(seen.max()), float(across.max()) * spec.optimise.pixels / spec.evaluate.pixels)
 
 
 def beam_of(spec: Spec) -> Beam:

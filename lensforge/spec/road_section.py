@@ -313,11 +313,11 @@ def road_warnings(
     planes = [each for each in receivers if isinstance(each, PlaneReceiver) and each.facing[:2] == (0.0, 0.0)]
     if not planes or len(heights) != 1:
         return
-    height, name, away = max(heights), planes[0].name, [1e-3 * each.distance_mm for each in planes]
+    height, away = max(heights), [1e-3 * each.distance_mm for each in planes]
     if all(abs(each / height - 1.0) > _SAME for each in away):
         yield (
-            f"receivers: {name} lies {away[0]:g} m below the lamps, pole_height_m of the roads is {height:g}; give it "
-            f"centre_mm with z = {1e3 * height:g}, unless another plane is meant"
+            f"receivers: {planes[0].name} lies {away[0]:g} m below the lamps, pole_height_m of the roads is {height:g}; give "
+            f"it centre_mm with z = {1e3 * height:g}, unless another plane is meant"
         )
 
 
