@@ -316,7 +316,7 @@ def road_warnings(
     height, away = max(heights), [1e-3 * each.distance_mm for each in planes]
     if all(abs(each / height - 1.0) > _SAME for each in away):
         yield (
-            f"receivers: {planes[0].name} lies {away[0]:g} m below the lamps, pole_height_m of the roads is {height:g}; "
+            f"receivers: {planes[0].name} lies {away[0]:g} m below the lamps, pole_height_m of roads is {height:g}; "
             f"give it centre_mm with z = {1e3 * height:g}, unless another plane is meant"
         )
 
