@@ -41,5 +41,5 @@ def test_the_plane_below_lies_as_far_as_the_poles_are_high(height_mm: float, sai
     found = _said(_spec(height_mm))
     assert len(found) == said
     if said:
-        assert "receivers: ground lies 9 m below the lamps, pole_height_m of the roads is 8" in found[0]
+        assert "receivers: ground lies 9 m below the lamps, pole_height_m of roads is 8" in found[0]
         assert "z = 8000" in found[0]
