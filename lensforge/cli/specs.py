@@ -14,7 +14,7 @@ from click.shell_completion import CompletionItem
 from lensforge.cli.options import with_force
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
-from lensforge.report.new_scene import CUTTERS, NewScene, millimetres
+from lensforge.report.new_scene import CUTTERS, USUAL_CUTTER, NewScene, millimetres
 from lensforge.results.files import require_writable, write_file
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, receiver_beside, source_in, target_in
@@ -25,7 +25,6 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
     from lensforge.search.lens_advice import LensAdvice
 
 _MATERIAL = "PMMA"
-_CUTTER = "1"
 _BESIDE = click.FloatRange(-90.0, 90.0)
 _MOST_ALIKE = 4  # examples that a new spec names
 
@@ -55,7 +54,7 @@ def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter
 @click.option("--max-radius", type=click.FloatRange(1e-6, 1e9), help="Largest radius of the lens in mm.")
 @click.option("--lens", type=click.Choice([*LensShape.kinds]), help="Kind; default: the one that suits the light.")
 @click.option("--material", help=f"One of {', '.join(MATERIALS)}; default: {_MATERIAL}.")
-@click.option("--cutter", metavar="CUTTER", help=f"What the shop needs: {CUTTERS}; default: {_CUTTER}.")
+@click.option("--cutter", metavar="CUTTER", help=f"What the shop needs: {CUTTERS}; default: what the lens allows.")
 @with_force
 def new(
     spec: Path | None,
@@ -85,7 +84,7 @@ def new(
             raise InputError(f"--material {material}: no light enters a lens of kind {kind!r}; leave it out")
     elif material is None:
         material = _asked("--material", "material", str, _MATERIAL) if _at_terminal() else _MATERIAL
-    shop = cutter or (_asked("--cutter", CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
+    shop = cutter or (_asked("--cutter", CUTTERS, str, USUAL_CUTTER) if _at_terminal() else None)
     folder = Path() if spec is None else spec.parent
     made = scene.of_material(material)
     text = made.text(kind, shop, folder, _alike(kind, scene.light), force=force, warn=_told)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
 Tables = dict[str, Any]  # of a spec, by their names
 
 _OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
+USUAL_CUTTER = "1"  # mm
 CUTTERS = "radius of the shop's ball cutter in mm, which a lens that is turned takes none of, mould, or none"
 
 
@@ -117,19 +118,24 @@ class NewScene:
         return {"name": self.name, **{name: deepcopy(table) for name, table in tables.items() if table is not None}}
 
     def text(
-        self, kind: str, cutter: str, folder: Path, examples: str, *, force: bool, warn: Callable[[str], object]
+        self, kind: str, cutter: str | None, folder: Path, examples: str, *, force: bool, warn: Callable[[str], object]
     ) -> str:
         """TOML of the spec with derived values, after the check of what is possible. Raises :class:`InputError`.
 
-        ``cutter``: one of the :data:`CUTTERS`. ``examples``: names of shipped specs that are alike. Files are named as
-        from ``folder``. ``warn`` is called with a line for each doubt.
+        ``cutter``: one of the :data:`CUTTERS`; None for the usual ball, or a mould where no ball reaches. ``examples``:
+        names of shipped specs that are alike. Files are named as from ``folder``. ``warn`` is called with a line for
+        each doubt.
         """
         from lensforge.search.lens_advice import light_shape
         from lensforge.search.scene_check import SceneCheck
 
         shape = light_shape(self._spec(self.content(kind)))
-        process = self._spec(self.content(kind, shape=shape)).manufacture.process
-        content = self.content(kind, _limits_of(cutter, process), shape)
+        unlimited = self._spec(self.content(kind, shape=shape))
+        process, lens = unlimited.manufacture.process, unlimited.lens
+        if cutter is None and process == "milled" and lens.has_creases and not lens.is_opaque:
+            warn("no ball reaches the inner edges of this lens: it has the limits of a mould; --cutter selects others")
+            cutter = "mould"
+        content = self.content(kind, _limits_of(cutter or USUAL_CUTTER, process), shape)
         made = self._spec(content)
         room_mm = made.manufacture.tool_radius_mm + made.constraints.min_thickness_mm + 0.02  # it is rounded up
         has_base = made.base.kind not in ("none", "step") and any(map(made.is_cut, made.lens.names))

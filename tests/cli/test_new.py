@@ -87,6 +87,23 @@ def test_the_kind_of_lens_suits_the_light(light: str, kind: str) -> None:
         assert bounds == [92.3, 88.4, 86.1], "total reflection, a reflector, two faces"
 
 
+@pytest.mark.parametrize(
+    ("more", "process"),
+    [
+        (("--lens", "tir"), "moulded"),
+        (("--lens", "tir", "--cutter", "0.5"), "milled"),
+        (("--lens", "double"), "milled"),
+        (("--lens", "reflector"), "turned"),
+    ],
+)
+def test_a_lens_with_inner_edges_is_for_a_mould_unless_a_ball_is_given(more: tuple[str, ...], process: str) -> None:
+    light = ("--source", "square:1", "--target", "rectangle:200x150@500", "--tilt", "30", "--max-radius", "14")
+    code, text, errors = lensforge("new", *light, *more)
+    assert code == 0, errors
+    assert parse_spec(tomllib.loads(text), "lamp").manufacture.process == process
+    assert ("no ball reaches the inner edges" in errors) == (process == "moulded")
+
+
 @pytest.mark.parametrize("radius_mm", [2.0, 10.0])
 def test_a_new_moulded_lens_has_the_line_of_a_flange_that_fits_it(radius_mm: float) -> None:
     """Without its # it is one that the lens has room for; a lens of two faces takes none, and has no line."""
