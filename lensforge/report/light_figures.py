@@ -98,6 +98,12 @@ def irradiance_map(
     return figure
 
 
+def with_level(figure: Figure, level: float) -> Figure:
+    """The ``figure`` of a map with a line across its colour bar at ``level``, in the unit of the bar."""
+    figure.axes[1].axhline(level, color="white", linewidth=1.2)
+    return figure
+
+
 @in_report_style
 def seen_lens(seen: SeenLens, unit: LightUnit) -> Figure:
     """The lens as an eye sees it with its outline, in false colour from 0 to its brightest spot, which has a circle."""

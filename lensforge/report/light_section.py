@@ -159,7 +159,7 @@ def first_picture(results: Results) -> PagePicture | None:
         top, whose = (peak, "its own") if hot else (_ABOVE * wanted, "the target\u2019s")
         figure = light_figures.irradiance_map(light.map, light.chart, top, target, unit=unit, width=_FIRST, frame=frame)
         if hot:
-            figure.axes[1].axhline(unit.per_watt * wanted, color="white", linewidth=1.2)
+            figure = light_figures.with_level(figure, unit.per_watt * wanted)
         level = " Line on the scale: the target\u2019s peak." if hot else ""
         cut = "" if frame == light.chart else " Cut to the lit part of the receiver."
         caption = f"Simulated {unit.quantity} {shown.place}. {_SEEN} Line: the target at half its peak.{level}{cut}"
