@@ -195,7 +195,7 @@ class DesignProgress:
 
     def on_step(self, step: Step) -> None:
         """Show a gradient step; where there is no terminal, write a line for each level that the spec names."""
-        self._clock.show(f"level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f} with ray noise")
+        self._clock.show(f"level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f}")
         left = self._left(step)
         if left is not None:
             self._clock.expect(left, at_least=not self._of_steps)

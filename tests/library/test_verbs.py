@@ -167,7 +167,7 @@ def test_a_search_reports_and_stops(other: lf.Design, tmp_path: Path) -> None:
         (lambda: lf.rays(7), "give the path of a ray file"),
         (lambda: lf.sweep(small_spec(), "constraints.max_radius", [7.0, 8.0]), "no such field"),
         (lambda: lf.tradeoff(small_spec(), most_rays=3), "most_rays = 3"),
-        (lambda: lf.compare("a", on="b"), "compare: give a Light"),
+        (lambda: lf.compare("a", on="b"), "compare: give one of two"),
         (lambda: lf.RaySource([[0.0] * 7]), "one of them is (0, 0, 0)"),
     ],
 )

@@ -119,7 +119,8 @@ def test_the_lines_of_eulumdat(tmp_path):
     assert lines[1:7] == ["3", "0", "24", "15", "37", "2.5"]
     assert lines[9] == "L 1" and lines[11].startswith("2026-03-01; standard error")
     write_photometric(tmp_path / "y.ldt", replace(file, issued=""))
-    assert (tmp_path / "y.ldt").read_text(encoding="ascii").split("\n")[11] == "", "a remark alone is no date"
+    undated = (tmp_path / "y.ldt").read_text(encoding="ascii").split("\n")[11]
+    assert undated.startswith("no date; standard error") and read_photometric(tmp_path / "y.ldt").issued == ""
     planes, gammas = 24, 37  # each line holds one value: C without 360, gamma, and an intensity for each pair
     assert len([line for line in lines[42:] if line]) == planes + gammas + planes * gammas
     back = read_photometric(tmp_path / "x.ldt")

@@ -468,7 +468,29 @@ def colour_fact(key):
 
 
 def limit_fact(case, place):
-    entry = evaluation(case, place.stage)[2][place.group]["limits"][place.number]
+    return of_limit(evaluation(case, place.stage)[2][place.group]["limits"][place.number])
+
+
+def worst_of_roads(case, place):
+    """Of each figure that classes ask for, and each side of its limit, the road, lane or edge nearest to it."""
+    names, worst = tuple(f"{road['name']}: " for road in case.lens["spec"]["roads"]), {}
+    for entry in evaluation(case, place.stage)[2][place.group]["limits"]:
+        if entry["name"].startswith(names):
+            figure = "edge ratio" if entry["name"].endswith("edge ratio") else entry["name"].rpartition(": ")[2]
+            part = entry["value"]["value"] / entry["bound"]
+            worst.setdefault((figure, entry["sense"]), []).append((part if entry["sense"] == "<=" else 1 / part, entry))
+    return of_limit(max(list(worst.values())[place.number], key=lambda each: each[0])[1])
+
+
+def traffic_of(road):
+    lanes = f"{road['lanes']} lane{'s' * (road['lanes'] > 1)}"
+    if road["lighting_class"].startswith("P"):
+        return lanes
+    one_way = {1: "one way", 2: "both one way"}.get(road["lanes"], "all one way")
+    return f"{lanes}, " + (f"{road['oncoming_lanes']} oncoming" if road["oncoming_lanes"] else one_way)
+
+
+def of_limit(entry):
     factor, unit = (100, "%") if entry["quantity"].endswith("share of the flux") else (1.0, None)
     told = judged(entry["value"], entry["sense"], entry["bound"])
     return stated(entry["value"], factor, unit, **told | {"limit": (entry["sense"], factor * entry["bound"])})
@@ -519,6 +541,8 @@ ORACLES = {
     "uniformity": from_receiver("uniformity"), "rsd": from_receiver("rsd"), "peak": from_receiver("in_region", "peak"),
     "colour_u": colour_fact("u"), "colour_v": colour_fact("v"), "cct": colour_fact("cct"), "duv": colour_fact("duv"),
     "rms_delta_uv": colour_fact("rms"), "worst_delta_uv": colour_fact("worst"), "limit": limit_fact, "way": way_fact,
+    "of_road": worst_of_roads, "traffic": lambda case, place: Expected("; ".join(dict.fromkeys(
+        f"{road['lighting_class']}, {traffic_of(road)}" for road in case.lens["spec"]["roads"]))),
     "rays": from_first("rays"), "pixels": pixels_fact, "file_origin": led_place("file", "at_mm"),
     "led_position": led_place("position_mm"), "led_tilt": led_place("tilt_deg"),
     "raw_nmse": from_first("receivers", 0, "raw", "nmse"), "noise_nmse": from_first("receivers", 0, "nmse_of_noise"),

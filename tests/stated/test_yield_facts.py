@@ -116,7 +116,7 @@ def expected_flux(study: Any) -> Expected:
         for f in fluxes
     ]  # fmt: skip
     enough = [f for f, share in zip(fluxes, found, strict=True) if share >= 0.95]
-    return Expected("no flux") if not enough else Expected(f"× {min(enough):.4g}")
+    return Expected("none is enough") if not enough else Expected(f"× {min(enough):.4g}")
 
 
 def expected_first(study: Any, fact: Fact, group: Group) -> Expected:

@@ -48,7 +48,7 @@ _LORL, _FACTOR, _TILT, _SETS = 22, 23, 24, 25
 _COUNT, _KIND, _LUMENS, _COLOUR, _RENDERING, _WATTS = range(_LINES_PER_SET)  # lines of a set of lamps
 _LINEAR = 2.0  # type of a linear luminaire
 _TEXT = 78  # characters of a line of text
-_REMARK = "; "  # between date and remark
+_REMARK, _UNDATED = "; ", "no date"  # between date and remark; before a remark without a date
 _FEW_LM = 100.0  # of lamps whose watts are not known; of others, 1 lm/W: less is no lamp, but thousands may be meant
 
 
@@ -107,7 +107,7 @@ def decode(text: str, name: str) -> PhotometricFile:
         test=lines[_TEST].strip(),
         catalogue=lines[_NUMBER].strip(),
         file_name=lines[_FILE].strip(),
-        issued=date,
+        issued="" if date == _UNDATED else date,
         remarks=(remark,) if remark else (),
         generated=UNDEFINED,
         method="",
@@ -160,7 +160,8 @@ def encode(photometric: PhotometricFile) -> str:
     kind = _LINEAR if photometric.linear else 1 if revolution else 3
     opening, count = photometric.opening, max(photometric.lamps[0].count, 1)
     first = replace(photometric.lamps[0], lumens=None if photometric.per_1000_lm else lumens)
-    date_and_remark = _REMARK.join((photometric.issued, *photometric.remarks[:1])) if photometric.issued else ""
+    date_and_remark = _REMARK.join((photometric.issued or _UNDATED, *photometric.remarks[:1]))
+    date_and_remark = "" if date_and_remark == _UNDATED else date_and_remark
     lines = [
         _text(photometric.maker), f"{kind:g}", "1" if revolution else "0", str(len(planes)),
         _step(planes), str(len(table.gamma_deg)), _step(table.gamma_deg), _text(photometric.test),
