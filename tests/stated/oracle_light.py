@@ -477,7 +477,7 @@ def worst_of_roads(case, place):
     for entry in evaluation(case, place.stage)[2][place.group]["limits"]:
         if entry["name"].startswith(names):
             figure = "edge ratio" if entry["name"].endswith("edge ratio") else entry["name"].rpartition(": ")[2]
-            part = entry["value"]["value"] / entry["bound"]
+            part = entry["value"]["value"][0] / entry["bound"]
             worst.setdefault((figure, entry["sense"]), []).append((part if entry["sense"] == "<=" else 1 / part, entry))
     return of_limit(max(list(worst.values())[place.number], key=lambda each: each[0])[1])
 
