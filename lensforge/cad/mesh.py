@@ -41,8 +41,8 @@ _CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid 
 # one; but the pi of 1,493 functions, whose faces take splines of 214 nodes, uses 1.6 of the limit with 128 rings and
 # 0.56 with 160, and the lens for two distances, with 226 nodes and a valley of 0.1 mm in 40 mm, 1.14 with 181 and 0.72
 # with 208. A lens of 45 nodes for three LEDs uses 1.15 of it with 55 rings, 0.48 with 68 and a twentieth more facets.
-# Quickstart of four seeds uses 0.65 to 0.79 with 1.22 rings a node, 0.47 to 0.56 with 1.35 and a sixth more facets; one
-# seed in some twenty failed. Facets nearer to the face do not help: with half of their distance 0.52 to 0.64.
+# Quickstart of four seeds uses 0.65 to 0.79 with 1.22 rings a node, 0.47 to 0.57 with 1.35 and a fifth more facets.
+# Facets nearer to the face help less: with half of their distance two of these seeds use 0.52 and 0.64.
 MIN_RINGS, MOST_RINGS = 68, 1000  # 1000 are 12 million triangles
 _RINGS_PER_NODE = 1.35  # of the finer face's spline
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from lensforge.cli.conclusion import rows_of
+from lensforge.cli.options import Number
 from lensforge.cli.output import Block, Output, warning_line, with_output
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.road_lighting import RoadJudgement, road_facts, spacing_fact, with_remedies
@@ -30,7 +31,7 @@ _BETTER = 1.2  # a lamp that lights both sides alike is within a few per cent
 )
 @click.option(
     "--street-c",
-    type=click.FloatRange(-360.0, 360.0),
+    type=Number(-360.0, 360.0),
     default=90.0,
     metavar="DEG",
     help="C of the file towards the street: 90 in Europe, often 0 in America, 270 of a lens with its street at +y.",

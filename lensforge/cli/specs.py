@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from lensforge.cli.options import with_force
+from lensforge.cli.options import Number, with_force
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.report.new_scene import CUTTERS, USUAL_CUTTER, NewScene, millimetres
@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
     from lensforge.search.lens_advice import LensAdvice
 
 _MATERIAL = "PMMA"
-_BESIDE = click.FloatRange(-90.0, 90.0)
+_BESIDE = Number(-90.0, 90.0)
 _MOST_ALIKE = 4  # examples that a new spec names
 
 
@@ -51,7 +51,7 @@ def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter
 @click.option(
     "--tilt", "tilt_deg", type=_BESIDE, metavar="DEG", help="Angle of the plane's normal from the axis; of a wall: 90."
 )
-@click.option("--max-radius", type=click.FloatRange(1e-6, 1e9), help="Largest radius of the lens in mm.")
+@click.option("--max-radius", type=Number(1e-6, 1e9), help="Largest radius of the lens in mm.")
 @click.option("--lens", type=click.Choice([*LensShape.kinds]), help="Kind; default: the one that suits the light.")
 @click.option("--material", help=f"One of {', '.join(MATERIALS)}; default: {_MATERIAL}.")
 @click.option("--cutter", metavar="CUTTER", help=f"What the shop needs: {CUTTERS}; default: what the lens allows.")

@@ -252,11 +252,12 @@ class SceneCheck:
                 lines.append(f"{field}: {light.possible_words} {self._through()}; try {light.remedies()}")
             elif light.beside:
                 lines.append(f"{field}: off the axis; try {LEVELS}")
-        return (*(lines or self._blur()), *self._raster())
+        stroke = TargetStroke.of(self.spec)
+        return (*(lines or self._blur(stroke)), *self._raster(stroke))
 
-    def _blur(self) -> Iterator[str]:
+    def _blur(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the image of the LED is wider than any stroke of the target."""
-        wide, image = TargetStroke.of(self.spec).width_rad, image_rad(self.spec)
+        wide, image = stroke.width_rad, image_rad(self.spec)
         if image > wide:
             larger_mm = rounded_up(image * self.spec.constraints.max_radius_mm / wide)
             yield (
@@ -265,9 +266,9 @@ class SceneCheck:
                 "source or a wider target"
             )
 
-    def _raster(self) -> Iterator[str]:
+    def _raster(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the pixels of the search are too wide for the target."""
-        across, settings = TargetStroke.of(self.spec).pixels, self.spec.optimise
+        across, settings = stroke.pixels, self.spec.optimise
         if across < _LEAST_ACROSS:
             enough = ceil(_LEAST_ACROSS / across * settings.pixels)
             more = (

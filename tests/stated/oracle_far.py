@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 import page_road
 from crooked import Expected
-from oracle_light import kinds_in, traffic_of
+from oracle_light import kinds_in
 from page_colour import flux_and_efficacy
 from page_figures import RAY, jackknife, largest, metric, plain, scaled, state_of, width_above
 from page_scene import by_fate, exits_of_each, faces_of, lamps_of
@@ -466,7 +466,7 @@ ORACLES = {
     "exit_lm": fact("exit_lm"), "peak_cd": fact("peak_cd"), "axis_cd": fact("axis_cd"),
     "beam_C": plane_fact("beam_angle_deg"), "field_C": plane_fact("field_angle_deg"), "photometry_rays": fact("rays"),
     "road_class": road_fact("lighting_class"), "road": road_limit,
-    "lanes": lambda case, place: Expected(traffic_of(case.lens["spec"]["roads"][place.group])),
+    "lanes": lambda case, place: Expected(page_road.traffic_of(case.lens["spec"]["roads"][place.group])),
     "road_q": road_q, "road_lx": road_fact("mean_lx"),
     "road_least_lx": road_fact("least_lx"), "surface": road_fact("surface"),
     "power_density": road_fact("power_density"), "yearly_energy": road_fact("yearly_energy"),

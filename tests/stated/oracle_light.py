@@ -21,7 +21,7 @@ from page_figures import (
     width_above,
 )
 from page_light import filtered, raw_nmse
-from page_road import road_limits
+from page_road import road_limits, traffic_of, worst_on
 from page_scene import (
     at_temperature,
     by_fate,
@@ -472,22 +472,8 @@ def limit_fact(case, place):
 
 
 def worst_of_roads(case, place):
-    """Of each figure that classes ask for, and each side of its limit, the road, lane or edge nearest to it."""
-    names, worst = tuple(f"{road['name']}: " for road in case.lens["spec"]["roads"]), {}
-    for entry in evaluation(case, place.stage)[2][place.group]["limits"]:
-        if entry["name"].startswith(names):
-            figure = "edge ratio" if entry["name"].endswith("edge ratio") else entry["name"].rpartition(": ")[2]
-            part = entry["value"]["value"][0] / entry["bound"]
-            worst.setdefault((figure, entry["sense"]), []).append((part if entry["sense"] == "<=" else 1 / part, entry))
-    return of_limit(max(list(worst.values())[place.number], key=lambda each: each[0])[1])
-
-
-def traffic_of(road):
-    lanes = f"{road['lanes']} lane{'s' * (road['lanes'] > 1)}"
-    if road["lighting_class"].startswith("P"):
-        return lanes
-    one_way = {1: "one way", 2: "both one way"}.get(road["lanes"], "all one way")
-    return f"{lanes}, " + (f"{road['oncoming_lanes']} oncoming" if road["oncoming_lanes"] else one_way)
+    every = evaluation(case, place.stage)[2][place.group]["limits"]
+    return of_limit(worst_on(case.lens["spec"]["roads"], every)[place.number])
 
 
 def of_limit(entry):

@@ -237,3 +237,22 @@ def road_limits(spec, receivers, images, efficacy, watts):
                 "name": f"{road['name']}: {name}", "receiver": receivers[number].name, "quantity": quantity,
                 "value": stated, "sense": sense, "bound": bound, "unit": unit, "state": state_of(stated, sense, bound),
             }  # fmt: skip
+
+
+def worst_on(roads, limits):
+    """Of each figure that classes ask for, and each side of its limit, the road, lane or edge nearest to that."""
+    names, worst = tuple(f"{road['name']}: " for road in roads), {}
+    for entry in limits:
+        if entry["name"].startswith(names):
+            figure = "edge ratio" if entry["name"].endswith("edge ratio") else entry["name"].rpartition(": ")[2]
+            part = entry["value"]["value"][0] / entry["bound"]
+            worst.setdefault((figure, entry["sense"]), []).append((part if entry["sense"] == "<=" else 1 / part, entry))
+    return [max(each, key=lambda found: found[0])[1] for each in worst.values()]
+
+
+def traffic_of(road):
+    lanes = f"{road['lanes']} lane{'s' * (road['lanes'] > 1)}"
+    if road["lighting_class"].startswith("P"):
+        return lanes
+    one_way = {1: "one way", 2: "both one way"}.get(road["lanes"], "all one way")
+    return f"{lanes}, " + (f"{road['oncoming_lanes']} oncoming" if road["oncoming_lanes"] else one_way)
