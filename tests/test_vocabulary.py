@@ -104,7 +104,7 @@ def test_the_house_does_not_grow() -> None:
     assert len(list(PACKAGE.glob("*.py"))) <= 6
     assert sum(text.count("dict[str, Any]") for text in texts) <= 32
     assert sum(text.count("# fmt: skip") for text in texts) <= 20
-    assert sum(text.count("\n") for text in tests) <= 64_588
+    assert sum(text.count("\n") for text in tests) <= 64_590
 
 
 def _fields(node: ast.ClassDef) -> set[str]:
