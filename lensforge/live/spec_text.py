@@ -2,7 +2,6 @@
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from lensforge.spec import Spec
 from lensforge.spec.shipped_specs import named_files, shipped_specs
 from lensforge.spec.spec_files import NamedFrom
 from lensforge.spec.spec_section import section_of
+from lensforge.spec.toml_bounds import bounded_tables
 from lensforge.spec.toml_slips import tables_of
 
 _FIELD = re.compile(r"([A-Za-z_][\w-]*(?:\.[\w-]+)*)(?: = |: )")
@@ -91,6 +91,6 @@ def _value(given: object) -> object:
         return given
     words = str(given["toml"]).strip()
     try:
-        return tomllib.loads(f"v = {words}")["v"]
+        return bounded_tables(f"v = {words}")["v"]
     except ValueError:
         return words  # the spec says what is wrong with it

@@ -1,7 +1,6 @@
 """Edits of a TOML text that keep its comments: one value, by its place, is set, added, or left out."""
 
 import re
-import tomllib
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -10,6 +9,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from lensforge.errors import InputError
+from lensforge.spec.toml_bounds import bounded_tables
 
 Place = tuple[str | int, ...]  # names of tables and of a field; of an entry of a list its number, from 0
 
@@ -20,11 +20,12 @@ def edited(text: str, place: Place, value: object) -> str:
     A value that stands there as a comment, as ``lensforge new`` writes those that are derived, takes its line.
     """
     try:
+        wanted = bounded_tables(text)
         document = tomlkit.parse(_uncommented(text, place) if value is not None else text)
         _set(document, place, value, tomlkit.table, tomlkit.aot)
-        after, wanted = tomlkit.dumps(document), tomllib.loads(text)
+        after = tomlkit.dumps(document)
         _set(wanted, place, value, dict, list)
-        if tomllib.loads(after) == wanted:
+        if bounded_tables(after) == wanted:
             return after
     except (TOMLKitError, KeyError, IndexError, TypeError, ValueError, AttributeError):
         pass
@@ -53,7 +54,7 @@ def _uncommented(text: str, place: Place) -> str:
     line = rf"({header}(?:(?!\[)[^\n]*\n)*?)#\s*({re.escape(str(place[-1]))}\s*=)"
     found = re.sub(line, r"\1\2", text, count=1)
     try:
-        tomllib.loads(found)
+        bounded_tables(found)
     except ValueError:
         return text
     return found

@@ -13,8 +13,11 @@ from typing import Any
 from lensforge.errors import InputError, WrongFields
 from lensforge.results.numerals import unit_in
 from lensforge.results.validation import shortened
+from lensforge.spec.toml_bounds import TooLarge, bounded_tables
 
 _MOST_SLIPS = 20  # in a message
+_MOST_READ_ON = 100_000  # characters of a text that is read again and again, each time with one more slip mended
+_LONGEST_CURED = 1000  # characters of a line that is searched for its cure
 _MOST_COLUMNS = 100  # of a line that is shown
 _BEFORE = 60  # columns of a longer line that stay before the caret
 _PLACE = re.compile(r"\s*\(at (?:line (\d+), column (\d+)|end of document)\)$")
@@ -63,16 +66,17 @@ class _Slip:
 def tables_of(text: str, path: Path) -> dict[str, Any]:
     """The tables of a TOML ``text`` from ``path``; line ends of any system.
 
-    Raises :class:`WrongFields`: a complete line for each slip, and beneath it the place; :class:`InputError` for tables
-    within tables within tables.
+    Raises :class:`WrongFields`: a complete line for each slip, and beneath it the place; :class:`InputError` for a text
+    that is larger, or nested deeper, than any spec.
     """
     lines = re.split(r"\r\n|\n|\r", text)
+    most = _MOST_SLIPS if len(text) <= _MOST_READ_ON else 1
     slips: list[_Slip] = []
-    while len(slips) < _MOST_SLIPS:
+    while len(slips) < most:
         try:
-            tables = tomllib.loads("\n".join(lines))
-        except RecursionError:
-            raise InputError(f"{path}: not readable as TOML (nested too deep)") from None
+            tables = bounded_tables("\n".join(lines))
+        except TooLarge as error:
+            raise InputError(f"{path}: {error}") from None
         except ValueError as error:
             slips.append(_slip(lines, str(error)))
         else:
@@ -104,7 +108,8 @@ def _slip(lines: list[str], message: str) -> _Slip:
         return _repeated(lines, number)
     for each in (number, number - 1):
         line = lines[each - 1] if 1 <= each <= len(lines) else ""
-        cure = _cure(line) if line.strip() and not _reads(line) else None
+        curable = line.strip() and len(line) <= _LONGEST_CURED and not _reads(line)
+        cure = _cure(line) if curable else None
         if cure is not None:
             return _Slip(each, min(column, len(line) + 1) if each == number else len(line) + 1, line, *cure)
     line = lines[number - 1] if number <= len(lines) else ""

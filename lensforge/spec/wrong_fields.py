@@ -18,6 +18,8 @@ from lensforge.spec.spec_fields import all_sections, sections_in, words_of
 from lensforge.spec.toml_slips import cured_number
 
 _MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause
+_MOST_ERRORS = 1000  # that are looked at
+_MOST_HINTS = 10  # names like another are searched among all of the spec's: 800 unknown ones took seconds
 _MOST_CHARACTERS = 480  # of what is wrong in a line
 _LIKENESS = 0.77  # of two names: "diametre_mm" and "diameter_mm" have 0.9, "cone" and "none" 0.75
 _NO_HINT = "known here: "
@@ -60,22 +62,25 @@ class _FieldPlace:
 def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> WrongFields:
     """All wrong fields of what ``origin`` names, a table that ``root`` describes."""
     errors = error.errors(include_url=False)
-    entries = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
+    every = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
+    entries = every[:_MOST_ERRORS]
     unknown = [each for each in entries if each["type"] == "extra_forbidden"]
     meant, lines = set[str](), list[str]()
-    for entry in unknown:
+    for number, entry in enumerate(unknown):
         place = _place(entry["loc"], root)
-        hint, instead = _hint(place, root)
+        hint, instead = _hint(place, root) if number < _MOST_HINTS else ("", "")
         meant.add(instead)
-        value = None if hint.startswith(_NO_HINT) else entry["input"]  # of another file's field: not for a message
-        lines.append(_line(origin, place.name, value, f"unknown; {hint}"))
-    for place, group in _by_place([entry for entry in entries if entry not in unknown], root):
+        told = hint and not hint.startswith(_NO_HINT)
+        value = entry["input"] if told else None  # of another file's field: not for a message
+        lines.append(_line(origin, place.name, value, "; ".join(filter(None, ("unknown", hint)))))
+    for place, group in _by_place([entry for entry in entries if entry["type"] != "extra_forbidden"], root):
         if not (group[0]["type"] == "missing" and place.name in meant):
             words = " or ".join(dict.fromkeys(_problem(each, place) for each in group))
             name = f"{place.name}.kind".lstrip(".") if group[0]["type"] == _KINDS[0] else place.name
             value = group[0]["ctx"]["tag"] if group[0]["type"] == _KINDS[0] else group[0]["input"]
             lines.append(_line(origin, name, None if group[0]["type"] == "missing" else value, words))
-    more = [f"{origin}: {len(lines) - _MOST_LINES} more wrong fields"] if len(lines) > _MOST_LINES else []
+    left = len(lines) - _MOST_LINES + len(every) - len(entries)
+    more = [f"{origin}: {left} more wrong fields"] if len(lines) > _MOST_LINES else []
     return WrongFields("\n".join([*lines[:_MOST_LINES], *more]))
 
 
