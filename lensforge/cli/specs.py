@@ -3,8 +3,7 @@
 import json
 import shlex
 import sys
-import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +11,14 @@ import click
 from click.shell_completion import CompletionItem
 
 from lensforge.cli.options import Number, with_force
+from lensforge.cli.nearest_examples import nearest_examples
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.report.new_scene import CUTTERS, USUAL_CUTTER, NewScene, millimetres
 from lensforge.results.files import require_writable, write_file
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, receiver_beside, source_in, target_in
-from lensforge.spec.shipped_specs import first_sentence, named_files, shipped_folder, shipped_specs
+from lensforge.spec.shipped_specs import first_sentence, named_files, shipped_specs
 from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
 
 if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
@@ -26,7 +26,6 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
 
 _MATERIAL = "PMMA"
 _BESIDE = Number(-90.0, 90.0)
-_MOST_ALIKE = 4  # examples that a new spec names
 
 
 def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
@@ -87,7 +86,7 @@ def new(
     shop = cutter or (_asked("--cutter", CUTTERS, str, USUAL_CUTTER) if _at_terminal() else None)
     folder = Path() if spec is None else spec.parent
     made = scene.of_material(material)
-    text = made.text(kind, shop, folder, _alike(kind, scene.light), force=force, warn=_told)
+    text = made.text(kind, shop, folder, nearest_examples(kind, scene.light), force=force, warn=_told)
     if spec is None:
         click.echo(text, nl=False)
     else:
@@ -115,7 +114,7 @@ def _suitable(advice: "LensAdvice") -> tuple[str, str]:
 
     if _at_terminal():
         return _asked("--lens", f"kind of lens, one of {kinds} ({advice.words})", chosen, advice.advised), ""
-    return advice.advised, f"lensforge: lens: {advice.words}; {advice.advised} is used; --lens selects another"
+    return advice.advised, f"lensforge: lens: {advice.words}; {advice.why}; --lens selects another"
 
 
 def _asked(option: str, words: str, read: Callable[[str], Any], default: str | None = None) -> Any:
@@ -175,25 +174,3 @@ def examples(name: str | None) -> None:
     for path in wanted:
         write_file(path.name, path.read_bytes())
     click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {shlex.quote(wanted[0].name)}")
-
-
-def _alike(kind: str, light: Mapping[str, Any]) -> str:
-    """Names of a few shipped specs with this kind of lens, those for such light first, in a line of a spec."""
-    same, others = list[str](), list[str]()
-    try:
-        paths = sorted(shipped_folder().glob("*.toml"))
-    except InputError:  # an installation without any
-        return ""
-    for path in paths:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-        if content.get("lens", {}).get("kind", LensShape.usual_kind) == kind:
-            (same if _light_in(content) == _light_in(light) else others).append(path.stem)
-    names = [*same, *others][:_MOST_ALIKE]
-    return f"\n# Shipped examples of a {LensShape.kinds[kind].title}: {', '.join(names)}." if names else ""
-
-
-def _light_in(content: Mapping[str, Any]) -> tuple[object, ...]:
-    """Kinds of a spec's target and of its receiver, and whether that is tilted."""
-    receiver = content.get("receivers", [{}])[0]
-    target = receiver.get("targets", [content.get("target", {})])[0]
-    return target.get("kind"), receiver.get("kind"), "tilt_deg" in receiver

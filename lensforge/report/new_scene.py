@@ -1,6 +1,6 @@
 """Spec of ``lensforge new``: from a light, an LED and a size to the tables of a spec, and to its checked text."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -118,12 +118,12 @@ class NewScene:
         return {"name": self.name, **{name: deepcopy(table) for name, table in tables.items() if table is not None}}
 
     def text(
-        self, kind: str, cutter: str | None, folder: Path, examples: str, *, force: bool, warn: Callable[[str], object]
+        self, kind: str, cutter: str | None, folder: Path, examples: Sequence[str], *, force: bool, warn: Callable[[str], object]
     ) -> str:
         """TOML of the spec with derived values, after the check of what is possible. Raises :class:`InputError`.
 
         ``cutter``: one of the :data:`CUTTERS`; None for the usual ball, or a mould where no ball reaches. ``examples``:
-        names of shipped specs that are alike. Files are named as from ``folder``. ``warn`` is called with a line for
+        names of shipped specs, the nearest first. Files are named as from ``folder``. ``warn`` is called with a line for
         each doubt.
         """
         from lensforge.search.lens_advice import light_shape
@@ -153,7 +153,9 @@ class NewScene:
             if "file" in table:
                 table["file"] = _relative(attrgetter("file")(read).resolve(), folder)
         title = f"{made.source.title}; target: {section.targets[0].description} {section.place}"
-        possible = f"Target: {scene.targets[0].possible_words}, {made.lens.title} of largest radius.{examples}"
+        possible = f"Target: {scene.targets[0].possible_words}, {made.lens.title} of largest radius."
+        if examples:
+            possible += f"\n# Nearest shipped examples: {', '.join(examples)}."
         return new_text(content, reasons, title[:1].upper() + title[1:], possible, list(_flange_for(made)))
 
     def _spec(self, content: Tables) -> Spec:

@@ -48,10 +48,14 @@ class LensOption:
 
 @dataclass(frozen=True)
 class LensAdvice:
-    """The kinds of lens for some light, by their names, and the one that is ``advised``."""
+    """The kinds of lens for some light, by their names, and the one that is ``advised``.
+
+    ``shares``: bounds of those that suit its shape over the largest of them, the simplest kind first.
+    """
 
     options: Mapping[str, LensOption]
     advised: str
+    shares: Mapping[str, float]
 
     @staticmethod
     def of(specs: Mapping[str, Spec], source: Source, shape: LightShape) -> "LensAdvice":
@@ -62,14 +66,23 @@ class LensAdvice:
         }
         suitable = {kind: each for kind, each in options.items() if shape in each.kind.draws} or options
         most = max(each.possible for each in suitable.values())
-        advised = next(kind for kind, each in suitable.items() if each.possible >= _NEAR * most)
-        return LensAdvice(options, advised)
+        shares = {kind: each.possible / most if most > 0.0 else 1.0 for kind, each in suitable.items()}
+        advised = next(kind for kind, share in shares.items() if share >= _NEAR)
+        return LensAdvice(options, advised, shares)
 
     @property
     def words(self) -> str:
         """The bounds of all kinds in words, the largest first."""
         ordered = sorted(self.options.values(), key=lambda each: -each.possible)
         return f"upper bound {', '.join(each.words for each in ordered)}"
+
+    @property
+    def why(self) -> str:
+        """Words on the choice: of the kinds that suit the light, their shares of the largest bound."""
+        if len(self.shares) == 1:
+            return f"{self.advised} is used, the only kind that suits this light"
+        ratios = ", ".join(f"{kind} has {share:.4g}" for kind, share in self.shares.items())
+        return f"{self.advised} is used, the simplest with {_NEAR:g} of the largest bound or more: {ratios}"
 
 
 def _turned(target: Requirement) -> float:

@@ -15,8 +15,7 @@ import tomli_w
 from lensforge.errors import InputError
 from lensforge.spec.derived_values import receiver_of
 from lensforge.spec.emitter_section import EmitterSection
-from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.spec_fields import words_of
+from lensforge.spec.lens_section import LensShape
 from lensforge.spec.spec_reference import SCHEMA_FILE
 from lensforge.spec.target_sections import TargetSection
 
@@ -144,7 +143,6 @@ _OPTIONS["target"] = _OPTIONS["receivers.targets"] = [
 _READ = "read from behind the receiver; mirrored = true: from the lens's side, as a wall"
 _MEASURED = "measured: 99 % of the ray file's flux starts inside"
 _NOTES = {
-    "lens.levels": '"auto" refines until the error stops improving',
     "lens.material": "its index by wavelength comes from the catalogue",
     "source.origin": "the file's virtual focus lies at the lens origin",
     **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),
@@ -156,10 +154,14 @@ _NOTES = {
     "tolerances.preset": "of parts that are moulded",
     "base.height_mm": "the radius of the ball and a wall, at least",
     "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
-    "constraints.max_radius_mm": words_of(ConstraintsSection, "max_radius_mm").split(".")[0].lower(),
 }
 
 
+_RADIUS = {  # by whether it is about the axis
+    True: "outer radius of the lens, from its axis",
+    False: "outer radius of the lens, from the origin: so the height, too",
+}
+_LEVELS = {True: "refined until the error stops improving", False: "functions that shape its faces further"}  # "auto"
 _OF_FACES = {  # said of the first face alone
     "concave_radius_mm": "no concave radius below that of the ball that mills it",
     "draft_deg": "no undercut, as seen from the tool or the mould's other half",
@@ -175,6 +177,9 @@ def new_text(
     """
     first = next((face for face, fields in content["lens"].items() if isinstance(fields, Mapping)), "")
     notes = _NOTES | {f"lens.{first}.{field}": words for field, words in _OF_FACES.items()}
+    shape = LensShape.kinds[content["lens"].get("kind", LensShape.usual_kind)]
+    notes["constraints.max_radius_mm"] = _RADIUS[shape.radius_about_axis]
+    notes["lens.levels"] = _LEVELS[content["lens"].get("levels") == "auto"]
     options = {**_OPTIONS, "lens": [*_OPTIONS["lens"], *of_lens]}
     head = _HEAD.format(schema=SCHEMA_FILE, title=title, possible=possible)
     return "\n".join([head + _line("name", content["name"], ""), *_sections(content, derived, notes, options)]) + "\n"

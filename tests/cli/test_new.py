@@ -25,7 +25,7 @@ LAMP = ("--source", "disc:1", "--target", "rectangle:200x150@300", "--max-radius
 
 def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:
     code, _, errors = lensforge("new", tmp_path / "lamp.toml", *LAMP)
-    assert code == 0 and "double is used; --lens selects another" in errors
+    assert code == 0 and "; double is used, the simplest with 0.97 of the largest bound or more: double has" in errors
     text = (tmp_path / "lamp.toml").read_text(encoding="utf-8")
     assert text.startswith("#:schema ./lensforge.schema.json\n") and "upper bound 90" in text
     assert json.loads((tmp_path / "lensforge.schema.json").read_text(encoding="utf-8")) == spec_schema()
@@ -138,7 +138,7 @@ def test_a_new_spec_of_every_kind_is_valid_and_names_examples(kind: str, tmp_pat
     assert all((face.concave_radius_mm, face.draft_deg) == (0.7, 0.0) for face in shaped)
     assert spec.base.kind == ("cylinder" if kind == "double" else "none"), "a wall over a base could not be moulded"
     text = (tmp_path / "new.toml").read_text(encoding="utf-8")
-    (named,) = re.findall(r"# Shipped examples of a .*: (.*)\.", text)
+    (named,) = re.findall(r"# Nearest shipped examples: (.*)\.", text)
     assert all(load_spec(EXAMPLES / f"{name}.toml").lens.kind == kind for name in named.split(", "))
     assert text.count("no concave radius below") == bool(shaped) and text.count("concave_radius_mm = 0.7") == len(
         shaped
@@ -154,7 +154,7 @@ def test_a_wall_beside_the_axis_is_a_receiver_in_its_place_and_takes_a_lens_that
     assert code == 0 and "; double is used" in errors and spec.lens.kind == "double" and spec.target is None
     assert plane.centre_mm == pytest.approx(shipped.centre_mm) and plane.facing == pytest.approx(shipped.facing)
     assert (plane.width_mm, plane.targets[0].width_mm, plane.targets[0].height_mm) == (480.0, 320.0, 240.0)
-    assert "wall_washer" in next(line for line in output.splitlines() if "Shipped examples" in line)
+    assert "wall_washer" in next(line for line in output.splitlines() if "Nearest shipped" in line)
     code, output, errors = lensforge("new", *light, "--max-radius", "14", "--lens", "reflector")
     assert code == 0 and parse_spec(tomllib.loads(output), "wall").lens.levels == (25, 81)
     words = "light to one side takes two faces, --lens double; a reflector has a larger error there"
@@ -171,6 +171,56 @@ def test_a_reflector_has_no_material() -> None:
     light = ("--source", "square:1.5", "--target", "beam:20", "--max-radius", "12", "--lens", "reflector")
     code, _, errors = lensforge("new", *light, "--material", "PC")
     assert code == 2 and "--material PC: no light enters a lens of kind 'reflector'; leave it out" in errors
+
+
+def test_the_ratio_behind_the_choice_of_a_kind_is_said() -> None:
+    """On each side of 0.97 of the largest bound: 60 × 40 cm at 1 m takes total reflection, 90 × 60 cm two faces."""
+    said = {}
+    for size in ("600x400", "900x600"):
+        light = ("--source", "square:1", "--target", f"rectangle:{size}@1000", "--max-radius", "14")
+        _, output, errors = lensforge("new", *light)
+        bounds = {words: float(value) for value, words in re.findall(r"([0-9.]+) % with a ([a-z-]+)", errors)}
+        (ratio,) = re.findall(r"double has ([0-9.]+), tir has 1", errors)
+        assert float(ratio) == pytest.approx(bounds["double-freeform"] / bounds["lens"], abs=1e-3)
+        said[parse_spec(tomllib.loads(output), "lamp").lens.kind] = float(ratio)
+    assert said["tir"] < 0.97 <= said["double"]
+    _, _, errors = lensforge("new", *light[:2], "--target", "cross:200x60@150", *light[4:])
+    assert "double is used, the only kind that suits this light; --lens" in errors
+
+
+@pytest.mark.parametrize(
+    ("light", "kind", "nearest"),
+    [
+        ("rectangle:600x400@2000", "double", "rectangle"),
+        ("rectangle:1000x700@400", "double", "fixed_step_face"),
+        ("cross:200x60@150", "double", "plus"),
+        ("beam:60x25", "double", "elliptical_beam"),
+        ("beam:20", "tir", "flashlight"),
+    ],
+)
+def test_the_nearest_example_is_named_first(light: str, kind: str, nearest: str) -> None:
+    """The same light, with nothing besides, of the nearest size: not the first by the alphabet, a backlight."""
+    _, text, _ = lensforge("new", "--source", "square:1", "--target", light, "--max-radius", "14", "--lens", kind)
+    (named,) = re.findall(r"# Nearest shipped examples: (.*)\.", text)
+    assert named.split(", ")[0] == nearest
+
+
+@pytest.mark.parametrize(("kind", "place"), [("double", "from the origin"), ("tir", "axis"), ("reflector", "axis")])
+def test_the_largest_radius_is_said_as_this_kind_of_lens_has_it(kind: str, place: str) -> None:
+    _, text, _ = lensforge("new", "--source", "square:1", "--target", "beam:20", "--max-radius", "14", "--lens", kind)
+    (said,) = (line for line in text.splitlines() if line.startswith("max_radius_mm"))
+    assert place in said and ("height" in said) == (kind == "double") and "total" not in said
+    (levels,) = re.findall("(?m)^levels = .*", text) or [""]
+    assert ('"auto"' in levels) == ("refined" in levels) == (kind == "double")
+
+
+@pytest.mark.parametrize(("radius_mm", "base"), [(24, (25.4, 2.0)), (24.1, (43.38, 3.0125)), (30, (54.0, 3.75))])
+def test_the_base_of_a_large_lens_is_wider_than_it(radius_mm: float, base: tuple[float, float]) -> None:
+    """1.8 radii wide and an eighth of one high beyond 24 mm, up to where the usual one holds the cavity."""
+    light = ("--source", "square:1", "--target", "rectangle:600x400@1000", "--lens", "double", "--cutter", "none")
+    _, text, _ = lensforge("new", *light, "--max-radius", radius_mm)
+    made = parse_spec(tomllib.loads(text), "lamp").base
+    assert (made.diameter_mm, made.height_mm) == pytest.approx(base)
 
 
 def test_the_size_of_a_new_spec_can_be_changed_by_hand() -> None:
