@@ -12,8 +12,8 @@ from lensforge.cli.options import (
     ACCURACY,
     DEVICE,
     OPEN,
-    RAYS,
     SCHEDULER,
+    SEARCH_RAYS,
     SEED,
     SPEC,
     THREADS,
@@ -60,7 +60,7 @@ _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 
 @click.option("--resume", is_flag=True, help="Continue from the checkpoint of an interrupted design.")
 @with_force
 @click.option("--starts", metavar="N", type=WholeNumber(1, 1000), default=1, help="Searches; the best is kept.")
-@RAYS
+@SEARCH_RAYS
 @THREADS
 @SCHEDULER
 @DEVICE

@@ -12,6 +12,7 @@ from lensforge.cli.interrupts import Interrupts
 from lensforge.errors import InputError
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.spec import Spec
+from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.part_section import Process
 
 if TYPE_CHECKING:
@@ -72,6 +73,14 @@ SPEC = click.argument("spec", type=_FILE)
 OPEN = click.option("--open", "shown", is_flag=True, help="Open the page or picture in the desktop's own program.")
 RAYS = click.option(
     "--rays", type=WholeNumber(1, 2**28), metavar="N", help="Number of rays, such as 1e6; default: by spec or preset."
+)
+_OF_PRESETS = ", ".join(f"{preset.design_rays} {name}" for name, preset in PRESETS.items())
+SEARCH_RAYS = click.option(
+    "--rays",
+    type=WholeNumber(64, 2**24),
+    metavar="N",
+    help=f"Rays of each step of the search with given lens.levels, such as 2e4; by preset: {_OF_PRESETS}, a quarter of "
+    "that for faces of revolution. The light of the finished lens keeps evaluate.rays.",
 )
 THREADS = click.option("--threads", metavar="N", type=WholeNumber(1, 256), help="Threads; default: all cores.")
 SCHEDULER = click.option(

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from lensforge.cli.options import Number, with_force
 from lensforge.cli.nearest_examples import nearest_examples
+from lensforge.cli.options import Number, with_force
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.report.new_scene import CUTTERS, USUAL_CUTTER, NewScene, millimetres

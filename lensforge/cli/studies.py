@@ -10,8 +10,8 @@ import click
 from lensforge.cli.conclusion import finish_study
 from lensforge.cli.options import (
     ACCURACY,
-    RAYS,
     SCHEDULER,
+    SEARCH_RAYS,
     SEED,
     SPEC,
     THREADS,
@@ -96,7 +96,7 @@ def _require_same_led(folder: Path, led: EmitterSection) -> None:
 @ACCURACY
 @SEED
 @click.option("--resume", is_flag=True, help="Keep the designs that an earlier call finished, and continue.")
-@RAYS
+@SEARCH_RAYS
 @THREADS
 @SCHEDULER
 @with_output

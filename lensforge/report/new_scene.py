@@ -118,13 +118,20 @@ class NewScene:
         return {"name": self.name, **{name: deepcopy(table) for name, table in tables.items() if table is not None}}
 
     def text(
-        self, kind: str, cutter: str | None, folder: Path, examples: Sequence[str], *, force: bool, warn: Callable[[str], object]
+        self,
+        kind: str,
+        cutter: str | None,
+        folder: Path,
+        examples: Sequence[str],
+        *,
+        force: bool,
+        warn: Callable[[str], object],
     ) -> str:
         """TOML of the spec with derived values, after the check of what is possible. Raises :class:`InputError`.
 
         ``cutter``: one of the :data:`CUTTERS`; None for the usual ball, or a mould where no ball reaches. ``examples``:
-        names of shipped specs, the nearest first. Files are named as from ``folder``. ``warn`` is called with a line for
-        each doubt.
+        names of shipped specs, the nearest first. Files are named as from ``folder``. ``warn`` is called with a line
+        for each doubt.
         """
         from lensforge.search.lens_advice import light_shape
         from lensforge.search.scene_check import SceneCheck

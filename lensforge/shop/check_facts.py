@@ -170,7 +170,7 @@ def _largest(name: str, cutter: Cutter, check: Check, state: FactState) -> Fact:
     elif isinstance(cutter, TurningTool):
         does = "radius that fits the concave parts of the meridian"
     else:
-        does = "radius that reaches the whole face"
+        does = "largest ball that reaches the whole face"
     return Fact(
         f"{name}_{cutter.tip}",
         f"Largest {cutter.tip}, {name} face",

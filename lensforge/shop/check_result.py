@@ -77,7 +77,7 @@ class BallClearance(Record):
         ``largest_mm``: None where any ball reaches the face.
         """
         larger = largest_mm is None or largest_mm > shop_mm
-        return f"; base checked with a {shop_mm:g} mm ball" if face in self.faces and larger else ""
+        return f" (base: {shop_mm:g} mm ball)" if face in self.faces and larger else ""
 
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]

@@ -81,9 +81,16 @@ class Handover(Record):
             for grid in self.grids
         )
         refused = (Fact("refused", "Not met", finding.note) for finding in self.refused)
-        mould = "" if self.scale is None else f", of the mould: the lens times {quantity(self.scale, digits=12)}"
-        points = Fact("points", "Points", self.points, note=f"for a measuring machine{mould}")
+        points = Fact("points", "Points", self.points, note=f"for a measuring machine{self._of_inserts}")
         return Group("handover", self.name, (Fact("files", "Files", ", ".join(self.files)), points, *grids, *refused))
+
+    @property
+    def _of_inserts(self) -> str:
+        """Words on the size of a mould's inserts; empty for a part that is cut itself."""
+        if self.scale is None:
+            return ""
+        times = "no shrinkage stated" if self.scale == 1.0 else f"the lens times {quantity(self.scale, digits=12)}"
+        return f": points of the mould inserts ({times})"
 
     def save(self, folder: Path | str) -> None:
         """Write the files into ``folder``.

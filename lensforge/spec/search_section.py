@@ -37,7 +37,7 @@ class ConstraintsSection(Section):
     min_thickness_mm: DerivedMillimetresOrZero = LEFT_OUT
     """Minimum wall along the normal: the shortest distance between the two faces."""
     max_radius_mm: Millimetres
-    """Outer radius of the lens: of two faces from the origin, and so the height, too; of a lens for total internal
+    """Outer radius: of two faces from the origin, and so the height, too; of a lens for total internal
     reflection and of a reflector from the axis.
     """
     max_wall_mm: Millimetres | None = None

@@ -64,7 +64,7 @@ def _metrics(nmse, efficiency, uniformity=None):
     return LightMetrics(**dict(zip(("nmse", "efficiency"), each, strict=True)), uniformity=even, rsd=even)
 
 
-def _sensitivity(**changes):
+def make_sensitivity(**changes):
     row = ErrorRow(
         name="decentre in x", amount=20.0, unit="um",
         metrics=_metrics((0.02013, 4e-4), (0.8475, 1e-3), (0.7, 0.01)),
@@ -78,7 +78,7 @@ def _sensitivity(**changes):
 def every_stage():
     """All stages, all referees, studies, and the measured part."""
     lens = lens_of()
-    more = {"sensitivity": _sensitivity(), "yield": make_yield(lens), "correct_inner": make_correction(lens)}
+    more = {"sensitivity": make_sensitivity(), "yield": make_yield(lens), "correct_inner": make_correction(lens)}
     return _folder((*STAGES, *EXTRAS), lens, more, verify=verified())
 
 
@@ -195,7 +195,7 @@ def other_conditions():
     made = (
         make_light(lens, conditions=cold.model_copy(update={"temperature_c": 55.0})),
         make_proof(lens, **other),
-        _sensitivity(**other),
+        make_sensitivity(**other),
         make_yield(lens).model_copy(update=other),
         make_surface(lens, **other),
         make_correction(lens).model_copy(update=other),

@@ -13,6 +13,7 @@ from lensforge.kernels.compiled import kernel
 from lensforge.results.figure_style import in_report_style, new_figure, to_svg
 from lensforge.results.notebook_html import plot_file
 from lensforge.results.worker import ignore_settings_of_libraries
+from lensforge.version import versions_of
 
 FOREIGN = {"text.usetex": True, "lines.linewidth": 20.0, "axes.facecolor": "red", "axes.grid": True, "pdf.fonttype": 42}
 
@@ -53,3 +54,11 @@ def test_kernels_that_would_not_be_compiled_are_one_line(monkeypatch: pytest.Mon
     monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
     with pytest.raises(InputError, match=r"^NUMBA_DISABLE_JIT = 1: .*; unset it$"):
         kernel(lambda x: x)
+
+
+def test_versions_are_those_of_all_packages_that_are_installed() -> None:
+    """One that is missing, first or between others, hides none behind it; and there is no entry for it."""
+    from importlib.metadata import version
+
+    names = ("no-such-package-0", "numpy", "no-such-package-1", "scipy")
+    assert versions_of(names) == {"numpy": version("numpy"), "scipy": version("scipy")}

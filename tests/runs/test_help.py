@@ -1,11 +1,16 @@
 """The help, and numbers as the command line takes them."""
 
+from pathlib import Path
+
 import click
 import pytest
 from click.testing import CliRunner
 
 from lensforge.cli.cli import cli
 from lensforge.cli.options import WholeNumber
+from lensforge.search.schedule import fixed_schedule
+from lensforge.spec import load_spec
+from lensforge.spec.accuracy import PRESETS
 
 
 def test_the_bare_command_prints_its_help() -> None:
@@ -28,6 +33,22 @@ def test_every_command_says_what_it_does_in_a_line(name: str) -> None:
     done = CliRunner().invoke(cli, [name, "--help"])
     assert done.exit_code == 0 and max(map(len, done.stdout.splitlines())) <= 80
     assert name in OF_TEXT or ("--json" in done.stdout and "--quiet" in done.stdout)
+
+
+@pytest.mark.parametrize("name", ["design", "sweep"])
+def test_the_help_says_which_rays_of_a_search_are_set_and_those_of_each_preset(name: str) -> None:
+    """The numbers are those of the steps of a search with given levels; a TIR lens of revolution takes a quarter."""
+    words = " ".join(CliRunner().invoke(cli, [name, "--help"]).stdout.split())
+    assert "Rays of each step of the search" in words and "1e6" not in words
+    page = (Path(__file__).parents[2] / "docs/choosing.md").read_text(encoding="utf-8")
+    (row,) = [line for line in page.splitlines() if line.startswith("| rays of each step")]
+    assert [int(cell.replace(",", "")) for cell in row.split("|")[2:-1]] == [2**14, 2**16, 2**18]
+    spec = load_spec(Path(__file__).parents[2] / "examples/spot.toml")
+    for preset, rays in zip(("draft", "standard", "reference"), (2**14, 2**16, 2**18), strict=True):
+        assert f"{rays} {preset}" in words
+        assert {stage.rays for stage in fixed_schedule(spec, PRESETS[preset], last_only=False).stages} == {rays // 4}
+    of_spec = spec.replace({"optimise.rays": 20_000})
+    assert {stage.rays for stage in fixed_schedule(of_spec, PRESETS["draft"], last_only=False).stages} == {20_000}
 
 
 @pytest.mark.parametrize(("text", "number"), [("1e6", 10**6), ("2.5E3", 2500), ("1_000", 1000), ("65536", 65536)])

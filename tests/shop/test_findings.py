@@ -79,7 +79,7 @@ def test_tilt_has_the_tolerance_of_angles_and_the_wall_that_of_the_search() -> N
 
 @pytest.mark.parametrize(("largest_mm", "larger"), [(None, True), (0.51, True), (0.5, False), (0.3, False)])
 def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_checked(largest_mm, larger) -> None:
-    words, ball = "; base checked with a 0.5 mm ball", cutter(0.5, largest_mm)
+    words, ball = " (base: 0.5 mm ball)", cutter(0.5, largest_mm)
     for surface, relief in (
         ("outer", BallClearance(faces={"outer": outer()})),
         ("inner", BallClearance(faces={"inner": inner(0.0, 0.0)})),

@@ -368,6 +368,8 @@ def test_findings_are_on_the_drawing_where_they_do_not_hold_and_matter() -> None
 
 def test_the_screen_says_of_what_the_points_are() -> None:
     bare = dict.fromkeys(("html", "pdf", "dxf", "points_csv"), b"")
-    for scale, words in ((1.006, "for a measuring machine, of the mould: the lens times 1.006"), (None, "machine")):
+    inserts = "for a measuring machine: points of the mould inserts"
+    said = {1.006: f"{inserts} (the lens times 1.006)", 1.0: f"{inserts} (no shrinkage stated)"}
+    for scale, words in {**said, None: "for a measuring machine"}.items():
         made = Handover(name="a lens", points=5, scale=scale, grids=(), sha256={}, refused=(), **bare)
-        assert made.facts.fact("points").note.endswith(words)
+        assert made.facts.fact("points").note == words
