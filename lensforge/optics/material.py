@@ -229,6 +229,16 @@ class Absorption:
         return np.interp(wavelengths_nm, self.wavelengths_nm, self.per_mm)
 
 
+def absorption_of(rows: Sequence[Sequence[float]]) -> Absorption | None:
+    """Absorption by rows of wavelength (nm) and 1/mm; None of no rows."""
+    return Absorption(*(tuple(column) for column in zip(*rows, strict=True))) if rows else None
+
+
+def absorption_per_mm(extinction: Waves, wavelengths_nm: Waves) -> Waves:
+    """Absorption (1/mm) by the extinction coefficient k at each wavelength."""
+    return 4.0 * np.pi * extinction / (1e-6 * wavelengths_nm)
+
+
 @dataclass(frozen=True)
 class AgainstVacuum:
     """The index of ``absolute``, which is that against vacuum, against air at 20 C, as rays here have it."""

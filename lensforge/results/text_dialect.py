@@ -77,6 +77,15 @@ def lines_of(text: str, *, comments_behind: bool = True) -> list[Line]:
     return found
 
 
+def remarks_above(text: str, row: Line) -> list[Line]:
+    """Lines above ``row`` that begin with #, without it: names of columns may stand there."""
+    above = _LINE_END.split(text, row.number - 1)[: row.number - 1]
+    remarks = ((number, line.strip()) for number, line in enumerate(above, start=1))
+    return [
+        Line(number, line.lstrip("# \t")) for number, line in remarks if line.startswith("#") and line.strip("# \t")
+    ]
+
+
 # Numbers that tell what a mark in them is, by that mark (m) and the other one (o); behind them no part of a number.
 _BEFORE, _BEHIND = r"(?<![\w.,])", r"(?![\d.,])"
 _GROUPS = _BEFORE + r"[-+]?[1-9]\d{0,2}(?:m\d{3})"
@@ -179,6 +188,16 @@ class Dialect:
         if not isfinite(number):
             raise ValueError(f"{shown(word)} is not a finite number")
         return number
+
+
+def number_in(word: str) -> float:
+    """The number that a word of a file is, its exponent behind an E, or a D as Fortran has it; infinite and NaN, too.
+
+    Raises :class:`ValueError` for what only Python takes for a number.
+    """
+    if "_" in word or not word.isascii():
+        raise ValueError(f"{shown(word)} is no number")
+    return float(word.replace("d", "e").replace("D", "E"))
 
 
 def _grouped(mark: str) -> str:

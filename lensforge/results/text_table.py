@@ -9,9 +9,8 @@ it cannot read is read cell by cell, with line and column in the refusal.
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from math import isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -19,60 +18,19 @@ from jaxtyping import Float
 
 from lensforge.errors import FileWarning, InputError, refused
 from lensforge.results.files import read_file
-from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of, shown
+from lensforge.results.table_names import Column, Heading, Names, Places, header_cells
+from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of, remarks_above, shown
 
 # A row of numbers begins with one, perhaps behind empty cells, or with a word for none.
 _ROW = re.compile(r"[\s;,\"']*(?:[-+−]?[.,]?\d|(?:[-+]?(?:nan|inf)|n/?a)\b)", re.IGNORECASE)
 _NAMED_ROW = re.compile(r".*?[\s;,\"'][-+−]?[.,]?\d")
 _STATED = re.compile(r"sep=(.)$", re.IGNORECASE)
-_MOST_SHOWN = 12  # names in a message
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column that a table may have, by its ``names`` in lower case, of which the first is ours.
-
-    ``units``: their factors to the first, ours; "" where a header may leave it out; None where any will do. ``needed``:
-    False where a table may lack it. ``words``: of a list, which holds no numbers there.
-    """
-
-    names: tuple[str, ...]
-    units: Mapping[str, float] | None = field(default_factory=lambda: {"": 1.0})
-    needed: bool = True
-    words: bool = False
-
-    @property
-    def title(self) -> str:
-        """Its name and unit as our own tables have them."""
-        return "_".join(filter(None, (self.names[0], next(iter(self.units or ()), ""))))
-
-    def factor_of(self, cell: str) -> float | None:
-        """The factor of the unit in ``cell``, NaN for one that is not known; None where it names another column."""
-        parts = _UNIT.fullmatch(cell.strip())
-        stem, unit = (parts[1], next(filter(None, parts.groups()[1:]), "")) if parts else (cell, "")
-        names, units = [_plain(name) for name in self.names], self.units
-        if _plain(stem) in names:
-            return 1.0 if units is None else units.get(_spelt(unit), nan)
-        joined = {name + _plain(each): factor for each, factor in (units or {}).items() for name in names}
-        return joined.get(_plain(cell))
-
-
-_UNIT = re.compile(r"(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])]|/\s*([^\s/]+)|\bin\s+([^\s/]+))$")
-_NAME = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")
-
-
-def _spelt(text: str) -> str:
-    return text.lower().replace("µ", "u").replace("μ", "u").replace("°", "deg").strip()
-
-
-def _plain(text: str) -> str:
-    return "".join(mark for mark in _spelt(text) if mark.isalnum())
 
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """Rows of the file ``name``, with the lines of words before them as its ``header``.
+    """Rows of the file ``name``, with the lines of words before them as its ``header``, and ``remarks`` behind a #.
 
     ``count``: the number of rows that the file announces, alone in the line before the first; None where it does not.
     """
@@ -82,6 +40,7 @@ class TextTable:
     rows: Sequence[Line]
     dialect: Dialect
     count: int | None = None
+    remarks: Sequence[Line] = ()
 
     @staticmethod
     def read(path: Path | str, *, missing: str, most_bytes: int, counted: bool = False) -> "TextTable":
@@ -95,7 +54,8 @@ class TextTable:
     @staticmethod
     def of(content: bytes | str, name: str, *, counted: bool = False) -> "TextTable":
         """The table in the ``content`` of the file ``name``; else as :meth:`read`."""
-        lines, separator = _stated_separator(content, name)
+        text = decoded_text(content, name) if isinstance(content, bytes) else content
+        lines, separator = _stated_separator(text)
         begin = _first_row(lines)
         count = _announced(lines[begin : begin + 2]) if counted else None
         rows = lines[begin + (count is not None) :]
@@ -106,7 +66,8 @@ class TextTable:
             raise InputError(
                 f"{name}, line {lines[begin].number}: {count} rows announced, {len(rows)} found; export it again"
             )
-        return TextTable(name, lines[:begin], rows, Dialect.of(rows, name, separator), count)
+        remarks = remarks_above(text, rows[0])
+        return TextTable(name, lines[:begin], rows, Dialect.of(rows, name, separator), count, remarks)
 
     def refuse(self, row: int, column: int | None, words: str) -> InputError:
         """The error at a row and a column, counted from 0."""
@@ -214,53 +175,46 @@ class TextTable:
         return one.tolist(), other.tolist(), values.tolist()
 
     def columns(self, wanted: Sequence[Column], *, further: bool = False) -> Float[np.ndarray, "n k"]:
-        """The ``wanted`` columns in their order and units, by the names in the header, where it has none by place.
+        """The ``wanted`` columns in their order and units, by their names above the rows, where it has none by place.
 
         NaN in one that is not needed and not there. ``further``: without names there may be more. Raises
-        :class:`InputError` for a column that is missing or there twice, and for a unit that is not known; a
-        :class:`FileWarning` says where names are not known.
+        :class:`InputError` for a column that is missing or there twice, for names and units that are not known; a
+        :class:`FileWarning` names columns that are not used.
         """
-        names = self._names(wanted, further)
-        if names is None:
-            least, width = sum(column.needed for column in wanted), self.width
-            if not least <= width or (width > len(wanted) and not further):
-                titles = ", ".join(column.title for column in wanted)
-                raise self.refuse(0, None, f"{width} cells, must be {titles}{self.advice}")
-            names = {at: (at, 1.0) for at in range(min(width, len(wanted)))}
+        places = self._by_names(wanted, further) or self._by_place(wanted, further)
         if further and self.width > len(wanted):
             self._require_points()
         ragged = further and self.dialect.separator != ","  # where a decimal comma would be one more cell
-        found = self.numbers(used=[place for place, _ in names.values()], further=ragged)
+        found = self.numbers(used=[place for place, _ in places.values()], further=ragged)
         table = np.full((len(self.rows), len(wanted)), np.nan)
-        for (at, (_, factor)), column in zip(names.items(), found.T, strict=True):
+        for (at, (_, factor)), column in zip(places.items(), found.T, strict=True):
             table[:, at] = factor * column
         return table
 
-    def _names(self, wanted: Sequence[Column], further: bool) -> dict[int, tuple[int, float]] | None:
-        """Places and factors of the ``wanted`` by the last line of the header; None where it has no names."""
-        if not self.header:
+    def names(self, wanted: Sequence[Column], *, further: bool = False) -> Names | None:
+        """The names above the rows, of which some are ``wanted``; None where there are none."""
+        if self.header:
+            self._require_words(self.header[-1], header_cells(self.header[-1], self.dialect, self.name))
+        heading = Heading(self.name, self.header, self.remarks, self.dialect, self.width)
+        return heading.names(wanted, further=further)
+
+    def _by_names(self, wanted: Sequence[Column], further: bool) -> Places | None:
+        names = self.names(wanted, further=further)
+        if names is None:
             return None
-        line = self.header[-1]
-        cells = header_cells(line, self.dialect, self.name)
-        self._require_words(line, cells)
-        where = f"{self.name}, line {line.number}"
-        found = named_columns(cells, wanted, where)
-        if not found:
-            if self.dialect.separator != " " and len(cells) == self.width:
-                titles = ", ".join(column.title for column in wanted[: self.width])
-                words = f"{where}: its names are not known: its columns are taken as {titles}"
-                warnings.warn(words, FileWarning, stacklevel=1)
-            return None
-        if len(cells) != self.width and not (further and len(cells) < self.width):
-            raise InputError(
-                f"{where}: {len(cells)} names, line {self.rows[0].number} has {self.width} cells{self.advice}"
-            )
-        missing = [at for at, column in enumerate(wanted) if column.needed and at not in found]
-        others = [place for place in range(len(cells)) if place not in {at for at, _ in found.values()}]
-        if len(missing) == len(others) == 1:  # the one name that is not known can only be that of the other column
-            return {**found, missing[0]: (others[0], 1.0)}
-        require_columns(found, cells, wanted, where)
+        found = names.places(wanted)
+        names.require(found, wanted)
+        if words := names.left_over(found):
+            warnings.warn(f"{names.where}: {words}", FileWarning, stacklevel=1)
         return found
+
+    def _by_place(self, wanted: Sequence[Column], further: bool) -> Places:
+        by_place = [column for column in wanted if column.by_place]
+        least, width = sum(column.needed for column in by_place), self.width
+        if not least <= width or (width > len(by_place) and not further):
+            titles = ", ".join(column.title for column in by_place)
+            raise self.refuse(0, None, f"{width} cells, must be {titles}{self.advice}")
+        return {at: (at, 1.0) for at in range(min(width, len(by_place)))}
 
     def _require_points(self) -> None:
         """Refuse commas that may be decimal signs, where nobody knows how many columns there should be."""
@@ -283,10 +237,7 @@ class TextTable:
         return True
 
 
-def _stated_separator(
-    content: bytes | str, name: str, *, comments_behind: bool = True
-) -> tuple[list[Line], str | None]:
-    text = decoded_text(content, name) if isinstance(content, bytes) else content
+def _stated_separator(text: str, *, comments_behind: bool = True) -> tuple[list[Line], str | None]:
     lines = lines_of(text, comments_behind=comments_behind)
     stated = _STATED.match(lines[0].text) if lines else None
     return (lines[1:], stated[1]) if stated else (lines, None)
@@ -305,43 +256,6 @@ def _announced(lines: Sequence[Line]) -> int | None:
     """The whole number that stands alone before rows of more."""
     alone = re.fullmatch(r"0*(\d{1,9})", lines[0].text.strip()) if lines else None
     return int(alone[1]) if alone and (len(lines) == 1 or len(re.split(r"[\s;,]+", lines[1].text)) > 1) else None
-
-
-def header_cells(line: Line, dialect: Dialect, name: str) -> list[str]:
-    """Names in a line of them: separated as the rows are, or otherwise."""
-    for separator in (dialect.separator.strip(" "), ";", "\t", ","):
-        if separator and separator in line.text:
-            cells = Dialect(separator).cells(line, name)
-            return cells[: max((place for place, cell in enumerate(cells, start=1) if cell), default=0)]
-    return _NAME.findall(line.text) if dialect.separator == " " else [line.text.strip()]
-
-
-def named_columns(cells: Sequence[str], wanted: Sequence[Column], where: str) -> dict[int, tuple[int, float]]:
-    """Place and factor of each of the ``wanted``, by its number, that ``cells`` name; ``where``: in errors."""
-    found: dict[int, tuple[int, float]] = {}
-    for place, cell in enumerate(cells):
-        here = f"{where}, column {place + 1}: {shown(cell)}"
-        if cell and _plain(cell) in map(_plain, cells[:place]):
-            raise InputError(f"{here} is there twice; leave out one")
-        known = {at: factor for at, column in enumerate(wanted) if (factor := column.factor_of(cell)) is not None}
-        fitting = {at: factor for at, factor in known.items() if not isnan(factor)}
-        if known and not fitting:
-            units = ", ".join(unit for at in known for unit in wanted[at].units or () if unit)
-            raise InputError(f"{here}: its unit must be one of {units}")
-        for at, factor in list(fitting.items())[:1]:
-            if at in found:
-                raise InputError(f"{here}: a second column {wanted[at].title}; leave out one")
-            found[at] = (place, factor)
-    return found
-
-
-def require_columns(
-    found: Mapping[int, tuple[int, float]], cells: Sequence[str], wanted: Sequence[Column], where: str
-) -> None:
-    """Raise :class:`InputError` for a needed column that is not ``found`` among ``cells``; ``where``: in the error."""
-    missing = [column.title for at, column in enumerate(wanted) if column.needed and at not in found]
-    if missing:
-        raise InputError(f"{where}: no column {missing[0]}; found {', '.join(map(shown, cells[:_MOST_SHOWN]))}")
 
 
 @dataclass(frozen=True)
@@ -369,14 +283,14 @@ def read_list(path: Path, wanted: Sequence[Column], *, missing: str, most_bytes:
     """
     name = str(path)
     content = read_file(path, missing=missing, most_bytes=most_bytes)
-    lines, separator = _stated_separator(content, name, comments_behind=False)
+    lines, separator = _stated_separator(decoded_text(content, name), comments_behind=False)
     titles = ", ".join(column.title for column in wanted)
     if len(lines) < 2:
         raise InputError(f"{name}: must have a line of names, of {titles}, and rows below it")
     marks = (separator or "", ";", "\t", ",")
     dialect = Dialect(next((mark for mark in marks if mark and mark in lines[0].text), " "))
-    where, cells = f"{name}, line {lines[0].number}", dialect.cells(lines[0], name)
-    found = named_columns(cells, wanted, where)
+    names = Names(name, lines[0], dialect.cells(lines[0], name))
+    where, cells, found = names.where, names.cells, names.places(wanted)
     wrong = [shown(cell) for place, cell in enumerate(cells) if place not in {at for at, _ in found.values()} and cell]
     wrong += [f"no column {column.title}" for at, column in enumerate(wanted) if column.needed and at not in found]
     if wrong:

@@ -17,6 +17,7 @@ limits of its class there, 9.8 and 12. W3 has 17 columns in the place of 20 in t
 which several choices are as smooth, and a wrong number; N1 to N4, W1 and W2 were not at hand.
 """
 
+import re
 from dataclasses import dataclass, replace
 from functools import cache
 from math import nan
@@ -27,7 +28,9 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.results.files import MIB
-from lensforge.results.text_table import TextTable, header_cells
+from lensforge.results.table_names import header_cells
+from lensforge.results.text_dialect import shown
+from lensforge.results.text_table import TextTable
 from lensforge.spec.road_section import LEAST_Q0, MOST_Q0, STANDARD_SURFACES
 
 _FOLDER = Path(__file__).with_name("road_surfaces")
@@ -36,6 +39,7 @@ _MOST_BYTES = 1 * MIB
 _LEAST_BELOW, _MOST = 1e-6, 1e6  # numbers of a table in any unit: between these it can be scaled
 _LEAST_STEP_DEG, _LEAST_STEP_TAN, _MOST_TAN = 0.01, 1e-3, 100.0  # lamps of a road count up to 12
 _S1_TAN = 2.0
+_GAMMA_ITSELF = re.compile(r"\W*(gamma|γ)(?!\w)", re.IGNORECASE)  # in the corner of a table
 # The field of integration of Q0, in heights of the lamp: towards the eye, away from it, and to either side (CIE 144).
 _NEAR, _FAR, _SIDE, _CELLS = 4.0, 12.0, 3.0, 200
 
@@ -151,19 +155,23 @@ def _grid(table: TextTable) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, 
 
 
 def _beta_of_header(table: TextTable) -> Float[np.ndarray, " b"] | None:
-    """Numbers behind the first word of the line before the rows; None where there are none."""
-    if not table.header:
-        return None
-    line = table.header[-1]
-    found, cells = [], header_cells(line, table.dialect, table.name)[1:]
-    for place, cell in enumerate(cells, start=2):
-        try:
-            found.append(table.dialect.number(cell))
-        except ValueError as error:
-            if not found:
-                return None
-            raise InputError(f"{table.name}, line {line.number}, column {place}: beta: {error}") from None
-    return np.array(found) if found else None
+    """Numbers behind the first word of the last line above the rows, in a remark, too; None where there are none."""
+    for line in sorted((*table.header, *table.remarks))[-1:]:
+        first, *cells = header_cells(line, table.dialect, table.name) or [""]
+        found: list[float] = []
+        for place, cell in enumerate(cells, start=2):
+            try:
+                found.append(table.dialect.number(cell))
+            except ValueError as error:
+                if not found or line in table.remarks:
+                    return None
+                raise InputError(f"{table.name}, line {line.number}, column {place}: beta: {error}") from None
+        if _GAMMA_ITSELF.match(first):
+            words = f"{shown(first)}: rows must be those of tan gamma, not of gamma; export it so"
+            raise InputError(f"{table.name}, line {line.number}: {words}")
+        if found and (line in table.header or len(found) == table.width - 1):
+            return np.array(found)
+    return None
 
 
 def _require_places(beta: Float[np.ndarray, " b"], tan_gamma: Float[np.ndarray, " g"], name: str) -> None:

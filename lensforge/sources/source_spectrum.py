@@ -10,6 +10,7 @@ import re
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,9 @@ from numpy.random import Generator
 from lensforge.errors import FileWarning, InputError, remedy
 from lensforge.optics.colorimetry import efficacy_at
 from lensforge.results.files import MIB
+from lensforge.results.table_names import NANOMETRES, Column
 from lensforge.results.text_dialect import shown
-from lensforge.results.text_table import Column, TextTable
+from lensforge.results.text_table import TextTable
 from lensforge.sources.inverse_cdf import choose, linear_inverse
 from lensforge.sources.photometric.half_planes import not_below_zero
 from lensforge.spec.emitter_section import FileSpectrum, GaussianSpectrum, LineSpectrum, SpectrumSpec, TableSpectrum
@@ -30,9 +32,59 @@ _MOST_BYTES = 8 * MIB  # a spectrum of 0.01 nm from 200 to 3000 nm has 6 MB
 _HUGE = 1e12  # no wavelength in nm, no power density: what is larger comes from a damaged file
 _MOST_ROWS = 500_000
 _LEAST_NM = 100.0  # below that are µm: no light here is shorter
+_LINEAR = {
+    "w",
+    "mw",
+    "uw",
+    "nw",
+    "kw",
+    "j",
+    "nm",
+    "um",
+    "mm",
+    "cm",
+    "m",
+    "sr",
+    "s",
+    "a",
+    "u",
+    "au",
+    "arb",
+    "rel",
+    "per",
+}
+_LINEAR |= {
+    "relative",
+    "units",
+    "unit",
+    "norm",
+    "normalized",
+    "normalised",
+    "counts",
+    "cps",
+    "%",
+    "watt",
+    "watts",
+    "sq",
+}
+
+
+def _linear(unit: str) -> float:
+    """1 for a unit to which power is proportional, whatever its size; NaN for decibels, photons, lumens and others."""
+    return 1.0 if {*re.findall(r"[^\W\d_]+|%", unit)} <= _LINEAR else nan
+
+
+_POWER = (
+    *("power", "power density", "spectral power", "spectral power density", "spectral power distribution", "spd"),
+    *("radiant power", "optical power", "radiant flux", "spectral flux", "flux", "leistung", "radiance", "irradiance"),
+    *("spectral radiance", "spectral irradiance", "intensity", "intensität", "weight", "value", "counts", "signal"),
+)
 _COLUMNS = (
-    Column(("wavelength", "lambda", "λ", "wl", "nm", "wellenlänge"), {"nm": 1.0, "": 1.0, "um": 1e3}),
-    Column(("power", "weight", "value", "intensity", "counts", "power density", "spectral power", "irradiance"), None),
+    Column(("wavelength", "lambda", "λ", "wl", "nm", "wellenlänge"), NANOMETRES),
+    Column(
+        (*_POWER, *(f"{word} {name}" for word in ("relative", "rel", "normalized", "normalised") for name in _POWER)),
+        _linear,
+    ),
 )
 
 Columns = tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]

@@ -16,15 +16,16 @@ from pydantic import BeforeValidator, Field
 from lensforge.optics.material import MATERIALS, Material
 from lensforge.optics.media import CoatingLayer, CoverGlass, Film, IndexCurve, LayerStack, ReflectanceTable
 from lensforge.results.files import MIB
-from lensforge.results.text_table import Column, TextTable
+from lensforge.results.table_names import DEGREES, NANOMETRES, SHARE, Column, doubt_degrees
+from lensforge.results.text_table import TextTable
 from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section, check
 from lensforge.spec.table_file import OfTableFile
 
 _MOST_BYTES = 32 * MIB
 _COLUMNS = (
-    Column(("angle", "aoi", "theta", "winkel"), {"deg": 1.0, "": 1.0, "rad": float(np.rad2deg(1.0))}),
-    Column(("wavelength", "lambda", "λ", "wl", "wellenlänge"), {"nm": 1.0, "": 1.0, "um": 1e3}),
-    Column(("reflectance", "reflectivity", "r", "reflexion"), {"": 1.0, "%": 0.01}),
+    Column(("angle", "aoi", "theta", "θ", "angle of incidence", "incidence", "incidence angle", "winkel"), DEGREES),
+    Column(("wavelength", "lambda", "λ", "wl", "nm", "wellenlänge"), NANOMETRES),
+    Column(("reflectance", "reflectivity", "reflection", "r", "reflexion", "reflexionsgrad"), SHARE),
 )
 
 _MOST_ANGLES, _MOST_WAVELENGTHS, _MOST_LAYERS = 1000, 1000, 100
@@ -105,6 +106,7 @@ class CoatingSection(OfTableFile):
         """Fields of the table at ``path``, a row for each angle and wavelength."""
         table = TextTable.read(path, missing="give a table of the reflectance", most_bytes=_MOST_BYTES)
         angles, waves, by_angle = table.grid(_COLUMNS, "angles", "wavelengths")
+        doubt_degrees(angles, table.name, "angle_rad")
         return {"angle_deg": angles, "wavelength_nm": waves, "reflectance": np.transpose(by_angle).tolist()}
 
     @check

@@ -13,7 +13,8 @@ from pydantic import Field
 
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian, shares_within
 from lensforge.results.files import MIB
-from lensforge.results.text_table import Column, TextTable
+from lensforge.results.table_names import DEGREES, Column, doubt_degrees
+from lensforge.results.text_table import TextTable
 from lensforge.spec.spec_section import FilePath, Section, check
 from lensforge.spec.table_file import OfTableFile
 
@@ -97,9 +98,9 @@ class AbgScatter(Section):
 _MOST_ROWS = 1000
 _MOST_BYTES = 32 * MIB
 _COLUMNS = (
-    Column(("incidence", "aoi", "theta_i"), {"deg": 1.0, "": 1.0, "rad": float(np.rad2deg(1.0))}),
-    Column(("scattering", "scatter", "theta_s"), {"deg": 1.0, "": 1.0, "rad": float(np.rad2deg(1.0))}),
-    Column(("bsdf", "btdf", "brdf", "per"), {"sr": 1.0, "": 1.0, "per_sr": 1.0}),
+    Column(("incidence", "aoi", "theta_i", "incidence angle", "angle of incidence"), DEGREES),
+    Column(("scattering", "scatter", "theta_s", "scattering angle", "scatter angle"), DEGREES),
+    Column(("bsdf", "btdf", "brdf", "scatter function"), {"": 1.0, "per_sr": 1.0}),
 )
 _Angles = Annotated[tuple[Annotated[float, Field(ge=0.0, le=90.0)], ...], Field(max_length=_MOST_ROWS)]
 _Row = Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Field(max_length=_MOST_ROWS)]
@@ -132,6 +133,7 @@ class TableScatter(OfTableFile):
         """Fields of the table at ``path``, a row for each angle of incidence and of scattering."""
         table = TextTable.read(path, missing="give a table of the BSDF", most_bytes=_MOST_BYTES)
         incidence, scattering, rows = table.grid(_COLUMNS, "angles of incidence", "of scattering")
+        doubt_degrees(incidence, table.name, "incidence_rad")
         return {"incidence_deg": incidence, "scattering_deg": scattering, "bsdf_per_sr": rows}
 
     @check

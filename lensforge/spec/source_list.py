@@ -7,7 +7,8 @@ from pathlib import Path
 
 from lensforge.errors import InputError
 from lensforge.results.files import MIB, require_regular_file
-from lensforge.results.text_table import Column, Entry, read_list
+from lensforge.results.table_names import Column
+from lensforge.results.text_table import Entry, read_list
 from lensforge.spec.emitter_section import EmitterSection, FluxSection
 from lensforge.spec.source_sections import NamedSource, RayfileSource
 from lensforge.spec.spec_files import NamedFrom, alike, read_toml

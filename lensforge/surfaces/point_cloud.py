@@ -13,7 +13,8 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.results.files import MIB
-from lensforge.results.text_table import Column, TextTable
+from lensforge.results.table_names import DEGREES, MILLIMETRES, Column
+from lensforge.results.text_table import TextTable
 from lensforge.surfaces.chart_spline import DEGREE, HALF_WIDTH, ChartSpline, detail_of
 from lensforge.surfaces.imported_face import GivenFace, place_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -22,15 +23,13 @@ from lensforge.surfaces.surface import to_chart
 LEAST_POINTS = 100
 _MOST_BYTES = 128 * MIB  # four million points, which take 1 GiB while they are read; scanners measure a million
 _FURTHEST_MM = 1e6  # a machine's own zero may be metres away
-_MM = {"mm": 1.0, "": 1.0, "in": 25.4, "inch": 25.4, "cm": 10.0, "m": 1000.0, "um": 1e-3}
-_DEG = {"deg": 1.0, "": 1.0, "rad": float(np.rad2deg(1.0))}
 Coordinates = Literal["cartesian", "polar"]
 _COLUMNS = {
-    "cartesian": tuple(Column((axis,), _MM) for axis in "xyz"),
+    "cartesian": tuple(Column((axis,), MILLIMETRES) for axis in "xyz"),
     "polar": (
-        Column(("polar", "theta", "angle from the axis"), _DEG),
-        Column(("azimuth", "phi"), _DEG),
-        Column(("distance", "r", "radius"), _MM),
+        Column(("polar", "theta", "angle from the axis"), DEGREES),
+        Column(("azimuth", "phi"), DEGREES),
+        Column(("distance", "r", "radius"), MILLIMETRES),
     ),
 }
 

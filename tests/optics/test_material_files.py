@@ -2,6 +2,7 @@
 
 import json
 import tracemalloc
+import warnings
 from math import exp, pi
 
 import numpy as np
@@ -284,3 +285,96 @@ def test_numbers_in_the_spec_itself():
     ):
         with pytest.raises(InputError, match=message):
             small_spec(lens__optical_data=wrong)
+
+
+SELLMEIER = "0 1.03961212 0.00600069867 0.231792344 0.0200179144 1.01046945 103.560653"
+BK7_D = 1.51680  # of SCHOTT's data sheet
+
+
+def of_formula(folder, number, coefficients, more=""):
+    block = f"  - type: formula {number}\n    wavelength_range: 0.3 2.5\n    coefficients: {coefficients}\n"
+    return read_material(written(folder, "f.yml", f"DATA:\n{block}{more}"), None)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 5, 6])
+def test_a_formula_of_pairs_with_its_last_number_missing_is_refused(number, tmp_path):
+    with pytest.raises(InputError, match=f"6 coefficients, formula {number} has them 1 and then pairs"):
+        of_formula(tmp_path, number, SELLMEIER.rpartition(" ")[0])
+    assert len(of_formula(tmp_path, number, SELLMEIER).dispersion.coefficients) == 7
+
+
+@pytest.mark.parametrize(
+    ("number", "count", "allowed"),
+    [(4, 6, "as 1"), (4, 7, "as 1"), (4, 8, "as 1"), (4, 10, "as 1"), (7, 2, "3 to 6"), (7, 7, "3 to 6"),
+     (8, 3, "must be 4"), (8, 5, "must be 4"), (9, 5, "must be 6"), (9, 7, "must be 6")],
+)  # fmt: skip
+def test_each_formula_has_its_own_number_of_coefficients(number, count, allowed, tmp_path):
+    with pytest.raises(InputError, match=allowed):
+        of_formula(tmp_path, number, " ".join(["0.1"] * count))
+
+
+def test_formulas_may_end_where_they_are_complete(tmp_path):
+    for number, counts in {4: (1, 5, 9, 11, 17), 7: (3, 5, 6), 8: (4,), 9: (6,)}.items():
+        for count in counts:
+            assert len(of_formula(tmp_path, number, " ".join(["0.1"] * count)).dispersion.coefficients) == count
+
+
+def test_older_files_call_an_absolute_index_otherwise(tmp_path):
+    """Air at 20 C has 1.0002724 at the d line."""
+    older = of_formula(tmp_path, 2, SELLMEIER, "SPECS:\n    n_absolute: true\n    wavelength_vacuum: true\n")
+    assert older.index_at(587.5618) == pytest.approx(BK7_D / 1.0002724, abs=2e-6)
+    both = "SPECS:\n    n_absolute: {}\n    n_is_absolute: true\n"
+    assert of_formula(tmp_path, 2, SELLMEIER, both.format("true")).index_at(587.5618) == older.index_at(587.5618)
+    with pytest.raises(InputError, match="n_is_absolute and n_absolute contradict each other"):
+        of_formula(tmp_path, 2, SELLMEIER, both.format("false"))
+
+
+@pytest.mark.parametrize(
+    "rows", ["n\n    data: |\n        0.4 1.5\n        0.5 1.49\n        0.5 1.6\n        0.7 1.48\n",
+             "nk\n    data: |\n        0.4 1.5 0\n        0.5 1.49 1e-6\n        0.5 1.49 2e-6\n        0.7 1.48 0\n"],
+)  # fmt: skip
+def test_two_values_at_one_wavelength_are_refused_and_a_row_twice_counts_once(rows, tmp_path):
+    with pytest.raises(InputError, match=r"table of tabulated n.*: 1\.49.* and 1\..* at one wavelength, 0\.5 um"):
+        read_material(written(tmp_path, "t.yml", f"DATA:\n  - type: tabulated {rows}"), None)
+    alike = "DATA:\n  - type: tabulated n\n    data: |\n        0.4 1.5\n        0.5 1.49\n        0.5 1.49\n"
+    assert read_material(written(tmp_path, "t.yml", alike), None).dispersion.indices == (1.5, 1.49)
+
+
+def test_two_indices_and_two_absorptions_of_a_file_are_compared(tmp_path):
+    table = "  - type: tabulated n\n    data: |\n        0.5875618 {}\n        0.5875619 {}\n"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        of_formula(tmp_path, 2, SELLMEIER, table.format(1.51688, 1.51688))
+    with pytest.warns(FileWarning, match="formula 2 is taken, tabulated n beside it .* differs by up to 0.00012"):
+        assert of_formula(tmp_path, 2, SELLMEIER, table.format(1.51692, 1.51692)).index_at(587.5618) < 1.51681
+    k = "  - type: tabulated k\n    data: |\n        0.4 1e-7\n        0.6 1e-7\n"
+    nk = "  - type: tabulated nk\n    data: |\n        0.4 1.5 1e-7\n        0.6 1.5 {}\n"
+    read_material(written(tmp_path, "k.yml", f"DATA:\n{k}{nk.format(1e-7)}"), None)
+    with pytest.warns(FileWarning, match="tabulated k is taken, tabulated nk beside it has another k"):
+        read_material(written(tmp_path, "k.yml", f"DATA:\n{k}{nk.format(2e-7)}"), None)
+
+
+@pytest.mark.parametrize(
+    ("n_d", "v_d", "told"),
+    [
+        ("1.51680", "64.17", ""), ("1.51689", "64.17", ""), ("1.51671", "64.17", ""), ("0", "0", ""), ("-", "-", ""),
+        ("1.51692", "64.17", "n_d = 1.51692, its coefficients make 1.516800"), ("1.62", "64.17", "n_d = 1.62"),
+        ("1.51680", "64.30", ""), ("1.51680", "64.40", "v_d = 64.4, its coefficients make 64.17"),
+        ("1.51680", "60", "v_d = 60"),
+    ],
+)  # fmt: skip
+def test_the_index_and_abbes_number_of_a_catalogue_are_those_of_its_coefficients(n_d, v_d, told, tmp_path):
+    catalogue = AGF.replace("1.5168 64.17", f"{n_d} {v_d}")
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        read_material(written(tmp_path, "c.agf", catalogue), "GLASS-A")
+    words = " ".join(str(each.message) for each in said)
+    assert (told in words) if told else not words
+
+
+def test_exponents_of_fortran_are_read_in_catalogues_and_formulas(tmp_path):
+    catalogue = written(tmp_path, "c.agf", AGF.replace("0.00600069867", "6.00069867D-03"))
+    assert read_material(catalogue, "GLASS-A").index_at(587.5618) == pytest.approx(BK7_D, abs=1e-6)
+    assert of_formula(tmp_path, 2, SELLMEIER.replace("0.0200179144", "2.00179144d-2")).index_at(
+        587.5618
+    ) == pytest.approx(BK7_D, abs=1e-6)

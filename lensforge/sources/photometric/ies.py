@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError, refused
+from lensforge.results.text_dialect import number_in
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.half_planes import converted, not_below_zero, tabulated
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, Labels, label_lines, read_labels
@@ -32,7 +33,6 @@ from lensforge.sources.photometric.photometric_file import (
     count_in,
     generation_code,
     generation_title,
-    number_in,
     require_promised,
     stated_or_none,
     words_of,

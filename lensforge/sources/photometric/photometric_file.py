@@ -19,6 +19,7 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.optics.colorimetry import LARGEST_LM_PER_W
+from lensforge.results.text_dialect import number_in
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
 from lensforge.version import __version__
@@ -73,13 +74,6 @@ SMALLEST = 1e-30  # below any real candela, lumen or watt but 0
 def stated_or_none(value: float) -> float | None:
     """A number of lumens or watts, or None where it is a way of writing unknown: 0, negative, absurd."""
     return value if SMALLEST < value < HUGE else None
-
-
-def number_in(word: str) -> float:
-    """The number that a word of a file is. Raises :class:`ValueError` for what only Python takes for one."""
-    if "_" in word or not word.isascii():
-        raise ValueError(f"{word[:20]!r} is no number")
-    return float(word)
 
 
 def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> float:

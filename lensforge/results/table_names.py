@@ -1,0 +1,339 @@
+"""Names and units of a table's columns: which quantity a name means, and by which factor its numbers become ours.
+
+A name may have its unit behind it, in brackets or not (``angle_deg``, ``R %``, ``x (in)``, ``lambda / nm``), or in a
+row of units below. A unit that is not known, or two that contradict each other, are refused; so is a table without a
+name for a column that is needed: a name that is not known is not taken for it.
+"""
+
+import re
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isnan, nan
+
+from lensforge.errors import FileWarning, InputError
+from lensforge.results.text_dialect import Dialect, Line, shown
+
+Units = Mapping[str, float] | Callable[[str], float]
+_MOST_SHOWN = 12  # names in a message
+
+# Units of the columns that several kinds of table have; "" where a name may leave it out.
+DEGREES = {"deg": 1.0, "": 1.0, "rad": 57.29577951308232, "mrad": 0.05729577951308232}
+NANOMETRES = {"nm": 1.0, "": 1.0, "um": 1e3, "angstrom": 0.1, "a": 0.1, "mm": 1e6, "m": 1e9}
+MILLIMETRES = {"mm": 1.0, "": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "nm": 1e-6, "in": 25.4, "ft": 304.8}
+SHARE = {"": 1.0, "%": 0.01}
+
+_SPELLINGS = {
+    "": ("1", "-", "–", "none", "fraction", "ratio", "dimensionless", "a.u", "arb.u", "arb.units"),
+    "deg": ("degree", "degrees"),
+    "rad": ("radian", "radians"),
+    "mrad": ("milliradian", "milliradians"),
+    "nm": ("nanometer", "nanometers", "nanometre", "nanometres"),
+    "um": ("micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"),
+    "angstrom": ("angstroms", "ångström", "ångströms", "å", "ang"),
+    "mm": ("millimeter", "millimeters", "millimetre", "millimetres"),
+    "cm": ("centimeter", "centimeters", "centimetre", "centimetres"),
+    "m": ("meter", "meters", "metre", "metres"),
+    "in": ("inch", "inches"),
+    "ft": ("foot", "feet"),
+    "%": ("percent", "per cent", "pct", "prozent"),
+    "w": ("watt", "watts"),
+    "lm": ("lumen", "lumens"),
+    "sr": ("steradian", "steradians"),
+}
+_PLAIN = {spelling.replace(" ", ""): unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
+# Quantities and units of other tables: they tell that a line is one of names, where no name of it is wanted.
+_OTHER_QUANTITY = re.compile(
+    r"\W*(frequency|wavenumber|wavelength|photon|energy|transmi|absorb|absorpt|extinction|reflect|emissi|group.?index|"
+    r"(log\d*|ln|nu|sigma|index|lambda|angle|cos|sin|freq|wave)(?![^\W_]))",
+    re.IGNORECASE,
+)
+_OTHER_UNITS: tuple[str, ...] = (
+    "hz",
+    "khz",
+    "mhz",
+    "ghz",
+    "thz",
+    "phz",
+    "ev",
+    "mev",
+    "kev",
+    "j",
+    "db",
+    "dbm",
+    "mol",
+    "umol",
+    "lx",
+    "cd",
+)
+_OTHER_UNITS += (
+    "per_cm",
+    "per_m",
+    "per_mm",
+    "per_um",
+    "per_nm",
+    "per_sr",
+    "grad",
+    "gon",
+    "mil",
+    "pm",
+    "km",
+    "mw",
+    "uw",
+)
+_UNITS = frozenset((*_SPELLINGS, *_OTHER_UNITS)) - {""}
+_WORDS_TOO = ("in", "m", "j", "w")  # units that are words of a remark as well
+_QUARTER_TURN_RAD = 1.58  # rounded up
+_COMMENT_MARK = re.compile(r"^(?:#+|%\s|//+|!+)\s*")
+_LETTERS = str.maketrans({"µ": "u", "μ": "u", "°": "deg", "⁻": "-", "¹": "1", "²": "2", "³": "3"})
+_NAME = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")
+
+
+def _spelt(text: str) -> str:
+    return text.translate(_LETTERS).lower().strip()
+
+
+def plain(text: str) -> str:
+    """Letters and digits of a name in lower case, by which two names are the same."""
+    return "".join(mark for mark in _spelt(text) if mark.isalnum() or mark in "%")
+
+
+def _unit_in(text: str) -> str:
+    """The unit in what stands behind a name, or in a cell, without what surrounds it; "/" stays in front of it."""
+    text = re.sub(r"^\W*\bin\s+", "", text.strip())
+    return text.replace("_", " ").strip(" -.:,;()[]{}|'\"") if text not in ("-", "–") else ""
+
+
+def _canonical(unit: str) -> str:
+    """A unit as ``Column.units`` has it: one spelling of each, ``per_mm`` for 1/mm, mm-1 and per mm."""
+    unit = re.sub(r"[\s*^·]+", "", unit)
+    inverse = re.fullmatch(r"(?:1/|per|/)\(?(.+?)\)?|(.+?)-1", unit) if unit not in _PLAIN else None
+    if inverse is None:
+        return _PLAIN.get(unit, unit)
+    base = inverse[1] or inverse[2]
+    return f"per_{_PLAIN.get(base, base)}"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column that a table may have, by its ``names`` in lower case, of which the first is ours.
+
+    ``units``: their factors to the first, ours; "" where a name may leave it out; or a function that gives the factor
+    of a unit, NaN for one that is refused. ``needed``: False where a table may lack it; ``by_place``: False where only
+    a name tells it. ``words``: of a list, which holds no numbers there. ``beside``: what may stand beside the unit.
+    """
+
+    names: tuple[str, ...]
+    units: Units = field(default_factory=lambda: {"": 1.0})
+    needed: bool = True
+    words: bool = False
+    by_place: bool = True
+    beside: re.Pattern[str] | None = None
+
+    @property
+    def title(self) -> str:
+        """Its name and unit as our own tables have them."""
+        unit = "" if callable(self.units) else next(iter(self.units), "")
+        return "_".join(filter(None, (self.names[0], unit)))
+
+    def factor_of(self, cell: str, below: str = "") -> float | None:
+        """The factor of the unit in the name ``cell``, or in the row of units ``below`` it.
+
+        NaN for one that is not known, and for two that differ; None where the cell names another quantity.
+        """
+        behind = self._behind_name(_spelt(cell))
+        if behind is None:
+            return None
+        given = [unit for unit in map(_unit_in, (behind, _spelt(below))) if unit]
+        factors = [self._factor(unit) for unit in given] or [self._factor("")]
+        return factors[0] if all(factor == factors[0] for factor in factors) else nan
+
+    def _behind_name(self, cell: str) -> str | None:
+        """The rest of ``cell`` behind its name, or a % before it; None where the cell does not begin with a name."""
+        if self.beside is not None:
+            cell = self.beside.sub(" ", cell)
+        for name in sorted(self.names, key=len, reverse=True):
+            words = r"[\W_]*".join(map(re.escape, re.findall(r"[^\W_]+", _spelt(name))))
+            found = re.match(rf"(\W*){words}(?![^\W_])", cell)
+            if found is not None:
+                return cell[found.end() :] + ("%" if "%" in found[1] else "")
+        joined = re.fullmatch(rf"({'|'.join(map(re.escape, self.names))})([^\W\d_]+)", cell)  # as in xmm
+        known = joined is not None and not callable(self.units) and joined[2] in self.units
+        return joined[2] if joined is not None and known else None
+
+    def _factor(self, unit: str) -> float:
+        if callable(self.units):
+            return self.units(unit)
+        spellings = (_canonical(unit), _canonical(unit.removeprefix("/")))
+        return next((self.units[each] for each in spellings if each in self.units), nan)
+
+
+Places = dict[int, tuple[int, float]]  # by the number of a wanted column: its place in the table, and its factor
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names of a table's columns in ``line`` of the file ``name``, and the ``units`` in a row below them, if any."""
+
+    name: str
+    line: Line
+    cells: Sequence[str]
+    units: Sequence[str] = ()
+
+    @property
+    def where(self) -> str:
+        """The line, for messages."""
+        return f"{self.name}, line {self.line.number}"
+
+    def places(self, wanted: Sequence[Column]) -> Places:
+        """Place and factor of each of the ``wanted``, by its number.
+
+        Raises :class:`InputError` for a name that is there twice, and for a unit that is not known.
+        """
+        found: Places = {}
+        doubtful: dict[int, list[int]] = {}
+        for place, cell in enumerate(self.cells):
+            here = self._place(place)
+            if cell and plain(cell) in map(plain, self.cells[:place]):
+                raise InputError(f"{here} is there twice; leave out one")
+            known = {
+                at: factor for at, column in enumerate(wanted) if (factor := self._factor(column, place)) is not None
+            }
+            fitting = {at: factor for at, factor in known.items() if not isnan(factor)}
+            if known and not fitting:
+                doubtful[place] = list(known)
+            for at, factor in list(fitting.items())[:1]:
+                if at in found:
+                    raise InputError(f"{here}: a second column {wanted[at].title}; leave out one")
+                found[at] = (place, factor)
+        for place, columns in doubtful.items():
+            if not found.keys() & set(columns):
+                allowed = _allowed([wanted[at].units for at in columns])
+                raise InputError(f"{self._place(place)}: its unit must be {allowed}")
+        return found
+
+    def require(self, found: Places, wanted: Sequence[Column]) -> None:
+        """Raise :class:`InputError` for a needed column that is not ``found``."""
+        missing = [column.title for at, column in enumerate(wanted) if column.needed and at not in found]
+        if missing:
+            there = ", ".join(map(shown, self.cells[:_MOST_SHOWN]))
+            raise InputError(f"{self.where}: no column {missing[0]}; found {there}; name it so if it is one of them")
+
+    def left_over(self, found: Places) -> str:
+        """Words for columns that are not used; empty where all are."""
+        used = {place for place, _ in found.values()}
+        others = [shown(cell) for place, cell in enumerate(self.cells) if place not in used and cell]
+        return f"columns that are not used: {', '.join(others[:_MOST_SHOWN])}" if others else ""
+
+    def _factor(self, column: Column, place: int) -> float | None:
+        return column.factor_of(self.cells[place], self.units[place] if place < len(self.units) else "")
+
+    def _place(self, place: int) -> str:
+        below = f" with {shown(self.units[place])} below" if place < len(self.units) and self.units[place] else ""
+        return f"{self.where}, column {place + 1}: {shown(self.cells[place])}{below}"
+
+
+@dataclass(frozen=True)
+class Heading:
+    """The lines above the rows of a table of ``width`` columns: of ``words``, and ``remarks`` behind a #."""
+
+    name: str
+    words: Sequence[Line]
+    remarks: Sequence[Line]
+    dialect: Dialect
+    width: int
+
+    def names(self, wanted: Sequence[Column], *, further: bool = False) -> Names | None:
+        """The names of the columns; None where no line has any. ``further``: the last columns may have none.
+
+        Raises :class:`InputError` for names that are all unknown, for another number of them, and for a row below
+        them that is none of units.
+        """
+        lines = sorted((*self.words, *self.remarks), reverse=True)
+        rows = [header_cells(line, self.dialect, self.name) for line in lines]
+        fitting = [place for place, cells in enumerate(rows) if self._fits(cells, further) and _is_named(cells, wanted)]
+        named = [place for place in fitting if not _are_units(rows[place])] or fitting  # "nm" is a name, and a unit
+        if not named:
+            self._refuse_unknown(wanted)
+            return None
+        below = reversed(list(zip(lines, rows, strict=True))[: named[0]])
+        return Names(self.name, lines[named[0]], rows[named[0]], self._units(list(below)))
+
+    def _fits(self, cells: Sequence[str], further: bool) -> bool:
+        return len(cells) == self.width or (further and 1 < len(cells) < self.width)
+
+    def _units(self, below: Sequence[tuple[Line, Sequence[str]]]) -> list[str]:
+        """The cells of the row of units ``below`` the names; none where there is no such row."""
+        for line, cells in below:
+            if len(cells) <= self.width and any(map(_is_unit, cells)):
+                return [*cells, *[""] * (self.width - len(cells))]
+            if line in self.words and any(map(plain, cells)):
+                row = f"{self.name}, line {line.number}: {shown(line.text)}"
+                raise InputError(f"{row} between names and numbers is no row of units; put # in front of a remark")
+        return []
+
+    def _refuse_unknown(self, wanted: Sequence[Column]) -> None:
+        """Refuse a last line of words that is separated as the rows are: it would be lost as a title.
+
+        Where blanks separate, it may be a title of as many words: a :class:`FileWarning` says that it is taken for one.
+        """
+        for line in self.words[-1:]:
+            cells, mark = header_cells(line, self.dialect, self.name), self.dialect.separator
+            where, there = f"{self.name}, line {line.number}", ", ".join(map(shown, cells[:_MOST_SHOWN]))
+            titles = ", ".join(column.title for column in wanted if column.by_place)
+            if len(cells) != self.width and any(_fits_one(cell, wanted) for cell in cells if len(cells) > 1):
+                raise InputError(f"{where}: {len(cells)} names for {self.width} columns: {there}; give each its name")
+            if not len(cells) == self.width > 1 or mark not in line.text:
+                return
+            if mark != " ":
+                raise InputError(f"{where}: names not known: {there}; must be {titles}; put # in front of a title")
+            words = f"{where}: {there}: taken as a title, and the columns as {titles}"
+            warnings.warn(words, FileWarning, stacklevel=1)
+
+
+def _is_named(cells: Sequence[str], wanted: Sequence[Column]) -> bool:
+    """True where a cell names a column that is wanted, or known from other tables."""
+    return any(_fits_one(cell, wanted) or _is_of_other_table(cell) for cell in cells)
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    return all(_is_unit(cell) or not _unit_in(cell) for cell in cells)
+
+
+def _allowed(units: Sequence[Units]) -> str:
+    """Units in words."""
+    if any(map(callable, units)):
+        return "one to which it is proportional, such as W/nm"
+    names = [name for mapping in units if not callable(mapping) for name in mapping if name]
+    return f"one of {', '.join(names)}" if names else "left out: it has none"
+
+
+def _fits_one(cell: str, wanted: Sequence[Column]) -> bool:
+    """True where a cell names one of the ``wanted``, its unit known or at least in brackets."""
+    factors = [factor for column in wanted if (factor := column.factor_of(cell)) is not None]
+    return any(not isnan(factor) for factor in factors) or (bool(factors) and re.search(r"[\[(]", cell) is not None)
+
+
+def _is_of_other_table(cell: str) -> bool:
+    return _OTHER_QUANTITY.match(cell) is not None or (_is_unit(cell) and plain(cell) not in _WORDS_TOO)
+
+
+def _is_unit(cell: str) -> bool:
+    return _canonical(_unit_in(_spelt(cell))) in _UNITS
+
+
+def header_cells(line: Line, dialect: Dialect, name: str) -> list[str]:
+    """Names in a line of them: separated as the rows are, or otherwise; without the marks of a comment in front."""
+    line = Line(line.number, _COMMENT_MARK.sub("", line.text))
+    for separator in (dialect.separator.strip(" "), ";", "\t", ","):
+        if separator and separator in line.text:
+            cells = Dialect(separator).cells(line, name)
+            return cells[: max((place for place, cell in enumerate(cells, start=1) if cell), default=0)]
+    return _NAME.findall(line.text) if dialect.separator == " " else [line.text.strip()]
+
+
+def doubt_degrees(angles_deg: Sequence[float], where: str, title: str) -> None:
+    """Say where angles of incidence end so early that they may be radians; ``title``: how a column of such is named."""
+    if 0.0 < max(angles_deg) < _QUARTER_TURN_RAD:
+        words = f"its angles end at {max(angles_deg):.4g} degrees: in radians the column is {title}"
+        warnings.warn(f"{where}: {words}", FileWarning, stacklevel=1)
