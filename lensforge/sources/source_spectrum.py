@@ -79,12 +79,10 @@ _POWER = (
     *("radiant power", "optical power", "radiant flux", "spectral flux", "flux", "leistung", "radiance", "irradiance"),
     *("spectral radiance", "spectral irradiance", "intensity", "intensität", "weight", "value", "counts", "signal"),
 )
+_RELATIVE = ("relative", "rel", "normalized", "normalised")
 _COLUMNS = (
     Column(("wavelength", "lambda", "λ", "wl", "nm", "wellenlänge"), NANOMETRES),
-    Column(
-        (*_POWER, *(f"{word} {name}" for word in ("relative", "rel", "normalized", "normalised") for name in _POWER)),
-        _linear,
-    ),
+    Column((*_POWER, *(f"{word} {name}" for word in _RELATIVE for name in _POWER)), _linear),
 )
 
 Columns = tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]
