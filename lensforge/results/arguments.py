@@ -9,6 +9,8 @@ from operator import index
 from pathlib import Path
 from typing import SupportsFloat, SupportsIndex, TypeVar, cast
 
+import numpy as np
+
 from lensforge.errors import InputError
 from lensforge.results.record import LARGEST_COUNT
 from lensforge.results.validation import its_type
@@ -54,7 +56,7 @@ def number_of(name: str, value: object) -> float | None:
     """``value`` as a finite number; None stays None. Raises :class:`InputError` for anything else."""
     if value is None:
         return None
-    if isinstance(value, bool | str) or not isinstance(value, SupportsFloat) or not isfinite(float(value)):
+    if isinstance(value, bool | np.bool_ | str) or not isinstance(value, SupportsFloat) or not isfinite(float(value)):
         raise InputError(f"{name} = {value!r}: a finite number")
     return float(value)
 

@@ -104,6 +104,8 @@ def real_numbers(value: Any, converted: Callable[[Any], np.ndarray] = np.array) 
     is not an array.
     """
     try:
+        if _has_boolean(value):
+            raise ValueError("true and false are no numbers")
         array = converted(value)
         if array.dtype.kind not in "fiu":
             raise ValueError(f"of type {array.dtype}, must be real")
@@ -111,6 +113,13 @@ def real_numbers(value: Any, converted: Callable[[Any], np.ndarray] = np.array) 
     except (TypeError, ValueError, OverflowError, RuntimeError) as error:
         # RuntimeError: a tensor on another device, or one that requires its gradient
         raise ValueError(f"not an array of numbers ({error})") from None
+
+
+def _has_boolean(value: Any) -> bool:
+    """True where nested lists hold one, which NumPy would take for 1 or 0 beside numbers."""
+    if isinstance(value, list | tuple):
+        return any(map(_has_boolean, value))
+    return isinstance(value, bool | np.bool_)
 
 
 def read_only(array: np.ndarray, gaps: bool = False) -> np.ndarray:

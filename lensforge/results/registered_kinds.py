@@ -4,7 +4,7 @@ A field of the base takes any of its kinds, chosen by ``kind``, wherever they ar
 script of a user's own.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import reduce
 from inspect import get_annotations
 from operator import or_
@@ -50,7 +50,8 @@ class OfSeveralKinds(BaseModel):
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """The schema of any of the kinds for the base, and of a kind its own."""
         if not _is_base(cls):
-            return handler(source)
+            finished: Callable[[CoreSchema], CoreSchema] | None = getattr(cls, "finished_schema", None)
+            return handler(source) if finished is None else finished(handler(source))
         cls.has_schema = True
         if cls.usual_kind is None:
             return handler.generate_schema(Annotated[reduce(or_, cls.kinds.values()), Field(discriminator="kind")])

@@ -1,12 +1,13 @@
 """Validation shared by records and specs: pydantic errors as one line, and equality bit for bit."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cache, reduce
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, create_model
+from pydantic_core import CoreSchema
 
 from lensforge.errors import InputError
 from lensforge.results.registered_kinds import models_in
@@ -41,7 +42,25 @@ def _validated(kind: type[BaseModel], name: str, value: object) -> object:
 def _alone(kind: type[BaseModel], name: str) -> type[BaseModel]:
     field, config = kind.model_fields[name], ConfigDict(**{**kind.model_config, "frozen": False})
     definition: Any = (field.annotation, field)
-    return create_model(kind.__name__, __config__=config, **{name: definition})
+    return create_model(kind.__name__, __base__=_base_of(kind, config), **{name: definition})
+
+
+def _base_of(kind: type[BaseModel], config: ConfigDict) -> type[BaseModel]:
+    """A model without fields that is validated as ``kind`` is."""
+    finished: Callable[[CoreSchema], CoreSchema] = getattr(kind, "finished_schema", _unchanged)
+
+    class Base(BaseModel):
+        model_config = config
+
+        @classmethod
+        def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+            return finished(handler(source))
+
+    return Base
+
+
+def _unchanged(schema: CoreSchema) -> CoreSchema:
+    return schema
 
 
 def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions: Collection[str] = ()) -> InputError:

@@ -8,6 +8,7 @@ quadratic, and nothing is approximated but the radiance between the table's node
 A file is a NumPy archive (`.npz`) of five arrays, named and shaped as in :class:`RadianceTable`.
 """
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.errors import InputError, refused, remedy
+from lensforge.errors import FileWarning, InputError, refused, remedy
 from lensforge.kernels.parallel import in_pieces
 from lensforge.results.files import read_file
 from lensforge.results.json_npz import arrays_in
@@ -33,6 +34,8 @@ _LEAST_W, _MOST_W = 1e-30, 1e12  # as of a source in a spec
 _BRIGHTEST = 1e20  # W/m^2/sr; lasers reach 1e16
 _MOST_NODES = 4096  # of an axis: 0.1 degrees in azimuth are 3601
 _FARTHEST = 1e9  # mm, as of any coordinate in a spec
+_NEARLY_FLAT_DEG, _QUARTER_TURN_RAD, _CUT_SHARE = 89.0, 1.58, 0.01
+_NARROWEST_MM, _WIDEST_MM = 0.02, 500.0
 _LARGEST = 2**28  # bytes unpacked, some 30 million nodes; a small archive may claim anything
 
 
@@ -146,7 +149,23 @@ def read_radiance(path: Path) -> RadianceTable:
     table = RadianceTable(**arrays)
     if not _LEAST_W < table.flux() < _MOST_W:
         raise InputError(f"{path}: its flux is {table.flux():g} W: radiances must not be all dark, or huge")
+    for words in _doubts(table):
+        warnings.warn(f"{path}: {words}", FileWarning, stacklevel=1)
     return table
+
+
+def _doubts(table: RadianceTable) -> Iterator[str]:
+    """Words on light that ends at the last gamma, and on sizes that no LED has: their units may be others."""
+    last = float(table.gamma_deg[-1])
+    at_last = float(table.radiance[..., -1].max() / table.radiance.max())
+    if last < _NEARLY_FLAT_DEG and at_last > _CUT_SHARE:
+        unit = ": in radians?" if last < _QUARTER_TURN_RAD else ""
+        yield f"gamma_deg ends at {last:g} degrees, with {100.0 * at_last:.3g} % of the largest radiance{unit}"
+    for name, edges in (("x_mm", table.x_mm), ("y_mm", table.y_mm)):
+        width = float(edges[-1] - edges[0])
+        if not _NARROWEST_MM <= width <= _WIDEST_MM:
+            limits = f"LEDs are {_NARROWEST_MM:g} to {_WIDEST_MM:g} mm wide"
+            yield f"{name} is {width:g} mm wide, {limits}: in {'metres' if width < _NARROWEST_MM else 'micrometres'}?"
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:

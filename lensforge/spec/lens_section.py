@@ -74,7 +74,7 @@ class StartConditions:
         return half_mm * sqrt(2.0)
 
 
-class LensShape(LensMaterial, OfSeveralKinds):
+class LensShape(OfSeveralKinds, LensMaterial):
     """Material of a lens of any kind, and the SRBFs that will shape the faces that are free.
 
     A kind is a class of its own in a module of its own: its faces with their ``roles``, the faces from which a

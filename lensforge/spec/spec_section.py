@@ -32,6 +32,7 @@ from lensforge.errors import InputError, refused
 from lensforge.results.notebook_html import Shown
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import same, with_changes
+from lensforge.spec.number_fields import with_numbers_only
 from lensforge.spec.spec_fields import signature_of
 from lensforge.spec.spec_files import NamedFrom, full_path
 from lensforge.spec.wrong_fields import spec_error
@@ -106,6 +107,15 @@ class Section(_Model):
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True, defer_build=True
     )
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return cls.finished_schema(handler(source))
+
+    @classmethod
+    def finished_schema(cls, schema: CoreSchema) -> CoreSchema:
+        """The schema that refuses true, false and texts where numbers belong; of a section of several kinds, too."""
+        return with_numbers_only(schema)
 
     @check
     def _kind_is_given(self) -> None:

@@ -1,7 +1,7 @@
 """Wrong fields of a spec as lines: each has one complete line, unknown names first, with the name that was meant."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, get_args, get_origin
@@ -43,6 +43,14 @@ _GONE = {
     },
 }
 _LISTS, _TABLES = ("tuple_type", "list_type"), ("model_type", "model_attributes_type", "dict_type")
+_SHAPES = (
+    *_LISTS,
+    *_TABLES,
+    *_NUMBERS,
+    "float_type",
+    "int_type",
+    "string_type",
+)  # another kind of value than is wanted
 
 
 @dataclass(frozen=True)
@@ -73,9 +81,14 @@ def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> Wr
         told = hint and not hint.startswith(_NO_HINT)
         value = entry["input"] if told else None  # of another file's field: not for a message
         lines.append(_line(origin, place.name, value, "; ".join(filter(None, ("unknown", hint)))))
-    for place, group in _by_place([entry for entry in entries if entry["type"] != "extra_forbidden"], root):
+    groups = _by_place([entry for entry in entries if entry["type"] != "extra_forbidden"], root)
+    within = {".".join(place.name.split(".")[:-1]) for place, _ in groups}  # of these a part is wrong, not the shape
+    for place, group in groups:
+        fitting = [each for each in group if each["type"] not in _SHAPES]
+        if place.name in within and not fitting:
+            continue
         if not (group[0]["type"] == "missing" and place.name in meant):
-            words = " or ".join(dict.fromkeys(_problem(each, place) for each in group))
+            words = " or ".join(dict.fromkeys(_problem(each, place) for each in fitting or group))
             name = f"{place.name}.kind".lstrip(".") if group[0]["type"] == _KINDS[0] else place.name
             value = group[0]["ctx"]["tag"] if group[0]["type"] == _KINDS[0] else group[0]["input"]
             lines.append(_line(origin, name, None if group[0]["type"] == "missing" else value, words))
@@ -110,11 +123,13 @@ def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
         near = _nearest(str(context.get("tag", "")), kinds)
         either = f"must be one of {', '.join(kinds)}" + (f"; did you mean {near}?" if near else "")
         return either if error["type"] == _KINDS[0] else f"kind is missing; it {either}"
-    words = _shape_wanted(error, place) or plain(error["msg"])
+    words = _shape_wanted(error, place) or _length_wanted(error) or plain(error["msg"])
     given = error["input"] if isinstance(error["input"], str) else ""
     cure = cured_number(place.last, given.strip()) if error["type"] in _NUMBERS else None
     if cure is not None:
         return f"{words}; {cure.words}" + ("" if cure.told else f"; write {cure.meant}")
+    if error["type"] in _NUMBERS and re.fullmatch(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?", given.strip()):
+        return f"{words}, without quotes; write {given.strip()}"
     near = _nearest(given, re.findall(r"'([^']*)'", str(context.get("expected", ""))))
     return f"did you mean {near}? It {words}" if near and error["type"] == "literal_error" else words
 
@@ -125,9 +140,33 @@ def _shape_wanted(error: ErrorDetails, place: _FieldPlace) -> str:
     if error["type"] in _LISTS:
         if isinstance(given, dict):
             return f"must be a list of tables: write [[{place.name}]]"
-        return "must be a list" + (f": write [{given}]" if isinstance(given, int | float) else "")
+        return "must be a list" + (f": write [{given}]" if type(given) in (int, float) and _takes_one(place) else "")
     if error["type"] in _TABLES:
         return f"must be one table: write [{place.name}]" if isinstance(given, list) else "must be a table"
+    return ""
+
+
+def _takes_one(place: _FieldPlace) -> bool:
+    """True where a list of the field may have a single entry."""
+    lists = [each for holder in place.holders for each in _tuples_in(holder.model_fields.get(place.last))]
+    return any(Ellipsis in get_args(each) for each in lists)
+
+
+def _tuples_in(annotation: Any) -> Iterator[Any]:
+    annotation = getattr(annotation, "annotation", annotation)
+    if get_origin(annotation) is tuple:
+        yield annotation
+    else:
+        yield from (found for part in get_args(annotation) for found in _tuples_in(part))
+
+
+def _length_wanted(error: ErrorDetails) -> str:
+    """Words for a list with too many entries, or too few; "" for other errors."""
+    context = error.get("ctx", {})
+    if error["type"] == "too_long":
+        return f"must have at most {context['max_length']} entries, not {context['actual_length']}"
+    if error["type"] == "too_short":
+        return f"must have at least {context['min_length']} entries, not {context['actual_length']}"
     return ""
 
 

@@ -8,6 +8,7 @@ import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.light.road_judgement import of_file
 from lensforge.sources.photometric import read_photometric
+from lensforge.sources.photometric.photometric_file import far_field_warnings
 from lensforge.sources.photometric.photometric_io import convert_photometric
 
 PLANES = {90: (300, 200, 100, 280), 120: (300, 150, 240)}  # cd at gamma 45 by the step of C; 300 at 0, 0 at 90
@@ -26,7 +27,7 @@ def _ies(first="IESNA:LM-63-2002", number="1", h=(0,), cd=((300, 200, 0),), kind
     return f"{first}\nTILT={tilt}\n1 1000 1 {len(v)} {len(h)} {kind} 2 0 0 0\n1 {number} 10\n{rows}\n"
 
 
-def _tm33(h, cd):
+def _tm33(h, cd, symmetry=""):
     data = "".join(
         f'<IntData h="{c}" v="{v}">{x}</IntData>'
         for c, row in zip(h, cd, strict=True)
@@ -34,6 +35,7 @@ def _tm33(h, cd):
     )
     return (
         "<IESTM33-22><Emitter><LuminousData><LuminousIntensity><AbsolutePhotometry>true</AbsolutePhotometry>"
+        f"{symmetry and f'<Symm>{symmetry}</Symm>'}"
         f"{data}</LuminousIntensity></LuminousData></Emitter></IESTM33-22>"
     )
 
@@ -144,3 +146,94 @@ def test_the_sizes_of_an_opening_stand_where_eulumdat_has_them(tmp_path):
     lines = (tmp_path / "a.ldt").read_text().split("\n")
     assert lines[11:17] == ["2026-01-01", "0", "0", "0", "1200", "600"]
     assert lines[26:29] == ["4", "board", "1000"]
+
+
+def _said(tmp_path, text):
+    return " ".join(far_field_warnings(_read(tmp_path, text)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "planes", "words"),
+    [
+        ({7: "45"}, (0,), ""), ({7: "0"}, (0,), ""), ({7: "45.4"}, (0,), ""), ({7: ""}, (0,), ""),
+        ({7: "46"}, (0,), "line 7 states steps of gamma of 46 degrees, its angles have 45: these are taken"),
+        ({5: "90"}, (0, 90, 180, 270), ""), ({5: "0"}, (0, 90, 180, 270), ""),
+        ({5: "15"}, (0, 90, 180, 270), "line 5 states steps of C of 15 degrees, its angles have 90"),
+        ({5: "90"}, (0, 90, 200, 270), "line 5 states steps of C of 90 degrees, its angles have 70 to 110"),
+        ({5: "15"}, (0,), ""), ({22: "98"}, (0,), ""), ({22: "96"}, (0,), "line 22: 96 % of its light go down, by"),
+        ({22: "0"}, (0,), "line 22: 0 % of its light go down, by its intensities it is 100 %"), ({22: ""}, (0,), ""),
+    ],
+)  # fmt: skip
+def test_what_eulumdat_says_of_its_angles_is_compared_with_them(changes, planes, words, tmp_path):
+    text = _ldt(changes, symmetry=1 if len(planes) == 1 else 0, planes=planes, cd=[(300, 200, 0)] * len(planes))
+    said = _said(tmp_path, text)
+    assert (words in said) if words else ("states steps" not in said and "go down" not in said)
+
+
+def test_blank_lines_of_eulumdat_are_left_out_or_named(tmp_path):
+    text = _ldt({3: "1"})
+    doubled = _read(tmp_path, "\n\n".join(text.split("\n")))
+    assert doubled.intensity.flux() == _read(tmp_path, text).intensity.flux()
+    assert "a blank line follows each of its lines: these are left out" in doubled.warnings
+    lines = text.split("\n")
+    with pytest.raises(InputError, match="line 4: blank where EULUMDAT has a count"):
+        _read(tmp_path, "\n".join([*lines[:3], "", *lines[3:]]))
+
+
+@pytest.mark.parametrize("first", ["IESNA:LM-63-2002", "IES:LM-63-2019", "IESNA91", "iesna: LM-63-1995"])
+def test_an_ies_file_without_tilt_is_named(first, tmp_path):
+    with pytest.raises(InputError, match="LM-63 file without its line TILT=: write TILT=NONE"):
+        _read(tmp_path, _ies(first).replace("TILT=NONE\n", ""))
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "h", "words"),
+    [
+        ("Symm_None", (0, 45, 90), "Symm = 'Symm_None', but its angles h are 0 to 90: taken as mirrored at h 90"),
+        ("Symm_Bi0", (0, 45, 90), "taken as mirrored at h 90"), ("Symm_Bi90", (0, 90, 180), "mirrored at h 180"),
+        ("Symm_Quad", (0,), "but its angles h are 0 to 0: taken as light of revolution"),
+        ("Symm_Quad", (0, 45, 90), ""), ("Symm_Bi0", (0, 90, 180), ""), ("Symm_Bi90", (90, 180, 270), ""),
+        ("Symm_Full", (0,), ""), ("Symm_None", (0, 90, 180, 270, 360), ""), ("", (0, 45, 90), ""),
+        ("Symm_Odd", (0, 45, 90), "'Symm_Odd' is not known"),
+    ],
+)  # fmt: skip
+def test_the_symmetry_that_tm33_states_is_that_of_its_angles(symmetry, h, words, tmp_path):
+    cd = [(300, 200 + 20 * abs(90 - angle % 180) / 90, 0) for angle in h]
+    said = _said(tmp_path, _tm33(h, cd, symmetry))
+    assert (words in said) if words else "Symm" not in said
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "of_c", "kept"),
+    [("Symm_Bi0", (200, 250, 200, 150), False), ("Symm_Bi0", (150, 200, 250, 200), True),
+     ("Symm_Bi90", (150, 200, 250, 200), False), ("Symm_Bi90", (200, 250, 200, 150), True),
+     ("Symm_Quad", (150, 250, 150, 250), True), ("Symm_Quad", (150, 250, 150, 240), False),
+     ("Symm_Full", (150, 250, 150, 250), False), ("Symm_Full", (200, 200, 200, 200), True)],
+)  # fmt: skip
+def test_a_symmetry_of_tm33_holds_for_a_whole_turn_of_intensities(symmetry, of_c, kept, tmp_path):
+    said = _said(tmp_path, _tm33((0, 90, 180, 270), [(300, value, 0) for value in of_c], symmetry))
+    assert ("its intensities have not that symmetry" not in said) == kept
+
+
+@pytest.mark.parametrize(
+    ("sizes", "told"),
+    [("600 1200 0", True), ("0.6 1.2 0", False), ("0.0006 0.0012 0", True), ("0.0011 0.0011 0", False),
+     ("10 1 0", False), ("10.1 1 0", True), ("-0.0005 -0.0005 0", True), ("0 0 0", False), ("0.1 0.1 11", True)],
+)  # fmt: skip
+def test_openings_that_no_luminaire_has_are_told(sizes, told, tmp_path):
+    said = _said(tmp_path, _ies().replace(" 2 0 0 0\n", f" 2 {sizes}\n"))
+    assert ("its luminous opening is" in said and "in another unit?" in said) == told
+
+
+def test_a_housing_in_metres_is_told(tmp_path):
+    """EULUMDAT has mm."""
+    assert "its luminaire is 0.6 x 1.2" in _said(tmp_path, _ldt({13: "1.2", 14: "0.6", 15: "0.1"})).replace(
+        "1.2 x 0.6", "0.6 x 1.2"
+    )
+    assert "in another unit" not in _said(tmp_path, _ldt({13: "1200", 14: "600", 15: "100"}))
+
+
+def test_exponents_of_fortran_are_read_in_photometric_files(tmp_path):
+    assert (
+        _read(tmp_path, _ies(cd=(("3.0D+02", "2D2", 0),))).intensity.flux() == _read(tmp_path, _ies()).intensity.flux()
+    )

@@ -1,5 +1,6 @@
 """Radiance tables: étendue and files; rays one by one, traced back to the numbers that they were drawn by."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -198,3 +199,27 @@ def test_files_that_are_no_table_are_refused_in_one_line(tmp_path: Path) -> None
         with pytest.raises(InputError, match=message) as caught:
             read_radiance(path)
         assert "\n" not in str(caught.value)
+
+
+def _table_file(folder, x_mm, gamma_deg):
+    size, count = len(x_mm) - 1, len(gamma_deg)
+    table = {"x_mm": x_mm, "y_mm": x_mm, "c_deg": [0.0], "gamma_deg": gamma_deg}
+    np.savez(folder / "led.npz", **table, radiance=np.full((size, size, 1, count), 1e5))
+    return folder / "led.npz"
+
+
+@pytest.mark.parametrize(
+    ("width_mm", "last_deg", "told"),
+    [(1.0, 90.0, ""),
+     (1.0, 1.5708, "gamma_deg ends at 1.5708 degrees, with 100 % of the largest radiance: in radians?"),
+     (1.0, 60.0, "gamma_deg ends at 60 degrees, with 100 % of the largest radiance"), (0.021, 90.0, ""),
+     (0.001, 90.0, "y_mm is 0.001 mm wide, LEDs are 0.02 to 500 mm wide: in metres?"),
+     (1000.0, 90.0, "x_mm is 1000 mm wide, LEDs are 0.02 to 500 mm wide: in micrometres?")],
+)  # fmt: skip
+def test_units_that_a_table_cannot_have_are_told(width_mm, last_deg, told, tmp_path):
+    path = _table_file(tmp_path, [-0.5 * width_mm, 0.5 * width_mm], [0.0, 0.5 * last_deg, last_deg])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        read_radiance(path)
+    words = " ".join(str(each.message) for each in said)
+    assert (told in words) if told else not words

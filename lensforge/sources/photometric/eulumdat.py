@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.half_planes import tabulated
 from lensforge.sources.photometric.opening import LuminousOpening
 from lensforge.sources.photometric.photometric_file import (
@@ -44,6 +45,8 @@ _NUMBERS = (*range(1, 7), *range(12, 26))  # lines of the header that hold one
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}([.,]\d{3})+")  # what is written like 1,234: in thousands, or with decimals
 _TYPE, _SYMMETRY, _PLANES, _GAMMAS, _TEST, _NAME, _NUMBER, _FILE, _DATE = 1, 2, 3, 5, 7, 8, 9, 10, 11
 _HOUSING, _AREA, _HEIGHTS = 12, 15, 17  # length or diameter, width (0: round) and height; of the light; of its sides
+_C_STEP, _GAMMA_STEP, _DOWNWARD = 4, 6, 21
+_SAME_STEP, _SAME_SHARE = 0.01, 3.0  # relative; per cent, which programs round or take from their own integral
 _LORL, _FACTOR, _TILT, _SETS = 22, 23, 24, 25
 _COUNT, _KIND, _LUMENS, _COLOUR, _RENDERING, _WATTS = range(_LINES_PER_SET)  # lines of a set of lamps
 _LINEAR = 2.0  # type of a linear luminaire
@@ -54,7 +57,7 @@ _FEW_LM = 100.0  # of lamps whose watts are not known; of others, 1 lm/W: less i
 
 def matches(text: str) -> bool:
     """True where the first lines hold the numbers that EULUMDAT has there."""
-    lines = text.split("\n")
+    lines, _ = _lines(text)
     try:
         return len(lines) > _HEADER_LINES and all(_number(lines[i], "") >= 0.0 for i in (1, 2, 3, 4, 5, 6))
     except InputError:
@@ -63,11 +66,14 @@ def matches(text: str) -> bool:
 
 def decode(text: str, name: str) -> PhotometricFile:
     """The far field in ``text``; ``name`` is the file in errors. Raises :class:`InputError`."""
-    lines = text.split("\n")
+    lines, doubled = _lines(text)
     if len(lines) < _HEADER_LINES + _LINES_PER_SET:
         raise InputError(
             f"{name}: truncated: {len(lines)} lines, the header alone has {_HEADER_LINES + _LINES_PER_SET}"
         )
+    for line in (_PLANES, _GAMMAS):
+        if not lines[line].strip():
+            raise InputError(f"{name}, line {line + 1}: blank where EULUMDAT has a count: is a blank line before it?")
     numbers_of_header = (_number(lines[i], name) for i in (_SYMMETRY, _PLANES, _GAMMAS, _SETS))
     symmetry, planes, gammas, sets = (count_in(number, 0, name) for number in numbers_of_header)
     if planes < 1 or gammas < 1:
@@ -93,10 +99,12 @@ def decode(text: str, name: str) -> PhotometricFile:
     candela = factor * numbers[_RATIOS + planes + gammas :].reshape(len(stored), gammas)
     if symmetry > 1 and len(stored) < 2:
         raise InputError(f"{name}: symmetry {symmetry} with {planes} half-planes C, which leaves one; export it again")
+    steps = [*_steps(lines, _C_STEP, "C", c_deg), *_steps(lines, _GAMMA_STEP, "gamma", gamma_deg)]
     c_deg = c_deg[stored]
     if symmetry == 3:  # in the order of the angles, C 90 to C 270
         c_deg, candela = c_deg[::-1], candela[::-1]
     intensity, warnings = tabulated(c_deg, gamma_deg, candela, name)
+    down = _downward(lines[_DOWNWARD], intensity)
     date, _, remark = lines[_DATE].strip().partition(_REMARK)
     file = PhotometricFile(
         intensity=intensity,
@@ -113,10 +121,40 @@ def decode(text: str, name: str) -> PhotometricFile:
         method="",
         laboratory="",
         format="eulumdat",
-        warnings=(*warnings, *_warnings(lines, lamps, c_deg, words[_RATIOS + planes + gammas :])),
+        warnings=(
+            *doubled,
+            *warnings,
+            *_warnings(lines, lamps, c_deg, words[_RATIOS + planes + gammas :]),
+            *steps,
+            *down,
+        ),
         per_1000_lm=lumens is None,
     )
     return _with_sizes(file, lines, numbers[:_RATIOS])
+
+
+def _lines(text: str) -> tuple[list[str], tuple[str, ...]]:
+    """The lines of a file; without the blank ones where one follows each, and the words that say so."""
+    lines = text.split("\n")
+    if len(lines) > 2 * _HEADER_LINES and not any(line.strip() for line in lines[1::2]):
+        return lines[::2], ("a blank line follows each of its lines: these are left out",)
+    return lines, ()
+
+
+def _steps(lines: list[str], place: int, name: str, angles: Float[np.ndarray, " n"]) -> Iterator[str]:
+    """Words on a step that the header states and the angles do not have."""
+    stated, steps = _number_or_0(lines[place]), np.diff(angles)
+    if stated > 0.0 and len(steps) and np.abs(steps - stated).max() > _SAME_STEP * stated:
+        found = f"{steps.min():g}" if np.ptp(steps) < _SAME_STEP * stated else f"{steps.min():g} to {steps.max():g}"
+        yield f"line {place + 1} states steps of {name} of {stated:g} degrees, its angles have {found}: these are taken"
+
+
+def _downward(line: str, intensity: TabulatedIntensity) -> Iterator[str]:
+    """Words on a share of the light that goes down other than that of the intensities."""
+    found = 100.0 * intensity.share_up_to_90()
+    stated = _number_or_0(line)
+    if line.strip() and _is_number(line) and abs(stated - found) > _SAME_SHARE:
+        yield f"line {_DOWNWARD + 1}: {stated:g} % of its light go down, by its intensities it is {found:.3g} %"
 
 
 def _lamps(lines: list[str], name: str) -> LampSet:

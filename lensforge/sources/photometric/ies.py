@@ -44,6 +44,7 @@ _TYPE_C, _METRES = 1, 2
 _ABSOLUTE = -1.0  # lumens of a lamp in absolute photometry
 _FIXED = 13  # numbers before the angles
 _TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(\S[^\n]*?)[ \t]*$", re.MULTILINE | re.IGNORECASE)
+_FIRST = re.compile(r"\s*IES(NA)?[ :]*(LM-63|91)", re.IGNORECASE)
 _NO_TILT, _INCLUDED = "NONE", "INCLUDE"
 _GENERATION = re.compile(r"1\.[01]{5}")  # how a file of 2019 writes the type of its generation
 _DECIMAL_COMMA = re.compile(r"\d,\d")
@@ -52,15 +53,15 @@ _PER_LINE = 10  # of 12 characters at most
 
 
 def matches(text: str) -> bool:
-    """True where ``text`` has the one line that all versions share."""
-    return _TILT.search(text) is not None
+    """True where ``text`` has the line that all versions share, or a first line that names LM-63."""
+    return _TILT.search(text) is not None or _FIRST.match(text) is not None
 
 
 def decode(text: str, name: str) -> PhotometricFile:
     """The far field in ``text``; ``name`` is the file in errors. Raises :class:`InputError`."""
     tilt = _TILT.search(text)
     if tilt is None:
-        raise InputError(f"{name}: no line TILT=; not an LM-63 file")
+        raise InputError(f"{name}: an LM-63 file without its line TILT=: write TILT=NONE between labels and numbers")
     body = text[tilt.end() :]
     try:
         return _decode_numbers(body, tilt.group(1), name, text[: tilt.start()])

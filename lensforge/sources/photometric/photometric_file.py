@@ -233,12 +233,13 @@ class PhotometricFormat:
 
 ROAD_STEP_DEG = 2.5  # of gamma, for roads: CIE 140
 _FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
+_SMALLEST_MM, _LARGEST_MM = 1.0, 10_000.0  # of an opening or a luminaire
 _CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file has lost light beyond it
 
 
 def far_field_warnings(file: PhotometricFile) -> tuple[str, ...]:
     """List what was not taken as it stands in the file, and what contradicts itself there."""
-    return (*file.warnings, *_contradictions(file), *_cut(file))
+    return (*file.warnings, *_contradictions(file), *_strange_sizes(file), *_cut(file))
 
 
 def _contradictions(file: PhotometricFile) -> Iterator[str]:
@@ -249,6 +250,17 @@ def _contradictions(file: PhotometricFile) -> Iterator[str]:
         yield f"its light has {lumens:.6g} lm, its lamps only {file.lamp_lumens:.6g} lm: check its factors"
     if watts > 0.0 and lumens > LARGEST_LM_PER_W * watts:
         yield f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts"
+
+
+def _strange_sizes(file: PhotometricFile) -> Iterator[str]:
+    """Words on sizes that no luminaire has: they may be in another unit."""
+    opening = file.opening
+    of_light, of_housing = (opening.width_mm, opening.length_mm, opening.height_mm), file.housing_mm
+    for name, (width, length, height) in (("luminous opening", of_light), ("luminaire", of_housing)):
+        sizes = [size for size in (width, length) if size > 0.0]
+        if max(width, length, height) > _LARGEST_MM or min(sizes, default=_SMALLEST_MM) < _SMALLEST_MM:
+            limits = f"within {_SMALLEST_MM:g} mm and {_LARGEST_MM / 1000.0:g} m"
+            yield f"its {name} is {width:.6g} x {length:.6g} x {height:.6g} mm, sizes are {limits}: in another unit?"
 
 
 def cut_below(file: PhotometricFile) -> str | None:

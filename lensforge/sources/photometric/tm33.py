@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.errors import InputError, refused
 from lensforge.sources.intensity import TabulatedIntensity
@@ -105,7 +106,7 @@ def decode(text: str, name: str) -> PhotometricFile:
         format="tm33",
         remarks=remarks,
         others=(*(each for each in labels if each[0] not in (ISSUED, GENERATED, METHOD)), *_others(root, emitter)),
-        warnings=(*warnings, *of_lamp, *more),
+        warnings=(*warnings, *of_lamp, *more, *_of_symmetry(emitter, intensity)),
     )
 
 
@@ -234,6 +235,57 @@ def _intensity(emitter: ElementTree.Element, name: str) -> tuple[TabulatedIntens
     candela = rows[np.lexsort((rows[:, 1], rows[:, 0])), 2].reshape(len(h_deg), len(v_deg))
     factor = _number(emitter, f"{_INTENSITY}/Multiplier", name) or 1.0
     return tabulated(h_deg, v_deg, candela * factor, name)
+
+
+# Mirror images about C 0 and about C 90 that each word of Symm states; "Full" is light of revolution.
+_SYMMETRIES = {"none": (False, False), "bi0": (True, False), "bi90": (False, True), "quad": (True, True)}
+_REVOLUTION = "full"
+_SAME_IMAGE = 0.02  # of the largest intensity
+
+
+def _of_symmetry(emitter: ElementTree.Element, intensity: TabulatedIntensity) -> Iterator[str]:
+    """Words on a symmetry that the file states, and its intensities or its angles h do not have."""
+    stated = _text(emitter, f"{_INTENSITY}/Symm")
+    word = stated.lower().removeprefix("symm").strip("_ ")
+    h_deg = np.unique([float(each.get("h", "nan")) for each in emitter.findall(f"{_INTENSITY}/IntData")])
+    first, last = float(h_deg[0]), float(h_deg[-1])
+    if word not in (*_SYMMETRIES, _REVOLUTION):
+        if stated:
+            yield f"Symm = {stated[:20]!r} is not known: its angles h decide on symmetry"
+        return
+    about = _SYMMETRIES.get(word, (True, True))
+    taken = (last in (first, 90.0, 180.0), last in (first, 90.0) or (first, last) == (90.0, 270.0))
+    more = any(mirrored and not allowed for mirrored, allowed in zip(taken, about, strict=True))
+    if more or (first == last and word != _REVOLUTION):
+        turn = "light of revolution" if first == last else f"mirrored at h {last:g}"
+        yield f"Symm = {stated!r}, but its angles h are {first:g} to {last:g}: taken as {turn}"
+    elif not _has_images(intensity, about, word == _REVOLUTION):
+        yield f"Symm = {stated!r}, but its intensities have not that symmetry: they are taken as they stand"
+
+
+def _has_images(intensity: TabulatedIntensity, about: tuple[bool, bool], revolution: bool) -> bool:
+    """True where the table is its own mirror image ``about`` C 0 and C 90, as far as asked, or of ``revolution``."""
+    if len(intensity.c_deg) == 1:
+        return True
+    values, largest = intensity.values, intensity.values.max()
+    place = np.arange(len(intensity.c_deg))
+    images = [
+        np.interp((axis - intensity.c_deg) % 360.0, intensity.c_deg, place)
+        for axis, asked in zip((360.0, 180.0), about, strict=True)
+        if asked
+    ]
+    apart = [np.abs(_planes_at(values, image) - values).max() for image in images]
+    if revolution:
+        apart.append(np.ptp(values, axis=0).max())
+    return max(apart, default=0.0) <= _SAME_IMAGE * largest
+
+
+def _planes_at(values: Float[np.ndarray, "c g"], places: Float[np.ndarray, " c"]) -> Float[np.ndarray, "c g"]:
+    """Half-planes between those of a table, linear."""
+    low = np.minimum(places.astype(int), len(values) - 2)
+    share = (places - low)[:, None]
+    planes: Float[np.ndarray, "c g"] = (1.0 - share) * values[low] + share * values[low + 1]
+    return planes
 
 
 def _datum(element: ElementTree.Element, name: str) -> tuple[float, float, float]:
