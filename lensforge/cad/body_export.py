@@ -14,7 +14,7 @@ from lensforge.cad.custom_base import CustomBase, join_base, join_mesh
 from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import FlangeRing
 from lensforge.cad.form_error import FormError, face_error, fit_boundaries
-from lensforge.cad.mesh import BodyMesh, Closure, build_mesh, check_closed, mesh_error, rings_for
+from lensforge.cad.mesh import MIN_RINGS, BodyMesh, Closure, build_mesh, check_closed, mesh_error, rings_for
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import BORE, BOTTOM, FLANGE_SIDE, FOOT_END, FOOT_SIDE, POCKET_SIDE, SIDE, Plan, make_plan
@@ -81,10 +81,15 @@ def on_base(
     chord_mm: float,
     custom: CustomBase | None = None,
     ring: FlangeRing | None = None,
+    least_rings: int = MIN_RINGS,
 ) -> BuiltBody:
-    """The body of fitted boundaries with the ``ring`` of its flange; a ``custom`` base is joined to it."""
+    """The body of fitted boundaries with the ``ring`` of its flange; a ``custom`` base is joined to it.
+
+    ``least_rings``: where ``rings`` are left out.
+    """
     plan = make_plan(*pair, base, ring)
-    mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
+    own = rings_for(plan, chord_mm, least_rings)
+    mesh = build_mesh(plan, own, chord_mm) if rings is None else build_mesh(plan, rings)
     reached_mm = mesh_error(mesh, plan)
     solid = solid_on_base(plan, custom)
     mesh = _with_feet(mesh, plan)

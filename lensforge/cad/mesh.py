@@ -182,13 +182,16 @@ def _cone(polar: Float[np.ndarray, " n"], azimuths: Float[np.ndarray, " n"]) -> 
     return plane
 
 
-def rings_for(plan: Plan[Patch], chord_mm: float) -> int:
-    """Rings to begin with: for the detail of the faces, and for the base's cylinder to be within ``chord_mm``."""
+def rings_for(plan: Plan[Patch], chord_mm: float, least: int = MIN_RINGS) -> int:
+    """Rings to begin with: for the detail of the faces, and for the base's cylinder to be within ``chord_mm``.
+
+    ``least``: that light asks for.
+    """
     of_base, of_detail = 0.0, _RINGS_PER_NODE * max(face.shape.nodes for face in plan.faces)
     if plan.has_base:  # a polygon of 6 n corners is R (pi / 6n)^2 / 2 away from the widest cylinder
         radius = (plan.base.flange_diameter_mm or plan.base.widest_mm) / 2.0
         of_base = np.pi / 6.0 * np.sqrt(radius / (2.0 * chord_mm))
-    return min(MOST_RINGS, max(MIN_RINGS, int(np.ceil(max(of_detail, of_base)))))
+    return min(MOST_RINGS, max(least, int(np.ceil(max(of_detail, of_base)))))
 
 
 # Rim and outline closer than this share a vertex; the others are 20 steps of single precision (STL) apart, or more.

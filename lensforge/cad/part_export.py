@@ -8,6 +8,7 @@ shop cuts a mould, must keep the limits of the faces of the part.
 import time
 
 from lensforge.cad.body_export import BodyProof, BuiltBody, figures_as_read, on_base, prove
+from lensforge.cad.boundary import Pair
 from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.face_tolerance import FaceTolerance, face_tolerance
@@ -15,6 +16,7 @@ from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import FormError, face_error, fit_lens, rounded_to, worst
 from lensforge.cad.keep_out import keep_out_distance, mesh_error_mm, read_keep_out
+from lensforge.cad.mesh import MIN_RINGS
 from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
 from lensforge.cad.part import STEP_FILE, STL_FILE, SURFACES_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
 from lensforge.cad.part_limits import (
@@ -48,6 +50,7 @@ def build_part(
     tolerance: FaceTolerance | None = None,
     rings: int | None = None,
     chord_mm: float = CHORD_MM,
+    least_rings: int = MIN_RINGS,
     schema: Schema = "AP214",
     extension_deg: float | None = None,
     date: str | None = None,
@@ -57,7 +60,7 @@ def build_part(
     ``nodes``: spline nodes across each optical face, by default as many as their ``tolerance`` needs, by default that
     of the lens.
     ``rings``: equal rings of the mesh; by default those of the lens's preset, or as many as the faces' detail needs,
-    their facets split where they are more than ``chord_mm`` (mm) from the surface.
+    their facets split where they are more than ``chord_mm`` (mm) from the surface, and at least ``least_rings``.
     ``extension_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle
     (degrees) beyond the rim, where the tool runs off; those of a mould insert are scaled by 1 + shrinkage.
     ``date``: of the files, by default ``manufacture.date``; an AP242 part carries ``manufacture.form_tolerance_um``.
@@ -68,7 +71,8 @@ def build_part(
     require_schema(schema)
     rings = preset_of(lens.accuracy).part.mesh_rings if rings is None else rings
     tolerance = tolerance or face_tolerance(lens)
-    body = _build(lens, nodes, tolerance, rings, chord_mm)
+    pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)), tolerance=tolerance)
+    body = _build(lens, pair, rings, chord_mm, least_rings)
     name = lens.spec.name
     signed = signed_step(body.solid, lens.spec, name, schema, date)
     step = signed.content
@@ -131,11 +135,11 @@ def build_part(
     )
 
 
-def _build(lens: Lens, nodes: int | None, tolerance: FaceTolerance, rings: int | None, chord_mm: float) -> BuiltBody:
-    """Fit the faces, build mesh and solid, and join the base where it comes from a file."""
+def _build(lens: Lens, pair: Pair[Patch], rings: int | None, chord_mm: float, least_rings: int) -> BuiltBody:
+    """Build mesh and solid of the fitted faces, and join the base where it comes from a file."""
     custom = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
-    pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)), tolerance=tolerance)
-    return on_base(lens.surfaces, pair, base_with_room(lens), rings, chord_mm, custom, ring_of(lens, pair[1]))
+    base, ring = base_with_room(lens), ring_of(lens, pair[1])
+    return on_base(lens.surfaces, pair, base, rings, chord_mm, custom, ring, least_rings)
 
 
 def _keep_out(lens: Lens, body: BuiltBody) -> KeepOutDistance | None:

@@ -11,6 +11,7 @@ from itertools import chain
 
 from lensforge.proof.file_form import form_criteria
 from lensforge.proof.proof_result import (
+    Agreement,
     BrepCast,
     IndependentRays,
     MitsubaCast,
@@ -253,6 +254,11 @@ def _cast_criteria(prefix: str, evidence: Evidence) -> list[Fact]:
         *_landing_criteria(prefix, evidence),
         at_most(f"{prefix}fate_disagreement_flux", fates, evidence.fates, "of the flux", evidence.of_fates()),
     ]
+
+
+def mesh_landing_criteria(agreement: Agreement, limit_mm: float) -> list[Fact]:
+    """Criteria of rays that are cast through a mesh on trial; ``limit_mm``: the most that they may land off."""
+    return list(_cast_criteria("", Evidence(agreement, limit_mm, FLUX_SHARE, FATE_SHARE, FINER)))
 
 
 def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Fact]:

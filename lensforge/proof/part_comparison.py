@@ -7,6 +7,7 @@ come from the description of the source; their noise is known, so that they test
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -74,7 +75,23 @@ def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
     return np.sort(np.random.default_rng(0).permutation(of)[:count])
 
 
-def compare(rays: RayBundle, landed: LandedRays, expected: Expected) -> Agreement:
+class Landed(Protocol):
+    """Landings (NaN if lost), flux (W) and fates of rays, and the faces that they met, as of :class:`Expected`."""
+
+    @property
+    def landings(self) -> Float[np.ndarray, "n 2"]: ...  # noqa: D102
+
+    @property
+    def flux(self) -> Float[np.ndarray, " n"]: ...  # noqa: D102
+
+    @property
+    def met(self) -> Int[np.ndarray, "n events"] | None: ...  # noqa: D102
+
+    @property
+    def fate_names(self) -> Shaped[np.ndarray, " n"]: ...  # noqa: D102
+
+
+def compare(rays: RayBundle, landed: Landed, expected: Expected) -> Agreement:
     """Compare landing and flux of every ray; rays that both land outside the receiver do not count."""
     both, differs, apart = landing_gaps(landed, expected)
     change = 1.0
@@ -93,7 +110,7 @@ def compare(rays: RayBundle, landed: LandedRays, expected: Expected) -> Agreemen
 
 
 def _fate_pairs(
-    rays: RayBundle, landed: LandedRays, expected: Expected, differs: Bool[np.ndarray, " n"]
+    rays: RayBundle, landed: Landed, expected: Expected, differs: Bool[np.ndarray, " n"]
 ) -> tuple[FatePair, ...]:
     """Rays of ``differs`` by their fates in design and part, the largest share of flux first."""
     design, part = expected.fate_names, landed.fate_names
@@ -105,7 +122,7 @@ def _fate_pairs(
 
 
 def landing_gaps(
-    landed: LandedRays, expected: Expected
+    landed: Landed, expected: Expected
 ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"], Float[np.ndarray, " k"]]:
     """Masks of the rays that part and design land on the receiver by the same way, of those of another fate; gaps (mm).
 

@@ -41,7 +41,7 @@ from lensforge.search.design_result import Design, Observer
 from lensforge.search.searches import SearchOptions, Warn, best_design, design
 from lensforge.shop.check_result import Check
 from lensforge.spec import AnyAccuracy, Spec
-from lensforge.spec.accuracy import accuracy_of
+from lensforge.spec.accuracy import accuracy_of, preset_of
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_base_around_cavity
@@ -72,8 +72,8 @@ def build(
         extension_deg: also writes the optical faces untrimmed, extended by this angle beyond the rim.
         nodes: number of spline nodes across a face; None: as many as the tolerances need.
         form_nm: largest form error of an optical face, in nm; None: the spec's.
-        normal_mrad: largest error of its normal, in mrad; None: the spec's.
-        rings: number of equal rings of the mesh; None: as many as its tolerance needs.
+        normal_mrad: largest error of its normal, in mrad, or less where light asks for it; None: the spec's.
+        rings: number of equal rings of the mesh; None: as many as its tolerance and the light need.
         date: of the files, a date or "2026-01-31"; None: the spec's.
     Returns: The part: the bytes of its files, its errors, ``solid`` for cadquery and ``mesh`` for trimesh.
     Raises: :class:`InputError` for an argument that is not allowed, or a lens whose surfaces enclose no body.
@@ -83,16 +83,22 @@ def build(
         >>> part.save("lens.step")
     """
     from lensforge.cad.part_export import build_part
+    from lensforge.proof.export_trial import fineness
 
     require(lens, Lens, "build")
+    nodes, rings = count_of("nodes", nodes), count_of("rings", rings) or preset_of(lens.accuracy).part.mesh_rings
+    extension_deg, date = number_of("extension_deg", extension_deg), date_of("date", date)
+    tolerance = face_tolerance(lens, number_of("form_nm", form_nm), number_of("normal_mrad", normal_mrad))
+    fine = fineness(lens, tolerance, nodes, rings)
     return build_part(
         lens,
         schema=schema,
-        extension_deg=number_of("extension_deg", extension_deg),
-        nodes=count_of("nodes", nodes),
-        tolerance=face_tolerance(lens, number_of("form_nm", form_nm), number_of("normal_mrad", normal_mrad)),
-        rings=count_of("rings", rings),
-        date=date_of("date", date),
+        extension_deg=extension_deg,
+        nodes=nodes,
+        tolerance=fine.tolerance,
+        rings=rings,
+        least_rings=fine.rings,
+        date=date,
     )
 
 

@@ -71,6 +71,11 @@ class TableGrid:
         return np.ascontiguousarray(filtered[APRON - 1 : APRON + self.nodes + 1])
 
 
+def most_per_sigma(sigma_min_rad: float) -> float:
+    """Most nodes across the narrowest function for which a grid fits."""
+    return sigma_min_rad * (_MOST_NODES - 1) / (4.0 * chart.HALF_WIDTH)
+
+
 def grid_for(sigma_min_rad: float, nodes_per_sigma: float) -> TableGrid:
     """The grid whose apex step is ``sigma_min / nodes_per_sigma``, with at least 24 nodes.
 

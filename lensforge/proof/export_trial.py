@@ -1,0 +1,187 @@
+"""Tolerances and rings of an export: those with which its files use half of what verification allows them.
+
+Before the part is made, the light of its fitted faces is traced as that of the design is, in the place of the solid,
+and its mesh is cast as verification casts it. Both are judged by the criteria of verification.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge import seeds
+from lensforge.cad.boundary import Pair, TrimmedFace
+from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.face_tolerance import MAX_NODES, FaceTolerance
+from lensforge.cad.facets import CHORD_MM
+from lensforge.cad.flange import ring_of
+from lensforge.cad.form_error import fit_lens
+from lensforge.cad.mesh import MIN_RINGS, MOST_RINGS, BodyMesh, build_mesh, rings_for
+from lensforge.cad.mesh_files import stl_bytes
+from lensforge.cad.patch import Patch
+from lensforge.cad.plan import make_plan
+from lensforge.errors import InputError
+from lensforge.kernels.parallel import thread_count
+from lensforge.light.lens_light import judging_source
+from lensforge.light.simulation import TracedLens
+from lensforge.optics.media import Surface
+from lensforge.proof.acceptance import (
+    DEVIATION_RAD,
+    OF_SPREAD,
+    brep_criteria,
+    mesh_landing_criteria,
+)
+from lensforge.proof.casts import expected_of, of_one_lamp, traced_exactly
+from lensforge.proof.facet_casting import Grid
+from lensforge.proof.part_comparison import Expected, Landed, compare
+from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.proof.proof_inputs import optical_of
+from lensforge.proof.proof_result import Agreement, BrepCast
+from lensforge.proof.sequential_cast import send_through
+from lensforge.results import Fact
+from lensforge.scene.lens import Lens
+from lensforge.sources.measured_rays import rays_of_file
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.bicubic_table import tabulate
+from lensforge.surfaces.surface import to_chart, to_sphere
+
+MARGIN = 2.0  # of the limits, which other rays and the faces as read back use otherwise
+_RAYS = 4096
+_ROUNDS = 5
+_AIM = 0.8  # of what is allowed, by the power of the step below
+_SMALLEST_STEP, _LARGEST_STEP = 1.15, 2.5
+_RINGS_POWER = 2.0  # by which the displacement through a mesh falls with its rings, 2 to 4
+_LEAST_GAIN = 0.9  # of what was used before: what finer files do not lessen is not theirs
+_MOST_TRIANGLES = 1_000_000
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """Tolerance of the optical faces of a STEP file, and least number of rings of the mesh beside it."""
+
+    tolerance: FaceTolerance
+    rings: int = MIN_RINGS
+
+
+def fineness(lens: Lens, tolerance: FaceTolerance, nodes: int | None = None, rings: int | None = None) -> Fineness:
+    """The fineness of an export of ``lens``: no coarser than ``tolerance``, and finer where light asks for it.
+
+    ``nodes``, ``rings``: given numbers, which are kept.
+    """
+    trials = [_Trial(own) for own in lens.by_led.values()]
+    if nodes is None:
+        tolerance = _settled_tolerance(lens, tolerance, trials)
+    if rings is not None:
+        return Fineness(tolerance)
+    pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)), tolerance=tolerance)
+    return Fineness(tolerance, _settled_rings(lens, pair, trials))
+
+
+def _settled_tolerance(lens: Lens, tolerance: FaceTolerance, trials: "list[_Trial]") -> FaceTolerance:
+    """The tolerance with normals as near as light asks, where splines are as fine and it gains by them."""
+    pair = fit_lens(lens, tolerance=tolerance)
+    used = max(trial.used_by_faces(pair) for trial in trials)
+    for _ in range(_ROUNDS):
+        if used * MARGIN <= 1.0:
+            break
+        step = _step(used * MARGIN, 1.0)
+        finer = tolerance.changed(normal_mrad=tolerance.normal_mrad / step)
+        pair = fit_lens(lens, tolerance=finer)
+        before, used = used, max(trial.used_by_faces(pair) for trial in trials)
+        most = max(face.shape.nodes for boundary in pair for face in boundary.of_material)
+        if used > _LEAST_GAIN * before or most == MAX_NODES:
+            break
+        tolerance = finer
+    return tolerance
+
+
+def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int:
+    """The rings from which on the mesh lands light within the margin, or from which on more rings gain nothing."""
+    plan = make_plan(*pair, base_with_room(lens), ring_of(lens, pair[1]))
+    rings = rings_for(plan, CHORD_MM)
+    used = max(trial.used_by_mesh(build_mesh(plan, rings, CHORD_MM)) for trial in trials)
+    for _ in range(_ROUNDS):
+        if used * MARGIN <= 1.0:
+            break
+        more = min(MOST_RINGS, int(np.ceil(rings * _step(used * MARGIN, _RINGS_POWER))))
+        try:
+            mesh = build_mesh(plan, more, CHORD_MM)
+        except InputError:  # it would take too many triangles
+            break
+        if len(mesh.triangles) > _MOST_TRIANGLES:
+            break
+        before, used = used, max(trial.used_by_mesh(mesh) for trial in trials)
+        if used > _LEAST_GAIN * before:
+            break
+        rings = more
+    return rings
+
+
+def _step(excess: float, power: float) -> float:
+    """Factor by which files must be finer that use ``excess`` of what they are to use, which falls with a power."""
+    return min(max((excess / _AIM) ** (1.0 / power), _SMALLEST_STEP), _LARGEST_STEP)
+
+
+class _Trial:
+    """Rays of one LED through a lens as designed, and what files of the lens use of the limits on them."""
+
+    def __init__(self, lens: Lens) -> None:
+        source = rays_of_file(judging_source(lens.spec))
+        self._lens = of_one_lamp(lens)
+        self._optical = optical_of(lens.body, lens.events)
+        self._rays: RayBundle = source.sample(min(_RAYS, source.ray_count or _RAYS), seeds.of_verification(lens.seed))
+        self._traced = traced_exactly(self._lens)
+        self._expected = self._landings(self._traced)
+
+    def _landings(self, traced: TracedLens) -> list[Expected]:
+        polished = bool(self._lens.media.scattering)
+        return expected_of(self._lens, None, self._rays, self._optical, polished=polished, traced=traced)
+
+    def used_by_faces(self, pair: Pair[Patch]) -> float:
+        """Largest share of a limit that the fitted faces use as those of a STEP file."""
+        fitted = {face.name: face for boundary in pair for face in boundary.faces if not face.is_open}
+        tables, grid = self._traced.tables.copy(), self._traced.scene.grid
+        for table, name in zip(tables, self._traced.scene.names, strict=True):
+            if name in fitted:
+                table += tabulate(grid, _FormError(self._lens.surfaces[name], fitted[name]))
+        return self._most_used(self._landings(replace(self._traced, tables=tables)), _as_step)
+
+    def used_by_mesh(self, mesh: BodyMesh) -> float:
+        """Largest share of a limit that ``mesh`` uses as that of an STL file."""
+        part, media = read_part_mesh(stl_bytes(mesh), self._optical), self._lens.media
+        passage = send_through(part, Grid(part.mesh), self._rays, media.polished, thread_count())
+        landed = [passage.landed(expected.screen) for expected in self._expected]
+        limit_rad = DEVIATION_RAD + OF_SPREAD * media.spread_rad
+        return self._most_used(landed, lambda each, reach_mm: mesh_landing_criteria(each, limit_rad * reach_mm))
+
+    def _most_used(self, landed: Sequence[Landed], criteria: Callable[[Agreement, float], Sequence[Fact]]) -> float:
+        """Largest share of a limit on any receiver that has light."""
+        pairs = [(each, by_design) for each, by_design in zip(landed, self._expected, strict=True) if _lit(by_design)]
+        judged = (
+            criteria(compare(self._rays, each, by_design), by_design.screen.reach_mm(by_design.irradiance))
+            for each, by_design in pairs
+        )
+        return max((float(fact.value or 0.0) / fact.bound for facts in judged for fact in facts), default=0.0)
+
+
+def _lit(expected: Expected) -> bool:
+    return bool(expected.irradiance.any())
+
+
+def _as_step(agreement: Agreement, reach_mm: float) -> Sequence[Fact]:
+    cast = BrepCast(rays=_RAYS, seconds=0.0, against_design=agreement, against_mesh=agreement)
+    return brep_criteria(cast, reach_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class _FormError(Surface):
+    """By how much a ``fitted`` face is farther than its ``exact`` surface; beyond its edges as far as there."""
+
+    exact: Surface
+    fitted: TrimmedFace[Patch]
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Difference of the radii (mm)."""
+        within = to_sphere(self.fitted.domain.within(to_chart(directions)))
+        return self.fitted.shape.radius(within) - self.exact.radius(within)
