@@ -13,6 +13,7 @@ from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILES, TM25_FILE, TM33_FILE, Photometry
+from lensforge.proof.acceptance import deciding_criteria
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline, kinds
@@ -20,7 +21,7 @@ from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_o
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Fact, Group, ResultByLed, StageResult
-from lensforge.results.criteria import criteria_of, require
+from lensforge.results.criteria import require
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.record import State
 from lensforge.results.validation import shortened
@@ -45,7 +46,7 @@ _ON_RECEIVER = ("nmse", "share_in_target", "efficiency", "uniformity", "level", 
 _LIGHT = (*_ON_RECEIVER, "leak", "rays", "fitted_nmse")
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
 _LENS = ("kept_start", "radius", "height", "kept", "next")
-_FILES = ("form_error", "volume", "mass", "plate_mass", "surfaces", "scale", "keep_out", "landing")
+_FILES = ("form_error", "volume", "mass", "plate_mass", "surfaces", "scale", "keep_out", "landing", "print_mesh")
 _FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv", "plate_pdf", "plate_dxf")  # bytes, which lie in the folder
 
 
@@ -68,7 +69,7 @@ def finish(
     )
     for result in results:
         _tell_conditions(result)
-    require(criterion for each in results for criterion in criteria_of(each))
+    require(criterion for each in results for criterion in deciding_criteria(each))
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
 
@@ -212,7 +213,7 @@ def summary(run: Run) -> list[Block]:
         Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
         Block(_title("light", verdict.light, light), [*rows_of(light), *rows_of(far_field), *why]),
         Block(f"Lens{search}", [*rows_of(lens), *_kinds(run)]),
-        Block(_title("files", verdict.files), [*rows_of(files), *_because(verdict, "files")[:1]]),
+        Block(_title("files", verdict.files, files), [*rows_of(files), *_because(verdict, "files")[:1]]),
         Block(_title("cutting", verdict.cutting, _of_mould(run)), list(_manufacture(run))),
         Block(f"Written: {run.folder / REPORT_FILE}", [("Files", _written(run))]),
     ]
@@ -263,7 +264,7 @@ def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
         judged, under = Results(run.lens, {**part, result.stage: result}).verdict, " under other conditions"
     if isinstance(result, Light):
         return _title("light", judged.light, run.facts(result), under), _because(judged, "light")
-    return _title("files", judged.files, under=under), _because(judged, "files")
+    return _title("files", judged.files, run.facts(result), under), _because(judged, "files")
 
 
 def _titled(groups: Sequence[Group]) -> list[Block]:

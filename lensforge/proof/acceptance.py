@@ -21,9 +21,9 @@ from lensforge.proof.proof_result import (
     Sizes,
     StrayLight,
 )
-from lensforge.proof.remedies import FINER, Evidence, form_of_mesh
+from lensforge.proof.remedies import FINER, Evidence, form_of_mesh, form_of_step
 from lensforge.results import BodySize, Fact
-from lensforge.results.criteria import Criteria, at_most, under
+from lensforge.results.criteria import Criteria, at_most, criteria_of, under
 
 # Share of flux: rays that graze the rim or the limit of total reflection may end either way.
 FLUX_SHARE = 1e-3
@@ -218,14 +218,20 @@ def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Fact]:
     fine = proof.facet_height_um.rms <= FINE_FACETS_UM
     form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine and not step_alike)
     fault = other if proof.open_edges == 0 else ""
-    limit_mm = receiver.deviation_limit_mm
+    limit_mm, same_form = receiver.deviation_limit_mm, _has_form(proof, "lens.step")
     evidence = Evidence(receiver.against_design, limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)
     return [
         *_mesh_criteria(receiver, evidence),
-        *([] if brep is None else brep_criteria(brep, reach_mm, other_body(proof.sizes, "lens.step"))),
+        *([] if brep is None else brep_criteria(brep, reach_mm, other_body(proof.sizes, "lens.step"), same_form)),
         *([] if mitsuba is None else mitsuba_criteria(mitsuba, reach_mm, other, fine=fine)),
         *([] if receiver.own_rays is None else independent_rays_criteria(receiver.own_rays)),
     ]
+
+
+def _has_form(proof: Proof, name: str) -> bool:
+    """True where the form of the file ``name`` is known, and is that of the design."""
+    form = next((each for each in proof.forms if each.name == name), None)
+    return form is not None and all(each.holds for each in form_criteria(form))
 
 
 def _mesh_criteria(proof: ReceiverProof, evidence: Evidence) -> Iterator[Fact]:
@@ -261,9 +267,12 @@ def mesh_landing_criteria(agreement: Agreement, limit_mm: float) -> list[Fact]:
     return list(_cast_criteria("", Evidence(agreement, limit_mm, FLUX_SHARE, FATE_SHARE, FINER)))
 
 
-def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Fact]:
-    """Acceptance criteria of a STEP file; ``reach_mm``: of the receiver's light, ``fault``: recognised in the file."""
-    seen = brep_evidence(cast, reach_mm, fault)
+def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "", same_form: bool = False) -> list[Fact]:
+    """Acceptance criteria of a STEP file; ``reach_mm``: of the receiver's light.
+
+    ``fault``: recognised in the file. ``same_form``: its faces are known to lie on the design's.
+    """
+    seen = brep_evidence(cast, reach_mm, fault, same_form)
     allowed = BREP_FATE_RAYS * max(1.0, cast.rays / BREP_RAYS)
     return [
         *_landing_criteria("brep_", seen),
@@ -271,9 +280,9 @@ def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Fact
     ]
 
 
-def brep_evidence(cast: BrepCast, reach_mm: float, fault: str = "") -> Evidence:
-    """Agreement of the STEP file with the design, and its limits; ``reach_mm``: of the receiver's light."""
-    form = "export again; if it stays, lens.step is not the lens of lens.json"
+def brep_evidence(cast: BrepCast, reach_mm: float, fault: str = "", same_form: bool = False) -> Evidence:
+    """Agreement of the STEP file with the design, and its limits; arguments as of :func:`brep_criteria`."""
+    form = form_of_step(same_form)
     limit, fates = BREP_DEVIATION_RAD * reach_mm, BREP_FATE_RAYS / BREP_RAYS
     return Evidence(cast.against_design, limit, BREP_FLUX_SHARE, fates, form, fault, fine=True)
 
@@ -288,6 +297,30 @@ def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fin
     seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form, fault, fine)
     nmse = at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels())
     return [nmse, *_cast_criteria("mitsuba_", seen)]
+
+
+_LANDING = ("deviation_rms", "flux_deviation", "fate_disagreement_flux")
+# Misses of one mesh with coarse facets; the latter also have causes that are not facets, and need one of the former.
+_OF_FACETS = {*_LANDING, "nmse_same_rays", *(f"mitsuba_{name}" for name in (*_LANDING, "nmse_vs_design"))}
+_BEHIND_FACETS = {"nmse_vs_design", "own_rays_efficiency", "own_rays_nmse", "lamps_nmse_vs_sum", "plate_nmse_vs_sum"}
+
+
+def facet_misses(proof: Proof) -> tuple[Fact, ...]:
+    """Criteria that the facets of a mesh miss beside a STEP file that lands all light: they fail no part.
+
+    Empty where anything else is missed, and where the form of the files or the light of the STEP file is not known.
+    """
+    missed = tuple(criterion for criterion in criteria_of(proof) if criterion.state == "fail")
+    names = {criterion.key.rpartition(": ")[2] for criterion in missed}
+    by_step = all(receiver.brep is not None for led in proof.by_led.values() for receiver in led.receivers)
+    of_facets = bool(names & _OF_FACETS) and names <= _OF_FACETS | _BEHIND_FACETS
+    return missed if of_facets and by_step and proof.forms else ()
+
+
+def deciding_criteria(result: object) -> Iterator[Fact]:
+    """Criteria of a result by which files pass or fail: of a verification without :func:`facet_misses`."""
+    facets = facet_misses(result) if isinstance(result, Proof) else ()
+    yield from (criterion for criterion in criteria_of(result) if criterion not in facets)
 
 
 def stray_criteria(stray: StrayLight) -> Criteria:

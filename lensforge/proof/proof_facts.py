@@ -1,10 +1,11 @@
 """Facts of the verification: each independent tracer of the exported part against the design, and stray light."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from lensforge.proof.acceptance import facet_misses
 from lensforge.proof.file_form import FileForm
 from lensforge.proof.proof_result import (
     BrepCast,
@@ -42,6 +43,14 @@ _ENDS = {
 }
 
 
+_PRINT_MESH = Fact(
+    "print_mesh",
+    "Mesh",
+    "too coarse for the light",
+    notice="lens.step is right and decides; `lensforge export` without --rings makes a mesh as fine as the light asks",
+)
+
+
 def proof_facts(
     proof: Proof, designed: Mapping[tuple[str, str], float], lamp: str = "", lamps: str = "", *, on_plate: bool = False
 ) -> list[Group]:
@@ -59,6 +68,8 @@ def proof_facts(
         for lit in lit_receivers(proof)
     ]
     forms = [Group("forms", "Form of the files", tuple(_form(each, proof) for each in proof.forms))]
+    if facet_misses(proof):
+        parts[0] = replace(parts[0], facts=(*parts[0].facts, _PRINT_MESH))
     title = "All lamps of the plate" if on_plate else "All lamps with this lens"
     together = [
         Group(

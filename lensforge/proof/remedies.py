@@ -22,7 +22,7 @@ _BY_PART = {
     "starts_inside": "the source is in the part's material: it is inside out or another lens; export again",
     "starts_outside": "the source is outside the part's cavity: it is another lens; export again",
 }
-FINER = "export with a finer mesh (--rings N)"
+FINER = "export with a finer mesh: without --rings it is as fine as the light asks"
 _AT_A_LIMIT = f"this light is near the rim or the limit of total reflection: {FINER}"
 
 
@@ -109,7 +109,14 @@ def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str
         return "export with more --rings; if it stays, a face of lens.stl lies elsewhere, or it has a void"
     if step_lands_alike is None:
         return f"{FINER}; if it stays, the file is not the lens of lens.json"
-    return f"lens.step has no ray displacement, so {FINER}; if it stays, lens.stl is not this lens"
+    return f"lens.step is right, its rays land where the design's do; the facets of lens.stl are too coarse: {FINER}"
+
+
+def form_of_step(same_form: bool) -> str:
+    """Remedy of a STEP file whose rays land elsewhere; ``same_form``: its faces are known to lie on the design's."""
+    if same_form:
+        return "lens.step is this lens, but its normals turn light too far: export again, as near as the light asks"
+    return "export again; if it stays, lens.step is not the lens of lens.json"
 
 
 def _said(pair: FatePair) -> str:

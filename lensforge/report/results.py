@@ -14,6 +14,7 @@ from lensforge.made.measured_facts import correction_facts, photo_facts, surface
 from lensforge.made.measurement_result import Correction, MeasuredFace, PhotoComparison, SurfaceComparison
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
+from lensforge.proof.acceptance import deciding_criteria
 from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
@@ -136,7 +137,7 @@ class Results:
         part, proof = self.find(Part), self.find(Proof)
         for result in (self.find(Design), part, self.find(Check), proof):
             if result is not None:
-                yield from missed(criteria_of(result))
+                yield from missed(deciding_criteria(result))
         if part is None:
             yield "undecided", "no files have been exported"
             return
