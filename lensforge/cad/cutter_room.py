@@ -4,6 +4,7 @@ Near a rim, a ball that touches the face extends below z = 0, where the base is.
 ball's centre: its distance from the axis and its height above z = 0.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 from math import ceil
 
@@ -17,6 +18,7 @@ from lensforge.cad.patch import Patch
 from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_radius
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection, Spec
+from lensforge.spec.part_section import Process
 from lensforge.surfaces.surface import Surface
 
 _RINGS, _AZIMUTHS = 129, 360  # of contacts: between them a clearance is larger by less than 2 um on a lens of 14 mm
@@ -79,6 +81,15 @@ def base_with_room(lens: Lens) -> BaseSection:
     if base.relief_step_mm == 0.0:
         room["relief_setback_mm"] = 0.0  # without a step it has no wall
     return base.changed(**{name: room[name] for name in missing})
+
+
+def as_built(lens: Lens, process: Process) -> Lens:
+    """The lens made by another ``process``: its body, room for the cutter and drafts included, is that of its files.
+
+    Raises :class:`InputError` for a process by which no such part is made.
+    """
+    spec = lens.spec.made_by(process)
+    return replace(lens, spec=spec if spec.plate is not None else spec.changed(base=base_with_room(lens)))
 
 
 @lru_cache(maxsize=4)  # sections and drawing ask for it

@@ -89,11 +89,11 @@ def finish_page(output: Output, run: Run | None, page: Path) -> None:
     )
 
 
-def finish_handover(output: Output, here: RunFolder, made: "Handover") -> None:
-    """Print the files that were ``made`` for the shop, and the findings of the check that do not hold."""
+def finish_handover(output: Output, here: RunFolder, made: "Handover", folder: Path) -> None:
+    """Print the files that were ``made`` for the shop in ``folder``, and the findings of the check that do not hold."""
     run = here.run
     here.refresh_report()
-    title = f"For the shop, in {run.folder}"
+    title = f"For the shop, in {folder}"
     content = made.model_dump(
         mode="json", exclude={**dict.fromkeys(_FILES_OF_HANDOVER, True), "grids": {"__all__": {"content"}}}
     )

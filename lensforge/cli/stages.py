@@ -18,6 +18,7 @@ from lensforge.report.results import REPORT_FILE
 from lensforge.report.results import handover as make_handover
 from lensforge.results import StageResult
 from lensforge.results.files import require_own, require_writable
+from lensforge.spec.part_section import Process
 from lensforge.verbs import EVALUATE, STAGES, STRAY, VERIFY, FolderStage
 
 
@@ -83,6 +84,7 @@ STAGE_COMMANDS = tuple(_command_of(stage) for stage in STAGES)
     metavar="FILE",
     help="TOML file whose [drawing] replaces the spec's: another revision.",
 )
+@OPTIONS["process"]
 @with_output
 def handover(
     directory: Path,
@@ -90,22 +92,34 @@ def handover(
     error: float,
     interpolation: Literal["bicubic", "linear"],
     drawing: Path | None,
+    process: Process | None,
     output: Output,
 ) -> None:
     """Write the files that go to the shop with the STEP.
 
-    A drawing with the findings of the check (HTML, PDF, DXF), and tables of points.
+    A drawing with the findings of the check (HTML, PDF, DXF), and tables of points. Those of --process, such as a
+    turned prototype of a moulded lens, are written to DIR/PROCESS.
     """
     from lensforge.cli.progress import StageClock
 
     with opened(directory) as here:
-        with StageClock("handover", quiet=output.quiet):
+        run = here.to_show()
+        other = None if process == run.spec.manufacture.process else process
+        folder = directory if other is None else directory / other
+        with StageClock("handover", quiet=output.quiet) as clock:
             made = make_handover(
-                here.to_show(), spacing_mm=spacing, error_nm=error, interpolation=interpolation, drawing=drawing
+                run,
+                spacing_mm=spacing,
+                error_nm=error,
+                interpolation=interpolation,
+                drawing=drawing,
+                process=other,
             )
-            made.save(directory)
+            for words in made.notes:
+                clock.warn(words)
+            made.save(folder)
             here.renew()
-        finish_handover(output, here, made)
+        finish_handover(output, here, made, folder)
 
 
 @click.command()

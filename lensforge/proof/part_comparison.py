@@ -7,7 +7,6 @@ come from the description of the source; their noise is known, so that they test
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -75,20 +74,7 @@ def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
     return np.sort(np.random.default_rng(0).permutation(of)[:count])
 
 
-class Landed(Protocol):
-    """Landings (NaN if lost), flux (W) and fates of rays, and the faces that they met, as of :class:`Expected`."""
-
-    @property
-    def landings(self) -> Float[np.ndarray, "n 2"]: ...  # noqa: D102
-
-    @property
-    def flux(self) -> Float[np.ndarray, " n"]: ...  # noqa: D102
-
-    @property
-    def met(self) -> Int[np.ndarray, "n events"] | None: ...  # noqa: D102
-
-    @property
-    def fate_names(self) -> Shaped[np.ndarray, " n"]: ...  # noqa: D102
+Landed = LandedRays | Expected  # rays through a file, or through another lens by the design's own tracer
 
 
 def compare(rays: RayBundle, landed: Landed, expected: Expected) -> Agreement:

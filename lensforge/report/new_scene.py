@@ -18,7 +18,7 @@ from lensforge.spec import Spec, parse_spec
 from lensforge.spec.derived_values import WHY, rounded_length
 from lensforge.spec.lens_section import LensShape, LightShape
 from lensforge.spec.new_spec import new_text
-from lensforge.spec.part_section import Process
+from lensforge.spec.part_section import usual_flat_mm
 from lensforge.spec.source_sections import RayfileSource
 from lensforge.spec.tolerances_section import lets_light_in
 
@@ -29,6 +29,7 @@ Tables = dict[str, Any]  # of a spec, by their names
 
 _OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
 USUAL_CUTTER = "1"  # mm
+_INSERT_BALL = 0.2  # radius of the ball that mills an insert, of the largest radius of a small lens
 CUTTERS = "radius of the shop's ball cutter in mm, which a lens that is turned takes none of, mould, or none"
 
 
@@ -142,13 +143,18 @@ class NewScene:
         if cutter is None and process == "milled" and lens.has_creases and not lens.is_opaque:
             warn("no ball reaches the inner edges of this lens: it has the limits of a mould; --cutter selects others")
             cutter = "mould"
-        content = self.content(kind, _limits_of(cutter or USUAL_CUTTER, process), shape)
+        content = self.content(kind, _limits_of(cutter or USUAL_CUTTER, unlimited), shape)
         made = self._spec(content)
         room_mm = made.manufacture.tool_radius_mm + made.constraints.min_thickness_mm + 0.02  # it is rounded up
         has_base = made.base.kind not in ("none", "step") and any(map(made.is_cut, made.lens.names))
         if has_base and made.base.height_mm < room_mm:  # a step as deep as the ball, and a wall under it
             content["base"] = {**content.get("base", {}), "height_mm": rounded_length(room_mm)}
             made = self._spec(content)
+        if _takes_flat(made):
+            content["base"] = {**content.get("base", {}), "flat_mm": usual_flat_mm(made.base)}
+            made = self._spec(content)
+        if made.manufacture.process == "moulded":
+            warn("manufacture.shrinkage is not given: ask the moulder for that of the plastic, such as 0.005")
         scene = SceneCheck.of(made, source_of(made))
         scene.require_light(force=force)
         for words in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
@@ -169,20 +175,32 @@ class NewScene:
         return parse_spec(deepcopy(content), "new")
 
 
-def _limits_of(cutter: str, process: Process | None) -> Tables:
+def _limits_of(cutter: str, unlimited: Spec) -> Tables:
     """Fields that let ``cutter`` make a lens, as the check would advise: a ``face`` of it, and tables of its spec.
 
-    ``process``: by which the lens is made where the cutter says nothing else.
+    ``unlimited``: the spec without them. The inserts of two freeform faces are milled, by a ball that fits into them.
     """
     if cutter == "none":
         return {}
     if cutter == "mould":
-        moulded: Tables = {"manufacture": {"process": "moulded"}, "tolerances": {"preset": "moulded"}}
-        return {"face": {"draft_deg": GOOD_DRAFT_DEG}, **moulded}
+        milled = not unlimited.lens.has_creases and any(
+            unlimited.cutting(face) == "milled" for face in unlimited.lens.names
+        )
+        radius = min(float(USUAL_CUTTER), round(_INSERT_BALL * unlimited.constraints.max_radius_mm, 2))
+        ball = {"concave_radius_mm": radius} if milled else {}
+        tool = {"cutter_radius_mm": radius} if milled else {}
+        moulded: Tables = {"manufacture": {"process": "moulded", **tool}, "tolerances": {"preset": "moulded"}}
+        return {"face": {**ball, "draft_deg": GOOD_DRAFT_DEG}, **moulded}
     radius = millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")
-    if process == "turned":
+    if unlimited.manufacture.process == "turned":
         return {}
     return {"face": {"concave_radius_mm": radius, "draft_deg": 0.0}, "manufacture": {"cutter_radius_mm": radius}}
+
+
+def _takes_flat(made: Spec) -> bool:
+    """True where a round base has room for a flat beside the lens, and its light is not round."""
+    base, round_light = made.base_made, all(map(made.lens.is_revolved, made.lens.names))
+    return base.kind == "cylinder" and not round_light and made.constraints.max_radius_mm < usual_flat_mm(base)
 
 
 def _flange_for(made: Spec) -> Iterator[str]:

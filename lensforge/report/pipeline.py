@@ -11,7 +11,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeVar, Unpack
 
@@ -29,7 +29,7 @@ from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.report.variation import AnyVariation, sources_of, variation_of
-from lensforge.results import Conditions, StageResult
+from lensforge.results import StageResult
 from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
 from lensforge.results.child_pool import ChildPool, child_pool
 from lensforge.results.file_bounds import remembered
@@ -115,13 +115,11 @@ def check(part: Part | Lens, *, process: Process | None = None) -> Check:
         >>> for fact in check.verdicts:
         ...     print(fact.label, fact.state)
     """
-    from lensforge.shop.check import check_lens
+    from lensforge.shop.check import check_lens, check_made_by
 
     lens = part if isinstance(part, Lens) else require(part, Part, "check").lens
-    if process in (None, lens.spec.manufacture.process):
-        return check_lens(lens)
-    judged = check_lens(replace(lens, spec=lens.spec.made_by(process)))
-    return judged.changed(inputs={"lens": lens.sha256}, conditions=Conditions.of(process=process))
+    own = process is None or process == lens.spec.manufacture.process
+    return check_lens(lens) if own or process is None else check_made_by(lens, process)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from lensforge.shop.check_facts import check_facts, cutting_reasons, spec_of
 from lensforge.shop.check_result import Check
 from lensforge.shop.point_tables import GridRequest
 from lensforge.spec import DrawingSection, Spec
-from lensforge.spec.part_section import read_drawing
+from lensforge.spec.part_section import Process, read_drawing
 
 if TYPE_CHECKING:
     from lensforge.shop.handover import Handover
@@ -249,6 +249,7 @@ def handover(
     error_nm: float = 10.0,
     interpolation: Literal["bicubic", "linear"] = "bicubic",
     drawing: DrawingSection | Path | str | None = None,
+    process: Process | None = None,
 ) -> "Handover":
     """Make the documents for the shop: drawing, verdicts, tables of points, hashes.
 
@@ -258,16 +259,22 @@ def handover(
         error_nm: largest error of an ``interpolation`` of them along the normal, in nm.
         interpolation: by which the shop's program fills them.
         drawing: words of title block and notes, or a TOML file that has them; None: the spec's.
+        process: by which this part is made, such as a turned prototype of a moulded lens; None: that of the spec.
     Returns: The bytes of all files.
-    Raises: :class:`InputError` for too many points. :class:`MissingResult`: the run has no part or no check.
+    Raises: :class:`InputError` for too many points, or a process by which no such part is made.
+        :class:`MissingResult`: the run has no part or no check.
     Example:
         >>> handover = lf.handover(lf.load("cad_out/quickstart"), spacing_mm=0.5)
         >>> handover.save("shop")
         >>> print(sorted(handover.files))
     """
-    from lensforge.shop.shop_files import make_handover
+    from lensforge.shop.check import check_made_by
+    from lensforge.shop.shop_files import made_by, make_handover
 
     require(run, Results, "handover")
     words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
     request = GridRequest(spacing_mm, error_nm, interpolation)
-    return make_handover(run.part, run.check, run.yield_facts, request, words)
+    part, check = run.part, run.check
+    if process is not None and process != part.lens.spec.manufacture.process:
+        part, check = made_by(part, process), check_made_by(part.lens, process)
+    return make_handover(part, check, run.yield_facts, request, words)

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from lensforge.cad.boundary import Pair, sharpest_edges
-from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.cutter_room import as_built, base_with_room
 from lensforge.cad.face_tolerance import CHECKED
 from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import fit_lens
@@ -16,7 +16,7 @@ from lensforge.cad.part import SplineNodes
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan, lay_out
 from lensforge.cad.wall import Span, thickest, thinnest
-from lensforge.results import Fact
+from lensforge.results import Conditions, Fact
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import CustomBaseMesh, check_ball_clearance, read_base_mesh
 from lensforge.shop.check_result import Check, Edge, Wall, Walls
@@ -28,6 +28,7 @@ from lensforge.shop.tool_reach import check_tools, points_on_base
 from lensforge.shop.turning import LatheTool, Points, turned_face
 from lensforge.shop.turning_findings import layer_findings, turning_findings
 from lensforge.spec.accuracy import preset_of
+from lensforge.spec.part_section import Process
 
 _RINGS, _DECIMALS = 401, 2  # points of base and flange for a turning tool; of as many as are alike to 0.01 mm, one
 
@@ -74,6 +75,15 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         chart_axis=next(iter(faces.values())).samples.grid.axis,
         **results,
     )
+
+
+def check_made_by(lens: Lens, process: Process) -> Check:
+    """Check ``lens`` made by another process than that of its spec.
+
+    Raises :class:`InputError` where no such part is made by it.
+    """
+    judged = check_lens(as_built(lens, process))
+    return judged.changed(inputs={"lens": lens.sha256}, conditions=Conditions.of(process=process))
 
 
 def _plate_findings(lens: Lens, pair: Pair[Patch]) -> Iterator[Fact]:

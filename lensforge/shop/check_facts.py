@@ -8,11 +8,12 @@ from lensforge.optics.face_roles import CAVITY
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.criteria import named, state_of
 from lensforge.results.fact_table import Row, facts_of
+from lensforge.results.numerals import quantity
 from lensforge.results.verdict import Reason
 from lensforge.shop.check_result import BODY, Check, Cutter, Edge, FaceResult, TurningTool
 from lensforge.shop.mould_facts import mould_facts
-from lensforge.spec import Spec
-from lensforge.spec.part_section import Process
+from lensforge.spec import BaseSection, Spec
+from lensforge.spec.part_section import Process, usual_flat_mm
 
 
 def check_facts(check: Check, spec: Spec) -> list[Group]:
@@ -21,7 +22,34 @@ def check_facts(check: Check, spec: Spec) -> list[Group]:
     walls = Group("walls", "Wall", tuple(facts_of(check, _WALLS, judged=check.criteria)))
     edges = [Group("edges", "Edges", tuple(_edge(each, check, spec) for each in check.edges))] if check.edges else []
     mould = [] if check.mould is None else [Group("mould", "Mould", tuple(mould_facts(check.mould, check, spec)))]
-    return [*faces, walls, *edges, *mould, *finding_groups(check)]
+    return [*faces, walls, *edges, *mould, *_orientation(spec), *finding_groups(check)]
+
+
+def _orientation(spec: Spec) -> Iterator[Group]:
+    """By what a part whose light is not round is turned as it is mounted; none of a plate, which is placed by marks."""
+    if spec.plate is None and not all(map(spec.lens.is_revolved, spec.lens.names)):
+        yield Group("orientation", "Orientation", (_mark(spec.base_made),))
+
+
+_TURNED_HOW = "the light is not round, and the part does not show how it is turned"
+
+
+def _mark(base: BaseSection) -> Fact:
+    """The feature of the base that shows +x, or what would."""
+    match base.kind:
+        case "step":
+            return Fact("azimuth_mark", "Azimuth mark", "as in the base's file")
+        case "square":
+            return Fact("azimuth_mark", "Azimuth mark", "square base", note="+x is not marked among its four sides")
+        case "cylinder" if base.flat_mm is not None:
+            return Fact(
+                "azimuth_mark", "Azimuth mark", "flat", note=f"across +x, {quantity(base.flat_mm, 'mm')} from the axis"
+            )
+        case "cylinder":
+            cure = f"base.flat_mm = {usual_flat_mm(base):g} cuts a flat across +x"
+        case _:
+            cure = "mark +x beside the optical faces, or give it a base with base.flat_mm"
+    return Fact("azimuth_mark", "Azimuth mark", "none", notice=f"{_TURNED_HOW}: {cure}")
 
 
 def spec_of(check: Check, spec: Spec) -> Spec:

@@ -25,7 +25,8 @@ from lensforge.shop.check_facts import words_of
 from lensforge.shop.check_result import BASE, BODY, Check, OfLathe, OfMill
 from lensforge.shop.datums import DatumScheme, datum_scheme
 from lensforge.shop.dimensions import Dimension
-from lensforge.shop.mould_facts import mould_line, upright_words
+from lensforge.shop.handover import PDF_FILE, PLATE_PDF_FILE
+from lensforge.shop.mould_facts import mould_line, thick_line, upright_words
 from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
@@ -54,7 +55,12 @@ def drawing_notes(
         *surface_words(lens, words),
         *mould_words(lens),
         *_draft_words(lens, check),
-        *([] if check.mould is None else [mould_line(check.mould, lens.spec)]),
+        *(
+            []
+            if check.mould is None
+            else [mould_line(check.mould, lens.spec), thick_line(check.mould, check, lens.spec)]
+        ),
+        *_other_process_words(check),
         *_open_findings(lens, check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
     ]
@@ -80,6 +86,13 @@ def draft_words(plate: PlateSection) -> str:
         f"Draft {plate.draft_deg:g}° of lens bores, holes, pins and bosses. Sizes: of holes at the plate’s top, of "
         f"pins at the root, of bores of bosses at the closed end. Sides: {sides}."
     )
+
+
+def _other_process_words(check: Check) -> Iterator[str]:
+    """A note where the part is made by another process than the one for which it was designed."""
+    if check.conditions is not None:
+        as_is = f"its body, drafts included, is that of {STEP_FILE}"
+        yield f"This part is {check.process}, other than it was designed for; {as_is}."
 
 
 def _is_moulded(lens: Lens) -> bool:
@@ -170,16 +183,16 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
     pages, mass, kinds = "1 of 1", "", [each.kind for each in lens.kinds]
     if part.plate is not None and of_plate:
         body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
-        pages = f"1 of {1 + len(kinds)}"
+        pages = f"1 of {1 + len(kinds)}, {PLATE_PDF_FILE}"
     elif spec.plate is not None:
         one = f"lens {lens.kind} of the plate" if lens.kind else "one lens of the plate"
         name, mass = f"{name}, {one}", "Mass: that of the plate, sheet 1"
-        pages = f"{2 + kinds.index(lens.kind)} of {1 + len(kinds)}"
+        pages = f"{2 + kinds.index(lens.kind)} of {1 + len(kinds)}, {PDF_FILE}"
     density, volume = spec.lens.density, f"Volume: {body.volume_mm3:.1f} mm³"
     return {
         "name": (name,),
         "number": _cells(Number=words.part_number, Revision=words.revision, Date=signature.date),
-        "material": _cells(Material=spec.lens.material, Grade=words.material_grade),
+        "material": _cells(Material=spec.lens.material, Grade=words.material_grade, Process=spec.manufacture.process),
         "mass": (
             *_cells(Density=None if density is None else f"{density.g_per_cm3:g} g/cm³"),
             mass or (volume if body.mass_g is None else f"Mass: {body.mass_g:.3f} g; {volume}"),

@@ -14,6 +14,10 @@ from lensforge.shop.check_result import Findings
 
 HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
 PLATE_PDF_FILE, PLATE_DXF_FILE = "plate.pdf", "plate.dxf"
+NO_SHRINKAGE = (
+    "manufacture.shrinkage: not given, so the tables are of inserts as large as the lens; ask the moulder, and give "
+    "it, such as shrinkage = 0.005"
+)
 Interpolation = Literal["bicubic", "linear"]  # between the nodes of a dense table
 
 
@@ -72,6 +76,11 @@ class Handover(Record):
         plate = {PLATE_PDF_FILE: self.plate_pdf, PLATE_DXF_FILE: self.plate_dxf}
         fixed |= {name: content for name, content in plate.items() if content is not None}
         return fixed | {grid.file: grid.content for grid in self.grids}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence on what a shop will ask for, as it is in no file."""
+        return (NO_SHRINKAGE,) if self.scale == 1.0 else ()
 
     @property
     def facts(self) -> Group:

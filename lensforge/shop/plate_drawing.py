@@ -167,11 +167,12 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
     room = left + gap, bottom + high + gap, middle, top - gap
     beside = middle + 3.0 * gap, bottom + band + gap, right - gap, top - 4.0 * gap
     wide = [layout.box_mm[1][0] - layout.box_mm[0][0], 2.0 * lines[0].reach_mm]
-    view = fitted(partial(_whole, lines, layout), wide[0], room, unit)
+    gate = gate_of(lens, layout)
+    view = fitted(partial(_whole, lines, layout, gate), wide[0], room, unit)
     closer = fitted(partial(_one_lens, lines[0], layout), wide[1], beside, unit)
     block = title_block(lens, part, words, of_plate=True)
     marks = Marks([frame_of(inside_of(name), "outline")])
-    marks.add(_whole(lines, layout, view))
+    marks.add(_whole(lines, layout, gate, view))
     marks.add(_one_lens(lines[0], layout, closer))
     marks.add(draw_title_block(block, (right, bottom), unit, view.scale, name))
     title = f"{layout.counted[0]}, its section along x, {scale_words(closer.scale)}; faces as in {STEP_FILE}"
@@ -195,6 +196,7 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
         *(f"{line}." for line in plate_datums(layout).lines),
         f"All other sizes of the plate are “general”. {general_words(words)}",
         draft_words(layout.plate),
+        *gate_words(lens, layout),
         *surface_words(lens, words),
         *mould_words(lens),
     ]
@@ -255,7 +257,50 @@ def _place_words(label: str, mark: PlateMark, datums: DatumScheme) -> str:
     return f"{position}{f'; datum {own[0]}' if own else ''}"
 
 
-def _whole(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> Marks:
+def gate_of(lens: Lens, layout: PlateLayout) -> Place | None:
+    """Where a moulded plate is filled: as its spec says, else in the middle of its longest side; None of a cut one."""
+    if layout.plate.gate is not None:
+        return layout.plate.gate.place_mm
+    if lens.spec.manufacture.cuts != "inserts":
+        return None
+    longest = max(layout.outline, key=lambda edge: float(np.hypot(*np.subtract(edge.end, edge.start))))
+    x, y = longest.at(np.array([0.5]))[0].tolist()
+    return x, y
+
+
+def gate_words(lens: Lens, layout: PlateLayout) -> Iterator[str]:
+    """The note on a gate that the spec does not place."""
+    if layout.plate.gate is None and gate_of(lens, layout) is not None:
+        yield "G, gate: proposed at the side of the plate, away from the optical faces; agree on its place and width."
+
+
+_WAYS = [(np.cos(turn), np.sin(turn)) for turn in np.pi * np.array([-0.5, 0.5, 0.0, 1.0, -0.25, -0.75, 0.25, 0.75])]
+_FURTHER = np.arange(0.0, 121.0, 3.0)  # mm on A3
+
+
+def _datum_at(mark: PlateMark, letter: str, lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> Marks:
+    """The symbol of a datum at a hole or pin, its letter where no lens and no other mark is, as near as that goes."""
+    centre, radius = view.at([mark.place_mm])[0], view.scale * mark.radius_mm
+    domes = [view.scale * float(np.hypot(*own.dome.T).max()) for own in layout.of_each(lines)]
+    others = [each for _, each in labelled(layout) if each is not mark]
+    places = view.at([*layout.lenses.places_mm, *(each.place_mm for each in others)])
+    taken = np.array([*domes, *(view.scale * each.radius_mm for each in others)])
+
+    def symbol(way: Place, further_mm: float) -> Marks:
+        foot = centre + radius * np.array(way)
+        return datum_symbol((float(foot[0]), float(foot[1])), way, letter, view.unit, further_mm)
+
+    for further_mm in _FURTHER * view.unit:
+        for way in _WAYS:
+            made = symbol(way, float(further_mm))
+            box = made.strokes[-1].points
+            apart = np.linalg.norm(places - box.mean(axis=0), axis=1) - taken
+            if apart.min() > np.ptp(box, axis=0).max():
+                return made
+    return symbol(_WAYS[0], 0.0)
+
+
+def _whole(lines: Sequence[LensLines], layout: PlateLayout, gate: Place | None, view: PaperView) -> Marks:
     """The plate from the front, and below it, in first angle, from above; the view's origin: of the latter."""
     marks, (low, high), unit = Marks(), layout.box_mm, view.unit
     loops = layout.outline, *layout.slots
@@ -277,13 +322,12 @@ def _whole(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> 
         inside = view.scale * mark.radius_mm > _INSIDE * unit
         marks.words.append(_label(view, label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
         for datum in (each for each in datums.datums if each.dimension == label):
-            (foot,) = view.at([(mark.place_mm[0], mark.place_mm[1] - mark.radius_mm)]).tolist()
-            marks.add(datum_symbol((foot[0], foot[1]), (0.0, -1.0), datum.letter, unit))
-    if layout.plate.gate is not None:
-        (tip,), place = view.at([layout.plate.gate.place_mm]), layout.plate.gate.place_mm
-        inwards = -np.array(min(layout.outline, key=lambda edge: edge.away_mm(place)).right)
+            marks.add(_datum_at(mark, datum.letter, lines, layout, view))
+    if gate is not None:
+        (tip,) = view.at([gate])
+        inwards = -np.array(min(layout.outline, key=lambda edge: edge.away_mm(gate)).right)
         marks.strokes.append(arrow_head(tip, inwards, 2.0 * LETTERS * unit))
-        marks.words.append(_label(view, "G", layout.plate.gate.place_mm, 0.0))
+        marks.words.append(_label(view, "G", gate, 0.0))
     pattern, radius = pattern_of(layout.lenses), layout.plate.corner_radius_mm
     for axis in (0, 1):
         edge = float(view.at([low])[0, 1 - axis])

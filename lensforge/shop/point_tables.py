@@ -164,7 +164,7 @@ def origin_lines(lens: Lens, part: Part) -> list[str]:
     if shop.cuts == "inserts":
         scale = f"shrinkage: {shop.shrinkage:.12g}; the points are those of the mould, the lens times {shop.scale:.12g}"
     return [
-        f"lens: {lens.spec.name}, SHA-256 {lens.sha256}",
+        f"lens: {lens.spec.name}, SHA-256 {part.inputs['lens']}",
         f"author: {signature.author or 'not stated'}; organisation: {signature.organisation or 'not stated'}; "
         f"date: {signature.date or 'not stated'}; by lensforge {lens.version}",
         "units: mm, degrees; coordinates: those of lens.step, z = 0 the plane in which the optical faces end, z the "

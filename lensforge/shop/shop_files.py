@@ -9,6 +9,7 @@ from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from lensforge.cad.cutter_room import as_built
 from lensforge.cad.part import SURFACES_FILE, Part, part_facts
 from lensforge.cad.plate_layout import PlateLayout, layout_of
 from lensforge.results import Fact, Group
@@ -28,6 +29,7 @@ from lensforge.shop.sheet_tables import ToleranceTable, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure, sheet_pdf
 from lensforge.shop.surface_figures import curvature_map, sag_map
 from lensforge.spec import DrawingSection
+from lensforge.spec.part_section import Process
 from lensforge.spec.spec_section import rounded_up
 
 _SIZES = "lenses", "size", "volume", "mass"  # of a lens, or of the plate in which it is one of several
@@ -90,6 +92,12 @@ def make_handover(
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),
     )
+
+
+def made_by(part: Part, process: Process) -> Part:
+    """The part as another process makes it: of the same body, without faces that are scaled for a mould."""
+    kept = {name: stamp for name, stamp in part.files.items() if name != SURFACES_FILE}
+    return part.changed(lens=as_built(part.lens, process), untrimmed_surfaces=None, surfaces_step=None, files=kept)
 
 
 def _tables(
@@ -189,7 +197,7 @@ def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
         *sized,
         *files,
         *walls,
-        Fact("sha256", "Lens, SHA-256", lens.sha256),
+        Fact("sha256", "Lens, SHA-256", part.inputs["lens"]),
         Fact("lensforge", "lensforge", lens.version),
     )
     return Group("shop", "Part", facts)

@@ -159,10 +159,18 @@ class Spec(Section):
         return parse_spec(content, f"{self.name}, changed")
 
     def made_by(self, process: Process) -> "Spec":
-        """The spec of the same lens by another process. Raises :class:`InputError` for a part that it does not make."""
+        """The spec of the same body by another process. Raises :class:`InputError` for a part that it does not make.
+
+        Drafts that follow from the process stay those of the body.
+        """
         shrinkage = self.manufacture.shrinkage if process == "moulded" else 0.0
         layer_um = self.manufacture.layer_um if process == "printed" else None
-        return self.replace(manufacture={"process": process, "shrinkage": shrinkage, "layer_um": layer_um})
+        changes: dict[str, Any] = {"base.draft_deg": self.manufacture.draft_deg(self.base.draft_deg)}
+        if self.plate is not None or self.base.kind not in ("cylinder", "square"):
+            changes = {}
+        if (flange := self.lens.rim_flange) is not None:
+            changes["lens.flange.draft_deg"] = self.manufacture.draft_deg(flange.draft_deg)
+        return self.replace(changes, manufacture={"process": process, "shrinkage": shrinkage, "layer_um": layer_um})
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""

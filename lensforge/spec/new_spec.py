@@ -152,6 +152,7 @@ _NOTES = {
     **{f"{target}.{field}": _READ for target in ("target", "receivers.targets") for field in _DRAWN.values()},
     "receivers.tilt_deg": "of its normal from the axis, about x, then about y",
     "tolerances.preset": "of parts that are moulded",
+    "base.flat_mm": "marks +x: the light is not round",
     "base.height_mm": "the radius of the ball and a wall, at least",
     "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
 }

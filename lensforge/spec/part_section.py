@@ -187,6 +187,14 @@ class BaseSection(Section):
         return self.side_mm * 2.0**0.5 if self.kind == "square" else self.diameter_mm
 
 
+_FLAT = 0.95  # of the radius of a base: a flat as wide as 0.31 of its diameter
+
+
+def usual_flat_mm(base: BaseSection) -> float:
+    """Distance from the axis of a flat that marks the azimuth of a cylinder."""
+    return round(_FLAT * base.diameter_mm / 2.0, 2)
+
+
 class Tool(Section):
     """A ball-end mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
 

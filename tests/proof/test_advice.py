@@ -97,7 +97,7 @@ def test_a_hole_is_told_to_be_closed():
     ("edges", "step", "says"),
     [
         (3, True, "not closed"),
-        (0, True, "lens.step has no ray displacement, so export with a finer mesh"),
+        (0, True, "lens.step is right, its rays land where the design's do; the facets of lens.stl are too coarse"),
         (0, False, "so the mesh is not the cause"),
         (0, None, "if it stays, the file is not the lens of lens.json"),
     ],
