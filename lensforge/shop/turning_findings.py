@@ -1,6 +1,7 @@
 """Findings on faces that are turned, and on those of a print: one statement for the shop on each measurement."""
 
 from collections.abc import Iterator, Mapping
+from math import sqrt
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
 from lensforge.results import Fact
@@ -95,9 +96,17 @@ def _corner(name: str, tool: TurningTool) -> Fact:
         f"a nose of {quantity(radius_mm, 'mm')} radius leaves a fillet on {percent(share)} of the {name} face{left}, "
         "where it meets another in a concave corner"
     )
-    smaller = rounded_down_mm(radius_mm * MOST_CORNER / share)
+    smaller = rounded_down_mm(radius_mm * _of_width(MOST_CORNER) / _of_width(share)) if share > 0.0 else "0"
     changes = [f"manufacture.nose_radius_mm = {smaller}" if float(smaller) > 0.0 else "a smaller nose"]
     return finding_on("corner", name, share, MOST_CORNER, reason, changes)
+
+
+def _of_width(share: float) -> float:
+    """Width of a ring at the edge of a disc that takes a ``share`` of it, over its radius; no face has one narrower.
+
+    A fillet is as wide as the nose is round.
+    """
+    return 1.0 - sqrt(1.0 - share)
 
 
 def layer_findings(spec: Spec, faces: Mapping[str, FaceResult]) -> Iterator[Fact]:

@@ -223,6 +223,25 @@ def test_the_least_gap_of_turned_freeform_lenses_is_that_of_their_points() -> No
     assert gap_mm == pytest.approx(min(apart), abs=0.01) and apart[1] + 0.2 < apart[0]
 
 
+def test_the_form_error_of_a_plate_is_that_of_its_worst_lens_also_of_the_second_kind() -> None:
+    """With few nodes the second kind is off by hundreds of nanometres, and the first one, by its record, by none."""
+    lens = of_two_kinds([[6.0, 1.0], [-5.0, 2.0]], [], ["one", "two"], {})
+    first, second = (LensOfPlate.fitted(each, 20, FINEST) for each in lens.kinds)
+    plate = build_plate(lens, replace(first, form_error_nm=0.0), 20, FINEST, "AP214", None)
+    assert plate is not None and second.form_error_nm > FINEST.form_nm
+    assert plate.figures.form_error_nm == pytest.approx(second.form_error_nm, abs=1e-3)
+    assert "plate_form_error" in failed(plate)
+
+
+def test_a_lens_of_a_plate_told_apart_has_no_base_whatever_the_spec_says() -> None:
+    lens = of_two_kinds([[6.0, 1.0], [-5.0, 2.0]], [], ["one", "two"], {})
+    based = replace(lens, spec=lens.spec.replace({"base": {"kind": "cylinder", "diameter_mm": 12.0}}))
+    for kind in ("one", "two"):
+        apart = based.of_kind(kind).of_own_lamps.spec
+        assert (apart.plate, apart.base.kind, apart.base_made.kind) == (None, "none", "none")
+    assert based.spec.base.kind == "cylinder"
+
+
 def test_the_volume_is_as_good_far_from_the_origin() -> None:
     """Of splines with few nodes, whose bores the kernel's plain formula gets wrong by so much times their distance."""
     lens = of_two_kinds([[60.0, 9.0], [-40.0, 25.0]], [], ["one", "two"], {"draft_deg": DRAFT_DEG})

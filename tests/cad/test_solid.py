@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from geometry_lenses import exact_volume, make_lens, plan_of, random_surface
 from nightly import first_by_day
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
 
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import parse_step, step_bytes
@@ -126,3 +128,26 @@ def test_a_coarse_spline_is_trimmed_where_it_crosses_the_plane_and_keeps_its_vol
     solid = build_solid(plan_of(inner, outer, nodes=24))
     read = parse_step(step_bytes(solid, "coarse"))
     assert read.valid and read.default_volume_mm3 == pytest.approx(solid.default_volume_mm3, rel=1e-8)
+
+
+def gaps_mm(face, edge):
+    """Largest distance (mm) of an edge's curve from its place on a face, at places between its nodes, too."""
+    curve, on_face = BRepAdaptor_Curve(edge), BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
+    surface = BRep_Tool.Surface_s(face)
+    apart = []
+    for at in np.linspace(curve.FirstParameter(), curve.LastParameter(), 4001).tolist():
+        place = on_face.Value(at)
+        apart.append(surface.Value(place.X(), place.Y()).Distance(curve.Value(at)))
+    return max(apart)
+
+
+def test_no_edge_of_few_nodes_is_farther_from_its_faces_than_its_tolerance():
+    """The rims of a rough cavity and a smooth dome: the larger gap is that of one of several edges."""
+    inner, outer = random_surface(3.0, 0.05, 3, levels=(9, 25, 81)), random_surface(6.0, 0.002, 4)
+    solid = solid_of(inner, outer, NONE, nodes=30)
+    far = {}
+    for name in sorted(OPTICAL):
+        for edge in parts_of(solid.faces[name], "EDGE"):
+            far[name] = max(far.get(name, 0.0), gaps_mm(solid.faces[name], edge))
+            assert BRep_Tool.Tolerance_s(edge) >= gaps_mm(solid.faces[name], edge), name
+    assert max(far.values()) > 1e-6, "above the least tolerance that there is"

@@ -51,7 +51,16 @@ def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:
             {"concave_radius_mm": 0.7, "draft_deg": 0.0},
             {"cutter_radius_mm": 0.7, "process": "milled"},
         ),
-        (("--cutter", "mould"), {"concave_radius_mm": None, "draft_deg": 2.0}, {"process": "moulded"}),
+        (
+            ("--cutter", "mould"),
+            {"concave_radius_mm": 1.0, "draft_deg": 2.0},
+            {"cutter_radius_mm": 1.0, "process": "moulded"},
+        ),
+        (
+            ("--cutter", "mould", "--max-radius", "4", "--source", "disc:0.3"),
+            {"concave_radius_mm": 0.8, "draft_deg": 2.0},
+            {"cutter_radius_mm": 0.8, "process": "moulded"},
+        ),
         (("--cutter", "none"), {"concave_radius_mm": None, "draft_deg": None}, {"process": "milled"}),
     ],
 )
@@ -114,6 +123,31 @@ def test_a_new_moulded_lens_has_the_line_of_a_flange_that_fits_it(radius_mm: flo
     assert "flange" in start_faces(spec)
     for others in (("--lens", "double", "--cutter", "mould"), ("--lens", "tir", "--cutter", "none")):
         assert "flange" not in lensforge("new", *light, *others)[1]
+
+
+@pytest.mark.parametrize(
+    ("light", "radius_mm", "flat_mm"),
+    [
+        ("rectangle:200x150@300", "12", 12.06),  # 0.95 of half an inch, beside the lens
+        ("rectangle:200x150@300", "12.1", None),  # no room beside it
+        ("rectangle:200x150@300", "30", None),  # a base of 54 mm, below the lens
+        ("beam:60", "12", 12.06),
+    ],
+)
+def test_the_base_of_two_freeform_faces_has_a_flat_where_it_has_room(
+    light: str, radius_mm: str, flat_mm: float | None
+) -> None:
+    code, text, _ = lensforge(
+        "new", "--source", "square:0.5", "--target", light, "--max-radius", radius_mm, "--lens", "double"
+    )
+    base = parse_spec(tomllib.loads(text), "lamp").base
+    assert code == 0 and base.flat_mm == flat_mm
+    assert base.diameter_mm == (54.0 if radius_mm == "30" else 25.4)
+
+
+def test_a_new_moulded_lens_says_that_its_shrinkage_is_not_known() -> None:
+    said = [lensforge("new", *LAMP, "--cutter", each)[2] for each in ("mould", "1")]
+    assert ["shrinkage is not given" in each for each in said] == [True, False]
 
 
 def test_a_lens_that_has_no_room_is_not_advised() -> None:

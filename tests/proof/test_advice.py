@@ -13,9 +13,12 @@ from lensforge.proof.acceptance import (
     FINE_FACETS_UM,
     LEAST_RAYS,
     brep_criteria,
+    deciding_criteria,
+    facet_misses,
     mitsuba_criteria,
     proof_criteria,
 )
+from lensforge.proof.file_form import FileForm
 from lensforge.proof.part_comparison import Expected, compare, flux_budget, gap_quantiles, judge_independent_rays
 from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.receiver_screen import Screen
@@ -260,3 +263,51 @@ def test_the_error_of_a_picture_without_the_noise_of_its_rays_by_pairs_of_blocks
     inside = flux * (np.abs(places) <= 5.0).all(axis=1) / rays.flux.sum()
     assert found.efficiency.value == pytest.approx(inside.sum())
     assert found.efficiency.standard_error == pytest.approx(np.std(count * inside, ddof=1) / np.sqrt(count))
+
+
+def form(name, off_um=0.01):
+    at = (0.0, 0.0, 1.0)
+    return FileForm(name=name, off_um=off_um, face="OPTICAL_OUTER", at_mm=at, limit_um=0.07, open_edges=0)
+
+
+def judged(proof, **changes):
+    changed = proof.changed(**changes)
+    return changed.changed(criteria=proof_criteria(changed))
+
+
+def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_right():
+    """Also on the second of two receivers; a file of another form, or a STEP file that is not cast, decides."""
+    proof = verified(right(rings=8))
+    limit_mm, none = proof.first.deviation_limit_mm, {"flux": 0.0, "fates": 0, "fates_flux": 0.0}
+    casts = [
+        BrepCast(rays=9, seconds=0.0, against_design=each, against_mesh=each)
+        for each in (Agreement(compared=9, rms=of * limit_mm, p99=1.0, max=1.0, **none) for of in (0.4, 0.6))
+    ]
+    right_one, wrong_one = (proof.first.changed(brep=cast) for cast in casts)
+    second = right_one.changed(name="second")
+    forms = tuple(map(form, ("lens.step", "lens.stl", "lens.3mf")))
+    coarse = judged(proof, receivers=(right_one, second), forms=forms)
+    missed = facet_misses(coarse)
+    assert {"deviation_rms", "second: deviation_rms"} <= {each.key for each in missed}
+    assert all(each.holds for each in deciding_criteria(coarse)) and len(missed) + len(
+        list(deciding_criteria(coarse))
+    ) == len(coarse.criteria)
+    for others in (
+        {"receivers": (right_one, wrong_one.changed(name="second")), "forms": forms},  # its STEP lands light elsewhere
+        {"receivers": (right_one, proof.first.changed(name="second")), "forms": forms},  # without a cast of the STEP
+        {"receivers": (right_one, second), "forms": ()},  # of no known form
+        {"receivers": (right_one, second), "forms": (*forms[:2], form("lens.3mf", 0.08))},
+        {"receivers": (right_one, second), "forms": forms, "open_edges": 1},
+    ):
+        assert facet_misses(judged(proof, **others)) == (), others
+
+
+def test_a_step_file_of_the_right_form_is_not_called_another_lens():
+    proof = verified(right(rings=8))
+    none = {"flux": 0.0, "fates": 0, "fates_flux": 0.0}
+    off = Agreement(compared=9, rms=0.6 * proof.first.deviation_limit_mm, p99=1.0, max=1.0, **none)
+    seen = proof.first.changed(brep=BrepCast(rays=9, seconds=0.0, against_design=off, against_mesh=off))
+    for off_um, says in ((0.01, "is this lens, but its normals"), (0.08, "is not the lens of lens.json")):
+        criteria = judged(proof, receivers=(seen,), forms=(form("lens.step", off_um),)).criteria
+        (told,) = (each.remedy for each in criteria if each.key == "brep_deviation_rms")
+        assert says in told

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from ezdxf.entitydb import EntityDB
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextPath
 from shop_lenses import BASE, all_words, bare_part, boxes_of, small_lens
 
 from lensforge.cad.form_error import fit_lens
@@ -22,7 +24,7 @@ from lensforge.shop.check_facts import check_facts
 from lensforge.shop.datums import datum_scheme
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import SIZES, _notes_box, drawing_content, inside_of, make_sheet, unit_of
-from lensforge.shop.sheet import Words, box_of, shown
+from lensforge.shop.sheet import TYPEFACE, Marks, Sheet, Words, box_of, shown
 from lensforge.shop.sheet_marks import axes_mark, strokes_of, text_span, words_of_dimension
 from lensforge.shop.sheet_tables import _texture, index_wavelength, tolerance_table
 from lensforge.shop.sheet_writers import _write_words, sheet_dxf, sheet_pdf
@@ -421,3 +423,15 @@ def test_departures_are_in_micrometres(check) -> None:
     uneven = lens.spec.replace({"lens.outer.ripple_um": 0.05, "lens.outer.roughness_mrad": 0.3})
     texture = _texture("outer", replace(lens, spec=uneven), 4.0)
     assert texture == "polished, Rq 4 nm, RΔq 0.3 mrad, rings 50 nm PV"
+
+
+@pytest.mark.parametrize("height_mm", [3.5, 1.75])
+def test_capitals_in_the_pdf_are_as_high_as_is_asked_for(height_mm):
+    """The size of the type in the PDF's own words, times the height of an H in the typeface."""
+    words = Words((50.0, 50.0), "H", height_mm)
+    sheet = Sheet("A4", (297.0, 210.0), 1.0, 1.0, "one letter", (0.0, 0.0), Marks(words=[words]))
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", sheet_pdf(sheet), re.DOTALL)
+    written = b"".join(zlib.decompress(each) for each in streams if each[:1] == b"x")
+    (points,) = (float(each) for each in re.findall(rb"/F\S+ ([\d.]+) Tf", written))
+    of_em = TextPath((0.0, 0.0), "H", size=1.0, prop=FontProperties(family=TYPEFACE)).get_extents().height
+    assert points * of_em * 25.4 / 72.0 == pytest.approx(height_mm, rel=0.01)

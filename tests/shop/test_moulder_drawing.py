@@ -271,7 +271,7 @@ def test_an_equation_holds_on_its_face_to_a_nanometre(surface: Any, form: str, z
 
 def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     lens, content, sheet = drawn()
-    assert content.block["material"] == ("Material: PMMA at 564 nm", "Grade: PMMA 8N")
+    assert content.block["material"] == ("Material: PMMA at 564 nm", "Grade: PMMA 8N", "Process: moulded")
     assert content.block["mass"] == ("Density: 1.19 g/cm³", "Mass: 1.469 g; Volume: 1234.5 mm³")
     assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.words}
     assert content.notes[-2].startswith("Draft of the rim's flange: 1°; size at its top")

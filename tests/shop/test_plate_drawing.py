@@ -20,13 +20,13 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
 from lensforge.shop.datums import labelled, plate_datums
 from lensforge.shop.drawing import title_block
-from lensforge.shop.plate_drawing import _below_mm, pattern_of, place_rows, plate_sheet
+from lensforge.shop.plate_drawing import _below_mm, gate_of, pattern_of, place_rows, plate_notes, plate_sheet
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.sheet import Sheet, box_of
 from lensforge.shop.sheet_marks import words_of_dimension
 from lensforge.shop.sheet_writers import sheet_dxf
 from lensforge.shop.shop_files import make_handover
-from lensforge.shop.view_lines import front_line
+from lensforge.shop.view_lines import dome_radius, front_line
 from lensforge.spec.lamps_section import GridLamps, HexagonLamps, RingLamps, TableLamps
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -106,13 +106,39 @@ def test_each_place_has_its_kind_and_each_lens_its_sheet() -> None:
     assert layout is not None
     assert [row.what for row in place_rows(layout)] == ["lens edge, turned by 180.000°", "lens middle", "lens edge"]
     blocks = [title_block(each, one.changed(plate=None), lens.spec.drawing) for each in lens.kinds]
-    assert [block["scale"] for block in blocks] == [("sheet 2 of 3",), ("sheet 3 of 3",)]
+    assert [block["scale"] for block in blocks] == [
+        ("sheet 2 of 3, manufacturing.pdf",),
+        ("sheet 3 of 3, manufacturing.pdf",),
+    ]
     assert blocks[1]["name"] == ("shop, lens edge of the plate",)
     sheet = plate_sheet(lens, one, layout, lens.spec.drawing)
     round_ones = [each.points for each in sheet.marks.strokes if each.closed and len(each.points) == 181]
     widths = [np.ptp(each[:, 0]) / sheet.scale for each in round_ones]
     assert [widths[k] for k in (0, 1, 4, 5)] == pytest.approx([11.0, 5.0, 11.0, 5.0], abs=1e-3)
     assert widths[2] > 11.5 and widths[3] > 5.5
+
+
+def test_frames_of_datums_lie_on_no_lens_and_a_moulded_plate_shows_where_it_is_filled(part: Part) -> None:
+    """Holes between lenses: below them the next lens is in the way. The gate is in the middle of a longest side."""
+    sheet, layout = sheet_of(part, "grid"), layout_of(lens_on("grid"))
+    assert layout is not None
+    letters = {words.text: np.array(words.at) for words in sheet.marks.words if words.text in ("B", "C")}
+    assert set(letters) == {"B", "C"}
+    middles = np.array(sheet.origin) + sheet.scale * np.array(layout.lenses.places_mm)
+    dome_mm = float(dome_radius(lens_on("grid"), np.zeros(1))[0])
+    for letter, at in letters.items():
+        assert np.linalg.norm(middles - at, axis=1).min() > sheet.scale * dome_mm, letter
+    unplaced = {**PLATE, "holes": MARKS["holes"]}
+    lens = small_lens({"kind": "none"}, lamps=GRID, plate=unplaced)
+    bare = layout_of(lens)
+    assert bare is not None and lens.spec.manufacture.process == "moulded"
+    gate, (low, high) = gate_of(lens, bare), bare.box_mm
+    assert gate is not None
+    wide, tall = high[0] - low[0], high[1] - low[1]
+    assert min(abs(abs(gate[0]) - wide / 2.0), abs(abs(gate[1]) - tall / 2.0)) < 1e-9 and 0.0 in np.round(gate, 9)
+    assert any(note.startswith("G, gate: proposed") for note in plate_notes(lens, bare, lens.spec.drawing))
+    milled = small_lens({"kind": "none"}, {"process": "milled"}, lamps=GRID, plate=unplaced)
+    assert gate_of(milled, bare) is None
 
 
 @pytest.mark.parametrize("name", ["A3", "A4"])

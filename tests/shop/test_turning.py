@@ -11,11 +11,11 @@ from tir_lenses import TIR, spot
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import check_facts
-from lensforge.shop.check_result import Check
+from lensforge.shop.check_result import Check, TurningTool
 from lensforge.shop.face_check import measured_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.shop.turning import LatheTool, Meridian, turned_face
-from lensforge.shop.turning_findings import layer_findings, turning_findings
+from lensforge.shop.turning_findings import MOST_CORNER, _corner, layer_findings, turning_findings
 from lensforge.surfaces.asphere import Asphere
 from lensforge.surfaces.surface import Surface
 
@@ -192,6 +192,21 @@ def test_a_lens_that_is_turned_says_what_its_nose_leaves() -> None:
     tight = spot().replace({"manufacture.nose_radius_mm": 2.1, "manufacture.shank_width_mm": 5.0})
     nose = next(turning_findings(tight, found.faces))
     assert nose.limit == pytest.approx(2.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(("radius_mm", "left"), [(0.5, 1.0 - 0.75**2), (0.2, 1.0 - 0.9**2)])
+def test_the_nose_that_is_advised_leaves_fillets_within_the_limit(radius_mm: float, left: float) -> None:
+    """In a disc of 2 mm that ends at a wall; the nose of the advice is put in the place of the first."""
+    disc, wall = line((0.0, 4.0), (2.0, 4.0), (0.0, -1.0), 8001), line((2.0, 4.0), (2.0, 0.0), (-1.0, 0.0), 8001)
+
+    def share(nose_mm: float) -> float:
+        return float(disc.areas[tool(nose_mm, 10.0).nose_enters(disc, wall.points)].sum() / disc.areas.sum())
+
+    assert share(radius_mm) == pytest.approx(left, abs=2e-3)
+    told = _corner("cap", TurningTool.model_construct(corner_fraction=left, radius_mm=radius_mm, residual_mm=None))
+    advised = float(told.remedy.removeprefix("manufacture.nose_radius_mm = "))
+    assert not told.holds and advised < radius_mm
+    assert 0.9 * MOST_CORNER < share(advised) <= MOST_CORNER
 
 
 def test_a_freeform_face_is_not_turned_and_a_print_has_layers() -> None:

@@ -1,0 +1,71 @@
+"""What an export is to keep before it is made: displacements of known errors, and files that use half of a limit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geometry_lenses import ALL_LEVELS, make_lens
+
+from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.face_tolerance import FaceTolerance
+from lensforge.cad.form_error import fit_lens
+from lensforge.cad.mesh import build_mesh
+from lensforge.cad.plan import make_plan
+from lensforge.light.simulation import TracedLens, design_landings
+from lensforge.proof.acceptance import BREP_DEVIATION_RAD
+from lensforge.proof.export_trial import Fineness, _Trial, fineness
+from lensforge.scene.lens import Lens
+from lensforge.surfaces.surface import ScaledSurface
+
+FINE = FaceTolerance(form_nm=1.0, normal_mrad=0.02)
+COARSE = FaceTolerance(form_nm=5e3, normal_mrad=5.0)
+FAR_MM = 100.0
+
+
+@pytest.fixture(scope="module")
+def lens() -> Lens:
+    return make_lens(3.0, 7.0, 0.02, seed=5, levels=(9, 25), base={"kind": "none"})
+
+
+@pytest.fixture(scope="module")
+def trial(lens: Lens) -> _Trial:
+    return _Trial(lens)
+
+
+def test_faces_of_another_size_use_what_their_light_is_displaced(lens: Lens, trial: _Trial) -> None:
+    """A cavity that is larger by 1e-4, traced by itself: rms of its landings over 5e-5 rad at the same distance."""
+    pair = fit_lens(lens, tolerance=FINE)
+    grown = pair[0].of([replace(face.shape, control=1.0001 * face.shape.control) for face in pair[0].faces])
+    rays = trial._rays
+    surfaces = {**lens.surfaces, "inner": ScaledSurface(lens.surfaces["inner"], 1.0001)}
+    landed = [
+        design_landings(TracedLens._of_one(each, 12.0), lens.spec, rays)[0].hits
+        for each in (lens, Lens(surfaces, lens.spec, lens.seed, lens.accuracy))
+    ]
+    half = 0.5 * lens.spec.all_receivers[0].width_mm
+    both = (np.abs(landed[0]) < half).all(axis=1) & (np.abs(landed[1]) < half).all(axis=1)
+    rms = np.sqrt(np.mean(np.sum((landed[0][both] - landed[1][both]) ** 2, axis=1)))
+    light = trial._expected[0]
+    reach_mm = light.screen.reach_mm(light.irradiance)
+    assert FAR_MM < reach_mm < 1.5 * FAR_MM
+    assert trial.used_by_faces((grown, pair[1])) == pytest.approx(rms / (BREP_DEVIATION_RAD * reach_mm), rel=0.03)
+    assert trial.used_by_faces(pair) < 0.1
+
+
+def test_normals_and_rings_are_as_fine_as_half_of_what_verification_allows() -> None:
+    """From a tolerance with which the faces use more than all of it; rings that are given stay as they are."""
+    lens = make_lens(3.0, 7.0, 0.05, seed=5, levels=ALL_LEVELS, base={"kind": "none"})
+    trial = _Trial(lens)
+    assert trial.used_by_faces(fit_lens(lens, tolerance=COARSE)) > 1.0
+    found = fineness(lens, COARSE)
+    pair = fit_lens(lens, tolerance=found.tolerance)
+    assert found.tolerance.normal_mrad < COARSE.normal_mrad and found.tolerance.form_nm == COARSE.form_nm
+    assert trial.used_by_faces(pair) <= 0.5
+    plan = make_plan(*pair, base_with_room(lens))
+    assert trial.used_by_mesh(build_mesh(plan, found.rings, 2e-3)) <= 0.5
+    assert trial.used_by_mesh(build_mesh(plan, 12)) > 1.0
+    assert fineness(lens, found.tolerance, rings=12) == Fineness(found.tolerance)
+
+
+def test_nodes_that_are_given_are_kept(lens: Lens) -> None:
+    assert fineness(lens, COARSE, nodes=20, rings=12).tolerance == COARSE
