@@ -48,7 +48,7 @@ from lensforge.surfaces.surface import to_chart, to_sphere
 
 MARGIN = 2.0  # of the limits, which other rays and the faces as read back use otherwise
 _RAYS = 4096
-_ROUNDS = 5
+_ROUNDS = 8
 _AIM = 0.8  # of what is allowed, by the power of the step below
 _SMALLEST_STEP, _LARGEST_STEP = 1.15, 2.5
 _RINGS_POWER = 2.0  # by which the displacement through a mesh falls with its rings, 2 to 4
@@ -85,15 +85,18 @@ def _settled_tolerance(lens: Lens, tolerance: FaceTolerance, trials: "list[_Tria
     for _ in range(_ROUNDS):
         if used * MARGIN <= 1.0:
             break
-        step = _step(used * MARGIN, 1.0)
-        finer = tolerance.changed(normal_mrad=tolerance.normal_mrad / step)
-        pair = fit_lens(lens, tolerance=finer)
-        before, used = used, max(trial.used_by_faces(pair) for trial in trials)
-        most = max(face.shape.nodes for boundary in pair for face in boundary.of_material)
-        if used > _LEAST_GAIN * before or most == MAX_NODES:
-            break
-        tolerance = finer
+        finer = tolerance.changed(normal_mrad=tolerance.normal_mrad / _step(used * MARGIN, 1.0))
+        pair, nodes = fit_lens(lens, tolerance=finer), _nodes(pair)
+        if _nodes(pair) != nodes:
+            before, used = used, max(trial.used_by_faces(pair) for trial in trials)
+            if used > _LEAST_GAIN * before or max(_nodes(pair)) == MAX_NODES:
+                break
+        tolerance = finer  # where that took no more nodes, the fit was better than it had to be
     return tolerance
+
+
+def _nodes(pair: Pair[Patch]) -> list[int]:
+    return [face.shape.nodes for boundary in pair for face in boundary.of_material]
 
 
 def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int:
@@ -180,6 +183,15 @@ class _FormError(Surface):
 
     exact: Surface
     fitted: TrimmedFace[Patch]
+
+    @property
+    def detail_rad(self) -> float:
+        """Sigma (rad) of its narrowest feature, that of the exact surface."""
+        return self.exact.detail_rad
+
+    def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Raise: tables are made of radii alone."""
+        raise NotImplementedError("the form error of a face has no gradient")
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Difference of the radii (mm)."""
