@@ -179,7 +179,7 @@ def _as_step(agreement: Agreement, reach_mm: float) -> Sequence[Fact]:
 
 @dataclass(frozen=True, eq=False)
 class _FormError(Surface):
-    """By how much a ``fitted`` face is farther than its ``exact`` surface; beyond its edges as far as there."""
+    """Distance of a ``fitted`` face beyond its ``exact`` surface; beyond its edges that at them."""
 
     exact: Surface
     fitted: TrimmedFace[Patch]

@@ -26,7 +26,7 @@ def check_facts(check: Check, spec: Spec) -> list[Group]:
 
 
 def _orientation(spec: Spec) -> Iterator[Group]:
-    """By what a part whose light is not round is turned as it is mounted; none of a plate, which is placed by marks."""
+    """Feature by which a part whose light is not round is turned in its mount; none of a plate, which has marks."""
     if spec.plate is None and not all(map(spec.lens.is_revolved, spec.lens.names)):
         yield Group("orientation", "Orientation", (_mark(spec.base_made),))
 

@@ -9,7 +9,6 @@ from lensforge.results import Fact
 from lensforge.results.numerals import quantity
 from lensforge.shop.check_result import Check, Mould, PartingLine
 from lensforge.shop.findings import drawn_by
-from lensforge.shop.sheet import shown
 from lensforge.spec import Spec
 
 MOST_RATIO = 3.0  # thickest over thinnest: a rule of thumb of guides for the design of moulded parts
@@ -82,7 +81,7 @@ def mould_facts(mould: Mould, check: Check, spec: Spec) -> Iterator[Fact]:
 def thick_line(mould: Mould, check: Check, spec: Spec) -> str:
     """The note of a drawing on what a moulder prices first: the thickest place, and how long it cools."""
     place, cooling = mould.thickest, _cooling(mould, spec.lens.material)
-    where = ", ".join(shown(value) for value in place.centre_mm)
+    where = ", ".join(f"{round(value, 1) + 0.0:g}" for value in place.centre_mm)
     wall = f"{quantity(check.min_wall_mm, 'mm', digits=3)}, the thinnest wall" if check.min_wall_mm > 0.0 else "no wall"
     thick = f"a ball of {quantity(place.diameter_mm, 'mm', digits=3)} about ({where}), beside {wall}"
     words = cooling.text if mould.cooling_s is not None else f"{cooling.text}, {cooling.note}"

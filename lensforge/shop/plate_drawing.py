@@ -258,7 +258,7 @@ def _place_words(label: str, mark: PlateMark, datums: DatumScheme) -> str:
 
 
 def gate_of(lens: Lens, layout: PlateLayout) -> Place | None:
-    """Where a moulded plate is filled: as its spec says, else in the middle of its longest side; None of a cut one."""
+    """Place where a moulded plate is filled: that of its spec, or the middle of its longest side; None of a cut one."""
     if layout.plate.gate is not None:
         return layout.plate.gate.place_mm
     if lens.spec.manufacture.cuts != "inserts":
