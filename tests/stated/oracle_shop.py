@@ -371,6 +371,14 @@ def plate(case, place):
     return answer("pass" if plate_wall_mm(case) >= least - slack_mm(case) else "fail")
 
 
+def azimuth_mark(case, place):
+    """By the kind of the base alone; a lens whose light is round, and a plate, state none."""
+    base = case.lens["spec"]["base"]
+    if base["kind"] == "cylinder":
+        return Expected("none" if base["flat_mm"] is None else "flat")
+    return Expected({"square": "square base", "step": "as in the base's file", "none": "none"}[base["kind"]])
+
+
 ORACLES = {
     f"check.{name}_{figure.__name__}": of_face(figure, name)
     for name in FACES
@@ -386,4 +394,5 @@ ORACLES = {
     "check.draft": lambda case, place: answer(draft_state(case, on_face(place))),
     "check.wall": lambda case, place: answer(wall_state(case)),
     "check.plate": plate,
+    "check.azimuth_mark": azimuth_mark,
 }
