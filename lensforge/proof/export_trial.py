@@ -4,6 +4,7 @@ Before the part is made, the light of its fitted faces is traced as that of the 
 and its mesh is cast as verification casts it. Both are judged by the criteria of verification.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -69,7 +70,11 @@ def fineness(lens: Lens, tolerance: FaceTolerance, nodes: int | None = None, rin
 
     ``nodes``, ``rings``: given numbers, which are kept.
     """
-    trials = [_Trial(own) for own in lens.by_led.values()]
+    try:
+        trials = [_Trial(own) for own in lens.by_led.values()]
+    except InputError as error:  # a file of the source that is gone, or no light that could be traced
+        warnings.warn(f"export: {error}; normals and mesh are by their tolerances alone", stacklevel=2)
+        return Fineness(tolerance)
     if nodes is None:
         tolerance = _settled_tolerance(lens, tolerance, trials)
     if rings is not None:

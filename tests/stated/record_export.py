@@ -148,7 +148,7 @@ def tolerance_record(case):
         chips = source.get("chips", [source | {"x_mm": 0.0, "y_mm": 0.0}])
         away = body_of(case).parts[last].shape.exact(np.array([[0.0, 0.0, 1.0]]))[0][0]
         image = near(2e3 * max(map(reach_mm, chips)) / away, 1e-9)
-    return {"form_nm": 50.0, "normal_mrad": 0.02 if image is None else 0.2, "image_mrad": image,
+    return {"form_nm": 50.0, "normal_mrad": normal_mrad(case), "image_mrad": image,
             "turn": near(turn, 0.01)}  # fmt: skip
 
 
