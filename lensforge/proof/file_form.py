@@ -148,3 +148,7 @@ class DesignedFile:
     def is_step(self) -> bool:
         """True of a STEP file, by its name."""
         return self.name.endswith(".step")
+
+    def is_judged_as(self, other: "DesignedFile") -> bool:
+        """True where both should hold one body, and points of either may be as far off it."""
+        return self.body is other.body and (self.chords, self.limit_um) == (other.chords, other.limit_um)

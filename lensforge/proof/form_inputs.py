@@ -71,6 +71,7 @@ def designed_files(part: Part) -> Iterator[DesignedFile]:
     body, chord_mm = designed_lens(lens), 1e-3 * part.triangulation.chord_error_um
     tolerance_um = 1e-3 * part.face_tolerance.form_nm
     round_mm = mesh_error_mm(lens.spec.base, part.triangulation.rings, chord_mm)
+    whole = None if plate is None or part.plate is None else designed_plate(lens, plate)
     for name, content in part.exported.items():
         if name == SURFACES_FILE and part.untrimmed_surfaces is not None:
             untrimmed = part.untrimmed_surfaces
@@ -78,10 +79,10 @@ def designed_files(part: Part) -> Iterator[DesignedFile]:
             yield DesignedFile(
                 name, content, DesignedBody(tuple(faces), ()), Chords(0.0, 0.0), tolerance_um, trimmed=False
             )
-        elif name in PLATE_FILES and plate is not None and part.plate is not None:
+        elif name in PLATE_FILES and whole is not None and part.plate is not None:
             stated_mm = 1e-3 * part.plate.chord_error_um
             allowed_mm = CHORD_MM * 2.0 ** max(0.0, np.ceil(np.log2(stated_mm / CHORD_MM)))
-            yield DesignedFile(name, content, designed_plate(lens, plate), Chords(stated_mm, allowed_mm), tolerance_um)
+            yield DesignedFile(name, content, whole, Chords(stated_mm, allowed_mm), tolerance_um)
         else:
             cut_mm = 0.0 if body.below is not None else chord_mm
             yield DesignedFile(name, content, body, Chords(chord_mm, round_mm, cut_mm), tolerance_um)

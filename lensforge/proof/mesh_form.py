@@ -23,17 +23,21 @@ _Triangles = Int[np.ndarray, "t 3"]
 
 
 def mesh_forms(files: Sequence[DesignedFile], known: Mapping[bytes, trimesh.Trimesh]) -> dict[str, FileForm]:
-    """Form of each STL and 3MF file by its name; ``known``: meshes of contents that have been read."""
-    found, judged = dict[str, FileForm](), list[tuple[_Points, FileForm]]()
+    """Form of each STL and 3MF file by its name; ``known``: meshes of contents that have been read.
+
+    One that should hold the same body as another, and has its facets, has its form.
+    """
+    found, judged = dict[str, FileForm](), list[tuple[DesignedFile, _Points, FileForm]]()
     for file in files:
         if file.is_step:
             continue
         vertices, triangles = _mesh_of(file, known)
         corners = vertices[triangles]
-        same = next((form for other, form in judged if _are_same(corners, other)), None)
+        alike = (form for other, theirs, form in judged if file.is_judged_as(other) and _are_same(corners, theirs))
+        same = next(alike, None)
         if same is None:
             found[file.name] = mesh_form(file, vertices, triangles)
-            judged.append((corners, found[file.name]))
+            judged.append((file, corners, found[file.name]))
         else:
             edges = open_edges(triangles, len(vertices))
             found[file.name] = same.changed(name=file.name, open_edges=edges)

@@ -19,6 +19,7 @@ from lensforge.report.stored import (
     Stored,
     require_none_lost,
     require_recorded,
+    require_stated,
     unrecorded,
     verdicts_of_kinds,
 )
@@ -175,7 +176,9 @@ class RunFolder:
         if isinstance(self._record, InputError):
             raise self._record
         require_recorded(results, self._record, self.path)
-        return self._run(results)
+        run = self._run(results)
+        require_stated(run, self._record, self.path)
+        return run
 
     def to_show(self) -> Run:
         """The run for a page or for the shop: as :meth:`trusted`, and no result may have been lost unseen."""

@@ -174,7 +174,10 @@ class RunRecord(Record):
 
     @staticmethod
     def of(results: Results, stored: Stored, hashes: Mapping[str, str], seconds: float | None) -> "RunRecord":
-        """The record of ``results``, those of ``stored`` that count; ``hashes`` may be of files that are gone."""
+        """The record of ``results``, those of ``stored`` that count; ``hashes`` may be of files that are gone.
+
+        ``seconds`` less than one stage took are not those of a whole run: it was resumed, or the stage ran again.
+        """
         kept = [stem for stem in (*stored.records, *stored.unreadable) if stem in hashes]
         own_kinds = own_stems(stored.lens.surfaces)
         return RunRecord(
@@ -185,7 +188,7 @@ class RunRecord(Record):
             results={stem: hashes[stem] for stem in kept if stem in own_kinds},
             others={stem: hashes[stem] for stem in kept if stem not in own_kinds},
             outdated=dict(results.outdated),
-            seconds=seconds,
+            seconds=None if seconds is None or seconds < _longest_s(results) else seconds,
         )
 
     def write(self, folder: Path) -> None:
@@ -240,6 +243,34 @@ def require_recorded(results: Results, record: RunRecord | None, folder: Path) -
     for stem, result in {**results.found, **results.others}.items():
         if why := unrecorded(record.hashes, stem, result):
             raise InputError(f"{folder / stem}.json: {why}; {type(result).rebuild_command()}")
+
+
+def require_stated(results: Results, record: RunRecord | None, folder: Path) -> None:
+    """Raise :class:`InputError` where the ``record`` of ``folder`` contradicts its lens and ``results``.
+
+    Its checksum may have been made anew. A verdict is compared where all of its results are there.
+    """
+    if record is None or record.version != __version__:
+        return
+    lens, path = results.lens, folder / RUN_FILE
+    for name, stated, there in (
+        ("name", record.name, results.spec.name),
+        ("seed", record.seed, lens.seed),
+        ("accuracy", record.accuracy, lens.accuracy),
+    ):
+        if stated != there:
+            raise InputError(f"{path}: {name} = {stated!r:.80}, {LENS_FILE} has {there!r:.80}; {_RENEW}")
+    longest = _longest_s(results)
+    if record.seconds is not None and record.seconds < longest:
+        raise InputError(f"{path}: seconds = {record.seconds:g}, one of its stages took {longest:g} s; {_RENEW}")
+    whole = set(record.hashes) == set(results.found) | set(results.others)
+    if whole and len(lens.kinds) == 1 and record.verdict != results.verdict:
+        raise InputError(f"{path}: its verdict is not that of the results beside it; {_RENEW}")
+
+
+def _longest_s(results: Results) -> float:
+    """Seconds of the longest stage: a command that made all of them took no less."""
+    return max((float(getattr(result, "seconds", 0.0)) for result in results.found.values()), default=0.0)
 
 
 def require_none_lost(results: Results, record: RunRecord | None, folder: Path) -> None:

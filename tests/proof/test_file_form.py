@@ -298,6 +298,23 @@ def test_another_lens_or_another_file_fails(one: str) -> None:
         assert missed(form_of(replace(file, content=content)))
 
 
+_MESHES = ("lens.stl", "lens.3mf", "plate.stl", "plate.3mf")
+
+
+@pytest.mark.parametrize("copy", _MESHES)
+@pytest.mark.parametrize("place", _MESHES)
+def test_of_every_pair_a_copy_in_the_place_of_another_body_fails_it_alone(place: str, copy: str) -> None:
+    """Together, as verify judges them: the copy has the facets of a file of its own body, which is judged as well."""
+    files = designed(plated)
+    vertices, triangles = (parse_stl if copy.endswith(".stl") else parse_3mf)(files[copy].content)
+    mesh = BodyMesh(vertices, triangles, np.zeros(len(triangles), dtype=int), ("ALL",), 1)
+    copied = stl_bytes(mesh) if place.endswith(".stl") else threemf_bytes(mesh, "copied")
+    swapped = files | {place: replace(files[place], content=copied)}
+    forms = mesh_forms(list(swapped.values()), {})
+    wrong = [name for name, form in forms.items() if missed(form)]
+    assert wrong == ([] if place.split(".")[0] == copy.split(".")[0] else [place])
+
+
 def test_bodies_and_faces_too_many_are_refused() -> None:
     file, solid = designed(plated)["lens.step"], parse_step(plated().step)
     for shapes, words in (

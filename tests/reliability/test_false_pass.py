@@ -284,3 +284,32 @@ def test_folders_travel_and_may_lack_run_json(folder: Path, tmp_path: Path) -> N
     assert record_in(moved, "run")["verdict"] == whole.verdict.model_dump(mode="json")
     (moved / "run.json").write_text("{}", encoding="utf-8")
     assert "delete it" in refusal(write_report, moved)
+
+
+@pytest.mark.parametrize(("field", "value", "words"), [
+    ("seed", 41, "seed = 41, lens.json has 0"),
+    ("name", "another", "name = 'another', lens.json has 'small'"),
+    ("accuracy", "reference", "accuracy = 'reference', lens.json has"),
+    ("seconds", 1e-9, "seconds = 1e-09, one of its stages took"),
+    ("verdict", None, "its verdict is not that of the results beside it"),
+])  # fmt: skip
+def test_what_run_json_states_is_compared_though_its_checksum_is_made_anew(
+    folder: Path, field: str, value: Any, words: str
+) -> None:
+    content = record_in(folder, "run")
+    verdict = content["verdict"]
+    turned = {"fail": "pass", "pass": "fail", "undecided": "pass"}[verdict["light"]]
+    assert content[field] != value
+    write(folder, "run", content | {field: verdict | {"light": turned} if field == "verdict" else value})
+    for command in (write_report, handed_over, lf.load):
+        assert words in refusal(command, folder)
+    (folder / "run.json").unlink()
+    assert refusal(lf.load, folder) == ""
+
+
+def test_seconds_that_one_stage_took_longer_are_none_of_a_whole_run(folder: Path) -> None:
+    """A search that was resumed, or a stage that ran again by itself."""
+    longest = max(result.seconds for result in lf.load(folder).found.values() if hasattr(result, "seconds"))
+    assert RunFolder(folder).renew(seconds=longest / 2).seconds is None
+    assert RunFolder(folder).renew(seconds=2 * longest).seconds == 2 * longest
+    assert refusal(lf.load, folder) == ""
