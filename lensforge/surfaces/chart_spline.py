@@ -12,7 +12,15 @@ from lensforge.errors import InputError
 from lensforge.results import Number
 from lensforge.surfaces.mirror_group import largest_symmetry
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Place, Surface, SurfaceRecord, gradient_on_sphere, surface_record, to_chart
+from lensforge.surfaces.surface import (
+    ByContent,
+    Place,
+    Surface,
+    SurfaceRecord,
+    gradient_on_sphere,
+    surface_record,
+    to_chart,
+)
 
 if TYPE_CHECKING:
     from scipy.interpolate import NdBSpline
@@ -26,8 +34,8 @@ _MOST_KNOTS = 512
 _MIRRORED, _SAME_MM = 1000, 1e-6  # directions at which mirror images are compared, and how far they may differ
 
 
-@dataclass(frozen=True)
-class ChartSpline(Surface):
+@dataclass(frozen=True, eq=False)
+class ChartSpline(ByContent, Surface):
     """``knots``, the same in X and Y, and ``control`` (mm), [X, Y], of the radius; over the square of ``HALF_WIDTH``.
 
     ``detail``: sigma (rad) of a Gaussian as narrow as its narrowest feature.

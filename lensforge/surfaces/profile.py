@@ -18,7 +18,7 @@ from lensforge.errors import InputError
 from lensforge.results import Number, Record
 from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.srbf import Levels, MirrorGroup, Spread, SrbfBasis, SrbfSurface, Weights, fields_of
-from lensforge.surfaces.surface import Place, Surface, SurfaceRecord, recorded, surface_record
+from lensforge.surfaces.surface import ByContent, Place, Surface, SurfaceRecord, recorded, surface_record
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -150,7 +150,7 @@ class ProfileFace(ReciprocalSurface):
 
 
 @dataclass(frozen=True, eq=False)
-class FormedFace(ProfileFace):
+class FormedFace(ByContent, ProfileFace):
     """A profile with ``weights_per_mm`` (1/mm) times the functions of ``srbf`` added to its reciprocal radius."""
 
     srbf: SrbfBasis

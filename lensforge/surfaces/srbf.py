@@ -20,7 +20,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_chunks
 from lensforge.results import Number
 from lensforge.surfaces.mirror_group import grid_images, group
-from lensforge.surfaces.surface import Length, Place, Surface, SurfaceRecord, surface_record
+from lensforge.surfaces.surface import ByContent, Length, Place, Surface, SurfaceRecord, surface_record
 
 # Of a basis. Bounds what a file can ask for: with 10,000 functions the radius at 20,000 directions takes 0.4 s.
 MOST_FUNCTIONS, MOST_LEVELS = 10_000, 20
@@ -115,8 +115,8 @@ def gaussians(
     return np.exp(-((angle / sigmas) ** 2))
 
 
-@dataclass(frozen=True)
-class SrbfSurface(Surface):
+@dataclass(frozen=True, eq=False)
+class SrbfSurface(ByContent, Surface):
     """A star-shaped surface: offset ``h`` (mm) and one weight (mm) for each function of the basis."""
 
     basis: SrbfBasis

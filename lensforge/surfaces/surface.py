@@ -11,7 +11,7 @@ by numbers alone by :func:`recorded`, any other by a class that extends :class:`
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import singledispatch
+from functools import cached_property, singledispatch
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
@@ -56,6 +56,25 @@ def grid(nodes: int, half_width: float = HALF_WIDTH) -> Float[np.ndarray, "n n 2
     """A square grid of ``nodes`` x ``nodes`` chart points, first index X, second index Y."""
     axis = np.linspace(-half_width, half_width, nodes)
     return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
+
+
+class ByContent:
+    """A frozen dataclass that is equal, and has its hash, by its fields, arrays by their bytes: caches are keyed by it.
+
+    Its decorator says ``eq=False``, or equality by the arrays' own would take the place of this.
+    """
+
+    @cached_property
+    def _content(self) -> tuple[object, ...]:
+        values = (getattr(self, field.name) for field in fields(self))  # type: ignore[arg-type]  # a dataclass
+        return tuple((v.shape, v.dtype.str, v.tobytes()) if isinstance(v, np.ndarray) else v for v in values)
+
+    def __eq__(self, other: object) -> bool:
+        """True where all fields are equal, arrays to the bit."""
+        return isinstance(other, ByContent) and type(self) is type(other) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash((type(self).__name__, self._content))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from shells import BOWL, COVER_LOSS, COVER_N, DOME, LOSS, SECOND, SHELL, N, by_h
 from lensforge.kernels.fate import Fate
 from lensforge.light.reference_bodies import ReferenceBody
 from lensforge.light.reference_trace import as_arrays, trace_reference
+from lensforge.light.secondary_optics import tabled
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import CoverGlass, FaceCoating, FaceScatter, Medium, ReflectanceTable, SecondaryOptic
 from lensforge.optics.pose import Pose
@@ -18,6 +19,8 @@ from lensforge.optics.scattering import GaussianFacets, lambertian
 from lensforge.scene.made_part import AsMade
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
+from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
+from lensforge.surfaces.surface import to_sphere
 
 GRID = TableGrid(161)
 
@@ -77,6 +80,20 @@ def test_a_body_of_the_index_around_it_changes_nothing() -> None:
     assert with_it.flux[out] == pytest.approx(alone.flux[out], rel=1e-12)
     away = with_it.points - alone.points
     assert np.abs(np.cross(away, alone.directions))[out].max() < 1e-9, "on the same lines"
+
+
+def test_a_body_of_faces_of_a_file_sends_light_as_the_spheres_that_the_file_holds() -> None:
+    """CAD faces and points become splines of arrays, by which the tables of a body are kept."""
+    axis = np.tan(np.linspace(-1.0, 1.0, 80) * np.arctan(HALF_WIDTH))
+    places = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
+    given = {name: ChartSpline.through(axis, getattr(DOME, name).radius_on_grid(places)) for name in ("inner", "outer")}
+    rays, lens = upwards(2000, 6, 1.0), tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
+    found, exact = (TracedBundle.of(lens, scene(body), rays).exits for body in (replace(DOME, **given), DOME))
+    out = exact.left_lens
+    assert 0.6 < out.mean() < 1.0 and (found.left_lens == out).all()
+    assert np.abs(found.directions - exact.directions)[out].max() < 1e-6
+    assert found.flux[out] == pytest.approx(exact.flux[out], rel=1e-6)
+    assert tabled(replace(DOME, **given)) is tabled(replace(DOME, **given))
 
 
 def test_the_flux_that_leaves_the_lens_is_kept_or_lost_by_body() -> None:

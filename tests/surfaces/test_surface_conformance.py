@@ -1,6 +1,8 @@
 """What every kind of surface must be; a new kind without a case here fails."""
 
 import json
+from copy import deepcopy
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from lensforge.surfaces import surface as chart
 from lensforge.surfaces.asphere import Asphere, Biconic, ImplicitSurface, sphere
 from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
-from lensforge.surfaces.profile import ProfileFace
+from lensforge.surfaces.profile import FormedFace, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.surface import ScaledSurface, Surface, scaled
 
@@ -108,6 +110,25 @@ def test_a_lens_file_gives_the_same_surface_back(name: str, tmp_path) -> None:
     again_saved = Lens.double(again, freeform_sphere(20.0), small_spec(), 0, "draft")
     again_saved.save(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "lens.json").read_bytes()
+
+
+def test_a_surface_of_the_same_numbers_is_the_same_key_of_a_cache(surface: Surface) -> None:
+    """A body behind the lens, whose tables are kept, may have any of them as a face."""
+    again = deepcopy(surface)
+    assert again == surface and hash(again) == hash(surface) and {again: 1}[surface] == 1
+
+
+def test_surfaces_that_differ_in_one_number_of_an_array_are_two_keys() -> None:
+    freeform, given = CASES["freeform"], CASES["given face"]
+    profile = CASES["profile"]
+    numbers = vars(profile) | {"srbf": freeform.basis, "weights_per_mm": 1e-4 * freeform.weights_mm}
+    formed = FormedFace(**{field.name: numbers[field.name] for field in fields(FormedFace)})
+    for surface, name in ((freeform, "weights_mm"), (given, "control"), (formed, "weights_per_mm")):
+        changed = getattr(surface, name).copy()
+        changed.flat[-1] += 1e-12
+        other = replace(surface, **{name: changed})
+        assert surface != other and len({surface, other, deepcopy(other)}) == 2
+    assert formed != profile and freeform != given
 
 
 @pytest.mark.parametrize("head", [{"schema": "lensforge-lens-2"}, {"format": "lensforge-lens-1"}])
