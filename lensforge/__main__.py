@@ -23,7 +23,7 @@ collect_garbage_seldom()
 keep_freed_memory()
 
 from lensforge.cli.cli import main  # noqa: E402
-from lensforge.results.files import keep_what_is_made  # noqa: E402
+from lensforge.results.made_cache import keep_what_is_made  # noqa: E402
 
 
 def run() -> None:

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.part import Part, held_by
@@ -19,14 +20,14 @@ from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.report import exported_part, headline, light_section
 from lensforge.report.exported_part import measured_sections
 from lensforge.report.headline import task
-from lensforge.report.page import template
+from lensforge.report.page import PagePicture, template
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.solid_view import SolidViews, solid_views
 from lensforge.report.stored import RUN_FILE
 from lensforge.report.yield_section import yield_sections
 from lensforge.results import Group, StageResult
-from lensforge.results.files import made_once
+from lensforge.results.made_cache import made_once
 from lensforge.results.numerals import number, percent
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import finding_groups, words_of
@@ -49,9 +50,11 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
         return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
     radius_mm = float(lens_boundaries(results.lens)[1].radius(fibonacci_hemisphere(500)).max())  # to a per cent
     of = part.stl, radius_mm, part.plate_stl
-    solid = ThreadPoolExecutor(1).submit(made_once, ("solid", *of), lambda: solid_views(*of), lambda it: not it.problem)
+    solid = ThreadPoolExecutor(1).submit(
+        made_once, ("solid", *of), lambda: _solid(solid_views(*of)), dict[str, Any], lambda it: not it["views_problem"]
+    )
     context = _context(results, folder, beside)  # meanwhile
-    return template(REPORT_FILE).render(**context, **_solid(solid.result()))
+    return template(REPORT_FILE).render(**context, **solid.result())
 
 
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
@@ -137,26 +140,29 @@ def _photometry_sentence(results: Results) -> str:
     return f"By {number(photometry.rays)} rays{noise}. Candela and lumens {basis}."
 
 
-# Pictures of the page by their section, and the results that they show beside the lens: they see no others.
-_PICTURES: dict[str, tuple[Callable[[Results], object], tuple[type[StageResult], ...]]] = {
-    "first": (light_section.first_picture, (Light,)),
-    "light": (light_section.receiver_pictures, (Light,)),
-    "photometry": (light_section.photometry_pictures, (Photometry,)),
-    "history": (exported_part.history_pictures, (Design,)),
-    "sections": (exported_part.section_pictures, (Design, Part)),
-    "surfaces": (exported_part.surface_pictures, (Check,)),
-    "verification": (exported_part.verification_pictures, (Design, Light, Proof)),
-    "gaps": (exported_part.gap_pictures, (Proof,)),
-    "stray": (exported_part.stray_pictures, (Design, Light, StrayLight)),
+_Drawn = Callable[[Results], object]
+_LIST, _ROWS = list[PagePicture], list[list[PagePicture]]
+# Pictures of the page by their section, what each is, and the results that they show beside the lens: they see no
+# others.
+_PICTURES: dict[str, tuple[_Drawn, Any, tuple[type[StageResult], ...]]] = {
+    "first": (light_section.first_picture, PagePicture | None, (Light,)),
+    "light": (light_section.receiver_pictures, list[light_section.ReceiverPictures], (Light,)),
+    "photometry": (light_section.photometry_pictures, _LIST, (Photometry,)),
+    "history": (exported_part.history_pictures, _LIST, (Design,)),
+    "sections": (exported_part.section_pictures, _LIST, (Design, Part)),
+    "surfaces": (exported_part.surface_pictures, _ROWS, (Check,)),
+    "verification": (exported_part.verification_pictures, _ROWS, (Design, Light, Proof)),
+    "gaps": (exported_part.gap_pictures, _LIST, (Proof,)),
+    "stray": (exported_part.stray_pictures, _ROWS, (Design, Light, StrayLight)),
 }
 
 
 def _pictures(results: Results) -> dict[str, object]:
     drawn = dict[str, object]()
-    for name, (draw, kinds) in _PICTURES.items():
+    for name, (draw, drawn_as, kinds) in _PICTURES.items():
         shown = {stem: result for stem, result in results.found.items() if isinstance(result, kinds)}
         of = [name, results.lens.sha256, *((stem, result.sha256) for stem, result in shown.items())]
-        drawn[name] = made_once(of, partial(draw, Results(results.lens, shown)))
+        drawn[name] = made_once(of, partial(draw, Results(results.lens, shown)), drawn_as)
     return drawn | {"other": light_section.other_pictures(results)}
 
 

@@ -1,22 +1,17 @@
 """Files: read with bounds, written to a temporary name and then renamed; pages of this program told from others.
 
-A command keeps in the user's cache what another command may need again, such as the pictures of a page.
-
 Temporary files have names by which the next holder of a folder's lock deletes what a killed process left.
 """
 
-import hashlib
 import json
 import os
-import pickle
 import secrets
 import stat
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
-from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
 from lensforge.errors import InputError, refused
 from lensforge.results.json_npz import parse_json
@@ -265,42 +260,3 @@ def is_free_or_own(path: Path) -> bool:
 def pdf_mark() -> bytes:
     """The last line of a PDF that this program made."""
     return b"\n%s %s\n" % (PDF_MARK, __version__.encode())
-
-
-_Made = TypeVar("_Made")
-_homes: list[Path] = []  # of the user's cache; none for a script
-_MOST_KEPT = 1000  # files: some 130 MB
-
-
-def keep_what_is_made() -> None:
-    """Let :func:`made_once` keep what it makes in the user's cache, where there is one."""
-    with suppress(RuntimeError):  # no home
-        _homes.append(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lensforge" / "made")
-
-
-def made_once(
-    of: Sequence[object], make: Callable[[], _Made], lasting: Callable[[_Made], bool] = lambda _: True
-) -> _Made:
-    """Result of ``make``, or the one that a command of the same program has made ``of`` the same before.
-
-    ``lasting``: whether it is to be kept.
-    """
-    if not _homes:
-        return make()
-    key = hashlib.sha256(pickle.dumps((_sources(), of)))
-    path = _homes[0] / f"{key.hexdigest()}.pickle"
-    with suppress(Exception):  # none yet, or a damaged one
-        return cast(_Made, pickle.loads(path.read_bytes()))
-    made = make()
-    with suppress(OSError, InputError):  # a full disk, or none to write on
-        if lasting(made):
-            write_file(path, pickle.dumps(made))
-        for oldest in sorted(path.parent.iterdir(), key=lambda each: each.stat().st_mtime)[:-_MOST_KEPT]:
-            oldest.unlink()
-    return made
-
-
-@cache
-def _sources() -> list[tuple[str, int]]:
-    """Names and times of the sources of this program: another one may make something else."""
-    return [(str(path), path.stat().st_mtime_ns) for path in sorted(Path(__file__).parents[1].rglob("*.py"))]
