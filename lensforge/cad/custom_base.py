@@ -15,7 +15,9 @@ from OCP.Bnd import Bnd_Box
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Fuse
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
+from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from lensforge.cad.boundary import optical_name
 from lensforge.cad.mesh import BodyMesh, manifold_of
@@ -25,13 +27,14 @@ from lensforge.cad.solid import Solid, uniquely_named
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import MOST_STEP_MIB
 from lensforge.results.files import MIB, read_file
-from lensforge.surfaces.step_file import parse_apart, parts_of
+from lensforge.surfaces.step_file import Product, parse_apart, parts_of
 
 BASE = "BASE"
 
 _PLANE_MM = 1e-5  # the uncertainty that STEP files state
 _COVERED_SHARE = 1e-4  # of the opening: a bore as wide as the cavity covers none of it, up to rounding
 _VOLUME_SHARE = 1e-7  # of the base: largest change of volume in the union
+_MOST_SHOWN = 60  # characters of a name
 _ANGLE_RAD = 0.1  # between neighbouring facets of a curved face of the base
 
 
@@ -63,11 +66,33 @@ def read_custom_base(path: Path) -> CustomBase:
 
 
 def solids_in(content: bytes, path: Path) -> list[Solid]:
-    """The solids in the bytes of the user's STEP file ``path``. Raises :class:`InputError` for anything else."""
+    """The solids in the bytes of the user's STEP file ``path``.
+
+    Raises :class:`InputError` for anything else, and for faces beside them that bound no solid: they would not count.
+    """
     parts = parse_apart(
         content, str(path), "repair it in CAD, and export it as AP203, AP214 or AP242", to_be_joined=True
     )
-    return [Solid(solid, part.faces) for part in parts for solid in parts_of(part.shape, "SOLID")]
+    solids = [Solid(solid, part.faces) for part in parts for solid in parts_of(part.shape, "SOLID")]
+    for part in parts if solids else ():
+        _require_solids(part, path)
+    return solids
+
+
+def _require_solids(part: Product, path: Path) -> None:
+    """Raise :class:`InputError` where a face of ``part`` bounds no solid, as of a shell or a sheet."""
+    of_solids = TopTools_IndexedMapOfShape()
+    for solid in parts_of(part.shape, "SOLID"):
+        TopExp.MapShapes_s(solid, of_solids)
+    shells, faces = (
+        [each for each in parts_of(part.shape, kind) if not of_solids.Contains(each)] for kind in ("SHELL", "FACE")
+    )
+    if faces:
+        closed = sum(each.Closed() for each in shells)
+        raise InputError(
+            f"{path}: {part.name[:_MOST_SHOWN]!r} has faces that bound no solid and would not count: {len(faces)}, in "
+            f"shells: {len(shells)}, of which closed: {closed}; make solids of them in CAD, or leave them out"
+        )
 
 
 def join_base(body: Solid, base: CustomBase) -> Solid:

@@ -21,7 +21,6 @@ from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import section_sha256
 from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection, read_tolerances
-from lensforge.surfaces.point_cloud import read_cloud
 
 if TYPE_CHECKING:
     import numpy as np
@@ -98,11 +97,14 @@ def compare(
         return comparison.changed(inputs=inputs, led=lit.led)
     if isinstance(measured, Lens) and points is not None and on is None:
         _refuse_unused("points", of_photo)
+        from lensforge.made.measured_points import measured_points
         from lensforge.made.measured_surface import ChangedLens, compare_surface
 
         side = require_choice("surface", surface, [face.name for face in measured.body.faces if face.is_optical])
         traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
-        return compare_surface(read_cloud(points), traced, registration).changed(conditions=conditions)
+        return compare_surface(measured_points(points, measured, side), traced, registration).changed(
+            conditions=conditions
+        )
     raise InputError(
         "compare: give one of two: a photograph of the light, --on PHOTO, or points of a face, --points FILE "
         "--surface FACE; in Python compare(light, on=PHOTO) or compare(lens, points=FILE, surface=FACE)"
@@ -194,6 +196,7 @@ def correct(
     """
     from lensforge.made.correction import correct_face
     from lensforge.made.first_cut import Request
+    from lensforge.made.measured_points import measured_points
     from lensforge.made.measured_surface import ChangedLens
 
     require(lens, Lens, "correct")
@@ -207,7 +210,7 @@ def correct(
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
     cuts, conditions = ChangedLens.of(lens, side, rays)
     with threads_of_torch(threads):
-        correction = correct_face(read_cloud(file), cuts, request)
+        correction = correct_face(measured_points(file, lens, side), cuts, request)
     return correction.changed(conditions=conditions)
 
 

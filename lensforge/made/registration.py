@@ -14,6 +14,7 @@ little for all of them but itself. Form error that is alike all around the axis,
 for rings of about a radius of the face 0.2 to 1.4.
 """
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,10 +24,10 @@ from scipy.optimize import least_squares, nnls
 from scipy.spatial import cKDTree
 
 from lensforge.cad.patch import Patch
-from lensforge.errors import InputError
+from lensforge.errors import FileWarning, InputError
 from lensforge.made.measurement_result import Registration
 from lensforge.optics.pose import Pose
-from lensforge.surfaces.point_cloud import LEAST_POINTS
+from lensforge.surfaces.point_files import LEAST_POINTS
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import HALF_WIDTH, to_chart
 
@@ -117,7 +118,7 @@ class RigidMotion:
 
 @dataclass(frozen=True)
 class Registered:
-    """Motion of measured points, those of them over the surface (mm, in lens coordinates), and their share of all."""
+    """Motion of measured points, those of them on the surface (mm, in lens coordinates), and their share of all."""
 
     motion: RigidMotion
     points: Float[np.ndarray, "n 3"]
@@ -125,11 +126,68 @@ class Registered:
 
 
 def registered(patch: Patch, cloud: Float[np.ndarray, "k 3"], registration: Registration = "rigid") -> Registered:
-    """Register ``cloud`` (mm) to the surface of ``patch`` as :func:`register` does, and keep what lies over it."""
-    motion = register(patch, cloud, registration)
-    placed = motion.pose.points(cloud)
-    over = over_surface(placed)
-    return Registered(motion, placed[over], float(over.mean()))
+    """Register ``cloud`` (mm) to the surface of ``patch`` as :func:`register` does, and keep what lies on it.
+
+    Points far off the surface, or off their neighbours, are no form of it: they are left out, and a
+    :class:`FileWarning` tells how many. Another asks whether points that agree with the design were measured at all.
+    """
+    unreached = np.all(cloud == 0.0, axis=1)
+    off = unreached
+    for _ in range(_ROUNDS):
+        motion = register(patch, cloud[~off], registration)
+        placed = motion.pose.points(cloud)
+        over = over_surface(placed) & ~unreached
+        gaps = distances(patch, placed[over])[0]
+        before, off = off, unreached.copy()
+        off[over] = off_surface(placed[over], gaps)
+        if np.array_equal(off, before):
+            break
+    _tell(int(unreached.sum()), gaps, off[over])
+    on = over & ~off
+    return Registered(motion, placed[on], float(on.mean()))
+
+
+_NEIGHBOURS, _UNLIKE = 12, 0.75  # points around each, of which a quarter may be off, too
+_SIGMAS = 20.0  # of the median deviation: no noise, and no form error that is alike nearby, reaches it
+_STEPS = 4.0  # from the middle of the neighbours, in those that they have among themselves
+_LEAST_STEP_MM = 0.02  # off the neighbours: less is told from form error by no rule
+_FAR_SHARE = 0.02  # of the face's distance from the origin: no part that was made to the design is as far off
+_NOT_MEASURED_MM = 1e-5
+
+
+def off_surface(points: Float[np.ndarray, "n 3"], gaps: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """True for ``points`` whose ``gaps`` (mm) from the face are no form error: far off it, or off their neighbours."""
+    centred = gaps - np.median(gaps)
+    far = np.maximum(_SIGMAS * _deviation(centred), _FAR_SHARE * float(np.median(np.linalg.norm(points, axis=1))))
+    _, near = cKDTree(points / np.linalg.norm(points, axis=1)[:, None]).query(
+        points / np.linalg.norm(points, axis=1)[:, None], min(_NEIGHBOURS + 1, len(points))
+    )
+    around = gaps[near[:, 1:]]
+    middle = np.median(around, axis=1)
+    steps = np.quantile(np.abs(around - middle[:, None]), _UNLIKE, axis=1)
+    apart = gaps - middle
+    allowed = np.maximum(np.maximum(_SIGMAS * _deviation(apart), _LEAST_STEP_MM), _STEPS * steps)
+    return np.asarray((np.abs(centred) > far) | (np.abs(apart) > allowed))
+
+
+def _deviation(values: Float[np.ndarray, " n"]) -> float:
+    """Standard deviation of a normal distribution with the median absolute value of ``values``."""
+    return 1.4826 * float(np.median(np.abs(values)))
+
+
+def _tell(unreached: int, gaps: Float[np.ndarray, " n"], off: Bool[np.ndarray, " n"]) -> None:
+    if unreached:
+        words = f"points: {unreached} at 0, 0, 0, as a machine writes what it did not reach, are left out"
+        warnings.warn(words, FileWarning, stacklevel=2)
+    if off.any():
+        words = (
+            f"points: {off.sum()} of {len(gaps)} lie up to {np.abs(gaps[off]).max():.3g} mm off the face or off their"
+        )
+        warnings.warn(f"{words} neighbours, and are left out: were they measured on it?", FileWarning, stacklevel=2)
+    rms_mm = float(np.sqrt(np.mean(gaps[~off] ** 2))) if not off.all() else np.inf
+    if rms_mm < _NOT_MEASURED_MM:
+        words = f"points: they lie within {1e6 * rms_mm:.2g} nm (rms) of the design, as no part does"
+        warnings.warn(f"{words}: are these the design's points, not measured ones?", FileWarning, stacklevel=2)
 
 
 def moved(points: Float[np.ndarray, "n 3"], motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
@@ -176,7 +234,10 @@ def register(patch: Patch, points: Float[np.ndarray, "n 3"], registration: Regis
         _require_enough(over_surface(points))
         return RigidMotion(*np.zeros((4, 3)))
     free = np.arange(6) >= (3 if registration == "shift" else 0)
-    fits = [_settled(patch, points, start, free) for start in _starts(patch, points)]
+    starts = _starts(patch, points)
+    fits = [fit for start in starts if (fit := _settled(patch, points, start, free)) is not None]
+    if not fits:
+        raise _too_few(int(over_surface(points).sum()))
     motion, _ = min(fits, key=lambda fit: fit[1])
     place = moved(points, motion)
     over = over_surface(place)
@@ -210,29 +271,36 @@ def _require_size(patch: Patch, points: Float[np.ndarray, "n 3"]) -> None:
 def _require_enough(over: Bool[np.ndarray, " n"]) -> None:
     """Raise :class:`InputError` where too few points lie over the surface."""
     if over.sum() < LEAST_POINTS:
-        raise InputError(
-            f"points: {over.sum()} of them lie over the surface once registered, must be at least {LEAST_POINTS}; were "
-            "they measured on the other surface, or are they not in lens coordinates?"
-        )
+        raise _too_few(int(over.sum()))
+
+
+def _too_few(count: int) -> InputError:
+    return InputError(
+        f"points: {count} of them lie over the surface once registered, must be at least {LEAST_POINTS}; were they "
+        "measured on the other surface, or are they not in lens coordinates?"
+    )
 
 
 def _settled(
     patch: Patch, points: Float[np.ndarray, "n 3"], start: Float[np.ndarray, "6"], free: Bool[np.ndarray, "6"]
-) -> tuple[Float[np.ndarray, "6"], float]:
+) -> tuple[Float[np.ndarray, "6"], float] | None:
     """Motion, and mean square (mm^2) of the points over the surface, after fits that lose none of their points.
 
     Each counts those of the one before and those that came over the surface by it. The last counts what is over the
-    surface alone, so that points of other faces do not draw on the motion.
+    surface alone, so that points of other faces do not draw on the motion. None for a start that leads to too few.
     """
     motion, counted = start, over_surface(moved(points, start))
     for _ in range(_ROUNDS):
+        if counted.sum() < LEAST_POINTS:
+            return None
         motion = _whole(_fit(patch, points[counted], motion, free).x, free)
         more = counted | over_surface(moved(points, motion))
         if np.array_equal(counted, more):
             break
         counted = more
     over = over_surface(moved(points, motion))
-    _require_enough(over)
+    if over.sum() < LEAST_POINTS:
+        return None
     fitted = _fit(patch, points[over], motion, free)
     return _whole(fitted.x, free), float(np.mean(fitted.fun**2))
 

@@ -88,8 +88,10 @@ class TargetStroke:
         # in a row of n sub-pixels the middle is n/2 or (n + 1)/2 from the next outside
         widths = 2.0 * distance_transform_edt(np.pad(drawn.inside, 1))[1:-1, 1:-1] - 0.5
         across = widths.reshape(rows, times, columns, times).max(axis=(1, 3)) / times
-        sides = [np.linalg.norm(np.gradient(pixel_directions(receiver), axis=axis), axis=2) for axis in (0, 1)]
-        seen = across * np.sqrt(sides[0] * sides[1])
+        directions = pixel_directions(receiver)
+        along = [axis for axis in (0, 1) if receiver.grid.shape[axis] > 1]  # a narrow one has a single row
+        sides = [np.linalg.norm(np.gradient(directions, axis=axis), axis=2) for axis in along]
+        seen = across * np.sqrt(sides[0] * sides[-1])
         return TargetStroke(float(seen.max()), float(across.max()) * spec.optimise.pixels / spec.evaluate.pixels)
 
 
@@ -102,7 +104,7 @@ def beam_of(spec: Spec) -> Beam:
     off, azimuth = np.arctan2(np.hypot(middle[0], middle[1]), middle[2]), np.arctan2(middle[1], middle[0])
     aside = np.arccos(np.clip(directions @ middle / np.linalg.norm(middle), -1.0, 1.0))
     half = np.sqrt(2.0 * np.mean(aside**2))  # of a cone that is evenly filled
-    pixel = max(float(np.abs(np.diff(angles, axis=axis)).max()) for axis in (0, 1))
+    pixel = max(float(np.abs(np.diff(angles, axis=axis)).max(initial=0.0)) for axis in (0, 1))
     least, most = float(angles[bright].min()), float(angles[bright].max())
     around = float(off), float(azimuth), float(half)
     return Beam(least if least > pixel else 0.0, max(most, _NARROWEST_BEAM_RAD), *around)

@@ -27,7 +27,7 @@ class GaussianScatter(Section):
     """A frosted, etched or finely machined face: facets whose slopes are normally distributed."""
 
     kind: Literal["gaussian"] = "gaussian"
-    sigma_deg: Annotated[float, Field(gt=0.0, le=45.0)]
+    sigma_deg: Annotated[float, Field(ge=1e-4, le=45.0)]
     """Rms angle, along any line, by which the face spreads light that comes along its normal: of the transmitted light
     behind the face, of a mirror of the reflected light. An etched face has 1 to 10, a fine print 0.5 to 2.
     """

@@ -169,7 +169,7 @@ class EvaluateSection(Section):
 
     rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
     """Rays; by default as many as the accuracy preset has."""
-    pixels: Annotated[int, Field(ge=1, le=2048)] = 128
+    pixels: Annotated[int, Field(ge=2, le=2048)] = 128
     """Pixels along the longer side of the picture."""
     window_mm: Millimetres | None = None
     """Side of the square in which flux counts as detected; by default the whole receiver."""

@@ -1,4 +1,4 @@
-"""Points on a surface, measured or given: read from a text file, and a face through them.
+"""A face through points that are given in a file.
 
 The face is a spline over the chart in least squares, its error taken at points left out. Between points and beyond the
 last of them the spline bends as little as it can (P-splines: P. H. C. Eilers and B. D. Marx, Statistical Science 11,
@@ -6,54 +6,17 @@ last of them the spline bends as little as it can (P-splines: P. H. C. Eilers an
 """
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.results.files import MIB
-from lensforge.results.table_names import DEGREES, MILLIMETRES, Column
-from lensforge.results.text_table import TextTable
 from lensforge.surfaces.chart_spline import DEGREE, HALF_WIDTH, ChartSpline, detail_of
 from lensforge.surfaces.imported_face import GivenFace, place_of
+from lensforge.surfaces.point_files import Coordinates, read_cloud
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import to_chart
-
-LEAST_POINTS = 100
-_MOST_BYTES = 128 * MIB  # four million points, which take 1 GiB while they are read; scanners measure a million
-_FURTHEST_MM = 1e6  # a machine's own zero may be metres away
-Coordinates = Literal["cartesian", "polar"]
-_COLUMNS = {
-    "cartesian": tuple(Column((axis,), MILLIMETRES) for axis in "xyz"),
-    "polar": (
-        Column(("polar", "theta", "angle from the axis"), DEGREES),
-        Column(("azimuth", "phi"), DEGREES),
-        Column(("distance", "r", "radius"), MILLIMETRES),
-    ),
-}
-
-
-def read_cloud(
-    path: Path, missing: str = "give the file of the measured points", coordinates: Coordinates = "cartesian"
-) -> Float[np.ndarray, "n 3"]:
-    """Read points from a text file: x, y, z (mm) first in each line, or in columns of these names.
-
-    Polar ``coordinates``: angle from the axis, azimuth (degrees) and distance (mm). Units may stand with the names.
-    Lines before the first point, a count of points and further columns are skipped. Raises :class:`InputError`, with a
-    line.
-    """
-    table = TextTable.read(path, missing=missing, most_bytes=_MOST_BYTES, counted=True)
-    cloud = table.columns(_COLUMNS[coordinates], further=True)
-    if len(cloud) < LEAST_POINTS:
-        raise InputError(f"{path}: {len(cloud)} points, must be at least {LEAST_POINTS}")
-    furthest = np.abs(cloud).max(axis=1)
-    row = int(furthest.argmax())
-    if furthest[row] > _FURTHEST_MM:
-        words = f"a coordinate of {furthest[row]:.4g} mm, must be at most {_FURTHEST_MM:g}; remove it"
-        raise table.refuse(row, int(np.abs(cloud[row]).argmax()), words)
-    return cloud
-
 
 _LEFT_OUT = 10  # one point of so many, to measure the error between points
 _LEAST_CELLS, _MOST_CELLS, _FINER = 12, 160, 1.5  # of the spline across the chart; from one trial to the next

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cadquery as cq
 import numpy as np
 import pytest
 from geometry_lenses import make_lens
@@ -189,3 +190,22 @@ def test_a_file_without_solids_is_refused_in_one_line(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=message) as refusal:
             read_keep_out(tmp_path / name)
         assert name in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+@HERE
+@pytest.mark.parametrize("kind", ["closed shell", "open shell", "sheet"])
+def test_what_is_no_solid_beside_one_is_named_and_two_solids_count(tmp_path: Path, kind: str) -> None:
+    """A shell in which the lens stands would else be no keep-out at all."""
+    solid, other = box((0.3, 0.3, 0.3), (0.0, 0.0, 0.0)), box((1.0, 1.0, 1.0), (3.0, 0.0, 0.0))
+    faces = cq.Shape.cast(other.wrapped).Faces()
+    loose, words = {
+        "closed shell": (cq.Shell.makeShell(faces), "would not count: 6, in shells: 1, of which closed: 1"),
+        "open shell": (cq.Shell.makeShell(faces[:5]), "would not count: 5, in shells: 1, of which closed: 0"),
+        "sheet": (faces[0], "would not count: 1, in shells: "),
+    }[kind]
+    for number, shapes in enumerate(((solid, loose), (loose, solid))):
+        path = step_file(tmp_path / f"led{number}.step", cq.Compound.makeCompound(shapes))
+        with pytest.raises(InputError, match=words):
+            read_keep_out(path)
+    both = step_file(tmp_path / "both.step", cq.Compound.makeCompound((solid, other)))
+    assert len(read_keep_out(both).solids) == 2

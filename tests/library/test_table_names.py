@@ -14,7 +14,7 @@ from lensforge.scene.road_surface import read_surface
 from lensforge.sources.source_spectrum import read_spectrum_file
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.scatter_section import TableScatter
-from lensforge.surfaces.point_cloud import read_cloud
+from lensforge.surfaces.point_files import read_cloud
 
 WAVELENGTH, SHARED_LIGHT = Column(("wavelength", "lambda", "nm"), NANOMETRES), Column(("reflectance", "r"), SHARE)
 COLUMNS = (WAVELENGTH, SHARED_LIGHT)

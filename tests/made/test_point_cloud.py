@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
 from lensforge.made.registration import _gaps_and_slopes, distances, moved, over_surface, register
-from lensforge.surfaces.point_cloud import read_cloud
+from lensforge.surfaces.point_files import read_cloud
 from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.surface import HALF_WIDTH, to_sphere
 
@@ -43,7 +43,7 @@ def test_common_layouts_hold_the_same_points(tmp_path, mark, head):
         (b"x,y,z\n" + b"1,234,5,678,9,112\n" * 120, "line 2: commas between numbers and in them cannot be told"),
         (b"1.5,2,3\n" * 120 + b"1,5,2,3\n", "line 121: 4 cells, line 1 has 3"),
         (b"x,y,x\n" + b"1.5,2,3\n" * 120, "line 1, column 3: 'x' is there twice"),
-        (b"x [yd],y,z\n" + b"1.5,2,3\n" * 120, "line 1, column 1: 'x .yd.': its unit must be one of mm, in"),
+        (b"x [yd],y,z\n" + b"1.5,2,3\n" * 120, "line 1, column 1: 'x .yd.': its unit must be one of mm, cm"),
         (b"1 2 3\n" * 120 + b"1 2 2e6\n", r"line 121, column 3: a coordinate of 2e\+06 mm"),
         (b"P1,1.0,2.0,3.0\n" * 120, "line 1, column 1: 'P1' is no number"),
     ],

@@ -37,7 +37,7 @@ from lensforge.sources.rayfiles.ray_file_io import FORMATS, read_rayfile
 from lensforge.sources.source_spectrum import read_spectrum_file
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.scatter_section import TableScatter
-from lensforge.surfaces.point_cloud import read_cloud
+from lensforge.surfaces.point_files import read_cloud
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,43 @@
+"""The measured points of one face of a lens: read from a file, and told from those of its other faces."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.surfaces.point_files import FaceOfPart, read_cloud
+
+_FITS, _FITS_NOT = (0.8, 1.25), (0.5, 2.0)  # median distance of the points over the face's; beyond the second: not it
+
+
+def measured_points(path: Path, lens: Lens, side: str) -> Float[np.ndarray, "n 3"]:
+    """Points (mm) of the face ``side``: of a table with rows of several faces those of that one.
+
+    Raises :class:`InputError` for no such points, and for those of another face.
+    """
+    faces = [face.name for face in lens.body.faces if face.is_optical]
+    cloud = read_cloud(path, of=FaceOfPart(side, faces))
+    _require_own(cloud, lens, side, [name for name in faces if name != side])
+    return cloud
+
+
+def _require_own(cloud: Float[np.ndarray, "n 3"], lens: Lens, side: str, others: list[str]) -> None:
+    """Raise :class:`InputError` where the points are at the distance of another face, and not at that of theirs."""
+    above = cloud[cloud[:, 2] > 0.0]
+    if not len(above):
+        return
+    lengths = np.linalg.norm(above, axis=1)
+    ratios = {
+        name: float(np.median(lengths / lens.surfaces[name].radius(above / lengths[:, None])))
+        for name in (side, *others)
+    }
+    like = next((name for name in others if _FITS[0] <= ratios[name] <= _FITS[1]), None)
+    if like is not None and not _FITS_NOT[0] <= ratios[side] <= _FITS_NOT[1]:
+        measured = float(np.median(lengths))
+        raise InputError(
+            f"points: half of them lie within {measured:.3g} mm of the origin, {side!r} lies at "
+            f"{measured / ratios[side]:.3g} mm, {like!r} at {measured / ratios[like]:.3g} mm: were they measured on "
+            f"the other surface? Give --surface {like}"
+        )
