@@ -12,6 +12,7 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import judging_source, rays_of, unless_own
+from lensforge.made.measured_points import measured_points
 from lensforge.made.measurement_result import Correction, PhotoComparison, Registration, SurfaceComparison
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.results import Conditions
@@ -97,7 +98,6 @@ def compare(
         return comparison.changed(inputs=inputs, led=lit.led)
     if isinstance(measured, Lens) and points is not None and on is None:
         _refuse_unused("points", of_photo)
-        from lensforge.made.measured_points import measured_points
         from lensforge.made.measured_surface import ChangedLens, compare_surface
 
         side = require_choice("surface", surface, [face.name for face in measured.body.faces if face.is_optical])
@@ -196,7 +196,6 @@ def correct(
     """
     from lensforge.made.correction import correct_face
     from lensforge.made.first_cut import Request
-    from lensforge.made.measured_points import measured_points
     from lensforge.made.measured_surface import ChangedLens
 
     require(lens, Lens, "correct")
