@@ -1,4 +1,4 @@
-"""What a command keeps in the user's cache, since another may need it again, such as the pictures of a page.
+"""Things in the user's cache that a command has made and another may need again, such as the pictures of a page.
 
 An entry is JSON under a line with its SHA-256. One that is damaged, of another kind, too large or no regular file is
 made anew; nothing in it is run. Others of the machine have no access to the folder.
@@ -56,7 +56,7 @@ def made_once(
 
 
 def _content(path: Path, key: str) -> bytes:
-    """What an entry holds. Raises ``ValueError`` where it is not what was written under this ``key``."""
+    """Content of an entry. Raises ``ValueError`` where it is not what was written under this ``key``."""
     if not stat.S_ISREG(path.lstat().st_mode):  # a link may lead anywhere
         raise ValueError("no regular file")
     whole = read_file(path, missing="it is made anew", most_bytes=_MOST_BYTES)
