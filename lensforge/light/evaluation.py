@@ -30,6 +30,7 @@ from lensforge.light.metrics import (
 )
 from lensforge.light.received_flux import CAUSES, MISSED_RECEIVER, ReceivedFlux, named_flux
 from lensforge.light.receiver_light import (
+    EstimatedLight,
     Flux,
     MissedByCause,
     Possible,
@@ -326,14 +327,20 @@ def _share_in_target(received: ReceivedFlux, emitted_w: float) -> Metric:
 
 
 def _possible(physics: PossibleLight, target: DrawnTarget, arriving: float) -> Possible:
-    share = physics.in_region(target.coverage)
+    certain, estimated = physics.certain, physics.light.curve.estimated
     return Possible(
-        efficiency=physics.in_window().value,
-        share_in_target=share.value,
-        nmse=physics.least_nmse(target.light, target.coverage > 0.0, arriving),
-        law=share.law,
-        luminance_estimated=physics.light.curve.estimated,
+        **_largest_light(certain, target, arriving),
+        law=certain.in_region(target.coverage).law,
+        estimate=EstimatedLight(**_largest_light(physics, target, arriving)) if estimated else None,
     )
+
+
+def _largest_light(physics: PossibleLight, target: DrawnTarget, arriving: float) -> dict[str, float]:
+    return {
+        "efficiency": physics.in_window().value,
+        "share_in_target": physics.in_region(target.coverage).value,
+        "nmse": physics.least_nmse(target.light, target.coverage > 0.0, arriving),
+    }
 
 
 def _raw(

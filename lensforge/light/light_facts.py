@@ -199,7 +199,7 @@ def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
         fact,
         note=f"mean square deviation over the target’s mean square{_by_pixels(receiver)}",
         possible=possible.nmse if possible.nmse > 0.0 else None,
-        possible_note=f"{_estimate(receiver)}étendue of each pixel, for the light that arrives",
+        possible_note="étendue of each pixel, for the light that arrives",
         remedy=_remedy(receiver, "a coarser pattern"),
     )
 
@@ -211,9 +211,9 @@ def _share_in_target(receiver: ReceiverLight, judged: Fact | None, rays: int) ->
     fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], share, sense=">=")
     return replace(
         fact,
-        note="share of the LED’s flux where the target is above a tenth of its maximum",
+        note=f"share of the LED’s flux where the target is above a tenth of its maximum{_estimate(receiver)}",
         possible=possible.share_in_target,
-        possible_note=f"{_estimate(receiver)}{possible.law}",
+        possible_note=possible.law,
         remedy=_remedy(receiver, "a wider target"),
         decided_by="take more pixels (evaluate.pixels)" if pixels else "take more rays",
     ).in_percent
@@ -225,7 +225,11 @@ def _remedy(receiver: ReceiverLight, other: str) -> str:
 
 
 def _estimate(receiver: ReceiverLight) -> str:
-    return "an estimate of the luminance, " if receiver.possible.luminance_estimated else ""
+    """Words for the share that étendue may leave, where the luminance of the source is known by its rays alone."""
+    possible, found = receiver.possible, receiver.possible.estimate
+    if found is None or found.share_in_target >= possible.share_in_target:
+        return ""
+    return f"; étendue may leave {percent(found.share_in_target)}, an estimate from rays of the source and no bound"
 
 
 def _by_pixels(receiver: ReceiverLight) -> str:

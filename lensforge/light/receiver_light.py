@@ -25,7 +25,7 @@ from lensforge.light.metrics import (
     nmse,
     ratio_of,
 )
-from lensforge.results import Fact, Flag, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
+from lensforge.results import Fact, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
 from lensforge.results.chart import Chart
 from lensforge.results.numerals import percent
 from lensforge.results.record import Array
@@ -127,19 +127,42 @@ class RawMetrics(Record):
     rsd: NotNegative | None
 
 
+class EstimatedLight(Record):
+    """Light that a lens may bring to the same pixels, by étendue as the rays of a source let it be estimated.
+
+    No bound: where places of a source differ in luminance, rays tell too little of the brightest.
+    """
+
+    efficiency: Share
+    share_in_target: Share
+    nmse: NotNegative
+
+
 class Possible(Record):
     """Bounds that physics sets to light on the same pixels from any lens that keeps the largest radius.
 
     ``efficiency``, ``share_in_target``: at most. ``nmse``: at least, of the light that arrives. ``law``: the law that
-    sets the former. ``luminance_estimated``: the source's is an estimate from its rays, and so are the bounds by
-    étendue.
+    sets the share. ``estimate``: where the luminance of the source is known by its rays alone, what étendue may leave,
+    which the bounds leave out; None where the luminance is known.
     """
 
     efficiency: Share
     share_in_target: Share
     nmse: NotNegative
     law: Text
-    luminance_estimated: Flag
+    estimate: EstimatedLight | None = None
+
+    @property
+    def luminance_estimated(self) -> bool:
+        """True where the luminance of the source is an estimate from its rays."""
+        return self.estimate is not None
+
+    @property
+    def expected_share(self) -> tuple[float, str]:
+        """Most of the light that is to be expected in the target, and by what: by the estimate where that is less."""
+        if self.estimate is not None and self.estimate.share_in_target < self.share_in_target:
+            return self.estimate.share_in_target, "étendue may leave, by an estimate"
+        return self.share_in_target, f"is the upper bound ({self.law})"
 
 
 class WindowSize(Record):
@@ -267,10 +290,11 @@ LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at norm
 
 def possible_share(receiver: ReceiverLight, transmittance: float) -> tuple[float, str]:
     """Most of the flux that can lie in the target on ``receiver``, and by what; ``transmittance``: of both faces."""
-    whole, possible = transmittance * receiver.wanted_in_target, receiver.possible.share_in_target
+    whole = transmittance * receiver.wanted_in_target
+    possible, law = receiver.possible.expected_share
     if whole <= possible:
         return whole, "two faces transmit into the target" if transmittance < 1.0 else "the target takes"
-    return possible, f"is the upper bound ({receiver.possible.law})"
+    return possible, law
 
 
 METRICS = {

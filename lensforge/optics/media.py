@@ -305,6 +305,12 @@ class Media:
         """True where a face of the body scatters by rings."""
         return any(isinstance(each.model, RingScatter) for each in self.scatter)
 
+    @property
+    def spreads(self) -> bool:
+        """True where rings turn light that passes a face of the body, farther than it can be refracted."""
+        mirrors = {each.face for each in self.coatings if isinstance(each.coating, Mirror)}
+        return any(isinstance(each.model, RingScatter) and each.face not in mirrors for each in self.scatter)
+
     def scattering_before(self, body: int) -> int:
         """Number of faces that scatter on the lens and on the bodies before that of this number."""
         return len(self.scatter) + sum(len(each.scatter) for each in self.bodies[:body])

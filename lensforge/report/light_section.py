@@ -143,6 +143,7 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Attainable]:
     return {
         (each.name, each.required): Attainable(each.possible, "étendue" if each.bounds is None else each.bounds.law)
         for each in limits
+        if not each.estimated
     }
 
 

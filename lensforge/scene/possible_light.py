@@ -44,7 +44,7 @@ class EtendueCurve:
     """Largest share of a source's flux within an étendue: corners of a concave curve, from brightest to darkest light.
 
     ``share[0]`` at étendue 0 is light without extent, such as that of a point source: it has no bound. ``estimated``:
-    from cells of rays, not from known radiances.
+    from cells of rays, not from known radiances; cells average over light that is brighter, so that it bounds nothing.
     """
 
     etendue_mm2_sr: Float[np.ndarray, " k"]
@@ -79,6 +79,9 @@ class EtendueCurve:
     def shares_within(self, etendue_mm2_sr: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Largest share of the flux that fits into an étendue (mm^2 sr), or into each of many."""
         return np.asarray(np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share))
+
+
+WITHOUT_EXTENT = EtendueCurve(np.zeros(1), np.ones(1), estimated=False)  # of which no radiance is known
 
 
 def _curve(volume: Float[np.ndarray, " c"], flux: Float[np.ndarray, " c"], *, estimated: bool) -> EtendueCurve:
@@ -128,6 +131,7 @@ def _phase_space(
 _RAYS, _SEED = 2**14, 0  # 16 times as many move no bound of a shipped scene by 0.2 %
 _WINDOW_SUBPIXELS = 8  # along a side of a pixel: the share of it that is in a round window
 _LAYERS, _JOINT = 32, 8  # steps of weight, and those with one joint bound
+_DIGITS = 12  # of a share; the same bound by two sums differs behind these
 _BISECTIONS = 60  # of the level that fills a target: to the last digits
 
 Image = Float[np.ndarray, "h w"]
@@ -139,27 +143,40 @@ class LargestShare:
     """Upper bounds of a share of the source's flux: by étendue, and by what two refractions turn and transmit.
 
     ``turned_by``: what does it in their place. ``by_symmetry``: by that of a lens of faces of revolution.
+    ``estimated``: étendue is counted by an estimate of the source's luminance, and bounds nothing.
     """
 
     by_etendue: float
     by_refraction: float
     turned_by: str = "two refractions"
     by_symmetry: float = 1.0
+    estimated: bool = False
 
     @property
     def value(self) -> float:
-        """The lowest one."""
-        return min(self.by_etendue, self.by_refraction, self.by_symmetry)
+        """The lowest one, an estimate among them."""
+        return min(self.by_etendue, self.certain)
+
+    @property
+    def certain(self) -> float:
+        """The lowest one that no light exceeds."""
+        certain = min(self.by_refraction, self.by_symmetry)
+        return certain if self.estimated else min(self.by_etendue, certain)
+
+    @property
+    def is_estimate(self) -> bool:
+        """True where an estimate is the lowest one."""
+        return self.value < self.certain
 
     @property
     def law(self) -> str:
         """The law that sets it, in words."""
         laws = {
-            "étendue": self.by_etendue,
             f"deflection and loss of {self.turned_by}": self.by_refraction,
+            "étendue": self.by_etendue,
             BY_SYMMETRY: self.by_symmetry,
         }
-        return min(laws, key=laws.__getitem__)
+        return min(laws, key=lambda law: round(laws[law], _DIGITS))  # of equal ones the first
 
     def __str__(self) -> str:
         return f"{100.0 * self.value:.3g} % of the light ({self.law})"
@@ -196,9 +213,14 @@ class SourceLight:
         outside = replace(curve, etendue_mm2_sr=media.etendue_factor * curve.etendue_mm2_sr)
         return SourceLight(rays, outside, media)
 
+    @property
+    def certain(self) -> "SourceLight":
+        """The light of which only what is known bounds anything: without étendue, where that is an estimate."""
+        return replace(self, curve=WITHOUT_EXTENT) if self.curve.estimated else self
+
     def best_transmittances(self, turns_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Largest transmittance of two faces that turn each of the rays by at least so much, or with a reflection."""
-        if self.media.bodies:  # they may turn it, too
+        if self.media.bodies or self.media.spreads:  # they may turn it, too
             turns_rad = np.zeros_like(turns_rad)
         mirror = self.media.open_mirror
         if mirror is not None:  # what need not turn leaves directly, all else by one reflection at least
@@ -236,6 +258,11 @@ class PossibleLight:
     light: SourceLight
     receiver: PosedReceiver
     space: ExitSpace
+
+    @property
+    def certain(self) -> "PossibleLight":
+        """The bounds that no estimate enters."""
+        return replace(self, light=self.light.certain)
 
     @cached_property
     def _exit(self) -> ExitSpace:
@@ -281,16 +308,16 @@ class PossibleLight:
         """Largest share in ``pixels``, or in a part of each; without extent by refraction alone."""
         if not pixels.any():
             return LargestShare(0.0, 0.0)
-        held, most = self.by_etendue(pixels), self.light.transmittance
+        held, most, estimated = self.by_etendue(pixels), self.light.transmittance, self.light.curve.estimated
         by = "two refractions" if self.light.media.open_mirror is None else "a mirror"
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
-            return LargestShare(held, most, by)
+            return LargestShare(held, most, by, estimated=estimated)
         regions = list(zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True))
         refracted = float(self._lamps.mean([self._refracted(*each) for each in regions]))
         if self.light.round_by is None:
-            return LargestShare(held, refracted, by)
+            return LargestShare(held, refracted, by, estimated=estimated)
         images = [images_in_common(self.light.round_by, *self._arc(*each)) for each in regions]
-        return LargestShare(held, refracted, by, most * float(self._lamps.mean(images)))
+        return LargestShare(held, refracted, by, most * float(self._lamps.mean(images)), estimated)
 
     def _refracted(
         self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]

@@ -47,8 +47,8 @@ class Requirement:
     Of a target and of a limit on a share, the share of the source's flux and its ``bounds``, the unit "%"; a target
     requires all that two faces transmit into its bright part. Of a limit on light, that at its worst place.
     ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: by a luminance that is estimated from the
-    rays of the source, which stops no search. ``beside``: it lies to one side of the axis of a lens of revolution.
-    ``of_road``: the mean light of a road, by its lumens.
+    rays of the source, which is no bound and stops no search. ``beside``: it lies to one side of the axis of a lens of
+    revolution. ``of_road``: the mean light of a road, by its lumens.
     """
 
     name: str
@@ -70,17 +70,19 @@ class Requirement:
     def certain(self) -> bool:
         """False where only the bound of an estimated luminance is too low."""
         bounds = self.bounds
-        known = bounds is not None and min(bounds.by_refraction, bounds.by_symmetry) < LEAST_POSSIBLE * self.required
+        known = bounds is not None and bounds.certain < LEAST_POSSIBLE * self.required
         return known or not self.estimated
 
     @property
     def possible_words(self) -> str:
-        """The bound in words."""
-        about = "by an estimate of the source's luminance " if self.estimated else ""
+        """The bound in words, or what is an estimate and none."""
+        what = "upper bound"
+        if self.estimated:
+            what = "by an estimate of the source's luminance, which is no bound, at most about"
         if self.bounds is None:
             law = "lumens and area of the road" if self.of_road else "étendue"
-            return f"{about}upper bound {self.possible:.3g} {self.unit} ({law})"
-        return f"{about}upper bound {self.bounds}"
+            return f"{what} {self.possible:.3g} {self.unit} ({law})"
+        return f"{what} {self.bounds}"
 
     @property
     def required_words(self) -> str:
@@ -139,10 +141,10 @@ def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight, spec: S
 def _share(
     name: str, wanted: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight, spec: Spec
 ) -> Requirement:
-    bounds, estimated = physics.in_region(region), physics.light.curve.estimated
+    bounds = physics.in_region(region)
     radius_mm = _least_radius_mm(spec, physics, wanted, lambda larger: larger.by_etendue(region))
     beside = physics.beside_axis(region)
-    return Requirement(name, wanted, bounds.value, "%", radius_mm, estimated, bounds, beside)
+    return Requirement(name, wanted, bounds.value, "%", radius_mm, bounds.is_estimate, bounds, beside)
 
 
 def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Spec) -> Requirement | None:

@@ -194,7 +194,7 @@ def make_receiver_light(section, rows=PIXELS, columns=PIXELS, **changes):
         "nmse": Metric(value=0.0123, standard_error=0.0004),
         "efficiency": Metric(value=0.85, standard_error=0.0002),
         "share_in_target": Metric(value=0.8125, standard_error=0.0003),
-        "possible": filled(Possible, efficiency=0.95, share_in_target=0.95, nmse=0.001, luminance_estimated=False),
+        "possible": filled(Possible, efficiency=0.95, share_in_target=0.95, nmse=0.001, estimate=None),
         "flux": Flux(
             detected=0.85, outside=0.02, missed=0.03, total_reflection=0.01, not_converged=0.0, reflected=0.09
         ),

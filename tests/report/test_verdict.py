@@ -77,7 +77,7 @@ def test_the_share_in_the_target_is_judged_against_what_two_faces_transmit(exces
 def test_a_share_is_judged_by_what_is_possible_where_that_is_less() -> None:
     """Étendue leaves 30 %: 22 % of the light are more than 0.7 of that, and 20 % are less."""
     for share, state in ((0.22, "pass"), (0.2, "fail")):
-        possible = Possible(efficiency=0.9, share_in_target=0.3, nmse=0.0, law="étendue", luminance_estimated=False)
+        possible = Possible(efficiency=0.9, share_in_target=0.3, nmse=0.0, law="étendue")
         light = {"nmse": metric(0.01), "share_in_target": metric(share), "target_map": FLAT, "possible": possible}
         verdict = make_results(evaluate=light).verdict
         assert verdict.light == state

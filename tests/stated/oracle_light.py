@@ -145,7 +145,7 @@ def receiver_record(spec, receiver, means, watts, number):
         "raw": {"nmse": plain(raw_nmse(mean, target)), "uniformity": None, "rsd": None},
         "nmse_of_noise": plain(noise, 1e-3),
         "nmse_of_raster": (pattern[0] - nmse(halved, coarse_target)[0], 1e-4 + 2 * NEAR * pattern[1]),
-        "possible": dict.fromkeys(("efficiency", "share_in_target", "nmse", "law", "luminance_estimated"), ...),
+        "possible": dict.fromkeys(("efficiency", "share_in_target", "nmse", "law", "estimate"), ...),
         "flux": {name: plain(share) for name, share in flux.items()}, "missed_by_cause": missed,
         "lost_in_bodies": {name: plain(share) for name, share in bodies.items()}, "colour": None,
     }  # fmt: skip
