@@ -23,6 +23,7 @@ from lensforge.scene.road_classes import Ask, glare_law
 from lensforge.sources.intensity import width_above
 from lensforge.spec.light_limits import ColourSection, Quantity
 
+_OF_PIXELS = 1.0 / 3.0
 DARK = 1e6  # threshold increment (%) of a road without light, its veiling ratio, and what is over light of 0
 _NO_COLOUR = Metric(value=1.0, standard_error=0.0)  # differences in the dark: larger than any in u', v'
 Readings = Float[np.ndarray, "r k"]
@@ -104,8 +105,17 @@ BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak
 
 
 def limit_value(limit: LightLimit, images: Float[np.ndarray, "r *_"]) -> Metric:
-    """The value that decides, in the limit's unit."""
-    return _value(limit, limit.of(images), images)
+    """The value that decides, in the limit's unit.
+
+    That of a spot is a mean over pixels, by rays that pass beside the eye: its error has a third of what half as many
+    pixels change, about as much as pixels without end would, and the square of the angle of the blur.
+    """
+    value = _value(limit, limit.of(images), images)
+    if limit.coarser is None or value.standard_error is None:
+        return value
+    coarse = _extreme((limit.coarser @ images.reshape(len(images), -1).T).T, limit.sense)
+    more = np.hypot(_OF_PIXELS * (value.value - coarse.value), limit.blurred * value.value)
+    return with_error(value, float(more))
 
 
 def values_left_out(

@@ -26,24 +26,30 @@ from lensforge.light.metrics import (
     rsd_estimate,
     with_error,
 )
+from lensforge.light.paths_to_eye import landed_at_eye
 from lensforge.light.received_flux import MISSED_RECEIVER, ReceivedFlux
 from lensforge.light.table_trace import Scene, Tables, trace_tables
 from lensforge.optics.media import Media
 from lensforge.results import Image, Metric
 from lensforge.scene.body import Body, Chain, Face, nearest
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.eye_view import EyeView
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import LensAtTemperature
 from lensforge.scene.pixel_grid import gaussian3
-from lensforge.scene.receiver import PosedReceiver
+from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.rough_faces import with_facets
 from lensforge.scene.target_pattern import DrawnTarget, target_light, uniform_region
+from lensforge.sources.measured_rays import rays_of_file
 from lensforge.sources.ray_bundle import RayBundle, Source, drawn
+from lensforge.sources.waist import waist_mm
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate
 
 REPLICATES = 16
+_LEVEL = 1e-3  # of a direction: flatter rays tell no waist
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 
 
@@ -168,19 +174,34 @@ def simulate(
         ]
         for board, own in zip(lamps, drawn, strict=True)
     ]
+    looked_at = any(isinstance(each, EyeView) for each in receivers)
+    facets = lens.scene.media.scattering if looked_at else 0  # a ray that is turned to an eye meets the same ones
+    measured = looked_at and rays_of_file(source).ray_count is not None
     by_way, traced = FluxByWay.none_yet(lens.scene.chain, replicates), 0
     for replicate, share, bundle in bundles(source, rays, replicates, seed):
+        bundle = with_facets(bundle, facets)
         exit_rays, colours = lens.trace(bundle), bundle.colours if coloured else None
+        waist = waist_mm(bundle.take(bundle.directions[:, 2] > _LEVEL)) if measured else None
         by_way.add(replicate, share, exit_rays)
         for board, own in zip(lamps, deposits, strict=True):
             for receiver, deposit in zip(board.receivers, own, strict=True):
-                deposit.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays), colours)
+                deposit.add(
+                    replicate, share, receiver, exit_rays, _landed(lens, bundle, exit_rays, receiver, waist), colours
+                )
         traced += len(bundle)
     received = tuple(
         own[0] if board.is_single else ReceivedFlux.mean_of_lamps(board, own, wanted)
         for board, own, wanted in zip(lamps, deposits, drawn, strict=True)
     )
     return Simulation(received, source.flux_w, traced, by_way)
+
+
+def _landed(
+    lens: TracedLens, rays: RayBundle, exits: ExitRays, receiver: PosedReceiver, waist: float | None
+) -> Landings:
+    if isinstance(receiver, EyeView):
+        return landed_at_eye(lens.trace, rays, exits, receiver, waist)
+    return receiver.land(exits)
 
 
 def _simulate_kinds(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int8
+from jaxtyping import Bool, Float, Int, Int8
 
 from lensforge.kernels.fate import Fate
 from lensforge.optics.arrays import Array
@@ -48,6 +48,11 @@ class ExitRays:
         """The rays of all ``parts``, NumPy arrays, one after another."""
         first = {name: value for name, value in vars(parts[0]).items() if value is not None}
         return ExitRays(**{name: np.concatenate([getattr(each, name) for each in parts]) for name in first})
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "ExitRays":
+        """Where some of the rays leave, NumPy arrays: their places, directions, flux and fates."""
+        columns = (self.points, self.directions, self.flux, self.sin2_exit, self.fates)
+        return ExitRays(*(each[rows] for each in columns))
 
     @property
     def left_lens(self) -> Bool[Array, " n"]:

@@ -9,8 +9,8 @@ directions is 1. With x = (1 - d e) / h, per sr,
 The mean of d e under the kernel is 1 - h / 4: over that, a luminance that is the same to all sides keeps its value.
 """
 
-from dataclasses import dataclass, field
-from math import asin, ceil, cos, pi, radians, sin, tan
+from dataclasses import dataclass, field, replace
+from math import asin, ceil, cos, pi, radians, sin, sqrt, tan
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -33,7 +33,9 @@ _ON_AXIS = 1e-9  # sine: eyes on the axis see x to the right, all others the axi
 _FAR_MM = 1e7  # of an eye in a direction: lines from the lens to it are parallel within 1e-6 rad
 _AROUND = 1.05  # of the picture over the space of the lens
 _DEPTH = 0.5  # of the plane towards the eye, over the reach of that space: exits are about there
-_PIXELS_OF_SPOT, _MOST_PIXELS = 4, 768  # across a spot, and along a side of the picture
+_PIXELS_OF_SPOT, _MOST_PIXELS = 8, 512  # across a spot, and along a side of the picture
+_LEAST_OF_SPOT, _MOST_OF_ALL = 4, 768  # the same where a spot is fine, and in a search
+_WIDENED = 2.0 / 3.0  # of the square of a pixel, by which the square of a spot's radius is less
 _FINER = 8  # sub-pixels along a side, by which pixels are shared with the disc of a spot
 # A step of a search has few rays: a spot is at least this part of the picture's width, the kernel at least so wide.
 _SEARCHED_SPOT, _SEARCHED_BLUR_DEG = 1.0 / 16.0, 5.0
@@ -69,6 +71,16 @@ class EyeView(Plane):
         flux = rays.flux[rows] * scale * rest**2 / lines[:, 2]  # per area that the eye sees of the plane
         flux = replaced(module_of(flux).zeros_like(rays.flux), rows, flux)
         return Landings(hits, flux, rays.left_lens, rays.left_lens & False)  # with or without flux all that left
+
+    def passed(self, rays: ExitRays) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
+        """Places of ``rays`` on the plane, and what their directions have across the lines from there to the eye."""
+        points, directions = self.pose.own_points(rays.points), self.pose.own_directions(rays.directions)
+        left = rays.left_lens
+        places, beside = np.zeros((len(left), 2)), np.zeros((len(left), 2))
+        places[left] = self._chart(points[left], directions[left])
+        lines, *_ = self._terms(places[left], directions[left])
+        beside[left] = (directions[left] - lines)[:, :2]
+        return places, beside
 
     def _near(self, rays: ExitRays) -> Int[Array, " k"]:
         """Numbers of the few rays that the kernel may count."""
@@ -121,19 +133,39 @@ class EyeView(Plane):
         corners = self.outline(rays)
         return float(ConvexHull(corners).volume) if len(corners) else np.inf  # in two dimensions the area
 
+    @property
+    def coarser(self) -> "EyeView":
+        """The same view of half as many pixels along a side."""
+        return replace(self, grid=self.grid.halved())
+
     def spots(self) -> sparse.csr_array:
-        """Matrix from pixels to the means over a spot about the centre of each."""
-        reach = ceil(0.5 * self.spot_mm / self.grid.pixel[0] + 0.5)
+        """Matrix from pixels to the means over a spot about the centre of each.
+
+        Light is even over a pixel, and a pixel counts by its share in the disc: that widens the spot by 1/6 of a
+        pixel's square in variance along a line, of which that of a disc has a quarter of its radius's.
+        """
+        pixel = self.grid.pixel[0]
+        radius = sqrt(max(0.25 * self.spot_mm**2 - _WIDENED * pixel**2, 0.25 * pixel**2))
+        reach = ceil(radius / pixel + 0.5)
         fine = (np.arange((2 * reach + 1) * _FINER) + 0.5) / _FINER - reach - 0.5  # in pixels
-        disc = np.hypot(fine, fine[:, None]) * self.grid.pixel[0] <= 0.5 * self.spot_mm
+        disc = np.hypot(fine, fine[:, None]) * pixel <= radius
         shares = disc.reshape(2 * reach + 1, _FINER, 2 * reach + 1, _FINER).sum(axis=(1, 3)) / disc.sum()
-        rows, columns = self.grid.shape
-        down, across = (
-            [sparse.eye_array(count, k=shift, format="csr") for shift in range(-reach, reach + 1)]
-            for count in (rows, columns)
-        )
-        parts = (share * sparse.kron(down[j], across[i]) for (j, i), share in np.ndenumerate(shares) if share)
-        return sparse.csr_array(sum(parts))
+        return _sums_about(self.grid.shape, shares)
+
+
+def _sums_about(shape: tuple[int, int], shares: Float[np.ndarray, "m m"]) -> sparse.csr_array:
+    """Matrix from pixels to the sum of those about each, by their ``shares``; none lies beyond the picture."""
+    numbers, reach = np.arange(shape[0] * shape[1]).reshape(shape), len(shares) // 2
+    around = np.pad(numbers, reach, constant_values=-1)
+    rows, columns, values = [], [], []
+    for (down, across), share in np.ndenumerate(shares):
+        others = around[down : down + shape[0], across : across + shape[1]].ravel()
+        inside = np.flatnonzero(others >= 0) if share else np.zeros(0, dtype=int)
+        rows.append(inside)
+        columns.append(others[inside])
+        values.append(np.full(len(inside), share))
+    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return sparse.csr_array(entries, shape=(numbers.size, numbers.size))
 
 
 def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
@@ -171,13 +203,15 @@ def _view(limit: LuminanceLimit, label: str, eye: Float[np.ndarray, "3"], reach:
     spot, blur = limit.spot_mm or 2.0 * distance * tan(0.5 * radians(limit.spot_deg or _MINUTE_DEG)), limit.blur_deg
     if searched:
         spot, blur = max(spot, _SEARCHED_SPOT * side), max(blur, _SEARCHED_BLUR_DEG)
-    pixels = ceil(_PIXELS_OF_SPOT * side / spot)
-    if pixels > _MOST_PIXELS:
-        least = _PIXELS_OF_SPOT * side / _MOST_PIXELS
+    pixels = ceil(_LEAST_OF_SPOT * side / spot)
+    if pixels > _MOST_OF_ALL:
+        least = _LEAST_OF_SPOT * side / _MOST_OF_ALL
         raise InputError(
             f"{label}: a spot of {spot:.2g} mm is too fine for a picture of {side:.3g} mm; give spot_mm = {least:.2g} "
             "or more, or move the eye farther away"
         )
+    if not searched:
+        pixels = 2 * ceil(0.5 * max(pixels, min(_PIXELS_OF_SPOT * side / spot, _MOST_PIXELS)))
     z = eye / away
     x = np.cross([0.0, 0.0, 1.0], z) if np.hypot(*z[:2]) > _ON_AXIS else np.array([1.0, 0.0, 0.0])
     x /= np.linalg.norm(x)

@@ -47,8 +47,9 @@ class LightLimit:
     threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
     first place is over the second. Of a loss the readings are of the flux (W) by cause, as ``scene.light_ends`` orders
     them. Of a luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline;
-    views are numbered behind the receivers. ``road``: number of the road whose class asks for it, ``share`` its weight;
-    ``field`` times ``lamp_lm``: its most.
+    views are numbered behind the receivers; ``coarser`` are these spots by half as many pixels. ``road``: number of the
+    road whose class asks for it, ``share`` its weight; ``field`` times ``lamp_lm``: its most. ``blurred``: share of the
+    value by which the blur of a view may change it.
     """
 
     name: str
@@ -64,6 +65,8 @@ class LightLimit:
     share: float = 1.0
     field: FieldMean | None = None
     lamp_lm: float = 0.0
+    coarser: sparse.csr_array | None = None
+    blurred: float = 0.0
 
     @property
     def of_road(self) -> bool:
@@ -167,7 +170,21 @@ def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> 
         readings = sparse.csr_array(np.full((1, readings.shape[1]), 1e6 * scale))
     for sense, bound in zip(_SENSES, (limit.at_least, limit.at_most), strict=True):
         if bound is not None:
-            yield LightLimit(view.label, index, quantity, sense, bound, _UNITS[limit.unit or ""], readings)
+            found = LightLimit(view.label, index, quantity, sense, bound, _UNITS[limit.unit or ""], readings)
+            yield found if view.of_mean else replace(found, coarser=_coarser(view, scale), blurred=view.blur_rad**2)
+
+
+def _coarser(view: EyeView, scale: float) -> sparse.csr_array | None:
+    """Spots by half as many pixels, of a view that can be halved."""
+    rows, columns = view.grid.shape
+    if rows % 2 or columns % 2:
+        return None
+    halves = [
+        sparse.kron(sparse.eye_array(count // 2, format="csr"), np.ones((1, 2)), format="csr")
+        for count in (rows, columns)
+    ]
+    coarse = view.coarser
+    return sparse.csr_array(scale / coarse.pixel_measure * coarse.spots() @ sparse.kron(*halves, format="csr"))
 
 
 def _bounds_of(

@@ -22,6 +22,7 @@ from lensforge.optics.media import Media
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source, is_round
+from lensforge.sources.waist import at_height, waist_mm
 from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.mirror_group import REVOLUTION, images_in_common, shortest_arc
 from lensforge.surfaces.placed_bodies import reach_mm
@@ -99,7 +100,7 @@ def _cells(rays: RayBundle, chosen: Bool[np.ndarray, " n"]) -> tuple[Float[np.nd
     levels = int(np.log2(max(count / _RAYS_PER_CELL, 1.0)))
     if count < 2 * _RAYS_PER_CELL:
         return np.zeros(1), np.array([flux.sum()])
-    points = _phase_space(rays.origins[chosen], rays.directions[chosen], flux)
+    points = _phase_space(rays.take(chosen))
     each = count >> levels
     left_over = flux[each << levels :].sum()  # fewer than there are cells: spread over them
     members, extent = np.arange(each << levels)[None, :], np.ptp(points, axis=0)
@@ -114,18 +115,9 @@ def _cells(rays: RayBundle, chosen: Bool[np.ndarray, " n"]) -> tuple[Float[np.nd
     return volume, shares * (1.0 + left_over / max(float(shares.sum()), np.finfo(float).tiny))
 
 
-def _phase_space(
-    origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], flux: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, "n 4"]:
+def _phase_space(rays: RayBundle) -> Float[np.ndarray, "n 4"]:
     """Crossings (mm) of the rays' lines with the plane in which they lie closest together, and direction cosines."""
-    slopes = directions[:, :2] / directions[:, 2:]
-    crossings = origins[:, :2] - origins[:, 2:] * slopes
-    weights = (flux * directions[:, 2] ** 4)[:, None]  # rays near the horizon cross every plane far out
-    total = max(float(weights.sum()), np.finfo(float).tiny)
-    apart, turned = (each - (weights * each).sum(axis=0) / total for each in (crossings, slopes))
-    spread = float((weights * turned**2).sum())
-    z_mm = 0.0 if spread == 0.0 else -float((weights * apart * turned).sum()) / spread
-    return np.concatenate([crossings + z_mm * slopes, directions[:, :2]], axis=1)
+    return np.concatenate([at_height(rays, waist_mm(rays))[:, :2], rays.directions[:, :2]], axis=1)
 
 
 _RAYS, _SEED = 2**14, 0  # 16 times as many move no bound of a shipped scene by 0.2 %

@@ -1,5 +1,6 @@
 """Étendue of a source: cells of its rays by loops, and sources whose radiance is known."""
 
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 
@@ -110,7 +111,7 @@ def slanted(count: int) -> RayBundle:
 def test_cells_are_halves_of_halves_of_the_rays(count: int) -> None:
     rays = slanted(count)
     volume, flux = _cells(rays, np.ones(count, dtype=bool))
-    expected = cells_by_halving(_phase_space(rays.origins, rays.directions, rays.flux), rays.flux)
+    expected = cells_by_halving(_phase_space(rays), rays.flux)
     np.testing.assert_allclose(np.stack([volume, flux], axis=1), expected, rtol=1e-9)
     assert flux.sum() == pytest.approx(rays.flux.sum())
 
@@ -129,10 +130,10 @@ def test_rays_are_taken_where_they_lie_closest_together() -> None:
         return float((weights[:, None] * (found - np.average(found, axis=0, weights=weights)) ** 2).sum())
 
     fit = np.polyfit([-1.0, 0.0, 1.0], [spread(z) for z in (-1.0, 0.0, 1.0)], 2)
-    points = _phase_space(rays.origins, rays.directions, rays.flux)
+    points = _phase_space(rays)
     np.testing.assert_allclose(points[:, :2], at(-fit[1] / (2.0 * fit[0])), atol=1e-9)
     np.testing.assert_array_equal(points[:, 2:], rays.directions[:, :2])
-    beam = _phase_space(rays.origins, np.tile([0.0, 0.0, 1.0], (200, 1)), rays.flux)
+    beam = _phase_space(replace(rays, directions=np.tile([0.0, 0.0, 1.0], (200, 1))))
     np.testing.assert_array_equal(beam[:, :2], rays.origins[:, :2])
 
 
