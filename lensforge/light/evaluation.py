@@ -150,7 +150,7 @@ def evaluate_lens(
     error = None
     if preset.table_error:
         error = measure_preset(lens, judging, TracedLens.of(lens, preset.nodes_per_sigma), traced)
-    fitted = _fitted(traced, lens.spec, searched(source), count, seed) if judging is not source else None
+    fitted = _light_by(traced, lens.spec, searched(source), count, seed) if judging is not source else None
     if isinstance(judging, RefittedSource):
         light = _with_left_open(light, traced, lens.spec, judging, count, seed)
     settled: dict[str, object] = {"preset_error": error, "inputs": {"lens": lens.sha256}, "fitted": fitted}
@@ -158,7 +158,7 @@ def evaluate_lens(
     return light.changed(**settled)
 
 
-def _fitted(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> FittedLight:
+def _light_by(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> FittedLight:
     found = traced_light(traced, spec, source, rays, seed).metrics
     return FittedLight(rays=min(rays, source.ray_count or rays), nmse=found.nmse, efficiency=found.efficiency)
 
@@ -169,21 +169,22 @@ def _with_left_open(
     """``light`` with what the rays of a file leave open in the errors of NMSE and efficiency on the first receiver.
 
     That is the root mean square of their changes where the model is fitted to other draws of the file's rays, and by
-    how much more than the noise of these they differ from the figures by the rays of the file themselves.
+    how much more than the noise of these they differ from the figures by rays of the file that are held back.
     """
-    numbers, file, first = min(rays, _RAYS_OF_REFIT), source.file, light.receivers[0]
+    numbers, first = min(rays, _RAYS_OF_REFIT), light.receivers[0]
     models = [source, *(source.refitted(number) for number in range(_REFITS))]
     own, *others = [traced_light(traced, spec, model, numbers, seed).metrics for model in models]
-    by_file = traced_light(traced, spec, file, min(file.ray_count or numbers, numbers), seed).metrics
+    by_file = _light_by(traced, spec, source.held_back, numbers, seed)
 
-    def left_open(of: Callable[[LightMetrics], Metric]) -> float:
+    def left_open(of: Callable[[LightMetrics | FittedLight], Metric]) -> float:
         changes = np.mean([(of(other).value - of(own).value) ** 2 for other in others])
         apart, noise = of(by_file).value - of(own).value, of(by_file).standard_error or 0.0
         return float(np.sqrt(changes + max(apart**2 - noise**2, 0.0)))
 
     nmse = with_error(first.nmse, left_open(lambda metrics: metrics.nmse))
     efficiency = with_error(first.efficiency, left_open(lambda metrics: metrics.efficiency))
-    return light.changed(receivers=(first.changed(nmse=nmse, efficiency=efficiency), *light.receivers[1:]))
+    with_errors = first.changed(nmse=nmse, efficiency=efficiency)
+    return light.changed(receivers=(with_errors, *light.receivers[1:]), by_file=by_file)
 
 
 def evaluate_traced(

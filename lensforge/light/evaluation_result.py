@@ -57,7 +57,9 @@ class PresetError(Record):
 
 
 class FittedLight(Record):
-    """Light on the first receiver by the ``rays`` of a file that the search has used: too good where it fits noise."""
+    """Light on the first receiver by ``rays`` of a file: those of the search, too good where it fits their noise, or
+    those that no model of the file was fitted to.
+    """
 
     rays: Count
     nmse: Metric
@@ -87,6 +89,7 @@ class Light(ResultByLed):
     ``lumens_per_watt``: efficacy of the light; None where nothing states it. ``table_nodes``: across the tables by
     which faces are traced. ``table_error_nm``: their largest error, by face. ``preset_error``: their effect on the
     light; None where it was not measured. ``fitted``: figures by the rays of the search.
+    ``by_file``: of a model of a file, figures by rays of the file that it was not fitted to.
     """
 
     stage: ClassVar[str] = "evaluate"
@@ -108,6 +111,7 @@ class Light(ResultByLed):
     table_error_nm: dict[str, NotNegative]
     preset_error: PresetError | None
     fitted: FittedLight | None = None
+    by_file: FittedLight | None = None
     seed: Count
     seconds: NotNegative
     criteria: Criteria

@@ -294,6 +294,10 @@ def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
         note = f"by the {number(fitted.rays)} rays of the search, to which the lens is fitted"
         yield Fact.measured("fitted_nmse", "NMSE of fitted rays", fitted.nmse, note)
         yield Fact.share("fitted_efficiency", "Efficiency, fitted rays", fitted.efficiency, note)
+    if (by_file := light.by_file) is not None:
+        note = f"by {number(by_file.rays)} rays of the file, which the model of the LED was not fitted to"
+        yield Fact.measured("file_nmse", "NMSE, file’s own rays", by_file.nmse, note)
+        yield Fact.share("file_efficiency", "Efficiency, file’s own rays", by_file.efficiency, note)
     if light.preset_error is not None:
         left, chart = light.preset_error.evaluation, light.first.chart
         note = f"NMSE of the tables of --accuracy {lens.accuracy} against the exact surfaces"

@@ -41,6 +41,10 @@ class RefittedSource(Source, Protocol):
     def file(self) -> Source:
         """The rays of the file itself."""
 
+    @property
+    def held_back(self) -> Source:
+        """Rays of the file that no fit has seen."""
+
     def refitted(self, seed: int) -> Source:
         """The model of as many rays drawn from the file, some of them more than once."""
 

@@ -41,7 +41,7 @@ _MOST_FACTORS, _MOST_CELLS, _LEAST_BLUR, _MOST_AZIMUTHS = 64, 96, 0.5, 48
 class ModelledRays:
     """Rays drawn by the ``radiance`` fitted to those of ``file``, and of its ``stray`` rays the share they have.
 
-    ``lit``, ``stray``: rays of the file, about its own origin. ``start_mm``: height at which rays start, or on the
+    ``lit``, ``stray``: rays of the file, about its own origin; ``judges`` are others, which no fit has seen. ``start_mm``: height at which rays start, or on the
     surface where that is higher; ``reach_mm``: from the surface at most. ``off``: the most that its relative
     difference from rays held back can be, rms; ``chance``: that of the file's rays.
     """
@@ -50,6 +50,7 @@ class ModelledRays:
     radiance: FittedRadiance
     lit: RayBundle
     stray: RayBundle
+    judges: RayBundle
     start_mm: float
     reach_mm: float
     symmetry: str = "none"
@@ -58,9 +59,9 @@ class ModelledRays:
     chance: float = 0.0
 
     @staticmethod
-    def of(file: RaySetEmitter, surface: LightSurface, detail: Detail) -> "ModelledRays":
-        """Fit to the rays of ``file``, at most a million of them."""
-        rays = _some(file, _FITTED)
+    def of(file: RaySetEmitter, rays: RayBundle, judges: RayBundle, radiance: FittedRadiance) -> "ModelledRays":
+        """The model of a ``file`` by the ``radiance`` that was fitted to some of its rays; ``judges``: the others."""
+        surface = radiance.surface
         lit = surface.holds(rays)
         inside = rays.take(lit)
         order = np.argsort(inside.origins[:, 2])
@@ -68,8 +69,12 @@ class ModelledRays:
         lowest = inside.origins[order[np.searchsorted(starts, _LEAST_START * starts[-1])], 2]
         starts_within = surface.outward(*surface.inward(inside))[0]
         reach = np.linalg.norm(inside.origins - starts_within, axis=1).max()
-        radiance = FittedRadiance.of(inside, surface, detail)
-        return ModelledRays(file, radiance, inside, rays.take(~lit), float(lowest), float(reach))
+        return ModelledRays(file, radiance, inside, rays.take(~lit), judges, float(lowest), float(reach))
+
+    @property
+    def held_back(self) -> RaySetEmitter:
+        """Rays of the file that no fit has seen, and so no search."""
+        return RaySetEmitter(self.judges.placed(self.file.pose), self.flux_w, symmetry=self.file.symmetry)
 
     @property
     def flux_w(self) -> float:
@@ -239,17 +244,16 @@ def _best(content: _Content) -> ModelledRays | str:
     judges = round(_JUDGED_BY * len(rays))
     judging, fitting = rays.take(slice(0, judges)), rays.take(slice(judges, len(rays)))
     few = judging.take(slice(0, round(_JUDGED_BY * _CHOOSING))), fitting.take(slice(0, _CHOOSING))
-    model = _chosen(*few, _with_images(_likeliest(*few, surfaces), rays))
-    surface, detail = model.surface, model.detail
-    if len(fitting) > _CHOOSING:
-        model = FittedRadiance.of(fitting.take(surface.holds(fitting)), surface, detail)
+    chosen = _chosen(*few, _with_images(_likeliest(*few, surfaces), rays))
+    surface = chosen.surface
+    model = FittedRadiance.of(fitting.take(surface.holds(fitting)), surface, chosen.detail)
     noise = _BLOCKS / (effective * len(file) / len(rays))
     apart = _apart(model, judging.take(surface.holds(judging)))
     error, chance = np.sqrt(2.0 * _BLOCKS) / judges, noise**0.5
     if apart > noise + 3.0 * error:
         return f"the model is {np.sqrt(apart):.2g} off rays held back, those of the file {chance:.2g} by chance"
     off = float(np.sqrt(max(apart, 0.0) + 2.0 * error))
-    return replace(ModelledRays.of(file, surface, detail), off=off, chance=chance)
+    return replace(ModelledRays.of(file, fitting, judging, model), off=off, chance=chance)
 
 
 def _surfaces(rays: RayBundle) -> list[LightSurface] | str:

@@ -47,6 +47,9 @@ class SquareSource(EmitterSection):
 Scale = Annotated[float, Field(ge=1e-9, le=1e9)]  # from a file in nm or km to mm, with room to spare
 
 
+Model = Literal["rays", "radiance", "auto"]
+
+
 class Placement(EmitterSection):
     """Placement of a ray set in lens coordinates: its own fields in their order, then the fields of every source."""
 
@@ -58,7 +61,7 @@ class Placement(EmitterSection):
     """Direction in the file that becomes the lens axis +z."""
     mirror: Literal["none", "x", "y"] = "none"
     """Mirror image: "x" maps x to -x."""
-    model: Literal["rays", "radiance", "auto"] = "rays"
+    model: Model = "rays"
     """Rays of the design: those of the set, or as many as wanted by a radiance fitted to them, or what suits better."""
 
 
@@ -70,6 +73,8 @@ class RayfileSource(Placement):
     kind: Literal["rayfile"] = "rayfile"
     file: FilePath
     """Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others."""
+    model: Model = "auto"
+    """Rays of the design: those of the file, or as many as wanted by a radiance fitted to them, or what is better."""
 
 
 class RayfilePart(FluxSection):
@@ -90,6 +95,8 @@ class RayfilesSource(Placement):
     kind: Literal["rayfiles"] = "rayfiles"
     files: Annotated[tuple[RayfilePart, ...], Field(min_length=1, max_length=100)]
     """The ray files, in one coordinate system."""
+    model: Model = "auto"
+    """Rays of the design: those of the files, or as many as wanted by a radiance fitted to them, or what is better."""
 
     @property
     def description(self) -> str:

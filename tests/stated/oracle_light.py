@@ -328,7 +328,7 @@ def evaluated(case, stage):
         own | ({"place": place} if (place := where_led_stands(source)) else {}) | tables | {
             "conditions": ..., "led": name, "replicates": 16, "pixels": spec["evaluate"]["pixels"],
             "filter": f"3x3 Gaussian, variance {spec['evaluate']['filter_variance']:g} pixel^2, hard bins", "seed": 3,
-            "fitted": None, "others": [], **{key: own["receivers"][0][key] for key in OF_THE_FIRST}, "criteria": [...],
+            "fitted": None, "by_file": None, "others": [], **{key: own["receivers"][0][key] for key in OF_THE_FIRST}, "criteria": [...],
         }
         for (name, own), (_, source) in zip(records, leds, strict=True)
     ]  # fmt: skip
@@ -534,6 +534,8 @@ ORACLES = {
     "raw_nmse": from_first("receivers", 0, "raw", "nmse"), "noise_nmse": from_first("receivers", 0, "nmse_of_noise"),
     "fitted_nmse": from_first("fitted", "nmse"),
     "fitted_efficiency": from_first("fitted", "efficiency", factor=100, unit="%"),
+    "file_nmse": from_first("by_file", "nmse"),
+    "file_efficiency": from_first("by_file", "efficiency", factor=100, unit="%"),
 }  # fmt: skip
 ORACLES = {f"evaluate.{key}": oracle for key, oracle in ORACLES.items()}
 RECORDS = {"evaluate": lambda case: evaluation(case)[0], "warm": lambda case: evaluation(case, "warm")[0]}
