@@ -41,9 +41,10 @@ _MOST_FACTORS, _MOST_CELLS, _LEAST_BLUR, _MOST_AZIMUTHS = 64, 96, 0.5, 48
 class ModelledRays:
     """Rays drawn by the ``radiance`` fitted to those of ``file``, and of its ``stray`` rays the share they have.
 
-    ``lit``, ``stray``: rays of the file, about its own origin; ``judges`` are others, which no fit has seen. ``start_mm``: height at which rays start, or on the
-    surface where that is higher; ``reach_mm``: from the surface at most. ``off``: the most that its relative
-    difference from rays held back can be, rms; ``chance``: that of the file's rays.
+    ``lit``, ``stray``: rays of the file, about its own origin; ``judges`` are others, which no fit has seen.
+    ``start_mm``: height at which rays start, or on the surface where that is higher; ``reach_mm``: from the surface at
+    most. ``off``: the most that its relative difference from rays held back can be, rms; ``chance``: that of the file's
+    rays.
     """
 
     file: RaySetEmitter

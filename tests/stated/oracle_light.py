@@ -328,7 +328,8 @@ def evaluated(case, stage):
         own | ({"place": place} if (place := where_led_stands(source)) else {}) | tables | {
             "conditions": ..., "led": name, "replicates": 16, "pixels": spec["evaluate"]["pixels"],
             "filter": f"3x3 Gaussian, variance {spec['evaluate']['filter_variance']:g} pixel^2, hard bins", "seed": 3,
-            "fitted": None, "by_file": None, "others": [], **{key: own["receivers"][0][key] for key in OF_THE_FIRST}, "criteria": [...],
+            "fitted": None, "by_file": None, "others": [], "criteria": [...],
+            **{key: own["receivers"][0][key] for key in OF_THE_FIRST},
         }
         for (name, own), (_, source) in zip(records, leds, strict=True)
     ]  # fmt: skip
