@@ -41,6 +41,7 @@ class Attainable(NamedTuple):
 
 LimitBounds = Mapping[tuple[str, float], Attainable]  # by a limit's name and bound
 _OF_POSSIBLE = 0.9  # of the efficiency: less deserves a look; the shipped specs have 0.78 to 1.00
+_NOT_JUDGED = "; not judged, as the spec has limits"
 _OF_WANTED = 0.1  # of a wanted beam angle: a beam that differs by more deserves a look
 _LIGHT = {"cd": "luminous intensity", "W/sr": "radiant intensity", "lx": "illuminance", "W/m²": "irradiance"}
 
@@ -164,9 +165,12 @@ def unit_on(light: Light, receiver: ReceiverLight) -> LightUnit:
 def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
     receiver, mask = light.receivers[index], f"in the mask {mask_words(lens.spec, index)}"
     judged = {} if lens.spec.has_limits else judged_figures(receiver, transmittance_of(lens.media))
+    unjudged = _NOT_JUDGED if lens.spec.has_limits else ""
     if lens.spec.optimise.aim == "pattern":
-        yield _error_of_pattern(receiver, judged.get("nmse"))
-    yield _share_in_target(receiver, judged.get("share_in_target"), light.rays)
+        pattern = _error_of_pattern(receiver, judged.get("nmse"))
+        yield replace(pattern, note=f"{pattern.note}{unjudged}")
+    share = _share_in_target(receiver, judged.get("share_in_target"), light.rays)
+    yield replace(share, note=f"{share.note}{unjudged}")
     most, whole = receiver.possible.efficiency, lens.spec.all_lamps.whole
     yield Fact.share(
         "efficiency",

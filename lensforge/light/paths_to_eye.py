@@ -68,9 +68,12 @@ def landed_at_eye(
     stays where it passes.
     """
     landed = view.land(exits)
-    rows = np.flatnonzero(landed.arrived)
-    if len(rows):
-        landed.hits[rows] = _seen_at(trace, Pivots.of(rays.take(rows), waist_mm), exits.take(rows), view)
+    for number, eye in enumerate(view.members):
+        rows = np.flatnonzero(landed.arrived & eye.land(exits).arrived)
+        if len(rows):
+            places = _seen_at(trace, Pivots.of(rays.take(rows), waist_mm), exits.take(rows), eye)
+            within = np.abs(places[:, 1]) <= 0.5 * eye.grid.height  # beyond it is the picture of another eye
+            landed.hits[rows[within]] = places[within] + [0.0, view.raised(number)]
     return landed
 
 

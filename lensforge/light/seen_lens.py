@@ -34,7 +34,12 @@ class SeenLens(Record):
 
     @staticmethod
     def of(view: "EyeView", pictures: Float[np.ndarray, "r h w"], exits: ExitRays) -> "SeenLens":
-        """The lens by ``pictures`` of flux times the kernel (W/sr) of every replicate; ``exits`` tell its outline."""
+        """The lens by ``pictures`` of flux times the kernel (W/sr) of every replicate; ``exits`` tell its outline.
+
+        Of several eyes the one that sees the brightest spot.
+        """
+        if len(view.members) > 1:
+            view, pictures = _brightest(view, pictures)
         outline = view.outline(exits)
         radiance = pictures.mean(axis=0) / view.pixel_measure
         spots = (view.spots() @ radiance.ravel()).reshape(radiance.shape)
@@ -57,6 +62,14 @@ class SeenLens(Record):
     def name(self) -> str:
         """The eye in words, after those on its limit."""
         return self.label.rpartition(", seen ")[2].capitalize()
+
+
+def _brightest(view: "EyeView", pictures: Float[np.ndarray, "r h w"]) -> tuple["EyeView", Float[np.ndarray, "r k w"]]:
+    """The eye that sees the brightest spot, and its pictures."""
+    parts = np.split(pictures, len(view.members), axis=1)
+    spots = view.members[0].spots()
+    number = int(np.argmax([(spots @ part.mean(axis=0).ravel()).max() for part in parts]))
+    return view.members[number], parts[number]
 
 
 def _area(corners: Float[np.ndarray, "k 2"]) -> float:

@@ -9,7 +9,7 @@ directions is 1. With x = (1 - d e) / h, per sr,
 The mean of d e under the kernel is 1 - h / 4: over that, a luminance that is the same to all sides keeps its value.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from math import asin, ceil, cos, pi, radians, sin, sqrt, tan
 
 import numpy as np
@@ -134,9 +134,21 @@ class EyeView(Plane):
         return float(ConvexHull(corners).volume) if len(corners) else np.inf  # in two dimensions the area
 
     @property
-    def coarser(self) -> "EyeView":
-        """The same view of half as many pixels along a side."""
-        return replace(self, grid=self.grid.halved())
+    def members(self) -> tuple["EyeView", ...]:
+        """Views of single eyes, whose pictures are one above another."""
+        return (self,)
+
+    def raised(self, number: int) -> float:
+        """Height (mm) of the picture of member ``number`` above the middle of all."""
+        return (number - 0.5 * (len(self.members) - 1)) * self.members[0].grid.height
+
+    def coarser_spots(self) -> sparse.csr_array:
+        """Matrix from pixels to :meth:`spots` by half as many pixels along a side, an even number."""
+        rows, columns = (
+            sparse.kron(sparse.eye_array(count // 2), np.full((1, 2), 1.0), format="csr") for count in self.grid.shape
+        )
+        coarse = replace(self, grid=self.grid.halved())
+        return sparse.csr_array(0.25 * coarse.spots() @ sparse.kron(rows, columns, format="csr"))
 
     def spots(self) -> sparse.csr_array:
         """Matrix from pixels to the means over a spot about the centre of each.
@@ -151,6 +163,66 @@ class EyeView(Plane):
         disc = np.hypot(fine, fine[:, None]) * pixel <= radius
         shares = disc.reshape(2 * reach + 1, _FINER, 2 * reach + 1, _FINER).sum(axis=(1, 3)) / disc.sum()
         return _sums_about(self.grid.shape, shares)
+
+
+@dataclass(frozen=True)
+class RingView(EyeView):
+    """Views of several ``eyes`` far away, whose pictures are one above another; no ray counts for two of them."""
+
+    eyes: tuple[EyeView, ...] = field(kw_only=True)
+
+    @staticmethod
+    def of(eyes: tuple[EyeView, ...], label: str) -> "RingView":
+        """The views of ``eyes``, of the same size and number of pixels."""
+        first, count = eyes[0], len(eyes)
+        grid = replace(first.grid, height=count * first.grid.height, rows=count * first.grid.rows)
+        own = {each.name: getattr(first, each.name) for each in fields(first)}
+        return RingView(**{**own, "grid": grid, "label": label, "eyes": eyes})
+
+    @property
+    def members(self) -> tuple[EyeView, ...]:
+        """Its eyes."""
+        return self.eyes
+
+    def land_by_arrays(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, each on the picture of the eye that it comes near; NumPy or torch."""
+        first, *others = (self._landed(number, rays) for number in range(len(self.eyes)))
+        hits, flux = first.hits, first.flux
+        for landed in others:
+            hits = module_of(flux).where((landed.flux > 0.0)[:, None], landed.hits, hits)
+            flux = flux + landed.flux
+        return replace(first, hits=hits, flux=flux)
+
+    def _landed(self, number: int, rays: ExitRays) -> Landings:
+        """Landings on the picture of one eye; beyond it is that of another."""
+        landed = self.eyes[number].land_by_arrays(rays)
+        across, up = landed.hits[:, 0], landed.hits[:, 1]
+        within = abs(up) <= 0.5 * self.eyes[number].grid.height
+        hits = module_of(up).stack([across, up + self.raised(number)], 1)
+        return replace(landed, hits=hits, flux=landed.flux * within)
+
+    def adjoint(
+        self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
+    ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
+        """Sensitivities to exit rays and to their flux, each by the eye that it comes near."""
+        points, directions = np.zeros_like(rays.points), np.zeros_like(rays.directions)
+        of_flux = np.zeros_like(by_flux)
+        for number, eye in enumerate(self.eyes):
+            near = self._landed(number, rays).arrived
+            by, own = eye.adjoint(rays, by_hits * near[:, None], by_flux * near)
+            points += by.by_points
+            directions += by.by_directions
+            of_flux += own
+        return Sensitivities(points, directions), of_flux
+
+    def spots(self) -> sparse.csr_array:
+        """Matrix from pixels to the means over spots, none of which reaches into the picture of another eye."""
+        return sparse.csr_array(sparse.kron(sparse.eye_array(len(self.eyes)), self.eyes[0].spots(), format="csr"))
+
+    def coarser_spots(self) -> sparse.csr_array:
+        """The same by half as many pixels along a side."""
+        blocks = sparse.eye_array(len(self.eyes))
+        return sparse.csr_array(sparse.kron(blocks, self.eyes[0].coarser_spots(), format="csr"))
 
 
 def _sums_about(shape: tuple[int, int], shares: Float[np.ndarray, "m m"]) -> sparse.csr_array:
@@ -178,11 +250,12 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
     if not limits:
         return ()
     reach, lamp = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies)), spec.all_lamps.lamps[0].pose
-    return tuple(
-        _view(limit, label, lamp.own_points(place), reach, searched)
-        for number, limit in limits
-        for label, place in zip(limit.labels(number), map(_place, (eye for _, eye in limit.eyes())), strict=True)
-    )
+    found: list[EyeView] = []
+    for number, limit in limits:
+        labelled = zip(limit.eye_labels(number), limit.eyes(), strict=True)
+        eyes = tuple(_view(limit, label, lamp.own_points(_place(eye)), reach, searched) for label, (_, eye) in labelled)
+        found += eyes if limit.from_deg is None else [RingView.of(eyes, *limit.labels(number))]
+    return tuple(found)
 
 
 def _place(eye: tuple[float, ...]) -> Float[np.ndarray, "3"]:

@@ -49,7 +49,7 @@ class LightLimit:
     them. Of a luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline;
     views are numbered behind the receivers; ``coarser`` are these spots by half as many pixels. ``road``: number of the
     road whose class asks for it, ``share`` its weight; ``field`` times ``lamp_lm``: its most. ``blurred``: share of the
-    value by which the blur of a view may change it.
+    value by which the blur of a view may change it. ``eyes``: number of those that are judged together.
     """
 
     name: str
@@ -67,6 +67,7 @@ class LightLimit:
     lamp_lm: float = 0.0
     coarser: sparse.csr_array | None = None
     blurred: float = 0.0
+    eyes: int = 1
 
     @property
     def of_road(self) -> bool:
@@ -124,7 +125,7 @@ def light_limits(
     for number, limit in enumerate(spec.limits):
         if isinstance(limit, LuminanceLimit):
             scale = _scale(limit.unit or "", f"limits.{number}", lumens_per_watt)
-            found += [each for _ in limit.eyes() for each in _of_view(limit, scale, *next(seen))]
+            found += [each for _ in limit.labels(number) for each in _of_view(limit, scale, *next(seen))]
             continue
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
@@ -171,20 +172,14 @@ def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> 
     for sense, bound in zip(_SENSES, (limit.at_least, limit.at_most), strict=True):
         if bound is not None:
             found = LightLimit(view.label, index, quantity, sense, bound, _UNITS[limit.unit or ""], readings)
-            yield found if view.of_mean else replace(found, coarser=_coarser(view, scale), blurred=view.blur_rad**2)
+            yield found if view.of_mean else _with_doubt(found, view, scale)
 
 
-def _coarser(view: EyeView, scale: float) -> sparse.csr_array | None:
-    """Spots by half as many pixels, of a view that can be halved."""
-    rows, columns = view.grid.shape
-    if rows % 2 or columns % 2:
-        return None
-    halves = [
-        sparse.kron(sparse.eye_array(count // 2, format="csr"), np.ones((1, 2)), format="csr")
-        for count in (rows, columns)
-    ]
-    coarse = view.coarser
-    return sparse.csr_array(scale / coarse.pixel_measure * coarse.spots() @ sparse.kron(*halves, format="csr"))
+def _with_doubt(limit: LightLimit, view: EyeView, scale: float) -> LightLimit:
+    """The ``limit`` on the brightest spot, with what tells how far pixels and blur of the ``view`` may change it."""
+    even = not any(count % 2 for count in view.members[0].grid.shape)
+    coarser = scale / view.pixel_measure * view.coarser_spots() if even else None
+    return replace(limit, coarser=coarser, blurred=view.blur_rad**2, eyes=len(view.members))
 
 
 def _bounds_of(

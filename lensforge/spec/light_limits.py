@@ -5,6 +5,7 @@ which lighting the lens is for.
 """
 
 from collections.abc import Iterator, Sequence
+from math import cos, pi, radians, sin
 from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
@@ -232,8 +233,12 @@ _Point = tuple[Coordinate, Coordinate, Coordinate]
 _Angle = Annotated[float, Field(ge=1e-3, le=45.0)]
 
 
+_LEAST_RING_DEG, _RING_STEP_DEG, _MOST_RING_BLUR_DEG = 15.0, 15.0, 5.0
+
+
 class LuminanceLimit(LimitSection):
-    """Luminance of the lens as eyes see it: at most so much over any spot, or its mean. Each eye is judged alone.
+    """Luminance of the lens as eyes see it: at most so much over any spot, or its mean. Each eye is judged alone, those
+    of a ring together.
 
     They see one lens, of several lamps that of the first, lit by its own LED.
     """
@@ -247,6 +252,8 @@ class LuminanceLimit(LimitSection):
         Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_EYES)] | None
     ) = None
     """Directions (x, y) from the axis of eyes far away; or give ``eyes_mm``."""
+    from_deg: Annotated[float, Field(ge=_LEAST_RING_DEG, le=85.0)] | None = None
+    """Angle from the axis from which on eyes look from all around, far away: the brightest that any sees is judged."""
     spot_deg: _Angle | None = None
     """Diameter of the spot at ``eyes_mm``; by default a minute of arc, 1/60, the finest that eyes resolve."""
     spot_mm: Annotated[float, Field(ge=1e-3, le=1e3)] | None = None
@@ -256,18 +263,37 @@ class LuminanceLimit(LimitSection):
 
     def eyes(self) -> Iterator[tuple[str, tuple[float, ...]]]:
         """Words for each eye, and its place (mm), or its direction (degrees)."""
-        unit = "mm" if self.eyes_deg is None else "°"
-        for eye in self.eyes_mm or self.eyes_deg or ():
+        unit = "°" if self.eyes_mm is None else "mm"
+        for eye in self.eyes_mm or self.eyes_deg or self._ring():
             yield f"({', '.join(f'{each:g}' for each in eye)}) {unit}".replace(" °", "°"), eye
 
-    def labels(self, number: int) -> list[str]:
+    def _ring(self) -> Iterator[tuple[float, float]]:
+        """Directions (degrees) all around, about as far apart as angles from the axis: multiples of eight of each."""
+        angle = self.from_deg or 90.0
+        while angle < 90.0:
+            count = 8 * max(1, round(3.0 * sin(radians(angle))))
+            for number in range(count):
+                turn = 2.0 * pi * number / count
+                yield round(angle * cos(turn), 6), round(angle * sin(turn), 6)
+            angle += _RING_STEP_DEG
+
+    def eye_labels(self, number: int) -> list[str]:
         """Name with the place of each eye."""
         return [f"{self.name or f'limits.{number}'}, seen from {words}" for words, _ in self.eyes()]
 
+    def labels(self, number: int) -> list[str]:
+        """Name with the place of each eye, or with the angle of a ring of them."""
+        if self.from_deg is None:
+            return self.eye_labels(number)
+        return [f"{self.name or f'limits.{number}'}, seen from {self.from_deg:g}° up, all around"]
+
     @check
     def _is_seen(self) -> None:
-        if (self.eyes_mm is None) == (self.eyes_deg is None):
-            raise ValueError("give either eyes_mm, places (x, y, z), or eyes_deg, directions (x, y) of eyes far away")
+        if sum(each is not None for each in (self.eyes_mm, self.eyes_deg, self.from_deg)) != 1:
+            raise ValueError(
+                "give one of eyes_mm, places (x, y, z), eyes_deg, directions (x, y) of eyes far away, and from_deg, "
+                "the angle from which on they look from all around"
+            )
         if self.receiver is not None:
             raise ValueError("receiver: eyes see the lens itself; leave it out")
         if self.unit not in _OF_EYES or (self.at_least is not None and self.of == "peak"):
@@ -275,7 +301,12 @@ class LuminanceLimit(LimitSection):
                 'the luminance of a spot has a largest value; give at_most, of = "mean" with at_least, and unit: '
                 f"{', '.join(_OF_EYES)}"
             )
-        if self.eyes_deg is not None and self.spot_mm is None:
+        if self.from_deg is not None and (self.of == "mean" or self.blur_deg > _MOST_RING_BLUR_DEG):
+            raise ValueError(
+                f'from_deg: eyes all around are judged by the brightest spot; give of = "peak", and blur_deg up to '
+                f"{_MOST_RING_BLUR_DEG:g}"
+            )
+        if self.eyes_mm is None and self.spot_mm is None:
             raise ValueError("spot_mm: missing; eyes far away are at no distance: 0.58 is a minute of arc 2 m away")
         if self.spot_mm is not None and self.spot_deg is not None:
             raise ValueError("spot_deg and spot_mm are given; give one, in the far field spot_mm")

@@ -14,18 +14,20 @@ import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation_result import Light
-from lensforge.light.table_trace import trace_tables
+from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.report.light_section import receiver_pictures
 from lensforge.report.results import Results
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.eye_view import EyeView, eye_views
+from lensforge.scene.eye_view import EyeView, RingView, eye_views
 from lensforge.scene.limit_readings import light_limits
+from lensforge.scene.pixel_grid import bin_flux
 from lensforge.search.limit_terms import LimitTerm
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import SphereParameters, settled_symmetry
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.bicubic_table import grid_for, tabulate
 
 SIDE, INNER, OUTER, RAISED, INDEX = 1.6, 2.2, 6.0, 1.5, 1.5  # mm; the outer sphere magnifies the LED
 SOURCE = {"kind": "square", "side_mm": SIDE, "flux_w": 2.0, "position_mm": [0.5, -0.3, 0.5], "tilt_deg": [20.0, -12.0]}
@@ -197,6 +199,57 @@ def test_each_eye_is_judged_and_the_second_decides() -> None:
         InputError, match=r"^limits.0: its bound is in cd_per_m2, but .* not known; give source.flux_lm"
     ):
         lf.evaluate(balls(unknown), accuracy=FEW)
+
+
+def around(spec: Spec) -> RingView:
+    (view,) = eye_views(spec)
+    assert isinstance(view, RingView)
+    return view
+
+
+RING = {"from_deg": 40.0, "spot_mm": 1.5, "blur_deg": 4.0, "name": "room"}
+
+
+def test_eyes_all_around_are_judged_by_the_one_that_sees_most() -> None:
+    """The LED is tilted to one side, and light sent back from every eye tells which it is; on both sides of a bound."""
+    spec = crooked(RING)
+    ring = around(spec)
+    angles = [np.degrees(np.arccos(eye.pose.axis[2])) for eye in ring.eyes]
+    assert np.allclose(angles, [40.0] * 16 + [55.0] * 16 + [70.0] * 24 + [85.0] * 24)
+    assert np.allclose(ring.eyes[4].pose.axis, [0.0, np.sin(np.radians(40.0)), np.cos(np.radians(40.0))], atol=1e-6)
+    ((limit,), (seen,)) = (light := lf.evaluate(balls(spec), accuracy=FEW)).limits, light.seen
+    assert limit.key == "room, seen from 40° up, all around" and limit.note == "luminance of the brightest spot"
+    exact = [(eye.spots() @ seen_backwards(eye, spec, 8).ravel()).max() for eye in ring.eyes]
+    assert limit.value == pytest.approx(max(exact), abs=3.0 * limit.standard_error)
+    assert exact[[eye.label for eye in ring.eyes].index(seen.label)] > 0.95 * max(exact) > 1.1 * exact[0]
+    for factor, state in ((0.8, "fail"), (1.2, "pass")):
+        bounded = lf.evaluate(balls(crooked(RING | {"at_most": factor * limit.value})), accuracy=FEW)
+        assert [each.state for each in bounded.limits] == [state]
+
+
+def test_the_picture_of_a_ring_holds_those_of_its_eyes() -> None:
+    """Pictures, spots and the slope of the search are those of each eye alone, the second one above the first."""
+    spec = crooked(RING)
+    ring, rays = around(spec), build_source(spec.source).sample(2**16, 3)
+    grid = grid_for(0.4, 8.0)
+    faces = [tabulate(grid, face) for face in balls(spec).surfaces.values()]
+    exits = trace_tables(faces, Scene(spec.lens.media, grid), rays)
+    landed = ring.land(exits)
+    parts = np.split(bin_flux(landed.hits, landed.flux, ring.grid), len(ring.eyes))
+    rng = np.random.default_rng(4)
+    by_hits, by_flux = rng.normal(size=landed.hits.shape), rng.normal(size=len(rays))
+    found, of_flux = ring.adjoint(exits, by_hits, by_flux)
+    points, fluxes = np.zeros_like(exits.points), np.zeros(len(rays))
+    for eye, part in zip(ring.eyes, parts, strict=True):
+        own = eye.land(exits)
+        np.testing.assert_allclose(part, bin_flux(own.hits, own.flux, eye.grid), atol=1e-12)
+        by, flux = eye.adjoint(exits, by_hits * own.arrived[:, None], by_flux * own.arrived)
+        points += by.by_points
+        fluxes += flux
+    np.testing.assert_allclose(found.by_points, points)
+    np.testing.assert_allclose(of_flux, fluxes)
+    spots = (ring.spots() @ np.concatenate(parts).ravel()).reshape(len(ring.eyes), -1)
+    np.testing.assert_allclose(spots[1], ring.eyes[1].spots() @ parts[1].ravel())
 
 
 def test_the_mean_is_judged_and_none_is_asked_above_that_of_the_source() -> None:
