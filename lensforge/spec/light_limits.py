@@ -274,7 +274,7 @@ class LuminanceLimit(LimitSection):
             count = 8 * max(1, round(3.0 * sin(radians(angle))))
             for number in range(count):
                 turn = 2.0 * pi * number / count
-                yield round(angle * cos(turn), 6), round(angle * sin(turn), 6)
+                yield round(angle * cos(turn), 6) + 0.0, round(angle * sin(turn), 6) + 0.0  # no -0
             angle += _RING_STEP_DEG
 
     def eye_labels(self, number: int) -> list[str]:

@@ -207,30 +207,31 @@ def around(spec: Spec) -> RingView:
     return view
 
 
-RING = {"from_deg": 40.0, "spot_mm": 1.5, "blur_deg": 4.0, "name": "room"}
+RING = {"from_deg": 65.0, "spot_mm": 2.5, "blur_deg": 4.0, "name": "room"}
 
 
 def test_eyes_all_around_are_judged_by_the_one_that_sees_most() -> None:
     """The LED is tilted to one side, and light sent back from every eye tells which it is; on both sides of a bound."""
-    spec = crooked(RING)
+    few = {"rays": 2**17}
+    spec = crooked(RING, evaluate=few)
     ring = around(spec)
     angles = [np.degrees(np.arccos(eye.pose.axis[2])) for eye in ring.eyes]
-    assert np.allclose(angles, [40.0] * 16 + [55.0] * 16 + [70.0] * 24 + [85.0] * 24)
-    assert np.allclose(ring.eyes[4].pose.axis, [0.0, np.sin(np.radians(40.0)), np.cos(np.radians(40.0))], atol=1e-6)
+    assert np.allclose(angles, [65.0] * 24 + [80.0] * 24)
+    assert np.allclose(ring.eyes[6].pose.axis, [0.0, np.sin(np.radians(65.0)), np.cos(np.radians(65.0))], atol=1e-6)
     ((limit,), (seen,)) = (light := lf.evaluate(balls(spec), accuracy=FEW)).limits, light.seen
-    assert limit.key == "room, seen from 40° up, all around" and limit.note == "luminance of the brightest spot"
-    exact = [(eye.spots() @ seen_backwards(eye, spec, 8).ravel()).max() for eye in ring.eyes]
+    assert limit.key == "room, seen from 65° up, all around" and limit.note == "luminance of the brightest spot"
+    exact = [(eye.spots() @ seen_backwards(eye, spec, 1).ravel()).max() for eye in ring.eyes]
     assert limit.value == pytest.approx(max(exact), abs=3.0 * limit.standard_error)
-    assert exact[[eye.label for eye in ring.eyes].index(seen.label)] > 0.95 * max(exact) > 1.1 * exact[0]
+    assert exact[[eye.label for eye in ring.eyes].index(seen.label)] > 0.9 * max(exact) > 1.1 * exact[0]
     for factor, state in ((0.8, "fail"), (1.2, "pass")):
-        bounded = lf.evaluate(balls(crooked(RING | {"at_most": factor * limit.value})), accuracy=FEW)
+        bounded = lf.evaluate(balls(crooked(RING | {"at_most": factor * limit.value}, evaluate=few)), accuracy=FEW)
         assert [each.state for each in bounded.limits] == [state]
 
 
 def test_the_picture_of_a_ring_holds_those_of_its_eyes() -> None:
     """Pictures, spots and the slope of the search are those of each eye alone, the second one above the first."""
     spec = crooked(RING)
-    ring, rays = around(spec), build_source(spec.source).sample(2**16, 3)
+    ring, rays = around(spec), build_source(spec.source).sample(2**14, 3)
     grid = grid_for(0.4, 8.0)
     faces = [tabulate(grid, face) for face in balls(spec).surfaces.values()]
     exits = trace_tables(faces, Scene(spec.lens.media, grid), rays)
