@@ -166,7 +166,8 @@ class FolderStage(Generic[_Result]):
     ``verb``: of the library. ``name``, ``help``, ``options``: of the command; each option is a keyword of the verb.
     ``decides``: part of the verdict by which the command ends well or not. ``inputs``: what the verb takes first, by
     the run and the options. ``settings``: keywords that the folder gives. ``after``: writes further files.
-    ``counts``: what the ``progress`` of the verb counts, where it has one.
+    ``counts``: what the ``progress`` of the verb counts, where it has one. ``keeps``: file of what an interrupted
+    verb has done, from which the same command goes on.
     """
 
     name: str
@@ -178,6 +179,7 @@ class FolderStage(Generic[_Result]):
     settings: Callable[[RunFolder, Mapping[str, Any]], Mapping[str, Any]] = lambda _folder, _options: {}
     after: Callable[[RunFolder, _Result], object] = lambda _folder, _result: None
     counts: str = ""
+    keeps: str = ""
 
     def run(self, folder: Path, **options: Any) -> _Result:
         """Run the stage in a result folder, and return what it wrote; ``options``: keywords of the verb."""
@@ -291,6 +293,7 @@ YIELD = FolderStage(
     settings=lambda here, _: {"checkpoint": here.path / YIELD_PARTS},
     after=_write_parts,
     counts="parts",
+    keeps=YIELD_PARTS,
 )
 COMPARE = FolderStage(
     "compare",

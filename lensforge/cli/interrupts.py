@@ -27,12 +27,14 @@ _PATIENCE_SECONDS = 1.0
 class Interrupts:
     """The signals that end a command: noted from :meth:`install` on, raised inside :meth:`raised` only.
 
-    ``resumable``: set by a command whose ``--resume`` continues from what it leaves; None in all others.
+    ``resumable``: set by a command that continues from what it leaves; None in all others. ``how``: words behind "the
+    same command".
     """
 
     def __init__(self) -> None:
         self.received: signal.Signals | None = None
         self.resumable: Callable[[], bool] | None = None
+        self.how = "with --resume continues from the last checkpoint"
         self._at = 0.0
         self._raising = False
         self._before: dict[int, Any] = {}
@@ -45,7 +47,7 @@ class Interrupts:
             return what
         if not self.resumable():
             return f"{what}; there is nothing to resume yet: run the same command again"
-        return f"{what}; the same command with --resume continues from the last checkpoint"
+        return f"{what}; the same command {self.how}"
 
     @property
     def exit_code(self) -> int:

@@ -237,8 +237,12 @@ def with_rays(spec: Spec, rays: int | None) -> Spec:
     return spec if rays is None else spec.replace({"optimise.rays": rays})
 
 
-def resume_after_interrupt(resumable: Callable[[], bool]) -> None:
-    """Let an interrupt of the running command advise ``--resume`` where ``resumable()`` is True at that moment."""
+def resume_after_interrupt(resumable: Callable[[], bool], how: str = "") -> None:
+    """Let an interrupt of the running command advise ``--resume`` where ``resumable()`` is True at that moment.
+
+    ``how``: words on the same command where it goes on without that option.
+    """
     interrupts = click.get_current_context().find_object(Interrupts)
     if interrupts is not None:
         interrupts.resumable = resumable
+        interrupts.how = how or interrupts.how

@@ -248,7 +248,7 @@ class PartsProgress:
 
     def __init__(self, clock: StageClock, parts: str = "parts") -> None:
         self._clock, self._parts = clock, parts
-        self._stage = ""
+        self._stage, self._detail = "", ""
         self._first: tuple[int, float] | None = None  # parts of this stage that were measured at a time
         self._estimated = clock.live  # a terminal shows the time that is left all the while
 
@@ -257,16 +257,17 @@ class PartsProgress:
         return {"progress": self.on_parts, **({"announce": self.on_stage} if stage == "yield" else {})}
 
     def on_stage(self, words: str) -> None:
-        """Begin a stage; "budget: source height" is a part of "budget"."""
-        stage, _, detail = words.partition(": ")
+        """Begin a stage; "budget: 2 of 20, source height" is a part of "budget"."""
+        stage, _, self._detail = words.partition(": ")
         if stage != self._stage:
             self._clock.begin(stage)
             self._stage, self._first = stage, None
-        self._clock.show(detail)
+        self._clock.show(self._detail)
 
     def on_parts(self, done: int, expected: int) -> None:
         """Show how many parts have been measured and, once the first of them are, the time for the rest."""
-        self._clock.show(f"{done} of {expected} {self._parts}")
+        counted = f"{done} of {expected} {self._parts}"
+        self._clock.show(f"{self._detail}: {counted}" if self._detail else counted)
         now = time.monotonic()
         if self._first is None:
             self._first = done, now

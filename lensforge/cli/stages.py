@@ -8,7 +8,7 @@ from typing import Any, Literal
 import click
 
 from lensforge.cli.conclusion import finish, finish_handover, finish_page
-from lensforge.cli.options import FOLDER, OPTIONS, Command
+from lensforge.cli.options import FOLDER, OPTIONS, Command, resume_after_interrupt
 from lensforge.cli.output import Output, with_output
 from lensforge.cli.studies import renewed_for
 from lensforge.errors import InputError
@@ -55,6 +55,9 @@ def _run(
     if compare and "source" not in options:
         raise InputError("--compare: with which LED? Give its ray file as --source, too")
     renewed = None
+    if stage.keeps:
+        kept = directory / stage.keeps
+        resume_after_interrupt(kept.exists, f"goes on with what it has measured ({stage.keeps})")
     with opened(directory) as here:
         with StageClock(stage.name, quiet=output.quiet) as clock:
             heard = PartsProgress(clock, stage.counts).heard(stage.name) if stage.counts else {}

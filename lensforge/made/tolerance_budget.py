@@ -2,22 +2,28 @@
 
 The parts of a study are drawn once; scaling one of their deviations leaves all other numbers as they are. So the share
 that passes is a smooth function of the scale, whose root is bracketed by traced parts, and then closed in by parts
-traced at interpolated scales: there only those that pass at one end of the bracket and fail at the other.
+traced at scales between: there only those that pass at one end of the bracket and fail at the other.
+
+Of these the most endangered come first: those near a bound, or with large numbers. Where a look or two of them pass the
+rest does, and where too many have failed already the rest need not be traced: a tolerance that matters little costs a
+few parts, whatever their number.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from lensforge.made.measured_parts import MeasuredParts
 from lensforge.made.tolerance_result import PASS_RATE, Budget, BudgetRow, FluxNeeded, MetricBound
+from lensforge.spec.tolerances_section import Factor
 
 _UP = (16.0, 4.0)  # most tolerances of most lenses matter little: one look tells
 _DOWN = 0.25
-_LOOK = 16  # failing parts that are asked at once whether they pass without a tolerance: of most tolerances none does
-_ROUNDS = 3
+_LOOK = 16  # parts that are traced at once, before it is asked whether more of them can change the answer
+_TOO_MANY = 3.0  # standard errors below the wanted share: how much less passes is of no interest
+_ROUNDS = 4
 
 Passes = Bool[np.ndarray, " n"]
 
@@ -26,23 +32,39 @@ Passes = Bool[np.ndarray, " n"]
 class ScaleSearch:
     """Search for the scale of the tolerances ``names`` at which a share ``wanted`` of the first parts passes.
 
-    ``known``: which parts pass, by scale; 1 is as specified.
+    ``order``: numbers of these parts, the most endangered first. ``known``: which of them pass, by scale; 1 is as
+    specified. Of ``crowded`` scales at which too many fail not all that fail are told from those that pass.
     """
 
     parts: MeasuredParts
     names: Sequence[str]
     wanted: float
+    order: Int[np.ndarray, " n"]
     known: dict[float, Passes]
+    crowded: set[float] = field(default_factory=set)
 
     def passing(self, scale: float, at_least: Passes, at_most: Passes) -> Passes:
         """Parts that pass at ``scale``; those in both or in neither of the two are taken as known."""
         if scale not in self.known:
-            passes = at_least & at_most
-            open_parts = np.flatnonzero(at_least != at_most)
-            if len(open_parts):
-                passes[open_parts] = self._measured(open_parts, scale)
-            self.known[scale] = passes
+            self.known[scale] = self._asked(scale, at_least & at_most, self.order[(at_least != at_most)[self.order]])
         return self.known[scale]
+
+    def _asked(self, scale: float, passes: Passes, asked: Int[np.ndarray, " k"]) -> Passes:
+        """``passes``, and those of the ``asked`` parts that pass, look by look until the rest cannot matter."""
+        least = self.wanted - _TOO_MANY * _error(self.wanted, len(passes))
+        needed = 1 if scale == max(_UP) else 2  # looks in a row without a failure
+        quiet = 0
+        for first in range(0, len(asked), _LOOK):
+            look, rest = asked[first : first + _LOOK], asked[first + _LOOK :]
+            passes[look] = self._measured(look, scale)
+            quiet = quiet + 1 if passes[look].all() else 0
+            if quiet == needed:
+                passes[rest] = True
+                break
+            if len(rest) and (passes.sum() + len(rest)) / len(passes) < least:
+                self.crowded.add(scale)
+                break
+        return passes
 
     def _measured(self, parts: np.ndarray, scale: float) -> Passes:
         values = self.parts.of(parts.tolist(), dict.fromkeys(self.names, scale))[..., 0]
@@ -83,15 +105,30 @@ class ScaleSearch:
     def root(self, low: float, high: float) -> tuple[float, float, float]:
         """The scale, and those at which a standard error more and fewer of the parts pass."""
         for _ in range(_ROUNDS):
-            middle = self._scale_at(self.wanted, low, high)
-            middle = min(max(middle, low + 0.1 * (high - low)), high - 0.1 * (high - low))
+            middle = self._between(low, high)
             if self.passing(middle, self.known[low], self.known[high]).mean() >= self.wanted:
                 low = middle
             else:
                 high = middle
         error = _error(self.wanted, len(self.known[1.0]))
         root = self._scale_at(self.wanted, low, high)
-        return root, self._scale_at(self.wanted + error, 0.0, high), self._scale_at(self.wanted - error, low, None)
+        return root, self._asked_at(self.wanted + error, 0.0, high), self._asked_at(self.wanted - error, low, None)
+
+    def _asked_at(self, rate: float, low: float, high: float | None) -> float:
+        """The scale at which ``rate`` pass, after a look at parts with the scale that those known make likely."""
+        likely = self._scale_at(rate, low, high)
+        below = max((scale for scale in self.known if scale <= likely), default=None)
+        above = min((scale for scale in self.known if scale >= likely), default=None)
+        if below is not None and above is not None:
+            self.passing(likely, self.known[above], self.known[below])
+        return self._scale_at(rate, low, high)
+
+    def _between(self, low: float, high: float) -> float:
+        """A scale within the bracket: by the shares at its ends or, where that above is not known, its middle."""
+        if high in self.crowded:
+            return float(np.sqrt(low * high)) if low > 0.0 else 0.5 * high
+        margin = 0.1 * (high - low)
+        return float(np.clip(self._scale_at(self.wanted, low, high), low + margin, high - margin))
 
     def _scale_at(self, rate: float, low: float, high: float | None) -> float:
         """The scale at which ``rate`` pass, linear between those that are known from ``low`` to ``high``."""
@@ -108,21 +145,33 @@ class ScaleSearch:
         return float(scales[last] + share * (scales[last + 1] - scales[last]))
 
 
-def budget(parts: MeasuredParts, passes: Passes, announce: Callable[[str], None], wanted: float = PASS_RATE) -> Budget:
+def budget(
+    parts: MeasuredParts, excess: Float[np.ndarray, "n b"], announce: Callable[[str], None], wanted: float = PASS_RATE
+) -> Budget:
     """Search for the largest amount of each tolerance alone, and of all together, at which a share ``wanted`` passes.
 
-    ``passes``: of the first parts as specified, those that pass.
+    ``excess``: of the first parts as specified over each bound.
     """
-    factors = parts.study.factors
-    rows = []
-    for factor in factors:
-        announce(f"budget: {factor.words}")
-        search = ScaleSearch(parts, [factor.name], wanted, {1.0: passes})
+    factors, passes, rows = parts.study.factors, np.asarray((excess <= 0.0).all(axis=1)), list[BudgetRow]()
+    for number, factor in enumerate(factors, start=1):
+        announce(f"budget: {number} of {len(factors) + 1}, {factor.words}")
+        search = ScaleSearch(parts, [factor.name], wanted, _endangered(parts, excess, [factor]), {1.0: passes})
         rows.append(_row(search, factor.name, factor.words, factor.unit, factor.amount))
-    announce("budget: all tolerances together")
-    search = ScaleSearch(parts, [factor.name for factor in factors], wanted, {1.0: passes})
+    announce(f"budget: {len(factors) + 1} of {len(factors) + 1}, all tolerances together")
+    names = [factor.name for factor in factors]
+    search = ScaleSearch(parts, names, wanted, _endangered(parts, excess, factors), {1.0: passes})
     together = _row(search, "all", "all tolerances, by one factor", "", 1.0)
     return Budget(pass_rate=wanted, parts=len(passes), alone=tuple(rows), together=together)
+
+
+def _endangered(
+    parts: MeasuredParts, excess: Float[np.ndarray, "n b"], factors: Sequence[Factor]
+) -> Int[np.ndarray, " n"]:
+    """The parts in the order in which they begin to fail where ``factors`` grow and the metric is linear in them."""
+    width = excess.std(axis=0)
+    margin = -(excess / np.where(width > 0.0, width, 1.0)).max(axis=1)
+    size = sum((parts.study.draws.numbers[each.name][: len(margin)] ** 2).mean(axis=1) for each in factors) ** 0.5
+    return np.argsort(margin / np.maximum(size, 1e-9), kind="stable")
 
 
 def _row(search: ScaleSearch, name: str, words: str, unit: str, amount: float) -> BudgetRow:

@@ -153,13 +153,14 @@ def measure_yield(
     announce("parts")
     measured = found.of(range(parts))
     metrics = {name: _spread(study.of_design[name], measured[:, number]) for number, name in enumerate(study.names)}
-    passes: Bool[np.ndarray, " n"] = np.all(study.excess(measured[..., 0]) <= 0.0, axis=1)
+    excess = study.excess(measured[..., 0])
+    passes: Bool[np.ndarray, " n"] = np.all(excess <= 0.0, axis=1)
     variance = {
         name: contributions(study.draws, measured[:, number, 0], float(np.mean(measured[:, number, 1] ** 2)))
         for number, name in enumerate(study.names)
         if metrics[name].spread > 0.0
     }
-    wanted, first = lens.spec.optimise.share or PASS_RATE, passes[: effort.budget_parts]
+    wanted, first = lens.spec.optimise.share or PASS_RATE, excess[: effort.budget_parts]
     limits = budget(_for_budget(found, measured), first, announce, wanted) if with_budget else None
     bounded = measured[:, [study.names.index(bound.metric) for bound in study.bounds], 0]
     worst, worst_leds = _worst(study, measured)
@@ -320,13 +321,18 @@ def _of_lamps(study: PartStudy) -> str:
     return f"each part is a {piece} with {len(study.lamps)} lamps, drawn apart; in common: {common}"
 
 
+def _without_limits(study: PartStudy) -> str:
+    bounds = "; ".join(map(str, study.bounds))
+    return f"the spec has no [[limits]]: parts pass by what any pattern must keep ({bounds}); add what the lamp must keep"
+
+
 def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:
     found = [] if study.lamps.is_single else [_of_lamps(study)]
     if len(study.leds) > 1:
         names = ", ".join(led.led for led in study.leds)
         found.append(f"each part is measured with every LED ({names}), whose place, size and flux are off alike")
     for name, error in study.kinds[0].maker.errors.items():
-        if error.slope > 0.0:
+        if error.slope > 0.0 and study.spec.part_tolerances.given(name) is not None:  # nobody has chosen a preset's
             words = next(factor.words for factor in study.factors if factor.name == name)
             found.append(f"{words}: finer parts than the tables resolve are taken as roughness")
     for bound in study.bounds:
@@ -337,4 +343,6 @@ def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...
         elif spread.standard_error is not None and spread.standard_error > _LARGEST_ERROR * spread.spread:
             share = spread.standard_error / spread.spread
             found.append(f"{bound.metric}: a part's standard error is {share:.2g} of the spread over the parts")
+    if not any(led.designed_light.limits for led in study.leds):
+        found.append(_without_limits(study))
     return tuple(found)

@@ -417,3 +417,23 @@ def test_with_the_flux_that_a_study_names_as_many_parts_pass() -> None:
     assert before.pass_rate.value < before.flux.pass_rate == 0.95
     assert studied(before.flux.factor * (1.0 + 1e-9)).pass_rate.value == 0.95
     assert studied(before.flux.factor * (1.0 - 1e-6)).pass_rate.value == 0.925
+
+
+def test_a_study_says_where_the_spec_has_no_limits() -> None:
+    """By what its parts pass then, in numbers; one limit of the spec is enough to say nothing."""
+    limit = {"kind": "points", "at_mm": [[20, 10]], "unit": "w_per_m2", "at_least": 1e-6}
+    said = {}
+    for limits in ([], [limit]):
+        found = measure_yield(lens_with({"gap_mm": 0.1}, limits=limits), parts=40, rays=128, with_budget=False)
+        said[len(limits)] = [note for note in found.notes if "[[limits]]" in note]
+        if not limits:
+            bounds = "; ".join(map(str, found.bounds))
+            assert bounds.startswith("nmse <= 0.1; share_in_target >= 0.") and bounds in said[0][0]
+    assert len(said[0]) == 1 and said[1] == []
+
+
+def test_shapes_finer_than_the_tables_are_told_where_the_spec_states_them_not_of_a_preset() -> None:
+    for tolerances, told in ((None, 0), ({"inner_waviness_um": 0.2}, 1), ({"outer_waviness_um": 0.2}, 1)):
+        study = measure_yield(lens_with(tolerances), parts=40, rays=128, with_budget=False)
+        notes = [note for note in study.notes if "taken as roughness" in note]
+        assert len(notes) == told and all(note.startswith("waviness, ") for note in notes)

@@ -86,7 +86,10 @@ def test_a_study_says_once_in_a_pipe_how_long_it_takes(
 def test_the_amounts_of_a_budget_are_one_stage(capsys: pytest.CaptureFixture[str]) -> None:
     with StageClock("yield") as clock:
         progress = PartsProgress(clock)
-        for words in ("parts", "budget: source height", "budget: index", "worst parts"):
+        for words in ("parts", "budget: 1 of 3, source height", "budget: 2 of 3, index", "worst parts"):
             progress.on_stage(words)
-    names = [line[:12].strip() for line in capsys.readouterr().err.splitlines()]
-    assert names == ["yield", "parts", "budget", "worst parts"]
+            progress.on_parts(14, 50)
+    said = capsys.readouterr().err.splitlines()
+    assert [line[:12].strip() for line in said] == ["yield", "parts", "budget", "worst parts"]
+    assert said[1].endswith(" 14 of 50 parts") and said[3].endswith(" 14 of 50 parts")
+    assert said[2].endswith("2 of 3, index: 14 of 50 parts"), "how many rounds follow"
