@@ -323,7 +323,9 @@ def _of_lamps(study: PartStudy) -> str:
 
 def _without_limits(study: PartStudy) -> str:
     bounds = "; ".join(map(str, study.bounds))
-    return f"the spec has no [[limits]]: parts pass by what any pattern must keep ({bounds}); add what the lamp must keep"
+    return (
+        f"the spec has no [[limits]]: parts pass by what any pattern must keep ({bounds}); add what the lamp must keep"
+    )
 
 
 def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:

@@ -176,7 +176,8 @@ def _receiver(lit: LitReceiver, designed: float | None, lamp: str) -> Iterator[F
         "NMSE against the design",
         receiver.nmse_vs_design,
         state=_state(proof.criteria, receiver, index, "nmse_vs_design"),
-        note=f"of the {quantity_of_light}; ray noise alone: {number(receiver.noise_floor_nmse, 3)}",
+        note=f"the part's {quantity_of_light} against the design's, not the target's; ray noise alone makes "
+        f"{number(receiver.noise_floor_nmse, 3)}",
         digits=3,
     )
     yield Fact("nmse_same_rays", "NMSE with the same rays", receiver.nmse_same_rays, digits=3)

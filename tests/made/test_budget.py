@@ -116,7 +116,9 @@ class OneSided(KnownParts):
 def test_few_parts_tell_the_amount_where_half_of_them_do_not_mind(bound: float) -> None:
     known = OneSided(bound, {"one": 0.5, "other": 0.2, "nothing": 0.0})
     found = budget(known, known.excess, lambda _: None)
-    for row, names in zip((*found.alone, found.together), (["one"], ["other"], ["nothing"], list(known.widths))):
+    asked = {"one": ["one"], "other": ["other"], "nothing": ["nothing"], "all": list(known.widths)}
+    for row in (*found.alone, found.together):
+        names = asked[row.tolerance]
         true = row.specified * _true_scale(known, names, bound)
         assert row.unlimited == (names == ["nothing"])
         assert row.unlimited or row.at_most == pytest.approx(true, rel=0.1)

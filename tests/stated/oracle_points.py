@@ -17,7 +17,7 @@ from page_step import spline_faces
 from page_tracer import unit
 from scipy import sparse
 from scipy.interpolate import BSpline
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, nnls
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -197,14 +197,35 @@ def near_light(found, of_value=0.0, of_error=0.1):
                    "standard_error": near(error, 0.2)} for name, (value, error) in found.items()}  # fmt: skip
 
 
+def motion_errors(measured):
+    """Standard errors (rad, mm) of the motion by form error that neighbours share, from all pairs of points.
+
+    Lensforge takes means over cells of neighbours: within a third.
+    """
+    u, (rho, n) = measured.u, measured.face.exact(measured.u)
+    slopes = np.hstack([np.cross(rho[:, None] * u, n), n])
+    some = np.random.default_rng(0).permutation(len(u))[:1000]  # products of all are as many as their square
+    slopes, left, cosines = slopes[some], (measured.d * (n * u).sum(axis=1))[some], u[some] @ u[some].T
+    fit = np.linalg.pinv(slopes)
+    without = np.eye(len(some)) - slopes @ fit
+    kernels = [np.eye(len(some)), *(np.exp((cosines - 1) / s**2) for s in (0.1, 0.2, 0.4, 0.8))]
+    seen = np.array([(without @ kernel @ without).ravel() for kernel in kernels])
+    products = np.outer(without @ left, without @ left).ravel()
+    root = np.linalg.cholesky(seen @ seen.T)
+    amounts = nnls(root.T, np.linalg.solve(root, seen @ products))[0]
+    noise, *fields = (np.einsum("ki,ij,kj->k", fit, kernel, fit) for kernel in kernels)
+    # of all points: noise falls with their number, a field does not
+    return np.sqrt(amounts[0] * noise * len(some) / len(u) + np.array(amounts[1:]) @ np.array(fields))
+
+
 def pose_record(measured):
-    """Of each the value; its error by form error that neighbours share is that of tests/made/test_point_cloud.py."""
-    found = {}
+    """Of each parameter of the motion the value and its standard error; none is fitted to points that stay."""
+    found, errors = {}, motion_errors(measured)
     for k, axis in enumerate("xyz"):
-        found[f"rotation_{axis}_deg"] = np.degrees(measured.motion[k]), "deg"
-        found[f"translation_{axis}_mm"] = measured.motion[3 + k], "mm"
-    return {key: {"value": (value, 5e-3), "unit": unit, "standard_error": ... if value else None}
-            for key, (value, unit) in found.items()}  # fmt: skip
+        found[f"rotation_{axis}_deg"] = np.degrees(measured.motion[k]), np.degrees(errors[k]), "deg"
+        found[f"translation_{axis}_mm"] = measured.motion[3 + k], errors[3 + k], "mm"
+    return {key: {"value": (value, 5e-3), "unit": unit, "standard_error": near(error, 0.35) if value else None}
+            for key, (value, error, unit) in found.items()}  # fmt: skip
 
 
 class Changed(Bent):
