@@ -224,7 +224,7 @@ def test_the_least_gap_of_turned_freeform_lenses_is_that_of_their_points() -> No
 
 
 def test_the_form_error_of_a_plate_is_that_of_its_worst_lens_also_of_the_second_kind() -> None:
-    """With few nodes the second kind is off by hundreds of nanometres, and the first one, by its record, by none."""
+    """With few nodes the second kind is off by more than its tolerance, the first one, by its record, by none."""
     lens = of_two_kinds([[6.0, 1.0], [-5.0, 2.0]], [], ["one", "two"], {})
     first, second = (LensOfPlate.fitted(each, 20, FINEST) for each in lens.kinds)
     plate = build_plate(lens, replace(first, form_error_nm=0.0), 20, FINEST, "AP214", None)
