@@ -191,12 +191,12 @@ def adjoint_of_pairs(rays, body, ways, fates, by, gradients, packet):
         move_to_face(packet, whole, FIRST_EVENT, body.tables[0], body.grid)
         fetch_table(packet, count, body.tables[0], FIRST_EVENT + CELL)
         take_jets(packet, whole, FIRST_EVENT, inverse_step)
-        fetch_facets(packet, count, FIRST_EVENT, inner_face(), rays, body.slopes)
-        fetch_facets(packet, count, SECOND_EVENT, outer_face(), rays, body.slopes)
+        fetch_facets(packet, count, FIRST_EVENT, inner_face(), rays.noise, rays.keys, body.slopes)
         forward_at_inner(packet, whole, rays, body, body.films)
         move_to_face(packet, whole, SECOND_EVENT, body.tables[1], body.grid)
         fetch_table(packet, count, body.tables[1], SECOND_EVENT + CELL)
         take_jets(packet, whole, SECOND_EVENT, inverse_step)
+        fetch_facets(packet, count, SECOND_EVENT, outer_face(), rays.noise, rays.keys, body.slopes)
         back_behind_outer(packet, whole, rays, body, by.by_axial)
         back_through_inner(packet, whole, rays, body)
         add_to_table(packet, count, FIRST_EVENT, inverse_step, gradients[0])
@@ -204,13 +204,16 @@ def adjoint_of_pairs(rays, body, ways, fates, by, gradients, packet):
 
 
 @inline
-def met_face(event, code, sides):
-    """The event of rays that have met this."""
+def met_face(event, met, sides):
+    """An event of rays that have ``met`` this at all of theirs."""
+    code, times = met[event], 0
     face, from_behind, mirrored = code // 4, code % 2 == FROM_BEHIND, code % 4 >= REFLECTED
+    for earlier in range(event):
+        times += 1 if met[earlier] // 4 == face else 0
     before, behind = int(sides.before[face]), int(sides.behind[face])
     if from_behind:
-        return MetFace(event, face, -1.0, mirrored, behind, before)
-    return MetFace(event, face, 1.0, mirrored, before, behind)
+        return MetFace(event, face, times, -1.0, mirrored, behind, before)
+    return MetFace(event, face, times, 1.0, mirrored, before, behind)
 
 
 @inline
@@ -241,7 +244,7 @@ def on_to_event(packet, count, face, rays, body, ways):
     move_to_face(packet, whole, at, table, body.grid)
     fetch_table(packet, count, table, at + CELL)
     take_jets(packet, whole, at, body.grid.inverse_step)
-    fetch_facets(packet, count, at, face, rays, body.slopes)
+    fetch_facets(packet, count, at, face, rays.noise, rays.keys, body.slopes)
 
 
 @inline
@@ -289,7 +292,7 @@ def adjoint_of_way(memory, count, met, rays, body, ways, by_fields, by_tables):
     packet, kept, events, whole = memory.packet, memory.events, len(met), in_whole_vectors(count)
     begin_forward(packet, whole, rays.fields, body.placement)
     for event in range(events):
-        face = met_face(event, met[event], body.sides)
+        face = met_face(event, met, body.sides)
         if event > 0:
             to_next_frame(packet, whole, body.placement)
         on_to_event(packet, count, face, rays, body, ways)
@@ -297,9 +300,9 @@ def adjoint_of_way(memory, count, met, rays, body, ways, by_fields, by_tables):
         forward_at(packet, whole, face, rays, body)
     begin_back(packet, whole, body.placement, by_fields)
     for event in range(events - 1, -1, -1):
-        face = met_face(event, met[event], body.sides)
+        face = met_face(event, met, body.sides)
         recall_event(packet, whole, kept[event])
-        fetch_facets(packet, count, FIRST_EVENT, face, rays, body.slopes)
+        fetch_facets(packet, count, FIRST_EVENT, face, rays.noise, rays.keys, body.slopes)
         refract_all_at(packet, whole, face, rays)
         all_amplitudes(packet, whole, face, rays, body)
         back_through(packet, whole, face, event + 1 == events, rays, body)

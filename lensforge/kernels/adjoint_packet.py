@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from lensforge.kernels.bicubic import scatter
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.facet_normals import facet_normal, facet_normal_adjoint, fetch_facet
+from lensforge.kernels.facet_normals import drawn_slope, facet_normal, facet_normal_adjoint, seen_slope
 from lensforge.kernels.fresnel import outward_normal, reflect_adjoint, refract_adjoint
 from lensforge.kernels.ray_packet import COEFFICIENTS, SIZE, fields, jet_at, mark_hit, three, write
 from lensforge.kernels.vectors import add_scaled, dot, scaled
@@ -25,9 +25,10 @@ from lensforge.kernels.vectors import add_scaled, dot, scaled
     RAY, EX, EY, EZ, FX, FY, FZ, BY_FLUX, BY_AXIAL, BY_SIN2, LEFT, EMITTED, CLEAR, ABSORPTION, BY_PATH, SMOOTH,
 ) = fields(COEFFICIENTS, 16)  # fmt: skip
 # At an event, from the start of its block: hit and direction before it, path, index ratio, the table's cell and five
-# derivatives, sensitivities to the table's value and slopes, and the facet.
-P, _, _, D, _, _, PATH, INDEX_RATIO, CELL, _, _, _, JET, _, _, _, _, BY_TABLE, _, _, FACET, _, _ = fields(0, 23)
-BLOCK = 23
+# derivatives, sensitivities to the table's value and slopes, and the facet: its slopes, what is seen beyond these, and
+# the derivatives of that.
+P, _, _, D, _, _, PATH, INDEX_RATIO, CELL, _, _, _, JET, _, _, _, _, BY_TABLE, _, _, FACET, _, _, _, _ = fields(0, 25)
+BLOCK = 25
 FIRST_EVENT, SECOND_EVENT = fields(COEFFICIENTS + 16, 2 * BLOCK)[::BLOCK]
 OF_POLARISATION = COEFFICIENTS + 16 + 2 * BLOCK  # what follows is that of the polarisation
 
@@ -35,11 +36,13 @@ OF_POLARISATION = COEFFICIENTS + 16 + 2 * BLOCK  # what follows is that of the p
 class MetFace(NamedTuple):
     """An event of all rays of a packet.
 
-    Its number and face, 1 for rays from before the face and -1 from behind, whether it reflects them, and the media.
+    Its number and face, how often that was met before, 1 for rays from before the face and -1 from behind, whether it
+    reflects them, and the media.
     """
 
     event: int
     face: int
+    times: int
     side: float
     mirrored: bool
     medium: int
@@ -104,10 +107,16 @@ def jet_of(packet, place):
 
 
 @inline
-def fetch_facets(packet, count, at, face, rays, slopes):
-    """The facets that all rays meet at an event."""
-    for k in range(count):
-        fetch_facet(packet, at + FACET + k, int(packet[RAY + k]), face.event, face.face, rays.noise, slopes)
+def fetch_facets(packet, count, at, face, noise, keys, slopes):
+    """The facets that all rays meet at an event, at whose hits they are."""
+    if noise is not None:  # known to the compiler
+        for k in range(count):
+            x, y = drawn_slope(int(packet[RAY + k]), face.face, face.times, noise, keys, slopes)
+            jet = jet_of(packet, at + JET + k)
+            normal, d = outward_normal(three(packet, at + P + k), jet[0], jet[1]), three(packet, at + D + k)
+            seen, by_c, by_along = seen_slope(x, y, slopes[face.face], normal, d)
+            write(packet, at + FACET + k, (x, y, seen))
+            packet[at + FACET + 3 * SIZE + k], packet[at + FACET + 4 * SIZE + k] = by_c, by_along
 
 
 @inline

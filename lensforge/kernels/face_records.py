@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int8
+from jaxtyping import Float, Int, Int8
 
 
 class FaceMedia(NamedTuple):
@@ -28,15 +28,21 @@ class FacePlacement(NamedTuple):
 
 
 class RingShifts(NamedTuple):
-    """Shifts of light behind faces that scatter by rings.
+    """Shifts of light behind faces that scatter by rings (``optics.scattering.RingScatter``).
 
-    ``rays`` (n, f, 3 + k): cosine and sine of the azimuth, 1 where light keeps its direction along the face and 0 where
-    it does not, and the amount at each of the ``cosines`` (f, k) of incidence, ascending. All 1 and 0 is polished.
+    ``numbers`` (n, 2 f): in [0, 1), two of each ray for each face that it meets the first time. ``sizes`` (f, 2): of the
+    ``cosines`` of incidence and of the ``squares`` of the radii of a face, none of one that does not scatter so.
+    ``shares`` (f, k, r): within each radius at each incidence. ``follows``: 1 where scattered light keeps its direction
+    along the face, 0 where it does not.
     """
 
-    rays: Float[np.ndarray, "n f w"]
+    numbers: Float[np.ndarray, "n m"]
+    sizes: Int[np.ndarray, "f 2"]
     cosines: Float[np.ndarray, "f k"]
+    squares: Float[np.ndarray, "f r"]
+    shares: Float[np.ndarray, "f k r"]
+    follows: Float[np.ndarray, " f"]
 
     def part(self, part: slice) -> "RingShifts":
         """Shifts of some of the rays."""
-        return RingShifts(self.rays[part], self.cosines)
+        return self._replace(numbers=self.numbers[part])

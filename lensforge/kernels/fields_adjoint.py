@@ -170,9 +170,9 @@ def turn_all_fields(packet, count, mirrored):
 
 
 @inline
-def spread_at(packet, k, face, b, shifts):
+def spread_at(packet, k, face, b, shifts, keys):
     """Shift, bounce and direction of a ray that a polished face would send along b; whether it is spread."""
-    shift, spreads = shift_at(int(packet[RAY + k]), face.event, face.face, packet[C + k], shifts)
+    shift, spreads = shift_at(int(packet[RAY + k]), face.face, face.times, packet[C + k], shifts, keys)
     at = bounce(three(packet, N + k), face.side, face.mirrored)
     return shift, at, spread(b, shift, at), spreads
 
@@ -184,12 +184,12 @@ def spreads_at(face, body):
 
 
 @inline
-def spread_all(packet, count, face, body, shifts):
+def spread_all(packet, count, face, body, shifts, keys):
     """Spread all rays behind the face of an event, with their fields."""
     if shifts is not None and spreads_at(face, body):
         for k in range(count):
             b = three(packet, FIRST_EVENT + D + k)
-            _, _, to, spreads = spread_at(packet, k, face, b, shifts)
+            _, _, to, spreads = spread_at(packet, k, face, b, shifts, keys)
             if spreads:
                 turn = turn_between(b, to)
                 for first in range(E + k, E + 4 * FIELD + k, FIELD):
@@ -198,14 +198,14 @@ def spread_all(packet, count, face, body, shifts):
 
 
 @inline
-def back_before_spread(packet, k, face, turned, body, shifts):
+def back_before_spread(packet, k, face, turned, body, shifts, keys):
     """Take the sensitivities to a ray back to before it was spread; ``turned``: by the face alone.
 
     Returns those to the cosine before the face and to its unit normal.
     """
     by_c, by_n = 0.0, scaled(0.0, turned.n)
     if shifts is not None and spreads_at(face, body):
-        shift, at, to, spreads = spread_at(packet, k, face, turned.b, shifts)
+        shift, at, to, spreads = spread_at(packet, k, face, turned.b, shifts, keys)
         if spreads:
             turn, f, by_b = turn_between(turned.b, to), three(packet, FX + k), scaled(0.0, to)
             for field in (0, 2):
@@ -227,7 +227,7 @@ def forward_at(packet, count, face, rays, body):
     refract_all_at(packet, count, face, rays)
     all_amplitudes(packet, count, face, rays, body)
     turn_all_fields(packet, count, face.mirrored)
-    spread_all(packet, count, face, body, rays.shifts)
+    spread_all(packet, count, face, body, rays.shifts, rays.keys)
 
 
 @inline
@@ -319,7 +319,7 @@ def back_through(packet, count, face, last, rays, body):
     in_body, at_exit = 1.0 if face.medium == BODY else 0.0, by_exit_sine(face, last, body.sides)
     for k in range(count):
         turned = field_turn(packet, k, face.mirrored)
-        of_spread_c, of_spread_n = back_before_spread(packet, k, face, turned, body, rays.shifts)
+        of_spread_c, of_spread_n = back_before_spread(packet, k, face, turned, body, rays.shifts, rays.keys)
         by_c, by_n, by_d, by_b = field_back(packet, k, 0, turned)
         also_c, also_n, also_d, also_b = field_back(packet, k, 2, turned)
         f = add_scaled(add_scaled(three(packet, FX + k), 1.0, by_b), 1.0, also_b)

@@ -37,7 +37,7 @@ from lensforge.kernels.ray_packet import (
     write,
 )
 from lensforge.kernels.ring_scatter import spread_behind
-from lensforge.kernels.traced_body import BODY, CAVITY, FROM_BEHIND, OUTSIDE, REFLECTED, own_or_shared
+from lensforge.kernels.traced_body import BODY, CAVITY, FROM_BEHIND, OUTSIDE, REFLECTED, own_or_shared, times_met
 from lensforge.kernels.vectors import dot, length_of
 
 
@@ -217,7 +217,8 @@ def pass_on(packet, count, event, rays, body, ways, exits):
         mirrored, flux = behind_face(packet, lane, face, mirror, arrived, rays, body, body.sides)
         keep_met(ways.met, packet, lane, event, face, mirrored)
         if not mirrored or mirror >= 0.0:
-            spread_behind(packet, lane, event, face, mirrored, rays.shifts, body.sides)
+            times = times_met(ways.met, k, event, face)
+            spread_behind(packet, lane, face, mirrored, times, rays.shifts, rays.keys, body.sides)
         exits.flux[k] = flux
         if mirror > 0.0:
             exits.absorbed[k] += arrived * (1.0 - mirror)

@@ -39,13 +39,13 @@ COSINE, FIRST, _, _, SLOPES, _, _, NORMAL, _, _, BY_COSINE, BY_NORMAL, _, _ = fi
 @inline
 def inner_face():
     """The event at the inner face."""
-    return MetFace(0, 0, 1.0, False, CAVITY, BODY)
+    return MetFace(0, 0, 0, 1.0, False, CAVITY, BODY)
 
 
 @inline
 def outer_face():
     """The event at the outer face."""
-    return MetFace(1, 1, 1.0, False, BODY, OUTSIDE)
+    return MetFace(1, 1, 0, 1.0, False, BODY, OUTSIDE)
 
 
 @inline
@@ -100,7 +100,9 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
         by_cosine = arrived * by_c - 2.0 * ratio * ratio * c * packet[BY_SIN2 + k]
         e, f = back_into_faces(body.placement, three(packet, EX + k), three(packet, FX + k))
         by_n = scaled(arrived, by_n)
-        to, f, by_n, by_cosine = before_last_spread(hit.number, n, b, c, rays.shifts, f, by_n, by_cosine)
+        to, f, by_n, by_cosine = before_last_spread(
+            hit.number, n, b, c, rays.shifts, rays.keys, f, by_n, by_cosine
+        )
         # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
         e = add_scaled(e, -dot(e, to), to)
         f = add_scaled(f, arrived, by_b)

@@ -44,7 +44,7 @@ from lensforge.kernels.ray_packet import (
     three,
     write,
 )
-from lensforge.kernels.traced_body import own_or_shared
+from lensforge.kernels.traced_body import own_or_shared, times_met
 from lensforge.kernels.vectors import add_scaled, dot, scaled, unit
 
 
@@ -88,7 +88,7 @@ def refract_at(packet, count, face, films, rays, body, axis):
     """:func:`refract_in_order` for the whole vectors of a packet, at a face that may have a film."""
     whole = in_whole_vectors(count)
     for k in range(count):
-        fetch_facet(packet, FACET + k, int(packet[RAY + k]), face, face, rays.noise, body.slopes)
+        fetch_facet(packet, k, face, 0, rays.noise, rays.keys, body.slopes)
     if films is None:  # known to the compiler
         refract_in_order(packet, whole, face, None, rays, body, axis)
     else:
@@ -108,10 +108,12 @@ def refract_second(packet, count, axial, rays, body):
 
 
 @inline
-def refract_any(packet, count, event, rays, body):
+def refract_any(packet, count, event, rays, body, met):
     """Move all rays of a packet to the faces that they have found, and refract them there, also where one reflects."""
     for k in range(count):
-        fetch_facet(packet, FACET + k, int(packet[RAY + k]), event, int(packet[FACE + k]), rays.noise, body.slopes)
+        face = int(packet[FACE + k])
+        times = times_met(met, int(packet[RAY + k]), event, face)
+        fetch_facet(packet, k, face, times, rays.noise, rays.keys, body.slopes)
     for k in range(count):
         d = three(packet, DX + k)
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
@@ -124,7 +126,7 @@ def refract_any(packet, count, event, rays, body):
 
 
 @inline
-def refract_all(packet, count, event, rays, body, exits, sides):
+def refract_all(packet, count, event, rays, body, ways, exits, sides):
     """Move all rays of a packet to their faces, and refract them there."""
     if sides is None:  # known to the compiler
         if event == 0:
@@ -132,7 +134,7 @@ def refract_all(packet, count, event, rays, body, exits, sides):
         else:
             refract_second(packet, count, exits.axial, rays, body)
     else:
-        refract_any(packet, count, event, rays, body)
+        refract_any(packet, count, event, rays, body, ways.met)
 
 
 @inline

@@ -5,13 +5,14 @@ each ray has there, light goes on along t + s; what would go beyond grazing, |t 
 (t + s) / |t + s|^2. Nothing is lost, and nothing jumps. The lines of a shift are those of a facet's slope.
 """
 
-from math import sqrt
+from math import cos, pi, sin, sqrt
 from typing import NamedTuple
 
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.facet_normals import by_right_angles
+from lensforge.kernels.facet_normals import on_face
 from lensforge.kernels.fields import FieldTurn, turn_vector
 from lensforge.kernels.nearest_face import FIELDS, SIDE
+from lensforge.kernels.ray_draws import drawn
 from lensforge.kernels.ray_packet import COSINE, DX, MX, RAY, SIZE, three, write
 from lensforge.kernels.vectors import add_scaled, dot, linear_combination, scaled
 
@@ -39,27 +40,58 @@ class Bounce(NamedTuple):
 
 
 @inline
-def amount_at(row, cosines, c):
-    """Amount of a shift at a cosine of incidence, even between those that are given, and its derivative."""
-    last = len(cosines) - 1
-    if last == 0 or c <= cosines[0]:
-        return row[3], 0.0
-    if c >= cosines[last]:
-        return row[3 + last], 0.0
-    k = 0
-    while c > cosines[k + 1]:
-        k += 1
-    slope = (row[4 + k] - row[3 + k]) / (cosines[k + 1] - cosines[k])
-    return row[3 + k] + slope * (c - cosines[k]), slope
+def amount_of(number, shares, squares, last):
+    """Amount of the shift for a number in [0, 1) at one incidence; 0 for light that is not scattered, the first."""
+    share = number - (1.0 - shares[last])
+    if share <= 0.0:
+        return 0.0
+    low, high = 0, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        if shares[middle] <= share:
+            low = middle
+        else:
+            high = middle
+    width = shares[high] - shares[low]
+    part = min((share - shares[low]) / width, 1.0) if width > 0.0 else 0.0
+    return sqrt(squares[low] + part * (squares[high] - squares[low]))
 
 
 @inline
-def shift_at(number, event, face, c, shifts):
-    """The shift of a ray at a face; a right angle on each time that it meets it again. Whether there is any, too."""
-    row = shifts.rays[number, face]
-    amount, slope = amount_at(row, shifts.cosines[face], c)
-    x, y = by_right_angles(row[0], row[1], event - face)
-    return Shift(amount * x, amount * y, row[2], (x, y), slope), row[2] != 1.0 or amount != 0.0
+def amount_at(number, face, c, shifts):
+    """Amount of a shift at a cosine of incidence, even between those that are given, and its derivative."""
+    cosines, shares, squares = shifts.cosines[face], shifts.shares[face], shifts.squares[face]
+    last, outermost = shifts.sizes[face, 0] - 1, shifts.sizes[face, 1] - 1
+    if last == 0 or c <= cosines[0]:
+        return amount_of(number, shares[0], squares, outermost), 0.0
+    if c >= cosines[last]:
+        return amount_of(number, shares[last], squares, outermost), 0.0
+    k = 0
+    while c > cosines[k + 1]:
+        k += 1
+    low = amount_of(number, shares[k], squares, outermost)
+    slope = (amount_of(number, shares[k + 1], squares, outermost) - low) / (cosines[k + 1] - cosines[k])
+    return low + slope * (c - cosines[k]), slope
+
+
+@inline
+def numbers_at(k, face, times, shifts, keys):
+    """Two numbers of ray k for the rings of a face that it has met so many ``times`` before."""
+    if times == 0:
+        return shifts.numbers[k, 2 * face], shifts.numbers[k, 2 * face + 1]
+    return drawn(keys[k], face, times)
+
+
+@inline
+def shift_at(k, face, times, c, shifts, keys):
+    """The shift of ray k at a face that it has met so many ``times`` before; whether there is any, too."""
+    if shifts.sizes[face, 0] == 0:
+        return Shift(0.0, 0.0, 1.0, (1.0, 0.0), 0.0), False
+    one, other = numbers_at(k, face, times, shifts, keys)
+    amount, slope = amount_at(one, face, c, shifts)
+    x, y = cos(2.0 * pi * other), sin(2.0 * pi * other)
+    keep = shifts.follows[face] if amount > 0.0 else 1.0
+    return Shift(amount * x, amount * y, keep, (x, y), slope), amount > 0.0
 
 
 @inline
@@ -72,9 +104,8 @@ def bounce(n, side, mirrored):
 @inline
 def _unfolded(b, shift, face):
     """Direction along the face that light takes, before it is folded; and what makes the shift a vector there."""
-    o, n = face.outward, face.ahead
-    tilt = (shift.x * o[0] + shift.y * o[1]) / (1.0 + o[2])
-    m = (shift.x - tilt * o[0], shift.y - tilt * o[1], -tilt * (1.0 + o[2]))
+    n = face.ahead
+    m, tilt = on_face(shift.x, shift.y, face.outward)
     return add_scaled(m, shift.keep, add_scaled(b, -dot(b, n), n)), tilt
 
 
@@ -115,10 +146,13 @@ def turn_between(one, other):
 
 
 @inline
-def spread_behind(packet, lane, event, face, mirrored, shifts, sides):
-    """Spread a ray that a face let pass, or whose mirror reflected it, with its fields where it carries them."""
-    if shifts is not None:
-        shift, spreads = shift_at(int(packet[RAY + lane]), event, face, packet[COSINE + lane], shifts)
+def spread_behind(packet, lane, face, mirrored, times, shifts, keys, sides):
+    """Spread a ray that a face let pass, or whose mirror reflected it, with its fields where it carries them.
+
+    ``times``: how often it has met that face before.
+    """
+    if shifts is not None:  # known to the compiler
+        shift, spreads = shift_at(int(packet[RAY + lane]), face, times, packet[COSINE + lane], shifts, keys)
         if spreads:
             b, side = three(packet, DX + lane), 1.0 if sides is None else packet[SIDE + lane]
             to = spread(b, shift, bounce(three(packet, MX + lane), side, mirrored))
@@ -130,15 +164,15 @@ def spread_behind(packet, lane, event, face, mirrored, shifts, sides):
 
 
 @inline
-def before_last_spread(number, n, b, c, shifts, f, by_n, by_c):
-    """Direction of a ray behind the outer face of a double lens, which would send it along b; and sensitivities before.
+def before_last_spread(k, n, b, c, shifts, keys, f, by_n, by_c):
+    """Direction of ray k behind the outer face of a double lens, which would send it along b; and sensitivities before.
 
     f is that to the direction, and becomes that to b; by_n, that to the normal n, and by_c, to the cosine c before the
     face, have what the spread adds.
     """
     if shifts is None:
         return b, f, by_n, by_c
-    shift, spreads = shift_at(number, 1, 1, c, shifts)
+    shift, spreads = shift_at(k, 1, 0, c, shifts, keys)
     if not spreads:
         return b, f, by_n, by_c
     at = bounce(n, 1.0, False)

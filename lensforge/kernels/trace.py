@@ -64,5 +64,5 @@ def trace(rays, body, ways, exits, packet):
         count = enter(rays, first, last, body, ways, exits.fates, packet)
         for event in range(ways.lengths.shape[1]):
             meet(packet, count, event, rays, body, body.bounds.balls)
-            refract_all(packet, count, event, rays, body, exits, body.sides)
+            refract_all(packet, count, event, rays, body, ways, exits, body.sides)
             count = pass_on(packet, count, event, rays, body, ways, exits)

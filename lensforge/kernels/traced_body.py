@@ -6,7 +6,7 @@ Each field that may be None is known to the compiler: of a bare, polished body n
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from jaxtyping import Float, Int, Int8
+from jaxtyping import Float, Int, Int8, UInt64
 
 from lensforge.kernels.bicubic import FaceBounds, TableSpacing
 from lensforge.kernels.compiled import inline
@@ -31,9 +31,10 @@ class RaysIn(NamedTuple):
     ``emitted``: flux (W). ``indices``: the body's refractive index for each ray, or one for all; ``absorptions`` its
     absorption (1/mm) likewise, or nothing where the body is clear. ``film_rows``: place of each ray among the rows of
     the tables of films, or one for all. ``noise`` (n, 2 f): slopes of the facet that each ray meets at each face, along
-    two lines and over the slope of the face; None where all faces are polished. ``fields`` (n, 12): of polarised light
+    two lines and over the slope of the face, the first time; None where all faces are polished. ``fields`` (n, 12): of polarised light
     those with which each ray begins (``kernels.fields``: real and imaginary parts of both), in the frame of the faces;
-    None as from a source. ``shifts``: of light at faces that scatter by rings; None without any.
+    None as from a source. ``shifts``: of light at faces that scatter by rings; None without any. ``keys``: of the
+    numbers that each ray draws at a rough face which it meets again.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -45,14 +46,15 @@ class RaysIn(NamedTuple):
     noise: Float[np.ndarray, "n m"] | None = None
     fields: Float[np.ndarray, "n 12"] | None = None
     shifts: RingShifts | None = None
+    keys: UInt64[np.ndarray, " n"] | None = None
 
     def part(self, part: slice) -> "RaysIn":
         """Some of the rays."""
         indices, absorptions, films = (part_of(each, part) for each in (self.indices, self.absorptions, self.film_rows))
-        noise, fields = (None if each is None else each[part] for each in (self.noise, self.fields))
+        noise, fields, keys = (None if each is None else each[part] for each in (self.noise, self.fields, self.keys))
         shifts = None if self.shifts is None else self.shifts.part(part)
         origins, directions, emitted = (each[part] for each in (self.origins, self.directions, self.emitted))
-        return RaysIn(origins, directions, emitted, indices, absorptions, films, noise, fields, shifts)
+        return RaysIn(origins, directions, emitted, indices, absorptions, films, noise, fields, shifts, keys)
 
 
 class FaceFilms(NamedTuple):
@@ -140,6 +142,17 @@ class ByRaysOut(NamedTuple):
 def own_or_shared(values, k):
     """The value of ray k, or the one for all."""
     return values[min(k, len(values) - 1)]
+
+
+@inline
+def times_met(met, k, event, face):
+    """Number of times that ray k has met a face before an event; 0 where faces are met once each, in their order."""
+    if met is None:
+        return 0
+    times = 0
+    for before in range(event):
+        times += 1 if met[k, before] // 4 == face else 0
+    return times
 
 
 @inline

@@ -99,6 +99,7 @@ class RaysInBody(NamedTuple):
 
     ``fields``: two, of which half of the squared length is left of the flux ``carried`` (W). ``absorbed``: W.
     ``last``: number of the face last met, below 0 before. ``gone_mm``: way since then that lies behind the ray.
+    ``times``: how often each has met each face of the body in which they are.
     """
 
     numbers: Int[Tensor, " n"]
@@ -111,6 +112,7 @@ class RaysInBody(NamedTuple):
     last: Int[Tensor, " n"]
     gone_mm: Float[Tensor, " n"]
     fates: Int8[Tensor, " n"]
+    times: Int[Tensor, "n f"]
 
     @staticmethod
     def emitted(rays: RayBundle, device: torch.device) -> "RaysInBody":
@@ -122,8 +124,9 @@ class RaysInBody(NamedTuple):
         numbers, none = torch.arange(len(flux), device=device), torch.zeros_like(flux)
         known = torch.isfinite(directions).all(dim=1)[:, None]  # any other ray meets nothing, and keeps its flux
         field_pairs = unpolarised_fields(torch.where(known, directions, directions.new_tensor([0.0, 0.0, 1.0]))) + 0.0j
+        no_face, fates = -1 - 0 * numbers, none.to(torch.int8)
         return RaysInBody(
-            numbers, points, directions, field_pairs, flux, none, none, -1 - 0 * numbers, none, none.to(torch.int8)
+            numbers, points, directions, field_pairs, flux, none, none, no_face, none, fates, 0 * numbers[:, None]
         )
 
     @staticmethod

@@ -1,6 +1,6 @@
 """Roughness of faces as the reference tracer has it, in torch: normals of facets, and light that is spread by rings."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,22 +11,27 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from lensforge.optics.dielectric import fields_behind
-from lensforge.scene.rough_faces import Roughness
+from lensforge.optics.scattering import GaussianFacets, RingScatter
+from lensforge.scene.rough_faces import Keys, Roughness, numbers_again
 
 Vectors = Float[Tensor, "n 3"]
 Values = Float[Tensor, " n"]
 
+_HALVINGS = 60
+_WIDEST = 1.2  # of what is seen over the greater of 0 and the number that is drawn
+_NEARLY_ALONG = 1e-4  # of rms slope and tangent of incidence: below it a series is closer than a difference
+
 
 class Meeting(NamedTuple):
-    """Number of the face that rays meet at an event, and their own."""
+    """Number of the face that rays meet, how often each has met it before, and their own numbers."""
 
     face: int
-    event: int
+    times: Int[Tensor, " n"]
     numbers: Int[Tensor, " n"]
 
     def take(self, rows: Tensor) -> "Meeting":
         """Some of the rays."""
-        return self._replace(numbers=self.numbers[rows])
+        return self._replace(times=self.times[rows], numbers=self.numbers[rows])
 
 
 class Ahead(NamedTuple):
@@ -39,17 +44,21 @@ class Ahead(NamedTuple):
 
 @dataclass(frozen=True)
 class ReferenceRoughness:
-    """Roughness, as ``scene.rough_faces`` has it: noise and slopes of facets; shifts and their cosines."""
+    """Roughness, as ``scene.rough_faces`` has it: noise and slopes of facets, models of rings and their numbers."""
 
     facet: tuple[Float[Tensor, "n m"], Float[Tensor, " f"]] | None
-    shifts: tuple[Float[Tensor, "n f w"], Float[Tensor, "f k"]] | None
+    rings: Float[Tensor, "n m"] | None
+    models: tuple[GaussianFacets | RingScatter | None, ...]
+    keys: Keys | None
 
     @staticmethod
-    def of(rough: Roughness, there: Callable[[np.ndarray], Tensor]) -> "ReferenceRoughness":
-        """Tensors of arrays; ``there``: to the device of the rays."""
+    def of(
+        rough: Roughness, models: Sequence[GaussianFacets | RingScatter | None], there: Callable[[np.ndarray], Tensor]
+    ) -> "ReferenceRoughness":
+        """Tensors of arrays; ``models``: of the faces; ``there``: to the device of the rays."""
         facet = None if rough.noise is None or rough.slopes is None else (there(rough.noise), there(rough.slopes))
-        shifts = None if rough.shifts is None else (there(rough.shifts.rays), there(rough.shifts.cosines))
-        return ReferenceRoughness(facet, shifts)
+        rings = None if rough.shifts is None else there(rough.shifts.numbers)
+        return ReferenceRoughness(facet, rings, tuple(models), rough.keys)
 
     def facets(self, normals: Vectors, directions: Vectors, met: Meeting) -> Vectors:
         """Unit normals of the facets that light meets on a face of these ``normals`` away from the origin."""
@@ -57,40 +66,100 @@ class ReferenceRoughness:
         if self.facet is None:
             return unit
         noise, slopes = self.facet
-        x, y = (slopes[met.face] * noise[met.numbers, 2 * met.face + axis] for axis in (0, 1))
-        c, squared = (directions * unit).sum(dim=1, keepdim=True), slopes[met.face] ** 2
-        across = torch.sqrt(c**2 + 2.0 / torch.pi * squared * (1.0 - c**2) + 1e-30)
-        seen = torch.sign(c) * squared / across * (directions - c * unit)  # their mean: light sees more of some
-        return normalize(unit + seen + _on_face(torch.complex(x, y), unit, met), dim=1)
+        rms, normal = slopes[met.face], noise[met.numbers, 2 * met.face : 2 * met.face + 2]
+        again = self._again(met)
+        length, turn = torch.sqrt(-2.0 * torch.log1p(-again[:, 0])), 2.0 * torch.pi * again[:, 1]
+        later = torch.stack([length * torch.cos(turn), length * torch.sin(turn)], dim=1)
+        drawn = rms * torch.where(met.times[:, None] > 0, later, normal)
+        tilt = _on_face(torch.complex(drawn[:, 0], drawn[:, 1]), unit)
+        c = (directions * unit).sum(dim=1, keepdim=True)
+        seen = _seen(rms, c, (directions * tilt).sum(dim=1, keepdim=True))
+        return normalize(unit + tilt + seen * (directions - c * unit), dim=1)
 
     def spread(
         self, directions: Vectors, fields: Complex[Tensor, "n 2 3"], ahead: Ahead, met: Meeting
     ) -> tuple[Vectors, Complex[Tensor, "n 2 3"]]:
         """Directions and fields behind a face, from those behind a polished one."""
-        if self.shifts is None:
+        model = self.models[met.face]
+        if self.rings is None or not isinstance(model, RingScatter):
             return directions, fields
-        rows, n = self.shifts[0][met.numbers, met.face], ahead.normals
-        shift, keep = _amount(rows[:, 3:], self.shifts[1][met.face], ahead.cosine), rows[:, 2:3]
-        shifted = _on_face(shift * torch.complex(rows[:, 0], rows[:, 1]), ahead.outward, met)
+        first, n = self.rings[met.numbers, 2 * met.face : 2 * met.face + 2], ahead.normals
+        numbers = torch.where(met.times[:, None] > 0, self._again(met), first)
+        shift, keep = _amount(model, numbers[:, 0], ahead.cosine)[:, None], float(model.follows)
+        turn = 2.0 * torch.pi * numbers[:, 1]
+        shifted = shift * _on_face(torch.complex(torch.cos(turn), torch.sin(turn)), ahead.outward)
         t = shifted + keep * (directions - (directions * n).sum(dim=1, keepdim=True) * n)
         squared = (t * t).sum(dim=1, keepdim=True)
         t = torch.where(squared > 1.0, t / squared.clamp(min=1.0), t)
         to = t + torch.sqrt((1.0 - (t * t).sum(dim=1, keepdim=True)).clamp(min=1e-18)) * n
-        to = torch.where((keep != 1.0) | (shift[:, None] != 0.0), to, directions)
-        whole = torch.ones_like(shift), torch.zeros_like(shift)
+        to = torch.where(shift > 0.0, to, directions)
+        whole = torch.ones_like(turn), torch.zeros_like(turn)
         return to, fields_behind(fields, directions, to, n, whole)
 
+    def _again(self, met: Meeting) -> Float[Tensor, "n 2"]:
+        """Numbers of rays that have met the face before; 0 of those that have not."""
+        found = torch.zeros((len(met.numbers), 2), dtype=torch.float64)
+        rows = torch.nonzero(met.times.cpu() > 0)[:, 0]
+        if self.keys is not None and len(rows):
+            keys, times = self.keys[met.numbers.cpu()[rows].numpy()], met.times.cpu()[rows].numpy()
+            found[rows] = torch.from_numpy(numbers_again(keys, met.face, times))
+        return found.to(met.numbers.device)
 
-def _on_face(slope: Complex[Tensor, " n"], normals: Vectors, met: Meeting) -> Vectors:
-    """Vectors on faces with these unit ``normals`` away from the origin; a right angle on each time a face is met."""
-    slope = slope * 1j ** (met.event - met.face)
+
+def _on_face(slope: Complex[Tensor, " n"], normals: Vectors) -> Vectors:
+    """Vectors on faces with these unit ``normals`` away from the origin, turned there as z is to these."""
     x, y = slope.real, slope.imag
     along = (x * normals[:, 0] + y * normals[:, 1]) / (1.0 + normals[:, 2])
     return torch.stack([x - along * normals[:, 0], y - along * normals[:, 1], -along * (1.0 + normals[:, 2])], dim=1)
 
 
-def _amount(amounts: Float[Tensor, "n k"], cosines: Float[Tensor, " k"], cosine: Values) -> Values:
+def _seen(rms: Float[Tensor, ""], c: Float[Tensor, "n 1"], along: Float[Tensor, "n 1"]) -> Float[Tensor, "n 1"]:
+    """Slope along the light that is seen beyond that which is drawn, over the sine of incidence.
+
+    ``along``: the slope that is drawn, times that sine. The number a of the slope over its rms becomes x, below which
+    the same share of the density (k + x) exp(-x^2/2) lies.
+    """
+    sign = torch.where(c > 0.0, 1.0, -1.0).to(c.dtype)
+    cosine, drawn = sign * c, sign * along
+    squared = (1.0 - c**2).clamp(min=0.0)
+    nearly = rms * torch.sqrt(squared) <= _NEARLY_ALONG * cosine
+    a, w = (torch.where(nearly, each, 0.0) / torch.where(nearly, cosine, 1.0) for each in (drawn, 0.0 * c + rms))
+    series = rms * w * (1.0 - 0.5 * a + (a**2 - w**2 * squared) / 3.0)
+    sine = torch.sqrt(torch.where(nearly, 1.0, squared))
+    width = rms * torch.where(nearly, 1.0, sine)
+    width = torch.where(width > 0.0, width, 1.0)
+    number, cotangent = torch.where(nearly, 0.0, drawn) / width, torch.where(nearly, 1.0, cosine) / width
+    return sign * torch.where(nearly, series, rms * (_seen_number(number, cotangent) - number) / sine)
+
+
+def _seen_number(a: Float[Tensor, "n 1"], k: Float[Tensor, "n 1"]) -> Float[Tensor, "n 1"]:
+    """The number x that is seen, by halving; its derivatives are those of one step of Newton's."""
+    with torch.no_grad():
+        low, high = torch.maximum(a, -k), a.clamp(min=0.0) + _WIDEST
+        for _ in range(_HALVINGS):
+            x = 0.5 * (low + high)
+            less = _missing(x, a, k) > 0.0
+            low, high = torch.where(less, x, low), torch.where(less, high, x)
+        density = (k + x) * _bell(x)
+    return x + _missing(x, a, k) / density
+
+
+def _missing(x: Tensor, a: Tensor, k: Tensor) -> Tensor:
+    """Light that is seen below x less than there should be, by what lies above or below, whichever is less."""
+    area = k * torch.special.ndtr(k) + _bell(k)
+    above = k * torch.special.ndtr(-x) + _bell(x) - area * torch.special.ndtr(-a)
+    below = area * torch.special.ndtr(a) - k * (torch.special.ndtr(x) - torch.special.ndtr(-k)) - _bell(k) + _bell(x)
+    return torch.where(a > 0.0, above, below)
+
+
+def _bell(x: Tensor) -> Tensor:
+    return torch.exp(-0.5 * x**2) / (2.0 * torch.pi) ** 0.5
+
+
+def _amount(model: RingScatter, numbers: Values, cosine: Values) -> Values:
     """Amount of each shift at the cosine of incidence, even between those that are given."""
+    amounts = torch.from_numpy(model.amounts(numbers.cpu().numpy())).to(numbers.device)
+    cosines = torch.tensor(model.cosines, dtype=torch.float64, device=numbers.device)
     if len(cosines) == 1:
         return amounts[:, 0]
     place = torch.searchsorted(cosines, cosine.detach().contiguous()).clamp(1, len(cosines) - 1)

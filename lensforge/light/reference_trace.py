@@ -162,7 +162,7 @@ class _Passage:
             there(medium.indices(waves, len(rays))),
             absorptions,
             RayCoatings.of(rays, body.media, fresnel, body.origin),
-            ReferenceRoughness.of(rough, there),
+            ReferenceRoughness.of(rough, body.media.scattering_of(body.chain.names) or (None,) * len(body.faces), there),
             fresnel,
             memory,
         )
@@ -175,6 +175,7 @@ class _Passage:
 
     def through(self, light: RaysInBody) -> RaysInBody:
         """Rays behind the body, in their order; those that had ended before stay as they are."""
+        light = light._replace(times=light.numbers.new_zeros((len(light.numbers), len(self.body.faces))))
         place, ended, going = self.body.placement, [light.take(~light.left)], light.take(light.left)
         entered, outside = self._entered(going if place is None else going.placed(place.into, place.factor_in))
         ended += outside
@@ -264,7 +265,8 @@ class _Passage:
         sense, behind = (1.0, self.body.chain.behind[number]) if before == medium else (-1.0, before)
         path, points = face.hit(light.points, light.directions, paths_mm, sense)
         light = self._dimmed(light, path, medium)
-        met = Meeting(number, event, light.numbers)
+        met, times = Meeting(number, light.times[:, number], light.numbers), light.times.clone()
+        times[:, number] += 1
         along = sense * face.normal(points)
         normals = sense * self.rough.facets(sense * along, light.directions, met)
         cosine, ratio = (light.directions * normals).sum(dim=1), self._ratio(light.numbers, medium, behind)
@@ -272,7 +274,8 @@ class _Passage:
         is_exit, bends = number + 1 == len(self.body.faces), behind == OUTSIDE and mirror is None
         sin2_exit = (1.0 - squared if is_exit else 1.0 + squared) if bends else 0.0 * squared
         light = light._replace(
-            points=points, sin2_exit=sin2_exit, last=torch.full_like(light.last, number), gone_mm=0.0 * paths_mm
+            points=points, sin2_exit=sin2_exit, last=torch.full_like(light.last, number), gone_mm=0.0 * paths_mm,
+            times=times,
         )
         yield _ENDED, light.take(~(cosine > 0.0)).ended(Fate.TOTAL_REFLECTION)  # tangents
         reflected = (squared <= 0.0) | (mirror is not None)

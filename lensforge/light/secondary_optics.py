@@ -110,6 +110,7 @@ def _passage(
         noise=rough.noise,
         fields=exits.fields,
         shifts=rough.shifts,
+        keys=rough.keys,
     )
     return BodyPassage.of(body, coming, TWO_FACES.events, exits.fates, axial=exits.axial is not None, fields=True)
 

@@ -104,6 +104,7 @@ class Scene:
             coatings.rows,
             rough.noise,
             shifts=rough.shifts,
+            keys=rough.keys,
         )
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media, RingScatter, SecondaryOptic, Surface, Wavelengths
-from lensforge.proof.facet_tilt import Arrival, Numbers, Slopes, tilted
+from lensforge.proof.facet_tilt import Arrival, Draws, facet_slopes, tilted
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
 from lensforge.proof.ring_spread import Spreading
@@ -26,24 +26,6 @@ _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
 
 
-class RoughBody(NamedTuple):
-    """Slopes of the facets that rays meet on both faces of a body, and their numbers for one that scatters by rings."""
-
-    slopes: Slopes
-    rings: Numbers
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> "RoughBody":
-        """Numbers of some of the rays."""
-        return RoughBody(self.slopes[rows], self.rings[rows])
-
-    def spread(self, at: AtFace, own: Media, face: str, met: Arrival, rows: Int[np.ndarray, " k"]) -> AtFace:
-        """Light behind a face of the body of these ``own`` media, where that scatters by rings."""
-        (model,), number = own.scattering_of([face]) or (None,), DOUBLE.index(face)
-        if not isinstance(model, RingScatter):
-            return at
-        return at.spread(Spreading.of(model, self.rings[rows, 2 * number : 2 * number + 2], met, 0), False)
-
-
 @dataclass
 class _Beam:
     """Light on its way: all rays, and the share of the flux that is left of each; NaN where one is lost."""
@@ -52,7 +34,7 @@ class _Beam:
     directions: _Vectors
     fields: Fields
     share: _Values
-    rough: list[RoughBody]
+    rough: list[Draws]
 
     def end(self, rows: Int[np.ndarray, " k"]) -> None:
         """Lose some of the rays."""
@@ -75,7 +57,7 @@ def behind_optics(
     wavelengths_nm: _Values,
     fields: Fields | None = None,
     plate: PlateOfLenses | None = None,
-    rough: Sequence[RoughBody] = (),
+    rough: Sequence[Draws] = (),
 ) -> BehindOptics:
     """Rays behind the bodies and then the cover glass of ``media``; those that end in a body have no place.
 
@@ -93,8 +75,8 @@ def behind_optics(
 def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLenses | None) -> None:
     if plate is None:
         for number, body in enumerate(media.bodies):
-            none = np.zeros((len(waves), 0))
-            _through(body, media, beam, waves, beam.rough[number] if beam.rough else RoughBody(none, none))
+            none = Draws(np.zeros((len(waves), 0)), np.zeros(len(waves), dtype=np.uint64))
+            _through(body, media, beam, waves, beam.rough[number] if beam.rough else none)
         return
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
     own, numbers = plate.at_own(beam.points[rows])
@@ -108,7 +90,7 @@ def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLen
     beam.fields[rows], beam.share[rows] = np.einsum("nji,nkj->nki", turns, alone.fields), alone.share
 
 
-def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, rough: RoughBody) -> None:
+def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, rough: Draws) -> None:
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
     points, along = body.pose.own_points(beam.points[rows]), body.pose.own_directions(beam.directions[rows])
     enters, points = _from_the_rim(points, along)
@@ -128,10 +110,13 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, ro
         before, behind = (indices, around) if leaving else (around, indices)
         refracting = RefractingFace(before, behind, own.coating(face), here.nm, not leaving)
         normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
-        met_at = Arrival(points, normals, along)
-        normals = tilted(met_at, rough.slopes[rows], np.full(len(rows), int(leaving)), int(leaving))
+        number, (model,) = DOUBLE.index(face), own.scattering_of([face]) or (None,)
+        numbers = rough.take(rows).at(np.full(len(rows), number), np.zeros(len(rows), dtype=np.int64))
+        rms = np.full(len(rows), facet_slopes(own, DOUBLE)[number])
+        normals = tilted(Arrival(points, normals, along), rms, numbers)
         at = AtFace.of(refracting, along, normals, body.pose.own_directions(beam.fields[rows]))
-        at = rough.spread(at, own, face, Arrival(points, normals, along), rows)
+        if isinstance(model, RingScatter):
+            at = at.spread(Spreading.of(model, numbers, Arrival(points, normals, along)), False)
         beam.share[rows] *= at.transmittance
         beam.fields[rows] = body.pose.directions(at.passed)
         passes = at.transmittance > 0.0

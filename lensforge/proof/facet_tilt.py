@@ -1,21 +1,28 @@
-"""Facets of faces that scatter, as the casts through the part meet them, and numbers for faces that do so by rings.
+"""Facets of faces that scatter, as the casts through the part meet them, and numbers for all faces that scatter.
 
-Rays of the design come with the numbers of the facets that they meet, so that both are compared ray by ray; rays of the
-proof's own meet facets of its own, drawn by NumPy's normal numbers from the slopes that the definitions state.
+Rays of the design come with the numbers of the faces that they meet, so that both are compared ray by ray; rays of the
+proof's own have numbers of its own. What a ray meets again it meets by other numbers, a hash that the definitions state.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int, UInt64
+from scipy.special import ndtr
 
 from lensforge.optics.media import Media, RingScatter
 from lensforge.sources.ray_bundle import RayBundle
 
 Vectors = Float[np.ndarray, "n 3"]
-Slopes = Float[np.ndarray, "n m"]  # three numbers for each face, the rms last; none where no face has facets
-Numbers = Float[np.ndarray, "n k"]  # two for each face; none where no face scatters by rings
+PerRay = Float[np.ndarray, " n"]
+Numbers = Float[np.ndarray, "n k"]
+Keys = UInt64[np.ndarray, " n"]
+
+_HALVINGS = 60
+_WIDEST = 1.2  # of what is seen over the greater of 0 and the number that is drawn
+_GOLDEN, _FIRST, _SECOND = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB  # Steele, Lea and Flood, 2014
+_FACES = 256
 
 
 class Arrival(NamedTuple):
@@ -26,40 +33,50 @@ class Arrival(NamedTuple):
     directions: Vectors
 
 
-def slopes_of(rays: RayBundle, media: Media, names: Sequence[str], before: int = 0, seed: int | None = None) -> Slopes:
-    """Slopes of the facets that ``rays`` meet at the faces of these ``names``, by the numbers that they have.
+class Draws(NamedTuple):
+    """Two even numbers in [0, 1) of each ray for each face, the first time that it meets it, and keys of all later.
 
-    ``before``: number of faces that scatter and that the rays have met before, on other bodies. ``seed``: of slopes of
-    the proof's own in their place.
+    Without numbers where no face scatters.
     """
-    models = media.scattering_of(names)
-    if models is None or all(each is None or isinstance(each, RingScatter) for each in models):
-        return np.zeros((len(rays), 0))
-    rms = np.array([0.0 if each is None or isinstance(each, RingScatter) else each.slope for each in models])
-    if seed is not None:
-        normal = np.random.default_rng([seed, before]).standard_normal((len(rays), 2 * len(names)))
-    else:
-        even = _even(rays, np.array([each is not None for each in models]), before)
-        length, turn = np.sqrt(-2.0 * np.log(1.0 - even[:, ::2])), 2.0 * np.pi * even[:, 1::2]  # Box and Muller, 1958
-        normal = np.stack([length * np.cos(turn), length * np.sin(turn)], axis=2).reshape(even.shape)
-    slopes = np.empty((len(rays), len(names), 3))
-    slopes[:, :, :2], slopes[:, :, 2] = normal.reshape(len(rays), -1, 2) * rms[:, None], rms
-    return slopes.reshape(len(rays), -1)
+
+    numbers: Numbers
+    keys: Keys
+
+    @staticmethod
+    def of(rays: RayBundle, media: Media, names: Sequence[str], before: int = 0, seed: int | None = None) -> "Draws":
+        """Numbers with which ``rays`` meet the faces of these ``names``.
+
+        ``before``: number of faces that scatter and that the rays have met before, on other bodies. ``seed``: of
+        numbers of the proof's own in their place.
+        """
+        models = media.scattering_of(names)
+        if models is None:
+            return Draws(np.zeros((len(rays), 0)), np.zeros(len(rays), dtype=np.uint64))
+        if seed is None:
+            rough = np.array([each is not None for each in models])
+            return Draws(_even(rays, rough, before), _keys(rays))
+        own = np.random.default_rng([seed, before])
+        return Draws(own.random((len(rays), 2 * len(names))), own.integers(2**64, size=len(rays), dtype=np.uint64))
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Draws":
+        """Numbers of some of the rays."""
+        return Draws(self.numbers[rows], self.keys[rows])
+
+    def at(self, faces: Int[np.ndarray, " n"], times: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
+        """Numbers of each ray for its face, which it has met so many ``times`` before; 0 where it has none."""
+        found = np.zeros((len(faces), 2))
+        rows = np.flatnonzero((faces >= 0) & (2 * faces < self.numbers.shape[1]))
+        for column in (0, 1):
+            found[rows, column] = self.numbers[rows, 2 * faces[rows] + column]
+        again = rows[times[rows] > 0]
+        found[again] = _hashed(self.keys[again], faces[again], times[again])
+        return found
 
 
-def numbers_for_rings(
-    rays: RayBundle, media: Media, names: Sequence[str], before: int = 0, seed: int | None = None
-) -> Numbers:
-    """Two even numbers in [0, 1) of each ray for each of its faces; none where no face scatters by rings.
-
-    Arguments as of :func:`slopes_of`.
-    """
-    models = media.scattering_of(names)
-    if models is None or not media.has_rings:
-        return np.zeros((len(rays), 0))
-    if seed is not None:
-        return np.random.default_rng([seed, before]).random((len(rays), 2 * len(names)))
-    return _even(rays, np.array([each is not None for each in models]), before)
+def facet_slopes(media: Media, names: Sequence[str]) -> Float[np.ndarray, " f"]:
+    """Rms slope of the facets of each face, 0 of one without; the last, of the index -1, is that of no face."""
+    models = media.scattering_of(names) or ()
+    return np.array([0.0 if each is None or isinstance(each, RingScatter) else each.slope for each in (*models, None)])
 
 
 def _even(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Numbers:
@@ -72,26 +89,71 @@ def _even(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Number
     return found
 
 
-def tilted(met: Arrival, slopes: Slopes, faces: Int[np.ndarray, " n"], events: int | Int[np.ndarray, " n"]) -> Vectors:
-    """Unit normals of the facets that rays meet on these ``faces``.
+def _keys(rays: RayBundle) -> Keys:
+    """Hash of the bits with which each ray begins."""
+    key, golden = np.zeros(len(rays), dtype=np.uint64), np.uint64(_GOLDEN)
+    starts, ways = (np.ascontiguousarray(each).view(np.uint64) for each in (rays.origins, rays.directions))
+    for column in np.column_stack([starts, ways])[:, [0, 3, 1, 4, 2, 5]].T:
+        key = _mixed((key + golden) ^ column)
+    return key
 
-    The two lines of a slope are x and y, turned to the face as z is to its normal away from the origin. A ray that
-    meets a face again, at a later of its ``events``, meets a facet a right angle on. Light sees more of the facets that
-    face it: their mean slope is along the face as the light is.
+
+def _hashed(keys: Keys, faces: Int[np.ndarray, " n"], times: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
+    """Two numbers in [0, 1) of 53 bits."""
+    golden = np.uint64(_GOLDEN)
+    stream = _mixed((keys + golden) ^ (_FACES * times + faces).astype(np.uint64))
+    both = np.stack([_mixed(stream + golden), _mixed(stream + golden + golden)], axis=1)
+    return (both >> np.uint64(11)).astype(float) / 2.0**53
+
+
+def _mixed(key: Keys) -> Keys:
+    key = (key ^ (key >> np.uint64(30))) * np.uint64(_FIRST)
+    key = (key ^ (key >> np.uint64(27))) * np.uint64(_SECOND)
+    return key ^ (key >> np.uint64(31))
+
+
+def tilted(met: Arrival, rms: PerRay, numbers: Float[np.ndarray, "n 2"]) -> Vectors:
+    """Unit normals of the facets that rays meet on faces of these ``rms`` slopes, by their ``numbers``.
+
+    The two lines of a slope are x and y, turned to the face as z is to its normal away from the origin. Light sees more
+    of the facets that face it: of all slopes along it that are drawn, and of all that it sees, the same share is less.
     """
-    rough = np.flatnonzero((faces >= 0) & (3 * faces + 3 <= slopes.shape[1]))
+    rough = np.flatnonzero(rms > 0.0)
     if not len(rough):
         return met.normals
-    normals, d = met.normals[rough], met.directions[rough]
+    normals, d, s = met.normals[rough], met.directions[rough], rms[rough]
     n = normals * np.where(np.sum(normals * met.points[rough], axis=1) < 0.0, -1.0, 1.0)[:, None]
-    a, b, rms = (slopes[rough, 3 * faces[rough] + column] for column in range(3))
-    along = (a + 1j * b) * 1j ** (np.broadcast_to(events, len(faces))[rough] - faces[rough])
+    length, turn = np.sqrt(-2.0 * np.log1p(-numbers[rough, 0])), 2.0 * np.pi * numbers[rough, 1]
+    drawn = in_face(length * np.exp(1j * turn), n)
     cosine = np.sum(d * n, axis=1)
-    seen = rms * np.sign(cosine) / np.sqrt((cosine / np.maximum(rms, 1e-9)) ** 2 + (1.0 - cosine**2) * 2.0 / np.pi)
-    facets = n + in_face(along, n) + seen[:, None] * (d - cosine[:, None] * n)
+    along = (d - cosine[:, None] * n) * np.where(cosine < 0.0, -1.0, 1.0)[:, None]
+    sine = np.linalg.norm(along, axis=1)
+    along /= np.where(sine > 0.0, sine, 1.0)[:, None]
+    a = np.sum(drawn * along, axis=1)
+    slopes = drawn + (_seen(a, np.abs(cosine) / np.maximum(s * sine, 1e-300)) - a)[:, None] * along
+    facets = n + s[:, None] * slopes
     found = met.normals.copy()
     found[rough] = facets / np.linalg.norm(facets, axis=1)[:, None]
     return found
+
+
+def _seen(a: PerRay, k: PerRay) -> PerRay:
+    """The number below which as much of the density (k + x) exp(-x^2/2) lies as of normal numbers below a."""
+    k = np.minimum(k, 1e9)
+    area = k * ndtr(k) + _bell(k)
+    low, high = np.maximum(a, -k), np.maximum(a, 0.0) + _WIDEST
+    for _ in range(_HALVINGS):
+        x = 0.5 * (low + high)
+        above = k * ndtr(-x) + _bell(x) > area * ndtr(-a)
+        below = k * (ndtr(x) - ndtr(-k)) + _bell(k) - _bell(x) < area * ndtr(a)
+        less = np.where(a > 0.0, above, below)
+        low, high = np.where(less, x, low), np.where(less, high, x)
+    return 0.5 * (low + high)
+
+
+def _bell(x: PerRay) -> PerRay:
+    density: PerRay = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
+    return density
 
 
 def in_face(slopes: Complex[np.ndarray, " n"], outward: Vectors) -> Vectors:

@@ -17,7 +17,7 @@ import numpy as np
 
 from lensforge.errors import refused
 from lensforge.optics.media import Media
-from lensforge.proof.facet_tilt import Arrival, Slopes, tilted
+from lensforge.proof.facet_tilt import Arrival, Draws, facet_slopes, tilted
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.proof.part_mesh import PartMesh
@@ -81,11 +81,12 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         caster, passage = _Caster(mi, part, media), Passage.of(rays, part.optical.events)
         whole = LitRays.of(rays, media, part.optical.names)
         met: list[list[tuple[int, _Met]]] = [[] for _ in range(part.optical.events)]
+        drawn, rows = Draws(whole.numbers, whole.keys), np.arange(len(rays))[:, None]
         index = media.body.indices(rays.waves, len(rays))
         steps = np.column_stack([index / media.cavity_index, index / media.outside_index])
         table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
         for row, (origin, direction, indices) in enumerate(table):
-            passage.fates[row], end, own = caster.cast(origin, direction, indices, whole.slopes[row : row + 1])
+            passage.fates[row], end, own = caster.cast(origin, direction, indices, drawn.take(rows[row]))
             if end is not None:
                 passage.points[row], passage.directions[row] = end
                 if part.optical.opening is not None:
@@ -95,8 +96,7 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         for number, event in enumerate(met):
             if not event:
                 continue
-            rows = [row for row, _ in event]
-            passage.met[rows, number] = [place.face for _, place in event]
+            passage.met[[row for row, _ in event], number] = [place.face for _, place in event]
             _share(passage, whole, event, part.optical, media)
         return str(mi.__version__), behind_lens(passage, rays, media, part.optical.plate)
     finally:
@@ -125,8 +125,7 @@ def _share(passage: Passage, whole: LitRays, met: list[tuple[int, _Met]], optica
     absorb(passage, rows, lengths, whole.absorptions[rows])
     light = replace(whole.take(rows), directions=directions, fields=passage.fields[rows], inside=inside)
     hits = SurfaceHits(passes, directions, normals, inside, away, faces, lengths, lengths)
-    light = replace(light, slopes=light.slopes[:, :0])  # the normals are those of the facets
-    dim(passage, rows, at_faces(optical, media, light, hits, 0), passes)
+    dim(passage, rows, at_faces(optical, media.polished, light, hits), passes)  # the normals are those of the facets
 
 
 class _Caster:
@@ -135,14 +134,15 @@ class _Caster:
     def __init__(self, mi: Any, part: PartMesh, media: Media) -> None:
         self.mi, self.faces, self.scene, optical = mi, part.faces, _scene(mi, part), part.optical
         self.mirrors, self.opening, self.flange = mirrors(optical, media), optical.opening, optical.flange
+        self.rms = facet_slopes(media, optical.names)
         self.goes_on = [optical.goes_on(event) for event in range(optical.events)]
 
     def cast(
-        self, origin: list[float], direction: list[float], indices: list[float], slopes: Slopes
+        self, origin: list[float], direction: list[float], indices: list[float], drawn: Draws
     ) -> tuple[CastFate, tuple[list[float], list[float]] | None, list[_Met]]:
         """Fate of one ray; its exit point (mm) and direction, None if it is lost; the faces on its way.
 
-        ``indices``: of the body against what fills the cavity, and what surrounds it; ``slopes``: of its facets.
+        ``indices``: of the body against what fills the cavity, and what surrounds it; ``drawn``: for its facets.
         """
         mi, met, inside = self.mi, list[_Met](), False
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
@@ -154,7 +154,7 @@ class _Caster:
                 return CastFate.LANDED, (list(ray.o), list(ray.d)), met
             if hit.p.z <= 0.0:
                 return CastFate.BASE if inside else CastFate.OPENING, None, met
-            frame = self._frame(hit, ray, slopes, event)
+            frame = self._frame(hit, ray, drawn, [each.face for each in met])
             local = frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
             away = hit.n.x * hit.p.x + hit.n.y * hit.p.y + hit.n.z * hit.p.z > 0.0  # as ``faces_away``
             if inside and (local.z > 0.0 or not (away or goes_on)):
@@ -178,12 +178,13 @@ class _Caster:
         whole = not passes and face not in self.mirrors
         return CastFate.TOTAL_REFLECTION if whole else CastFate.EVENT_LIMIT, None, met
 
-    def _frame(self, hit: Any, ray: Any, slopes: Slopes, event: int) -> Any:
-        """Frame of the facet that a ray meets."""
-        if not slopes.size:
+    def _frame(self, hit: Any, ray: Any, drawn: Draws, before: list[int]) -> Any:
+        """Frame of the facet that a ray meets which has met these faces ``before``."""
+        face = int(self.faces[hit.prim_index])
+        if self.rms[face] == 0.0:
             return hit.sh_frame
         met = Arrival(*(np.array([list(each)]) for each in (hit.p, hit.sh_frame.n, ray.d)))
-        facet = tilted(met, slopes, np.array([self.faces[hit.prim_index]]), event)[0]
+        facet = tilted(met, self.rms[[face]], drawn.at(np.array([face]), np.array([before.count(face)])))[0]
         return self.mi.Frame3f(self.mi.Vector3f(facet.tolist() if facet @ met.normals[0] > 0.0 else (-facet).tolist()))
 
 

@@ -192,7 +192,7 @@ def _step(body: PartBody, light: SplitRays, least: float, found: _Followed) -> S
     beside = body.optical.at_neighbour(hits.points)
     found.lose("neighbours", light.flux[beside & ~light.beside])
     light = replace(light, beside=light.beside | beside)
-    at = at_faces(body.optical, body.media, light, hits, light.events)
+    at = at_faces(body.optical, body.media, light, hits)
     found.lose("absorbed", light.flux * (1.0 - at.transmittance - at.reflectance))  # by mirrors
     children = _split(body.optical, light, hits, at)
     bright = children.flux > least
@@ -203,7 +203,7 @@ def _step(body: PartBody, light: SplitRays, least: float, found: _Followed) -> S
 def _split(optical: OpticalFaces, light: SplitRays, hits: SurfaceHits, at: AtFace) -> SplitRays:
     """The transmitted and the reflected rays behind a surface, one after the other."""
     causes = _causes(optical, light, hits, at.transmittance)
-    there = replace(light, points=hits.points, events=light.events + 1)
+    there = replace(light, points=hits.points, events=light.events + 1, times=light.times_after(hits.faces))
     passed = replace(there, directions=at.bent, fields=at.passed, flux=light.flux * at.transmittance, causes=causes[0])
     passed = replace(passed, inside=~light.inside, crossings=np.where(light.inside, np.where(hits.away, 2, 0), 1))
     back = {"directions": at.mirrored, "fields": at.returned, "flux": light.flux * at.reflectance, "causes": causes[1]}

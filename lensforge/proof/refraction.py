@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Complex, Float, Int
 from scipy.interpolate import PchipInterpolator
 
 from lensforge.optics.media import Coating, LayerStack, Media, Mirror, ReflectanceTable
 from lensforge.proof.facet_casting import RayRows
-from lensforge.proof.facet_tilt import Numbers, Slopes, numbers_for_rings, slopes_of
+from lensforge.proof.facet_tilt import Draws, Keys, Numbers
 from lensforge.proof.ring_spread import Spreading, spread, turned
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -32,7 +32,8 @@ class LitRays(RayRows):
     """Rays on their way: unit directions, polarisation, True in the material, and what its body is to each of them.
 
     ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the body for each, at ``wavelengths_nm``.
-    ``slopes``: of the facets that it meets; ``rings``: numbers of each for faces that scatter by rings.
+    ``numbers``, ``keys``: of each for faces that scatter, as :class:`Draws` has them; ``times``: how often each has met
+    each face.
     """
 
     directions: Float[np.ndarray, "n 3"]
@@ -41,21 +42,30 @@ class LitRays(RayRows):
     indices: PerRay
     absorptions: PerRay
     wavelengths_nm: PerRay
-    slopes: Slopes
-    rings: Numbers
+    numbers: Numbers
+    keys: Keys
+    times: Int[np.ndarray, "n f"]
 
     @staticmethod
     def of(rays: RayBundle, media: Media, names: Sequence[str], seed: int | None = None) -> "LitRays":
         """Unpolarised light that has met nothing yet; ``names``: of the faces.
 
-        ``seed``: of facets that are not those of the design.
+        ``seed``: of numbers for faces that scatter which are not those of the design.
         """
         count, body = len(rays), media.body
         in_body = body.indices(rays.waves, count), body.absorptions(rays.waves, count)
         waves = media.wavelengths(rays.wavelengths_nm, count)
-        slopes, outside = slopes_of(rays, media, names, seed=seed), np.zeros(count, dtype=bool)
-        rings = numbers_for_rings(rays, media, names, seed=seed)
-        return LitRays(rays.directions, unpolarised(rays.directions), outside, *in_body, waves, slopes, rings)
+        outside, times = np.zeros(count, dtype=bool), np.zeros((count, len(names)), dtype=np.int64)
+        drawn = Draws.of(rays, media, names, seed=seed)
+        return LitRays(rays.directions, unpolarised(rays.directions), outside, *in_body, waves, *drawn, times)
+
+    def numbers_at(self, faces: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
+        """Two numbers of each ray for the face that it meets; 0 where that does not scatter, or is none."""
+        return Draws(self.numbers, self.keys).at(faces, self.times[np.arange(len(faces)), faces])
+
+    def times_after(self, faces: Int[np.ndarray, " n"]) -> Int[np.ndarray, "n f"]:
+        """How often each ray has met each face once it has met this one, below 0 for none."""
+        return self.times + (np.arange(self.times.shape[1]) == faces[:, None])
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
+from jaxtyping import Bool, Complex, Float
 
 from lensforge.optics.media import RingScatter
 from lensforge.proof.facet_tilt import Arrival, in_face
@@ -16,24 +16,19 @@ class Spreading(NamedTuple):
     """Rays at a face that scatters by rings.
 
     ``numbers``: two in [0, 1) of each. ``outward``: unit normals away from the origin. ``cosines``: of incidence.
-    ``turns``: of the azimuth, in right angles.
     """
 
     model: RingScatter
     numbers: Float[np.ndarray, "n 2"]
     outward: Vectors
     cosines: PerRay
-    turns: Int[np.ndarray, " n"]
 
     @staticmethod
-    def of(
-        model: RingScatter, numbers: Float[np.ndarray, "n 2"], met: Arrival, turns: int | Int[np.ndarray, " n"]
-    ) -> "Spreading":
+    def of(model: RingScatter, numbers: Float[np.ndarray, "n 2"], met: Arrival) -> "Spreading":
         """Rays at points of a lens or a body, whose origin is that of the points."""
         sign = np.where(np.sum(met.normals * met.points, axis=1) < 0.0, -1.0, 1.0)
         cosines = np.abs(np.sum(met.directions * met.normals, axis=1))
-        turns = np.broadcast_to(turns, len(sign)) % 4
-        return Spreading(model, numbers, met.normals * sign[:, None], cosines, turns)
+        return Spreading(model, numbers, met.normals * sign[:, None], cosines)
 
 
 def spread(directions: Vectors, at: Spreading) -> Vectors:
@@ -41,7 +36,7 @@ def spread(directions: Vectors, at: Spreading) -> Vectors:
     n = at.outward * np.where(np.sum(directions * at.outward, axis=1) < 0.0, -1.0, 1.0)[:, None]
     along = directions - np.sum(directions * n, axis=1)[:, None] * n
     amounts, scatters = _amounts(at)
-    ends = in_face(amounts * np.exp(2j * np.pi * at.numbers[:, 1]) * 1j**at.turns, at.outward)
+    ends = in_face(amounts * np.exp(2j * np.pi * at.numbers[:, 1]), at.outward)
     ends += along if at.model.follows else 0.0
     lengths = np.maximum(np.linalg.norm(ends, axis=1), 1e-300)
     ends *= (np.where(lengths > 1.0, 1.0 / lengths, lengths) / lengths)[:, None]

@@ -16,9 +16,9 @@ from trimesh.triangles import points_to_barycentric
 
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media, Mirror, RingScatter
-from lensforge.proof.body_cast import RoughBody, behind_optics
+from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
-from lensforge.proof.facet_tilt import Arrival, numbers_for_rings, slopes_of, tilted
+from lensforge.proof.facet_tilt import Arrival, Draws, facet_slopes, tilted
 from lensforge.proof.optical_faces import NO_FACE, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
@@ -107,7 +107,7 @@ def behind_lens(
     met = [
         (rays, body.media(media), DOUBLE, media.scattering_before(each), seed) for each, body in enumerate(media.bodies)
     ]
-    rough = [RoughBody(slopes_of(*each), numbers_for_rings(*each)) for each in met]
+    rough = [Draws.of(*each) for each in met]
     behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, plate, rough)
     out_of_bodies = passage.flux * behind.through_bodies
     left = out_of_bodies * behind.through_glass
@@ -221,16 +221,15 @@ class MeshBody:
         return along
 
 
-def at_faces(
-    optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceHits, events: int | Int[np.ndarray, " n"]
-) -> AtFace:
-    """Light at the places of a body that were hit, each at one of its ``events``.
+def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceHits) -> AtFace:
+    """Light at the places of a body that were hit.
 
     On their other side than the body is the cavity where they face the origin; where no optical face is, no coating.
     """
     names, split = optical.names, np.empty((2, *light.fields.shape), dtype=complex)
-    models, turns = media.scattering_of(names) or (None,) * len(names), np.broadcast_to(events, len(hits.faces))
-    normals = tilted(Arrival(hits.points, hits.normals, light.directions), light.slopes, hits.faces, events)
+    models, numbers = media.scattering_of(names) or (None,) * len(names), light.numbers_at(hits.faces)
+    rms = facet_slopes(media, names)[hits.faces]
+    normals = tilted(Arrival(hits.points, hits.normals, light.directions), rms, numbers)
     at_face = AtFace(*np.empty((2, *hits.points.shape)), *np.empty((2, len(hits.points))), *split)
     for number, away, inside in product(range(NO_FACE, len(names)), (False, True), (False, True)):
         rows = np.nonzero((hits.faces == number) & (hits.away == away) & (light.inside == inside))[0]
@@ -243,8 +242,7 @@ def at_faces(
             some = AtFace.of(face, light.directions[rows], normals[rows], light.fields[rows])
             if number != NO_FACE and isinstance(model := models[number], RingScatter):
                 met = Arrival(hits.points[rows], normals[rows], light.directions[rows])
-                own = light.rings[rows, 2 * number : 2 * number + 2]
-                some = some.spread(Spreading.of(model, own, met, turns[rows] - number), isinstance(coating, Mirror))
+                some = some.spread(Spreading.of(model, numbers[rows], met), isinstance(coating, Mirror))
             for name, values in vars(some).items():
                 getattr(at_face, name)[rows] = values
     return at_face
@@ -328,7 +326,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int |
         absorb(passage, rows, lengths, np.where(light.inside, light.absorptions, 0.0))
         passage.facets_um[rows, event] = 1e3 * hits.heights
         passage.met[rows, event] = hits.faces
-        at = at_faces(optical, media, light, hits, event)
+        at = at_faces(optical, media, light, hits)
         passes = at.transmittance > 0.0
         dim(passage, rows, at, passes)
         ways, inside = np.where(passes[:, None], at.bent, at.mirrored), light.inside != passes
@@ -339,7 +337,8 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int |
         whole = ~passes & ~np.isin(hits.faces, mirrors(optical, media))
         ends = np.where(whole, CastFate.TOTAL_REFLECTION, CastFate.EVENT_LIMIT)
         passage.fates[rows] = np.where(out | goes_on, CastFate.LANDED, ends)
-        light = replace(light, directions=ways, fields=passage.fields[rows], inside=inside)
+        times = light.times_after(hits.faces)
+        light = replace(light, directions=ways, fields=passage.fields[rows], inside=inside, times=times)
         going = np.nonzero(goes_on)[0]
         rows, leg, light = rows[going], Leg(hits.points, ways, hits.skins).take(going), light.take(going)
     return behind_lens(passage, rays, media, optical.plate, seed)

@@ -35,7 +35,7 @@ def cast_plain(
     entry = MeshBody(part, grid).surface_hits(outside)
     entered = np.nonzero(entry.found)[0]
     entry = entry.take(entered)
-    inside = Leg(entry.points, at_faces(part.optical, media, light.take(entered), entry, 0).bent, entry.skins)
+    inside = Leg(entry.points, at_faces(part.optical, media, light.take(entered), entry).bent, entry.skins)
     bare = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=False)  # what others have cached stays here
     legs = outside, inside
     cast = second.call(_distances, bare, legs)

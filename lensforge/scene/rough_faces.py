@@ -1,15 +1,17 @@
 """Rough faces, as rays meet them: facets and shifts of faces that scatter, and facets of a made part.
 
 A source that draws quasi-random rays gives each two numbers for two faces. All others are drawn by the ray itself, from
-the bits of its start and direction. Either way a ray meets the same in every trace.
+the bits of its start and direction: for further faces, and each time that it meets a face again. Either way a ray meets
+the same in every trace.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int, UInt64
 
 from lensforge.kernels.face_records import RingShifts
 from lensforge.optics.media import Media
@@ -17,19 +19,22 @@ from lensforge.optics.scattering import GaussianFacets, RingScatter
 from lensforge.scene.made_part import AsMade
 from lensforge.sources.ray_bundle import RayBundle
 
-Values = Float[np.ndarray, " n"]
 Scatter = GaussianFacets | RingScatter
+Keys = UInt64[np.ndarray, " n"]
+Numbers = Float[np.ndarray, "n 2"]
 
 
 class Roughness(NamedTuple):
     """Roughness that each ray meets: slopes of facets along two lines, over that of the face, and shifts.
 
-    None where no face has facets, or none shifts light.
+    None where no face has facets, or none shifts light. They are those of the first time that a ray meets a face;
+    ``keys`` are of the numbers that it draws later, as :func:`numbers_again` has them.
     """
 
     noise: Float[np.ndarray, "n m"] | None = None
     slopes: Float[np.ndarray, " f"] | None = None
     shifts: RingShifts | None = None
+    keys: Keys | None = None
 
 
 def roughness(
@@ -40,10 +45,13 @@ def roughness(
     ``first``: number of the first ray, where these are some of many; ``before``: number of faces that scatter and that
     the rays have met before, on other bodies.
     """
-    rough = Roughness()
-    if made is not None and (noise := made.rough(first + len(rays))) is not None:
-        rough = Roughness(noise[first:], made.slopes_of_faces)
+    noise = None if made is None else made.rough(first + len(rays))
     models = media.scattering_of(names)
+    if noise is None and models is None:
+        return Roughness()
+    rough = Roughness(keys=_keys(rays))
+    if made is not None and noise is not None:
+        rough = rough._replace(noise=noise[first:], slopes=made.slopes_of_faces)
     if models is None:
         return rough
     rms = np.array([each.slope if isinstance(each, GaussianFacets) else 0.0 for each in models])
@@ -51,7 +59,7 @@ def roughness(
         slopes = facet_slopes(rays, models, before)
         if rough.noise is not None and rough.slopes is not None:
             slopes, rms = slopes + rough.noise * np.repeat(rough.slopes, 2), np.hypot(rms, rough.slopes)
-        rough = Roughness(slopes / np.repeat(np.where(rms > 0.0, rms, 1.0), 2), rms)
+        rough = rough._replace(noise=slopes / np.repeat(np.where(rms > 0.0, rms, 1.0), 2), slopes=rms)
     return rough._replace(shifts=ring_shifts(rays, models, before)) if media.has_rings else rough
 
 
@@ -59,18 +67,19 @@ def with_facets(rays: RayBundle, faces: int) -> RayBundle:
     """``rays`` with their numbers for as many ``faces`` that scatter, for whoever is to meet the same facets."""
     if not faces:
         return rays
-    return replace(rays, facets=np.column_stack([each for face in range(faces) for each in _numbers(rays, face)]))
+    keys = _keys(rays)
+    return replace(rays, facets=np.column_stack([_numbers(rays, keys, face) for face in range(faces)]))
 
 
 def facet_slopes(rays: RayBundle, faces: Sequence[Scatter | None], before: int = 0) -> Float[np.ndarray, "n m"]:
-    """Slopes of the facets that each ray meets, along two lines on each of the ``faces``; 0 on one that has none.
+    """Slopes of the facets that each ray meets first, along two lines on each of the ``faces``; 0 on one without.
 
     ``before``: number of faces that scatter and that the rays have met before, on other bodies.
     """
     found = np.zeros((len(rays), 2 * len(faces)))
-    for face, facets, amounts, azimuths in _at_each(rays, faces, before):
+    for face, facets, numbers in _at_each(rays, faces, before):
         if isinstance(facets, GaussianFacets):
-            slopes = facets.amounts(amounts)
+            slopes, azimuths = facets.amounts(numbers[:, 0]), 2.0 * np.pi * numbers[:, 1]
             np.multiply(slopes, np.cos(azimuths), out=found[:, 2 * face])
             np.multiply(slopes, np.sin(azimuths), out=found[:, 2 * face + 1])
     return found
@@ -81,38 +90,56 @@ def ring_shifts(rays: RayBundle, faces: Sequence[Scatter | None], before: int = 
 
     ``before``: as of :func:`facet_slopes`.
     """
-    rings = [each for each in faces if isinstance(each, RingScatter)]
-    most = max(len(each.cosines) for each in rings)
-    cosines = np.tile(np.linspace(2.0, 3.0, most), (len(faces), 1))  # where no row is: beyond all that rays have
-    found = np.zeros((len(rays), len(faces), 3 + most))
-    found[:, :, 2] = 1.0
-    for face, model, numbers, azimuths in _at_each(rays, faces, before):
-        if isinstance(model, RingScatter):
-            known, amounts = len(model.cosines), model.amounts(numbers)
-            cosines[face, :known] = model.cosines
-            found[:, face, 0], found[:, face, 1] = np.cos(azimuths), np.sin(azimuths)
-            found[:, face, 2] = np.where(amounts.max(axis=1) > 0.0, float(model.follows), 1.0)
-            found[:, face, 3 : 3 + known], found[:, face, 3 + known :] = amounts, amounts[:, -1:]
-    return RingShifts(found, cosines)
+    numbers = np.zeros((len(rays), 2 * len(faces)))
+    for face, _, two in _at_each(rays, faces, before):
+        numbers[:, 2 * face : 2 * face + 2] = two
+    return _tables(tuple(each if isinstance(each, RingScatter) else None for each in faces))._replace(numbers=numbers)
+
+
+def numbers_again(keys: Keys, face: int, times: Int[np.ndarray, " n"]) -> Numbers:
+    """Two numbers in [0, 1) of rays with these ``keys`` for a face that each has met so many ``times`` before."""
+    from lensforge.kernels.ray_draws import draw_all  # the compiler is loaded for what is traced
+
+    numbers = np.empty((len(keys), 2))
+    draw_all(keys, face, times, numbers)
+    return numbers
+
+
+@lru_cache(maxsize=8)
+def _tables(faces: tuple[RingScatter | None, ...]) -> RingShifts:
+    """The rings of all ``faces`` in arrays as large as the largest needs, for no rays."""
+    known = [(face, model) for face, model in enumerate(faces) if model is not None]
+    most = max(len(model.cosines) for _, model in known)
+    rings = max(len(model.radii) for _, model in known)
+    empty = [np.zeros((len(faces), *shape)) for shape in ((most,), (rings,), (most, rings), ())]
+    tables = RingShifts(np.zeros((0, 2 * len(faces))), np.zeros((len(faces), 2), dtype=np.int64), *empty)
+    for face, model in known:
+        incidences, radii = np.shape(model.shares)
+        tables.sizes[face] = incidences, radii
+        tables.cosines[face, :incidences] = model.cosines
+        tables.squares[face, :radii] = np.square(model.radii)
+        tables.shares[face, :incidences, :radii] = model.shares
+        tables.follows[face] = model.follows
+    return tables
 
 
 def _at_each(
     rays: RayBundle, faces: Sequence[Scatter | None], before: int
-) -> Iterator[tuple[int, Scatter, Values, Values]]:
-    """Number and model of each face that scatters, with the number of each ray for its amount, and its azimuth."""
-    rough = [(face, model) for face, model in enumerate(faces) if model is not None]
+) -> Iterator[tuple[int, Scatter, Numbers]]:
+    """Number and model of each face that scatters, with two numbers of each ray there."""
+    rough, keys = [(face, model) for face, model in enumerate(faces) if model is not None], _keys(rays)
     for number, (face, model) in enumerate(rough, before):
-        amounts, turns = _numbers(rays, number)
-        yield face, model, amounts, 2.0 * np.pi * turns
+        yield face, model, _numbers(rays, keys, number)
 
 
-def _numbers(rays: RayBundle, number: int) -> tuple[Values, Values]:
+def _numbers(rays: RayBundle, keys: Keys, number: int) -> Numbers:
     """Two numbers of each ray for the facet of this number: its own, or drawn by its bits."""
     if rays.facets is not None and 2 * number < rays.facets.shape[1]:
-        return rays.facets[:, 2 * number], rays.facets[:, 2 * number + 1]
-    from lensforge.kernels.facet_normals import draw_by_rays  # the compiler is loaded for what is traced
+        return rays.facets[:, 2 * number : 2 * number + 2]
+    return numbers_again(keys, number, np.zeros(len(keys), dtype=np.int64))
 
-    starts, ways = (np.ascontiguousarray(each).view(np.uint64) for each in (rays.origins, rays.directions))
-    drawn = np.empty((len(rays), 2))
-    draw_by_rays(starts, ways, np.uint64(number), drawn)
-    return drawn[:, 0], drawn[:, 1]
+
+def _keys(rays: RayBundle) -> Keys:
+    from lensforge.kernels.ray_draws import keys_of
+
+    return keys_of(rays.origins, rays.directions)

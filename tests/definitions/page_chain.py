@@ -24,6 +24,7 @@ from page_tracer import (
 )
 from scipy.interpolate import BSpline
 from scipy.ndimage import map_coordinates
+from scipy.special import ndtr
 
 SIDES = {
     "cap": ("cavity", "body"), "side": ("cavity", "body"), "wall": ("body", "outside"), "flange": ("body", "outside"),
@@ -162,7 +163,8 @@ class Light:
     clear: np.ndarray
     absorbed: np.ndarray
     fate: np.ndarray
-    turns: dict  # by the name of a rough face the slopes of its facets, (rays, events, 2), and their rms
+    turns: dict  # by the name of a rough face the slopes of its facets, (rays, times met, 2), and their rms
+    times: dict  # by the name of a face, how often each ray has met it
 
     def flux(self, rows):
         return self.clear[rows] * (abs(self.fields[rows]) ** 2).sum(axis=(1, 2)) / 2
@@ -213,7 +215,8 @@ def meet(light, face, medium, rows, t, media, section, nm, event):
     n = face.exact(unit(at))[1]
     if face.name in light.turns:
         slopes, rms = light.turns[face.name]
-        n = facet(n, d, slopes[rows, event], rms)
+        n = facet(n, d, slopes[rows, light.times[face.name][rows]], rms)
+        light.times[face.name][rows] += 1
     n = n * (-1 if back else 1)
     c = (d * n).sum(axis=1)
     mirror = section[face.name].get("mirror") if face.name in section else None
@@ -246,13 +249,48 @@ def trace_chain(lens, faces, p, d, nm=None):
 
 def facet(n, d, slopes, s):
     """Normals of facets on a face with normals n away from the origin: slopes along x and y, turned as z is to n; and
-    the mean slope that light along d sees of facets of rms s."""
+    along the light of those that it sees the one below which the same share lies, of facets of rms s."""
     axis = np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
     flat = np.column_stack([slopes, np.zeros(len(n))])
-    along = (axis * flat).sum(axis=1)[:, None]
-    c, t = (d * n).sum(axis=1)[:, None], np.cross(n, np.cross(d, n))
-    seen = s**2 * np.sign(c) * t / np.sqrt(c**2 + 2 / np.pi * s**2 * (t**2).sum(axis=1)[:, None])
-    return unit(n + n[:, 2:] * flat + np.cross(axis, flat) + along * axis / (1.0 + n[:, 2:]) + seen)
+    v = n[:, 2:] * flat + np.cross(axis, flat) + (axis * flat).sum(axis=1)[:, None] * axis / (1.0 + n[:, 2:])
+    c, t = (d * n).sum(axis=1), np.cross(n, np.cross(d, n))
+    sine = np.linalg.norm(t, axis=1)
+    e = np.sign(c)[:, None] * t / np.where(sine > 0, sine, 1)[:, None]
+    y, k = (v * e).sum(axis=1) / s, np.minimum(abs(c) / np.maximum(s * sine, 1e-300), 1e8)
+    low, high = np.maximum(y, -k), np.maximum(y, 0) + 1.2
+    for _ in range(60):
+        w = (low + high) / 2
+        above = (k * ndtr(-w) + bell(w)) / (k * ndtr(k) + bell(k)) > ndtr(-y)
+        low, high = np.where(above, w, low), np.where(above, high, w)
+    return unit(n + v + s * (w - y)[:, None] * e)
+
+
+def bell(x):
+    return np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi)
+
+
+def mix(q):
+    q = (q ^ q >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
+    q = (q ^ q >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
+    return q ^ q >> np.uint64(31)
+
+
+G = np.uint64(0x9E3779B97F4A7C15)
+
+
+def keys_of(p, d):
+    """A hash of the bits with which each ray begins."""
+    key = np.zeros(len(p), np.uint64)
+    for axis in range(3):
+        for numbers in (p, d):
+            key = mix(key + G ^ np.ascontiguousarray(numbers[:, axis]).view(np.uint64))
+    return key
+
+
+def drawn(keys, i):
+    """Two numbers of each ray in [0, 1)."""
+    h = mix(keys + G ^ np.uint64(i))
+    return [(mix(each) >> np.uint64(11)) / 2.0**53 for each in (h + G, h + G + G)]
 
 
 def leave_chain(lens, faces, p, d, nm=None, turns=None):
@@ -264,7 +302,8 @@ def leave_chain(lens, faces, p, d, nm=None, turns=None):
     fate, p = enter(p, d, lambda points: room_in(faces, "cavity", points) > 0)
     one = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
     fields = np.stack([one, np.cross(d, one)], axis=1).astype(complex)
-    light = Light(p, d.copy(), fields, np.ones(count), np.zeros(count), fate, turns or {})
+    times = {name: np.zeros(count, int) for name in turns or {}}
+    light = Light(p, d.copy(), fields, np.ones(count), np.zeros(count), fate, turns or {}, times)
     ways = [()] * count
     going, out = {"cavity": np.flatnonzero(fate == LANDED)}, []
     for event in range(section["events"]):

@@ -7,25 +7,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chains import clear, upwards
+from inlined import alone
 from scipy.integrate import quad
-from scipy.stats import kstest
+from scipy.stats import kstest, norm
 
 from lensforge.errors import InputError
-from lensforge.kernels.facet_normals import seen_slope
+from lensforge.kernels.seen_slopes import added_slope, seen_number
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import FaceScatter, Media
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian
-from lensforge.proof.facet_tilt import Arrival, slopes_of, tilted
+from lensforge.proof.facet_tilt import Arrival, Draws, tilted
 from lensforge.proof.refraction import LitRays
 from lensforge.proof.ring_spread import Spreading, spread
 from lensforge.scene.made_part import AsMade
-from lensforge.scene.rough_faces import facet_slopes, roughness, with_facets
+from lensforge.scene.rough_faces import facet_slopes, numbers_again, roughness, with_facets
 from lensforge.sources.build_source import build_source
 from lensforge.spec.scatter_section import AbgScatter, GaussianScatter, LambertianScatter, TableScatter
 from lensforge.spec.source_sections import SquareSource
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
+SEEN, ADDED = alone(seen_number), alone(added_slope)
 N, GRID = 1.49, TableGrid(161)
 SPHERES = np.stack([tabulate(GRID, sphere(radius)) for radius in (1.0, 3.0)])
 RAYS = replace(
@@ -82,21 +84,38 @@ def test_a_frosted_face_lets_through_what_its_facets_do(face: str, sigma_deg: fl
         assert found.flux[found.left_lens].sum() == pytest.approx(wanted, abs=2e-4)
     else:
         lit = LitRays.of(with_facets(RAYS, 1), media, ("inner", "outer"))
-        facets = tilted(Arrival(*[RAYS.directions] * 3), lit.slopes, np.zeros(len(RAYS), dtype=int), 0)
+        rms = np.full(len(RAYS), slope)
+        facets = tilted(Arrival(*[RAYS.directions] * 3), rms, lit.numbers_at(np.zeros(len(RAYS), dtype=int)))
         angles = np.arccos(np.minimum((facets * RAYS.directions).sum(axis=1), 1.0))
         assert np.mean([passed(m) for m in angles[:20_000]]) == pytest.approx(wanted, abs=2e-4)
 
 
-@pytest.mark.parametrize("rms", [1e-3, 0.05, 0.3])
-@pytest.mark.parametrize("angle_deg", [0.0, 20.0, 60.0, 85.0, 89.9, 120.0])
-def test_light_sees_the_facets_that_face_it(rms: float, angle_deg: float) -> None:
-    """Mean slope along the light of normal slopes, each by the area that the light sees: of Rayleigh's at grazing."""
-    cosine, sine = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    area = [lambda x, k=k: x**k * max(abs(cosine) + rms * x * sine, 0.0) * np.exp(-0.5 * x * x) for k in (0, 1)]
-    bend = max(-abs(cosine) / (rms * max(sine, 1e-9)), -9.0)
-    lit, along = (quad(each, -9.0, 9.0, points=[bend], epsabs=1e-13)[0] for each in area)
-    assert abs(seen_slope.py_func(rms**2, cosine)[0] * sine) == pytest.approx(rms * along / lit, rel=0.08, abs=1e-12)
-    assert (seen_slope.py_func(rms**2, cosine)[0] > 0.0) == (cosine > 0.0)
+@pytest.mark.parametrize("k", [0.0, 0.1, 0.7, 3.0, 40.0])
+@pytest.mark.parametrize("a", [-6.0, -1.3, 0.0, 1e-9, 2.2, 5.0])
+def test_light_sees_the_facets_that_face_it(a: float, k: float) -> None:
+    """The share of the facets that light sees with a lesser slope, by quadrature, is that of lesser normal numbers."""
+    seen = [quad(lambda x: (k + x) * np.exp(-0.5 * x * x), *ends, epsabs=1e-13, epsrel=1e-12, limit=200)[0]
+            for ends in ((max(-k, -12.0), SEEN(a, k)[0]), (SEEN(a, k)[0], 12.0))]  # fmt: skip
+    assert seen[a > 0.0] / sum(seen) == pytest.approx(norm.cdf(-abs(a)), rel=1e-7)
+    step = 1e-4
+    for k, by in ((1, [a + step, a - step]), (2, None)):
+        ends = [(each, 0.7) for each in by] if by else [(a, 0.7 + step), (a, 0.7 - step)]
+        above, below = (SEEN(*each)[0] for each in ends)
+        assert SEEN(a, 0.7)[k] == pytest.approx((above - below) / (2.0 * step), rel=1e-4)
+
+
+@pytest.mark.parametrize("cosine", [0.02, 0.5, 0.9999, 1.0 - 1e-7, -0.3])
+@pytest.mark.parametrize("rms", [1e-4, 0.3])
+def test_what_is_seen_changes_with_the_incidence_as_its_derivatives_say(rms: float, cosine: float) -> None:
+    """By differences, also beside the place from which a series is summed; light from behind sees the other slopes."""
+    along, step = 0.8 * rms * np.sqrt(1.0 - cosine**2), min(1e-5, 0.3 * (1.0 - abs(cosine)))
+    found = ADDED(rms, cosine, along)
+    by_c = [ADDED(rms, cosine + sign * step, along)[0] for sign in (1.0, -1.0)]
+    assert found[1] == pytest.approx((by_c[0] - by_c[1]) / (2.0 * step), rel=2e-3, abs=1e-9)
+    by_along = [ADDED(rms, cosine, along + sign * 1e-4 * rms)[0] for sign in (1.0, -1.0)]
+    assert found[2] == pytest.approx((by_along[0] - by_along[1]) / (2e-4 * rms), rel=2e-3, abs=1e-9)
+    other = ADDED(rms, -cosine, -along)
+    assert other == pytest.approx((-found[0], found[1], found[2]), rel=1e-12)
 
 
 def test_oblique_light_leaves_as_the_facets_that_it_sees_send_it() -> None:
@@ -149,14 +168,15 @@ def test_a_polished_face_costs_no_bits_and_one_face_does_not_scatter_for_another
 
 def test_the_proof_draws_facets_of_its_own_with_the_same_light() -> None:
     media = frosted("outer", 8.0)
-    own, design = (slopes_of(with_facets(RAYS, 1), media, ("inner", "outer"), seed=seed) for seed in (7, None))
-    assert np.abs(own - design).max() > 0.1
-    normals, faces = RAYS.directions, np.ones(len(RAYS), dtype=int)
-    facets = [tilted(Arrival(*[normals] * 3), each, faces, 1) for each in (own, design)]
+    own, design = (Draws.of(with_facets(RAYS, 1), media, ("inner", "outer"), seed=seed) for seed in (7, None))
+    normals, faces, rms = RAYS.directions, np.ones(len(RAYS), dtype=int), np.full(len(RAYS), 0.25)
+    numbers = [each.at(faces, np.full(len(RAYS), times)) for each in (own, design) for times in (0, 1, 2)]
+    assert np.abs(np.corrcoef(np.column_stack(numbers).T) - np.eye(12)).max() < 0.012, "each time that a face is met"
+    facets = [tilted(Arrival(*[normals] * 3), rms, each) for each in numbers]
     angles = [np.arccos((each * normals).sum(axis=1)) for each in facets]
-    assert kstest(*angles).statistic < 1.95 * np.sqrt(2.0 / len(RAYS))
-    away = tilted(Arrival(normals, -normals, normals), design, faces, 1)
-    assert np.array_equal(away, facets[1]), "a facet has one normal, from both sides"
+    assert max(kstest(each, angles[0]).statistic for each in angles[1:]) < 1.95 * np.sqrt(2.0 / len(RAYS))
+    away = tilted(Arrival(normals, -normals, normals), rms, numbers[3])
+    assert np.array_equal(away, facets[3]), "a facet has one normal, from both sides"
 
 
 def test_a_drawn_sample_has_quasi_random_facets_for_two_faces() -> None:
@@ -185,36 +205,40 @@ def test_facets_of_a_made_part_add_to_those_of_the_design() -> None:
 
 
 def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() -> None:
-    """Ray by ray: a double lens, and the third face that scatters, on a body behind it; at a second event, too.
+    """Ray by ray: a double lens, and the third face that scatters, on a body behind it; met again, too, from behind.
 
-    Light comes at 40 degrees: the facets that it sees have a mean slope along the face, of about s^2 tan 40 deg.
+    Light comes at 40 degrees.
     """
     rays, names = with_facets(upwards(500, 4, 0.4), 3), ("inner", "outer")
     facets, faces = (GaussianFacets(0.05), GaussianFacets(0.1)), np.tile([0, 1], 250)
-    media = replace(clear(N), scatter=tuple(FaceScatter(*each) for each in zip(names, facets, strict=True)))
     normals, (cosine, sine) = rays.directions, (np.cos(np.radians(40.0)), np.sin(np.radians(40.0)))
     sideways = np.cross(normals, [0.6, 0.8, 0.0])
     sideways /= np.linalg.norm(sideways, axis=1)[:, None]
-    ways = cosine * normals + sine * sideways
     for before, kinds in ((0, facets), (2, (None, facets[0]))):
-        seen = replace(media, scatter=tuple(FaceScatter(n, f) for n, f in zip(names, kinds, strict=True) if f))
-        slopes = slopes_of(rays, seen, names, before)
-        own, rms = slopes.reshape(500, 2, 3)[:, :, :2], np.array([0.0 if f is None else f.slope for f in kinds])[faces]
-        assert own.reshape(500, 4) == pytest.approx(facet_slopes(rays, kinds, before), abs=1e-14)
-        for event in (0, 1, 2, 3, 4):
-            found = tilted(Arrival(normals, normals, ways), slopes, faces, event)
-            x, y = own[np.arange(500), faces].T
-            wanted = np.column_stack([x, y, 0.0 * x])
-            quarter = (event - faces) % 4
-            wanted[:, 0], wanted[:, 1] = (
-                np.choose(quarter, [x, -y, -x, y]),
-                np.choose(quarter, [y, x, -y, -x]),
-            )
-            along = (wanted[:, :2] * normals[:, :2]).sum(axis=1) / (1.0 + normals[:, 2])
-            wanted = normals + wanted - along[:, None] * (normals + np.eye(3)[2])
-            wanted += (rms**2 * sine / np.sqrt(cosine**2 + 2.0 / np.pi * (rms * sine) ** 2))[:, None] * sideways
+        seen = replace(clear(N), scatter=tuple(FaceScatter(n, f) for n, f in zip(names, kinds, strict=True) if f))
+        draws, rms = Draws.of(rays, seen, names, before), np.array([0.0 if f is None else f.slope for f in kinds])[faces]
+        keys = roughness(seen, names, rays, before=before).keys
+        for times, sign in ((0, 1.0), (1, 1.0), (2, -1.0), (300, -1.0)):
+            numbers = draws.at(faces, np.full(500, times))
+            ways = sign * (cosine * normals + sine * sideways)
+            found = tilted(Arrival(normals, normals, ways), rms, numbers)
+            slopes = facet_slopes(rays, kinds, before).reshape(500, 2, 2)[np.arange(500), faces]
+            if times:
+                own = np.stack([numbers_again(keys, face, np.full(500, times)) for face in (0, 1)])
+                one, other = own[faces, np.arange(500)].T
+                assert numbers[rms > 0.0] == pytest.approx(np.column_stack([one, other])[rms > 0.0], abs=0.0)
+                length = rms * np.sqrt(-2.0 * np.log(1.0 - one))
+                slopes = length[:, None] * np.column_stack([np.cos(2 * np.pi * other), np.sin(2 * np.pi * other)])
+            along = (slopes * normals[:, :2]).sum(axis=1) / (1.0 + normals[:, 2])
+            tilts = np.column_stack([slopes, 0.0 * along]) - along[:, None] * (normals + np.eye(3)[2])
+            drawn = sine * (tilts * sideways).sum(axis=1)
+            more = [
+                ADDED(s, sign * cosine, sign * a)[0] * sign * sine if s else 0.0
+                for s, a in zip(rms, drawn, strict=True)
+            ]
+            wanted = normals + tilts + np.array(more)[:, None] * sideways
             wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
-            assert np.abs(found - wanted).max() < 1e-13
+            assert np.abs(found - wanted).max() < 1e-10
 
 
 def test_a_mirror_turns_light_by_twice_the_slope() -> None:
@@ -288,7 +312,7 @@ def test_a_measured_face_scatters_by_its_table_between_its_incidences() -> None:
     number = np.full(1, 0.9)
     steep, straight = model.amounts(number)[0]
     middle = 0.5 * (1.0 + np.cos(np.radians(40.0)))
-    met = Spreading(model, np.array([[0.9, 0.0]]), np.array([[0.0, 0.0, 1.0]]), np.array([middle]), np.array([0]))
+    met = Spreading(model, np.array([[0.9, 0.0]]), np.array([[0.0, 0.0, 1.0]]), np.array([middle]))
     assert spread(np.array([[0.0, 0.0, 1.0]]), met)[0, 0] == pytest.approx(0.5 * (steep + straight), rel=1e-12)
 
 
@@ -304,9 +328,8 @@ def test_the_proof_spreads_each_ray_as_the_design_does(model: RingScatter) -> No
     points, ways, wanted = plain.points[left], plain.directions[left], rough.directions[left]
     normals = (points - [0.0, 0.0, -2.5]) / 6.0
     met = Arrival(points, -normals, refracted(ways, normals))
-    found, again = (spread(ways, Spreading.of(model, rays.facets[left], met, turns)) for turns in (0, 1))
+    found = spread(ways, Spreading.of(model, rays.facets[left], met))
     assert left.sum() > 3500 and found == pytest.approx(wanted, abs=2e-5), "of the tables"
-    assert np.abs(again - wanted).max() > 0.1, "another shift when met again"
     assert rough.flux == pytest.approx(plain.flux, rel=1e-12)
 
 
@@ -320,7 +343,7 @@ def refracted(outside: np.ndarray, normals: np.ndarray) -> np.ndarray:
 def test_light_beyond_grazing_comes_back_by_as_much() -> None:
     """Of shift 0.9 along x on a direction of 0.5 along it, 1.4 is folded to 1/1.4; azimuth 0 by the numbers."""
     model = RingScatter((0.0, 0.9), ((0.0, 1.0),))
-    met = Spreading(model, np.array([[1.0 - 1e-15, 0.0]]), np.eye(3)[2:], np.array([0.9]), np.array([0]))
+    met = Spreading(model, np.array([[1.0 - 1e-15, 0.0]]), np.eye(3)[2:], np.array([0.9]))
     found = spread(np.array([[0.5, 0.0, np.sqrt(0.75)]]), met)
     assert found[0] == pytest.approx([1.0 / 1.4, 0.0, np.sqrt(1.0 - 1.4**-2)], abs=1e-9)
 

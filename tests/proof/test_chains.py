@@ -31,11 +31,12 @@ from lensforge.errors import InputError
 from lensforge.light.light_ways import FluxByWay
 from lensforge.light.simulation import TracedLens
 from lensforge.optics.face_roles import OUTSIDE
-from lensforge.optics.media import FaceCoating, Media, Medium, Mirror, ReflectanceTable
+from lensforge.optics.media import FaceCoating, FaceScatter, Media, Medium, Mirror, ReflectanceTable
+from lensforge.optics.scattering import GaussianFacets, lambertian
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.mitsuba_cast import send_through_mitsuba
 from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow, trace_stray
-from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces, faces_away
+from lensforge.proof.optical_faces import NO_FACE, USUAL_LENS, OpticalFaces, faces_away
 from lensforge.proof.part_comparison import Expected, flux_budget
 from lensforge.proof.part_mesh import part_mesh_of, smooth_faces
 from lensforge.proof.proof_inputs import optical_of
@@ -44,6 +45,7 @@ from lensforge.proof.sequential_cast import CastFate, send_through, send_through
 from lensforge.proof.step_body import StepBody
 from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, passage_through, verify_part
 from lensforge.scene import body as scene
+from lensforge.scene.rough_faces import with_facets
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces import asphere
 from lensforge.surfaces.reciprocal import ConeFace, PlaneFace
@@ -159,6 +161,26 @@ def test_facets_send_every_ray_along_its_chain(name, events, precision):
         errors.append(np.sqrt(np.mean((found.directions - wanted.directions)[both] ** 2)))
         np.testing.assert_allclose(found.flux[both].sum(), wanted.flux[both].sum(), rtol=1e-4)
     assert errors[1] < precision and errors[1] < 0.3 * errors[0]
+
+
+@pytest.mark.parametrize("model", [GaussianFacets(0.1), lambertian(0.8)])
+def test_rays_that_meet_a_rough_face_again_go_as_in_the_design(model):
+    """Facets and rings inside of a ball with a mirror, ray by ray by the numbers of the design; its own are others."""
+    media = replace(clear(INDEX, SILVERED), scatter=(FaceScatter("exit", GaussianFacets(0.05)), FaceScatter("wall", model)))
+    rays, optical = with_facets(RAYS, 2), optical_of(OF_BALL, 6)
+    design = TracedLens.of_body(OF_BALL, media, 6, 20.0).trace(rays)
+    again = ((design.met >= 0).sum(axis=1) > 0) & ((design.met == optical.names.index("wall")).sum(axis=1) > 1)
+    assert again.mean() > 0.1, "of the rays, by which this is seen"
+    body = StepBody(step_of("ball"), optical)
+    same, own = (send_through_body(body, rays, media, seed) for seed in (None, 5))
+    met = np.where(design.met < 0, NO_FACE, design.met)
+    alike = (same.met[:, : met.shape[1]] == met).all(axis=1)
+    assert np.mean(alike) > 0.97, "but at the edges of tables"
+    out = alike & design.left_lens
+    assert (out & again).sum() > 5
+    assert np.abs(same.directions - design.directions)[out].max() < 2e-3
+    assert np.abs(same.flux - design.flux)[out].max() < 2e-3
+    assert np.mean((own.met == same.met).all(axis=1)) < 0.9
 
 
 def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis():

@@ -3,7 +3,7 @@
 import numpy as np
 from crooked import Expected
 from oracle_part import kept_of
-from page_chain import facet, leave_chain
+from page_chain import drawn, facet, keys_of, leave_chain
 from page_colour import flux_and_efficacy
 from page_figures import CLOSE, apart_of, error_over_pairs, jackknife, least_parts
 from page_light import filtered
@@ -205,14 +205,14 @@ def light_with(case, led, name="", value=None):
         lens_at = motion(name, value)
     (turn, shift), up = lens_at, np.array([0, 0, (spec["base"]["height_mm"] or 0.0) * (scale - 1)])
     number, p, d, flux, nm = rays_of(case, led)
-    noise = noise_of(d, 2 * len(case.lens["faces"]))
+    noise, keys = noise_of(d, 2 * len(case.lens["faces"])), keys_of(p, d)
     p, d = (
         source["position_mm"] + size * (p - source["position_mm"]) @ source_at[0].T + source_at[1],
         d @ source_at[0].T,
     )
     own = ((p - shift) @ turn - up) / scale, d @ turn
     behind = behind_double if section["kind"] == "double" else behind_chain
-    left, p, d, share, nm, (q, u, s) = behind(case, section, own, nm, noise, name, value)
+    left, p, d, share, nm, (q, u, s) = behind(case, section, own, nm, (noise, keys), name, value)
     p, d, stokes = (scale * p + up) @ turn.T + shift, d @ turn.T, (q, u, s @ turn.T)
     for body in spec["bodies"]:
         left, stokes, _ = through(body, spec["lens"], left, p, d, share, nm, stokes)
@@ -224,7 +224,7 @@ def light_with(case, led, name="", value=None):
     return np.array(images), np.array(window)
 
 
-def behind_double(case, section, own, nm, noise, name, value):
+def behind_double(case, section, own, nm, numbers, name, value):
     """Rays behind a lens of two faces with one error: numbers of those that leave it, places, directions, shares."""
     faces = list(faces_of(case.lens, case.lens["faces"]))
     k = int(name.startswith("outer"))
@@ -235,21 +235,24 @@ def behind_double(case, section, own, nm, noise, name, value):
     elif name.endswith(ROUGH):
         fate = leave({"spec": {"lens": section}}, faces, *own, nm)[3]
         rows = (fate == LANDED) | (fate == TOTAL) if k else (fate != BACKWARD) & (fate != OUTSIDE_CAVITY)
-        faces[k] = Rough(faces[k], slope_of(case, name, value), noise[rows, 2 * k : 2 * k + 2])
+        faces[k] = Rough(faces[k], slope_of(case, name, value), numbers[0][rows, 2 * k : 2 * k + 2])
     left, p, d, _, share, _, nm, stokes = leave({"spec": {"lens": section}}, faces, *own, nm)
     return left, p, d, share, nm, stokes
 
 
-def behind_chain(case, section, own, nm, noise, name, value):
-    """As :func:`behind_double`, of a lens of more faces, which a ray may meet again, a right angle on."""
+def behind_chain(case, section, own, nm, numbers, name, value):
+    """As :func:`behind_double`, of a lens of more faces, which a ray may meet again; each begins with a key."""
     faces, turns = list(faces_of(case.lens, case.lens["faces"])), {}
     face = next((each for each in faces if each.name == face_of(section, name)), None)
     if face is not None and name.endswith(ROUGH):
         number = [each.name for each in faces].index(face.name)
-        along = noise[:, 2 * number] + 1j * noise[:, 2 * number + 1]
-        events = [along * 1j ** ((event - number) % 4) for event in range(section["events"])]
-        slopes = np.stack([np.column_stack([each.real, each.imag]) for each in events], axis=1)
-        rms = slope_of(case, name, value)
+        noise, keys = numbers
+        slopes = [noise[:, 2 * number : 2 * number + 2]]
+        for times in range(1, section["events"]):
+            one, other = drawn(keys, 256 * times + number)
+            length, turn = np.sqrt(-2 * np.log(1 - one)), 2 * np.pi * other
+            slopes.append(length[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))
+        slopes, rms = np.stack(slopes, axis=1), slope_of(case, name, value)
         turns = {face.name: (rms * slopes, rms)}
     elif face is not None:
         beside = [each for each in faces if each.before == face.before]
