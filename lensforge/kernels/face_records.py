@@ -30,8 +30,8 @@ class FacePlacement(NamedTuple):
 class RingShifts(NamedTuple):
     """Shifts of light behind faces that scatter by rings (``optics.scattering.RingScatter``).
 
-    ``numbers`` (n, 2 f): in [0, 1), two of each ray for each face that it meets the first time. ``sizes`` (f, 2): of the
-    ``cosines`` of incidence and of the ``squares`` of the radii of a face, none of one that does not scatter so.
+    ``numbers`` (n, 2 f): in [0, 1), two of each ray for each face that it meets the first time. ``sizes`` (f, 2): of
+    the ``cosines`` of incidence and of the ``squares`` of the radii of a face, none of one that does not scatter so.
     ``shares`` (f, k, r): within each radius at each incidence. ``follows``: 1 where scattered light keeps its direction
     along the face, 0 where it does not.
     """

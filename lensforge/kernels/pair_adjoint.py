@@ -100,9 +100,7 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
         by_cosine = arrived * by_c - 2.0 * ratio * ratio * c * packet[BY_SIN2 + k]
         e, f = back_into_faces(body.placement, three(packet, EX + k), three(packet, FX + k))
         by_n = scaled(arrived, by_n)
-        to, f, by_n, by_cosine = before_last_spread(
-            hit.number, n, b, c, rays.shifts, rays.keys, f, by_n, by_cosine
-        )
+        to, f, by_n, by_cosine = before_last_spread(hit.number, n, b, c, rays.shifts, rays.keys, f, by_n, by_cosine)
         # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
         e = add_scaled(e, -dot(e, to), to)
         f = add_scaled(f, arrived, by_b)

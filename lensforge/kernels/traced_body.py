@@ -31,10 +31,10 @@ class RaysIn(NamedTuple):
     ``emitted``: flux (W). ``indices``: the body's refractive index for each ray, or one for all; ``absorptions`` its
     absorption (1/mm) likewise, or nothing where the body is clear. ``film_rows``: place of each ray among the rows of
     the tables of films, or one for all. ``noise`` (n, 2 f): slopes of the facet that each ray meets at each face, along
-    two lines and over the slope of the face, the first time; None where all faces are polished. ``fields`` (n, 12): of polarised light
-    those with which each ray begins (``kernels.fields``: real and imaginary parts of both), in the frame of the faces;
-    None as from a source. ``shifts``: of light at faces that scatter by rings; None without any. ``keys``: of the
-    numbers that each ray draws at a rough face which it meets again.
+    two lines and over the slope of the face, the first time; None where all faces are polished. ``fields`` (n, 12): of
+    polarised light those with which each ray begins (``kernels.fields``: real and imaginary parts of both), in the
+    frame of the faces; None as from a source. ``shifts``: of light at faces that scatter by rings; None without any.
+    ``keys``: of the numbers that each ray draws at a rough face which it meets again.
     """
 
     origins: Float[np.ndarray, "n 3"]

@@ -157,12 +157,13 @@ class _Passage:
         if absorptions is not None and body.placement is not None:
             absorptions = absorptions * body.placement.factor_out  # paths are those in the lens as designed
         rough = roughness(body.media, body.chain.names, rays, made, first, body.scatters_before)
+        models = body.media.scattering_of(body.chain.names)
         return _Passage(
             body,
             there(medium.indices(waves, len(rays))),
             absorptions,
             RayCoatings.of(rays, body.media, fresnel, body.origin),
-            ReferenceRoughness.of(rough, body.media.scattering_of(body.chain.names) or (None,) * len(body.faces), there),
+            ReferenceRoughness.of(rough, models or (None,) * len(body.faces), there),
             fresnel,
             memory,
         )
@@ -274,7 +275,10 @@ class _Passage:
         is_exit, bends = number + 1 == len(self.body.faces), behind == OUTSIDE and mirror is None
         sin2_exit = (1.0 - squared if is_exit else 1.0 + squared) if bends else 0.0 * squared
         light = light._replace(
-            points=points, sin2_exit=sin2_exit, last=torch.full_like(light.last, number), gone_mm=0.0 * paths_mm,
+            points=points,
+            sin2_exit=sin2_exit,
+            last=torch.full_like(light.last, number),
+            gone_mm=0.0 * paths_mm,
             times=times,
         )
         yield _ENDED, light.take(~(cosine > 0.0)).ended(Fate.TOTAL_REFLECTION)  # tangents

@@ -1,7 +1,8 @@
 """Facets of faces that scatter, as the casts through the part meet them, and numbers for all faces that scatter.
 
 Rays of the design come with the numbers of the faces that they meet, so that both are compared ray by ray; rays of the
-proof's own have numbers of its own. What a ray meets again it meets by other numbers, a hash that the definitions state.
+proof's own have numbers of its own. A face that a ray meets again it meets by other numbers, by a hash that the
+definitions state.
 """
 
 from collections.abc import Sequence

@@ -123,9 +123,7 @@ def _tables(faces: tuple[RingScatter | None, ...]) -> RingShifts:
     return tables
 
 
-def _at_each(
-    rays: RayBundle, faces: Sequence[Scatter | None], before: int
-) -> Iterator[tuple[int, Scatter, Numbers]]:
+def _at_each(rays: RayBundle, faces: Sequence[Scatter | None], before: int) -> Iterator[tuple[int, Scatter, Numbers]]:
     """Number and model of each face that scatters, with two numbers of each ray there."""
     rough, keys = [(face, model) for face, model in enumerate(faces) if model is not None], _keys(rays)
     for number, (face, model) in enumerate(rough, before):

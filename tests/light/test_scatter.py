@@ -216,7 +216,10 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
     sideways /= np.linalg.norm(sideways, axis=1)[:, None]
     for before, kinds in ((0, facets), (2, (None, facets[0]))):
         seen = replace(clear(N), scatter=tuple(FaceScatter(n, f) for n, f in zip(names, kinds, strict=True) if f))
-        draws, rms = Draws.of(rays, seen, names, before), np.array([0.0 if f is None else f.slope for f in kinds])[faces]
+        draws, rms = (
+            Draws.of(rays, seen, names, before),
+            np.array([0.0 if f is None else f.slope for f in kinds])[faces],
+        )
         keys = roughness(seen, names, rays, before=before).keys
         for times, sign in ((0, 1.0), (1, 1.0), (2, -1.0), (300, -1.0)):
             numbers = draws.at(faces, np.full(500, times))

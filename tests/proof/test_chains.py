@@ -166,7 +166,9 @@ def test_facets_send_every_ray_along_its_chain(name, events, precision):
 @pytest.mark.parametrize("model", [GaussianFacets(0.1), lambertian(0.8)])
 def test_rays_that_meet_a_rough_face_again_go_as_in_the_design(model):
     """Facets and rings inside of a ball with a mirror, ray by ray by the numbers of the design; its own are others."""
-    media = replace(clear(INDEX, SILVERED), scatter=(FaceScatter("exit", GaussianFacets(0.05)), FaceScatter("wall", model)))
+    media = replace(
+        clear(INDEX, SILVERED), scatter=(FaceScatter("exit", GaussianFacets(0.05)), FaceScatter("wall", model))
+    )
     rays, optical = with_facets(RAYS, 2), optical_of(OF_BALL, 6)
     design = TracedLens.of_body(OF_BALL, media, 6, 20.0).trace(rays)
     again = ((design.met >= 0).sum(axis=1) > 0) & ((design.met == optical.names.index("wall")).sum(axis=1) > 1)
