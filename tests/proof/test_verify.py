@@ -10,10 +10,15 @@ from lensforge.errors import InputError
 from lensforge.optics.media import FaceScatter, Media, Medium
 from lensforge.optics.scattering import GaussianFacets, RingScatter
 from lensforge.proof.acceptance import brep_criteria
-from lensforge.proof.part_comparison import Expected
+from lensforge.proof.facet_casting import Grid
+from lensforge.proof.optical_faces import USUAL_LENS
+from lensforge.proof.part_comparison import Expected, IndependentLight
+from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.proof.proof_result import BrepCast, Proof
 from lensforge.proof.receiver_screen import FarFieldScreen, Screen
+from lensforge.proof.sequential_cast import send_through
 from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, verify_part
+from lensforge.results import Metric
 from lensforge.scene.rough_faces import with_facets
 
 SIDE, PIXELS = 300.0, 64
@@ -95,6 +100,24 @@ def test_rays_of_a_lens_that_scatters_are_compared_one_by_one_where_it_is_polish
     assert found.flux != plain.flux and found.nmse_same_rays > 100.0 * plain.nmse_same_rays
     more = 1.0 + 0.01 * spread_rad / 1e-4
     assert found.deviation_limit_mm == pytest.approx(more * plain.deviation_limit_mm, rel=1e-12)
+
+
+def test_own_rays_meet_the_rough_faces_of_a_part_by_facets_of_their_own():
+    """The light of a frosted lens by other rays and other facets is that of the design; a polished one has another."""
+    media = Media(Medium(INDEX), scatter=(FaceScatter("outer", GaussianFacets(0.3)),))
+    screen, mesh = Screen.square(DISTANCE, SIDE, 12), right().export(file_type="stl")
+    part = read_part_mesh(mesh, USUAL_LENS)
+    many = send_through(part, Grid(part.mesh), with_facets(lambertian(60_000, 2.0, seed=5), 1), media).landed(screen)
+    seen = with_facets(RAYS, 1)
+    own = IndependentLight(lambertian(20_000, 2.0, seed=6), ((Metric(value=0.9, standard_error=0.001), 0.0),), 7)
+    design = Expected(screen, screen.irradiance(many.landings, many.flux), HITS, WEIGHTS)
+    found, polished = (
+        verify_part(FilesOfPart(mesh), LightOfDesign(seen, each, [design], [design], own=own), Referees(20)).first
+        for each in (media, media.polished)
+    )
+    off = found.own_rays.nmse_less_noise
+    assert off.value == pytest.approx(0.002, abs=0.003 + 3.0 * off.standard_error), "the noise of the design's rays"
+    assert polished.own_rays.nmse_less_noise.value > 0.05
 
 
 def test_a_step_file_is_refused_before_any_ray_is_cast(verify, monkeypatch):
