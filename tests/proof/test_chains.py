@@ -54,6 +54,7 @@ RAYS = rays_from(200, 1.0)
 SILVERED = (FaceCoating("wall", OUTSIDE, Mirror(0.8)),)
 SCREEN = Screen.square(150.0, 300.0, 8)
 NO_MITSUBA = pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")
+CONE_FACES = PlaneFace(24.0, 2.5), asphere.sphere(3.0), ConeFace(24.0, 6.0, 1.0), PlaneFace(24.0, 10.0)
 CONE, BRIGHT_BALL = (OF_CONE, (), None), (OF_BALL, SILVERED, {"wall": 0.8})
 
 
@@ -84,8 +85,7 @@ def test_the_oracle_sees_every_kind_of_chain():
 @pytest.mark.parametrize(("coatings", "events"), first_by_day(1, [(SILVERED, 6), ((), 3)]))
 def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
     """The share of each way, and of all that leaves by the wall, with their errors."""
-    faces = (PlaneFace(24.0, 2.5), asphere.sphere(3.0), ConeFace(24.0, 6.0, 1.0), PlaneFace(24.0, 10.0))
-    lens = TracedLens.of_body(body_of(*faces), clear(INDEX, coatings), events, 12.0)
+    lens = TracedLens.of_body(body_of(*CONE_FACES), clear(INDEX, coatings), events, 12.0)
     found, shares = FluxByWay.none_yet(lens.scene.chain, 4), Counter()
     for k, rays in enumerate(RAYS.take(slice(first, first + 50)) for first in (0, 50, 100, 150)):
         for half in (0.5, 0.5):
@@ -165,23 +165,20 @@ def test_facets_send_every_ray_along_its_chain(name, events, precision):
 
 @pytest.mark.parametrize("model", [GaussianFacets(0.1), lambertian(0.8)])
 def test_rays_that_meet_a_rough_face_again_go_as_in_the_design(model):
-    """Facets and rings inside of a ball with a mirror, ray by ray by the numbers of the design; its own are others."""
-    media = replace(
-        clear(INDEX, SILVERED), scatter=(FaceScatter("exit", GaussianFacets(0.05)), FaceScatter("wall", model))
-    )
-    rays, optical = with_facets(RAYS, 2), optical_of(OF_BALL, 6)
-    design = TracedLens.of_body(OF_BALL, media, 6, 20.0).trace(rays)
-    again = ((design.met >= 0).sum(axis=1) > 0) & ((design.met == optical.names.index("wall")).sum(axis=1) > 1)
-    assert again.mean() > 0.1, "of the rays, by which this is seen"
-    body = StepBody(step_of("ball"), optical)
+    """Facets and rings about a mirror, ray by ray by the numbers of the design; those of the proof's own are others."""
+    rough = FaceScatter("exit", GaussianFacets(0.05)), FaceScatter("wall", model)
+    media, rays, optical = replace(clear(INDEX, SILVERED), scatter=rough), with_facets(RAYS, 2), optical_of(OF_CONE, 6)
+    design = TracedLens.of_body(body_of(*CONE_FACES), media, 6, 12.0).trace(rays)
+    again = (design.met == optical.names.index("wall")).sum(axis=1) > 1
+    assert again.mean() > 0.05, "by which this is seen"
+    body = StepBody(step_of("cone"), optical)
     same, own = (send_through_body(body, rays, media, seed) for seed in (None, 5))
-    met = np.where(design.met < 0, NO_FACE, design.met)
-    alike = (same.met[:, : met.shape[1]] == met).all(axis=1)
-    assert np.mean(alike) > 0.97, "but at the edges of tables"
-    out = alike & design.left_lens
-    assert (out & again).sum() > 5
-    assert np.abs(same.directions - design.directions)[out].max() < 2e-3
-    assert np.abs(same.flux - design.flux)[out].max() < 2e-3
+    alike = (same.met == np.where(design.met < 0, NO_FACE, design.met)).all(axis=1)
+    assert np.mean(alike) > 0.9 and np.mean(alike[again]) > 0.8, "but at the edges of tables"
+    out = alike & design.left_lens & (same.fates == CastFate.LANDED)
+    assert (out & again).sum() > 2
+    assert np.abs(same.directions - design.directions)[out].max() < 5e-3
+    assert np.abs(same.flux - design.flux)[out].max() < 5e-3
     assert np.mean((own.met == same.met).all(axis=1)) < 0.9
 
 
