@@ -76,7 +76,7 @@ class Draws(NamedTuple):
 
 def facet_slopes(media: Media, names: Sequence[str]) -> Float[np.ndarray, " f"]:
     """Rms slope of the facets of each face, 0 of one without; the last, of the index -1, is that of no face."""
-    models = media.scattering_of(names) or ()
+    models = media.scattering_of(names) or (None,) * len(names)
     return np.array([0.0 if each is None or isinstance(each, RingScatter) else each.slope for each in (*models, None)])
 
 
