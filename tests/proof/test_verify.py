@@ -104,10 +104,10 @@ def test_rays_of_a_lens_that_scatters_are_compared_one_by_one_where_it_is_polish
 
 def test_own_rays_meet_the_rough_faces_of_a_part_by_facets_of_their_own():
     """The light of a frosted lens by other rays and other facets is that of the design; a polished one has another."""
-    media = Media(Medium(INDEX), scatter=(FaceScatter("outer", GaussianFacets(0.3)),))
+    media = Media(Medium(INDEX), scatter=(FaceScatter("outer", GaussianFacets(0.6)),))
     screen, mesh = Screen.square(DISTANCE, SIDE, 12), right().export(file_type="stl")
     part = read_part_mesh(mesh, USUAL_LENS)
-    many = send_through(part, Grid(part.mesh), with_facets(lambertian(60_000, 2.0, seed=5), 1), media).landed(screen)
+    many = send_through(part, Grid(part.mesh), with_facets(lambertian(40_000, 2.0, seed=5), 1), media).landed(screen)
     seen = with_facets(RAYS, 1)
     own = IndependentLight(lambertian(20_000, 2.0, seed=6), ((Metric(value=0.9, standard_error=0.001), 0.0),), 7)
     design = Expected(screen, screen.irradiance(many.landings, many.flux), HITS, WEIGHTS)
@@ -116,8 +116,8 @@ def test_own_rays_meet_the_rough_faces_of_a_part_by_facets_of_their_own():
         for each in (media, media.polished)
     )
     off = found.own_rays.nmse_less_noise
-    assert off.value == pytest.approx(0.002, abs=0.003 + 3.0 * off.standard_error), "the noise of the design's rays"
-    assert polished.own_rays.nmse_less_noise.value > 0.05
+    assert abs(off.value) < 0.002 + 4.0 * off.standard_error, "the noise of the design's rays"
+    assert polished.own_rays.nmse_less_noise.value > 0.3
 
 
 def test_a_step_file_is_refused_before_any_ray_is_cast(verify, monkeypatch):
