@@ -22,7 +22,7 @@ def rays() -> np.ndarray:
 @pytest.mark.parametrize("placement", [{}, {"origin": "virtual_focus", "rotate_z_deg": 30.0, "scale": 0.5}])
 def test_given_rays_are_placed_as_those_of_a_file(rays, placement):
     given = build_source(RaySource(rays, flux_w=2.0, **placement))
-    read = build_source(RayfileSource(file=LED, flux_w=2.0, **placement))
+    read = build_source(RayfileSource(file=LED, model="rays", flux_w=2.0, **placement))
     for name in ("origins", "directions", "flux"):
         assert np.array_equal(getattr(given.rays, name), getattr(read.rays, name))
     assert given.ray_count == len(rays) and given.flux_w == 2.0

@@ -38,7 +38,7 @@ def test_the_best_of_the_starts_is_the_design_of_its_seed(tmp_path):
 def test_rays_of_a_file_that_judge_the_best_do_not_choose_it(monkeypatch):
     """The rays that are held back are in no evaluation of the starts."""
     rays = Path(__file__).parents[1] / "examples" / "led.tm25ray"
-    spec = small_spec(source={"kind": "rayfile", "file": str(rays), "origin": "virtual_focus"})
+    spec = small_spec(source={"kind": "rayfile", "model": "rays", "file": str(rays), "origin": "virtual_focus"})
     monkeypatch.setattr("lensforge.light.evaluation.held_back", lambda _: pytest.fail("held back"))
     found = lf.best_design(spec, starts=2, accuracy=FEW, force=True)
     assert len(found.starts) == 2

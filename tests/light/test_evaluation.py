@@ -121,7 +121,7 @@ def test_a_lens_for_a_ray_file_is_judged_by_the_rays_that_no_search_uses(tmp_pat
         order = slice(None, None, -1 if name == "other" else 1)
         columns = (each[order].astype(np.float32) for each in (rays.origins, turned))
         write_rayfile(path, RayFile(*columns, np.full(4096, 1 / 4096, np.float32), "W", header_flux_w=1.0), "tm25")
-    source = RayfileSource(file=files["own"], flux_w=1.0)
+    source = RayfileSource(file=files["own"], model="rays", flux_w=1.0)
     lens = Lens.double(sphere(3.0), sphere(6.0), small_spec().model_copy(update={"source": source}), 0, FEW)
     light, copied, other = (
         lf.evaluate(lens, source=source.model_copy(update={"file": files[name]})) for name in ("own", "copy", "other")

@@ -54,7 +54,7 @@ SPECS: dict[str, dict[str, Any]] = {
     "symmetric": {"lens__symmetry": "square"},
     "fixed inner": {"lens": {"levels": [9, 25], "inner": {"fixed": SPHERE}, "outer": {"offset_mm": 6.0}}},
     "fixed outer": {"lens": {"levels": [9, 25], "inner": {"offset_mm": 3.0}, "outer": {"fixed": DOME}}},
-    "ray file": {"source": {"kind": "rayfile", "file": str(LED), "origin": "virtual_focus"}},
+    "ray file": {"source": {"kind": "rayfile", "model": "rays", "file": str(LED), "origin": "virtual_focus"}},
     "dispersed": DISPERSED,
     "lossless": {"optimise__fresnel": False},
     "all receivers": {"target": None, "receivers": list(RECEIVERS.values())},

@@ -154,7 +154,8 @@ def test_a_judgement_is_that_of_each_by_its_own_samples(over: str) -> None:
 
 
 def test_files_of_rays_are_divided_each_by_itself(examples: Path) -> None:
-    files = [{"name": name, "source": {"kind": "rayfile", "file": str(examples / "led.tm25ray"), "flux_w": flux}}
+    led = {"kind": "rayfile", "model": "rays", "file": str(examples / "led.tm25ray")}
+    files = [{"name": name, "source": led | {"flux_w": flux}}
              for name, flux in (("a", 1.0), ("b", 2.0))]  # fmt: skip
     source = searched_source(small_spec(source=None, sources=files))
     count = source_of(small_spec(source=files[0]["source"])).ray_count

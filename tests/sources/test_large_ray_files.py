@@ -75,15 +75,15 @@ def sources(folder):
     two = [RayfilePart(file=saved(folder / "few.tm25ray", led(80))), RayfilePart(file=broken, flux_w=0.5)]
     given = led(waves=True)
     return {
-        "plain": RayfileSource(file=plain),
-        "placed": RayfileSource(file=plain, flux_w=2.0, **PLACED),
-        "coloured": RayfileSource(file=coloured),
-        "broken": RayfileSource(file=broken, **PLACED),
-        "table": RayfileSource(file=table),
-        "lumens": RayfileSource(file=lumens),
-        "numbered": RayfileSource(file=numbered),
-        "spectrum": RayfileSource(file=plain, spectrum=LINES),
-        "two files": RayfilesSource(files=two, flux_w=3.0),
+        "plain": RayfileSource(model="rays", file=plain),
+        "placed": RayfileSource(model="rays", file=plain, flux_w=2.0, **PLACED),
+        "coloured": RayfileSource(model="rays", file=coloured),
+        "broken": RayfileSource(model="rays", file=broken, **PLACED),
+        "table": RayfileSource(model="rays", file=table),
+        "lumens": RayfileSource(model="rays", file=lumens),
+        "numbered": RayfileSource(model="rays", file=numbered),
+        "spectrum": RayfileSource(model="rays", file=plain, spectrum=LINES),
+        "two files": RayfilesSource(model="rays", files=two, flux_w=3.0),
         "arrays": RaySource(np.column_stack([given.positions_mm, given.directions, given.flux]), flux_w=1.0),
     }
 

@@ -47,13 +47,16 @@ CASES = {
         {"side_mm": 1.5, "tilt_deg": [0.0, 20.0], "position_mm": [0.8, 0.0, -0.5]},
     ],
     "rayfile": [
-        {"file": LED, "flux_w": 2.0},
-        {"file": LED, "origin": "virtual_focus", "mirror": "x", "scale": 2.0},
-        {"file": LED, "flux_lm": 200.0, **PLACE},
+        {"file": LED, "flux_w": 2.0, "model": "rays"},
+        {"file": LED, "origin": "virtual_focus", "mirror": "x", "scale": 2.0, "model": "rays"},
+        {"file": LED, "flux_lm": 200.0, "model": "rays", **PLACE},
         {"file": LED, "flux_w": 2.0, "model": "radiance"},
         {"file": LED, "model": "radiance", **PLACE},
     ],
-    "rayfiles": [{"files": [{"file": LED, "flux_w": 3.0}, {"file": LED}], "flux_w": 2.0, **place} for place in PLACES],
+    "rayfiles": [
+        {"files": [{"file": LED, "flux_w": 3.0}, {"file": LED}], "flux_w": 2.0, "model": "rays", **place}
+        for place in PLACES
+    ],
     "rays": [
         {"rays": GIVEN, "flux_w": 2.0},
         {"rays": GIVEN[:, :6].tolist(), "flux_w": 1.0, "spectrum": WHITE},
@@ -168,7 +171,7 @@ def test_every_kind_and_every_emitter_class_has_a_case(tmp_path):
     radiant = _built({"kind": "radiance", "file": _radiance(tmp_path / "square.npz")})
     found = set(_emitter_classes())
     assert len(found) >= 3
-    turned = smoothed(_built({"kind": "rayfile", "file": LED}))  # made by a search, not by a spec
+    turned = smoothed(_built({"kind": "rayfile", "file": LED, "model": "rays"}))  # made by a search, not by a spec
     several = {SeveralSources, FacetedSource, RefittedSource}  # of these; they have tests of their own
     assert found == built | several | {type(radiant), type(turned)}
     assert isinstance(turned, Source)
