@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lensforge.errors import InputError
 from lensforge.light.lens_light import source_of
 from lensforge.live.page_frames import packed
 from lensforge.report.new_scene import NewScene
@@ -61,16 +60,12 @@ def lens_kinds(spec: Spec) -> dict[str, object]:
 
 
 def doubts(spec: Spec) -> dict[str, object]:
-    """Lines on what no search can mend, and why no search would begin, "" where one would."""
-    warnings, refused = list[str](), ""
+    """Lines on what no search can mend."""
+    warnings = list[str]()
     for led, own in _each_led(spec):
-        scene = SceneCheck.of(own, source_of(own))
-        warnings += [f"{led}: {words}" if led else words for words in scene.warnings()]
-        try:
-            scene.require_light()
-        except InputError as error:
-            refused = str(error)
-    return {"warnings": warnings, "refused": refused}
+        words = SceneCheck.of(own, source_of(own)).warnings()
+        warnings += [f"{led}: {line}" if led else line for line in words]
+    return {"warnings": warnings}
 
 
 def _each_led(spec: Spec) -> Iterator[tuple[str, Spec]]:

@@ -12,6 +12,7 @@ import threading
 import time
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -29,27 +30,30 @@ if __name__ == "__main__":
 import numpy as np
 import torch
 
-from lensforge.errors import Cancelled, FileWarning, LensforgeError, SourceWarning
+from lensforge.errors import Cancelled, FileWarning, InputError, LensforgeError, SourceWarning
 from lensforge.kernels.fate import Fate
 from lensforge.light.lens_light import evaluate, source_of
+from lensforge.live.cures import cure_of
+from lensforge.live.folder_files import DOWNLOADS
 from lensforge.live.lens_view import as_tabulated, drawn
 from lensforge.live.page_frames import Fields, packed
 from lensforge.live.physics import chart_head
-from lensforge.live.session import DOWNLOADS, JOB_FILE
-from lensforge.live.spec_text import SpecText
-from lensforge.report.folder import Run, load, opened
+from lensforge.live.search_job import SearchJob
+from lensforge.live.spec_text import SpecText, lines_of
+from lensforge.proof.casts import verify
+from lensforge.report.folder import Run, RunFolder, load, opened
 from lensforge.report.headline import headline, required_facts
-from lensforge.report.pipeline import Listener, run_later_stages, write_kinds
+from lensforge.report.pipeline import Listener, build, check, run_later_stages, write_kinds
 from lensforge.report.results import REPORT_FILE, handover
 from lensforge.results.child_pool import child_pool
-from lensforge.results.files import write_file
+from lensforge.results.files import MIB, read_file
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
 from lensforge.search.design_result import ENOUGH, Progress
 from lensforge.search.scene_check import compile_search_kernels
-from lensforge.search.searches import design
+from lensforge.search.searches import design, require_searchable
 from lensforge.sources.build_source import summarise
 from lensforge.spec import Spec
 from lensforge.spec.feasible import require_base_around_cavity
@@ -58,6 +62,7 @@ _START_FILE = "studio_start.json"  # the lens from which a search has begun
 _PHOTOMETRIC = (".ies", ".ldt", ".iesxml", ".tm25ray")
 _BETWEEN_S, _SHARE = (0.25, 0.9), 0.04  # looks: seconds between them, and their share of the time of one core
 _MEMORY = 0.8  # of the mean picture of the steps of a level, that stays at each step
+_MOST_REPORT_BYTES = 256 * MIB
 _ENDINGS = {"": None, "enough": ENOUGH}  # what an observer answers to a wish; False to any other
 
 
@@ -70,6 +75,7 @@ class Worker:
         self._pipe = os.fdopen(os.dup(1), "wb")
         os.dup2(2, 1)  # what libraries print
         self._latest: Lens | None = None  # from which another search may go on
+        self._newest = 0  # version of the text that was to be judged last
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
@@ -80,7 +86,9 @@ class Worker:
             elif job["job"] in ("pause", "stop", "enough"):
                 self._ask(job["job"])
             else:
-                if job["job"] in ("search", "part"):
+                if job["job"] == "judge":
+                    self._newest = job["version"]
+                elif job["job"] in ("search", "part"):
                     self.asked = ""  # now, not when it begins: what is asked from here on is of this job
                 self._jobs.put(job)
         self._ask("stop")
@@ -104,7 +112,8 @@ class Worker:
 
     def work(self) -> None:
         """Do jobs until there are no more."""
-        kinds = {"search": self._search, "part": self._part, "look": self._look, "warm": self._warm}
+        kinds = {"search": self._search, "part": self._part, "look": self._look}
+        kinds |= {"warm": self._warm, "judge": self._judge}
         while (job := self._jobs.get()) is not None:
             self._interruptible = job["job"] in ("part", "look")
             how, lines = "done", list[str]()
@@ -117,7 +126,7 @@ class Worker:
             except Exception as error:  # a bug: the page says so, and the next job begins
                 how, lines = "refused", [f"internal error: {type(error).__name__}: {error}"]
             self._interruptible = False
-            if job["job"] != "warm":
+            if job["job"] not in ("warm", "judge"):
                 self.send("ended", job=job["job"], how=how, lines=lines)
 
     def _warm(self, job: Mapping[str, Any]) -> None:
@@ -126,16 +135,30 @@ class Worker:
 
         compile_search_kernels(_spec_of(job))
 
+    def _judge(self, job: Mapping[str, Any]) -> None:
+        """Say why no search of a text would begin; a text that has been changed since is left out."""
+        if job["version"] == self._newest:
+            lines = tuple[tuple[str, str], ...]()
+            try:
+                _require_searchable(_spec_of(job), job)
+            except LensforgeError as error:
+                lines = lines_of(error)
+            self.send("judged", version=job["version"], lines=lines)
+
     def _search(self, job: Mapping[str, Any]) -> None:
-        """Search, evaluate, and write both; a search that is paused or stopped leaves its checkpoint and its job."""
-        folder, spec, record = Path(job["folder"]), _spec_of(job), dict(job)
+        """Search, evaluate, and write both; a search that is paused or stopped leaves its checkpoint and its job.
+
+        A search that is refused leaves nothing: what was there before may still go on.
+        """
+        folder, spec, begins_from_lens = Path(job["folder"]), _spec_of(job), job["start"]
         with opened(folder, create=True) as here:
             if not job["resume"]:
-                record["start"] = job["start"] and self._written_start(folder, spec)
-                write_file(folder / JOB_FILE, json.dumps(record).encode())
-            if record["start"]:
+                _require_searchable(spec, job)
+                begins_from_lens = begins_from_lens and self._written_start(folder, spec)
+                settings = {name: job[name] for name in ("text", "accuracy", "seed", "force")}
+                SearchJob(**settings, start=begins_from_lens).write(folder)
+            if begins_from_lens:
                 spec = spec.replace({"lens.start": str((folder / _START_FILE).resolve())})
-            require_base_around_cavity(spec.lens, spec.constraints, spec.base_made)  # before a long search
             watch = _Watch(self, spec)
             try:
                 made = design(
@@ -173,9 +196,12 @@ class Worker:
         if self.asked:
             raise Cancelled
         with opened(Path(job["folder"])) as here:
-            with child_pool(int(torch.get_num_threads() > 1), self.warn) as second:
-                run_later_stages(here, heard, second)
-                write_kinds(here.run, heard)
+            if job["rings"]:
+                _export_finer(here, heard, job["rings"])
+            else:
+                with child_pool(int(torch.get_num_threads() > 1), self.warn) as second:
+                    run_later_stages(here, heard, second)
+                    write_kinds(here.run, heard)
             with heard.timed("drawing"):
                 handover(here.run).save(here.path)
             with heard.timed("report"):
@@ -204,6 +230,7 @@ class Worker:
             "folder": run.folder.resolve().name,
             "facts": facts,
             "sentence": headline(run).sentence,
+            "verdicts": _verdicts(run),
             "old": list(_files_of_lens_before(run)),
         }
         fates = [fate.name.lower().replace("_", " ") for fate in Fate]
@@ -211,6 +238,31 @@ class Worker:
             self._latest = run.lens
         arrays |= drawn(run.lens, self.figure, whole=True)
         self.send(place, arrays, receivers=heads, figure=self.figure, fates=fates, **words)
+
+
+def _export_finer(here: RunFolder, heard: Listener, rings: int) -> None:
+    """Export the lens of a folder with a mesh of so many ``rings``, and judge its part again."""
+    with heard.timed("export"):
+        part = here.write(build(here.run.lens, rings=rings))
+    with heard.timed("check"):
+        here.write(check(part))
+    with heard.timed("verify"):
+        here.write(verify(part, here.run.light))
+
+
+def _verdicts(run: Run) -> list[dict[str, object]]:
+    """Verdicts that do not pass: each with its reasons, and what cures it."""
+    failing = [badge for badge in headline(run).parts if badge.shown != "pass"]
+    return [
+        {"name": each.name, "word": each.word, "reasons": each.sentences, "cure": cure_of(each.name, run)}
+        for each in failing
+    ]
+
+
+def _require_searchable(spec: Spec, job: Mapping[str, Any]) -> None:
+    """Raise :class:`InputError` for what no search begins with; the part's base, too, before a long search."""
+    require_base_around_cavity(spec.lens, spec.constraints, spec.base_made)
+    require_searchable(spec, accuracy=job["accuracy"], force=job["force"])
 
 
 def _spec_of(job: Mapping[str, Any]) -> Spec:
@@ -222,11 +274,18 @@ def _files_of_lens_before(run: Run) -> Iterator[str]:
     for path in filter(Path.is_file, run.folder.iterdir()):
         stages = ("photometry",) if path.suffix in _PHOTOMETRIC else ("export", "check")
         if path.name == REPORT_FILE:
-            is_old = run.lens.sha256.encode() not in path.read_bytes()
+            is_old = not _names_lens(path, run)
         else:
             is_old = not all(stage in run.found for stage in stages)
         if is_old and path.suffix in DOWNLOADS - {".json"}:
             yield path.name
+
+
+def _names_lens(page: Path, run: Run) -> bool:
+    """True where a report states the hash of the lens; one that cannot be read is of no lens."""
+    with suppress(InputError):
+        return run.lens.sha256.encode() in read_file(page, missing="", most_bytes=_MOST_REPORT_BYTES)
+    return False
 
 
 class _Watch:

@@ -2,28 +2,50 @@
 
 It listens on 127.0.0.1. Before anything else a request is held against the name of the host, the site that it comes
 from, and a secret in its address that is new for every start: a page of another site, and a name that is bound to
-this machine, get nothing. The page loads nothing from elsewhere, and the browser is told to refuse it.
+this machine, get nothing. The page loads nothing from elsewhere, and the browser is told to refuse it. What comes is
+bounded in number, size and time.
 """
 
 import asyncio
 import errno
-import json
 import secrets
+import socket
 from collections.abc import Awaitable, Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from aiohttp import web
 
 from lensforge.errors import InputError, LensforgeError
-from lensforge.live.session import DROPPED, Session
-from lensforge.results.files import replacing
+from lensforge.live.connections import STRANGER_S, Connections
+from lensforge.live.dropped_files import plain_name, receiving
+from lensforge.live.folder_files import files_to_take, regular_files
+from lensforge.live.page_json import (
+    BadRequest,
+    Change,
+    DroppedUse,
+    Example,
+    FieldValue,
+    Finer,
+    Name,
+    SearchSettings,
+    WholeText,
+    change_of,
+    json_text,
+    request_of,
+)
+from lensforge.live.session import Session
+from lensforge.live.spec_text import SpecText
+from lensforge.spec.light_limits import LimitSection
 from lensforge.spec.shipped_specs import first_sentence, shipped_specs
 from lensforge.spec.spec_reference import spec_schema
+from lensforge.spec.target_sections import TargetSection
 
 _PAGE = Path(__file__).with_name("page")
 _MOST_BYTES = 2**30  # of a file that is dropped in
+_MOST_TEXT_BYTES = 2**24  # of any other request
+_BODY_S = 20.0  # for the body of a request, and for each part of a file
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -38,7 +60,7 @@ _OF_REPORTS = {"Content-Security-Policy": "sandbox allow-scripts; default-src 'n
 _Answer = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-def _guard(secret: str) -> Any:
+def _guard(secret: str, admit: Callable[[asyncio.BaseProtocol], None]) -> Any:
     @web.middleware
     async def guarded(request: web.Request, handler: _Answer) -> web.StreamResponse:
         asked = request.headers
@@ -52,12 +74,25 @@ def _guard(secret: str) -> Any:
         )
         if not ours:
             raise web.HTTPForbidden(text="refused: not from this page")
+        admit(request.protocol)
         try:
             return await handler(request)
+        except BadRequest as error:
+            return _refusal(400, str(error))
         except LensforgeError as error:
-            return web.json_response({"lines": str(error).splitlines()}, status=422)
+            return _refusal(422, *str(error).splitlines())
+        except TimeoutError:
+            return _refusal(408, f"request: its rest has not come within {_BODY_S:g} s")
+        except (web.HTTPException, ConnectionError):
+            raise
+        except Exception as error:  # a bug: the page says so, and goes on
+            return _refusal(500, f"internal error: {type(error).__name__}: {error}")
 
     return guarded
+
+
+def _refusal(status: int, *lines: str) -> web.Response:
+    return web.Response(text=json_text({"lines": lines}), status=status, content_type="application/json")
 
 
 async def _with_headers(_request: web.Request, response: web.StreamResponse) -> None:
@@ -68,11 +103,12 @@ async def _with_headers(_request: web.Request, response: web.StreamResponse) -> 
 @cache
 def _schema_text() -> str:
     examples = {name: first_sentence(path) for name, path in shipped_specs().items()}
-    return json.dumps({"schema": spec_schema(), "examples": examples}, ensure_ascii=False)
+    needs = {kind: section.needs for kind, section in (TargetSection.kinds | LimitSection.kinds).items()}
+    return json_text({"schema": spec_schema(), "examples": examples, "needs": needs})
 
 
 def _json(value: object) -> web.Response:
-    return web.Response(text=json.dumps(value, default=str), content_type="application/json")
+    return web.Response(text=json_text(value), content_type="application/json")
 
 
 def _file(folder: Path, name: str, known: list[str], headers: dict[str, str] | None = None) -> web.StreamResponse:
@@ -91,29 +127,27 @@ class Server:
 
     async def start(self) -> None:
         """Listen. Raises :class:`InputError` for a port that another program has."""
-        application = web.Application(middlewares=[_guard(self._secret)], client_max_size=2**24)
+        listener = _listening(self.port)
+        guard = _guard(self._secret, lambda protocol: self._connections.admit(protocol))
+        application = web.Application(middlewares=[guard], client_max_size=_MOST_TEXT_BYTES)
         application.on_response_prepare.append(_with_headers)
         paths = ("", "events", "{place:page|frame|file|dropped}/{name}", "{what:schema|spec|others}")
         for path, answer in zip(paths, (self._page, self._events, self._named, self._content), strict=True):
             application.router.add_get(f"/{{secret}}/{path}", answer)
         for path, answer in {"spec": self._change, "do/{what}": self._do, "dropped/{name}": self._drop}.items():
             application.router.add_post(f"/{{secret}}/{path}", answer)
-        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=STRANGER_S)
         await self._runner.setup()
-        try:
-            await web.TCPSite(self._runner, "127.0.0.1", self.port).start()
-        except OSError as error:
-            if error.errno not in (errno.EADDRINUSE, errno.EACCES):
-                raise
-            words = "in use by another program" if error.errno == errno.EADDRINUSE else "not for a user's program"
-            raise InputError(f"port {self.port}: {words}; give another, or none for any that is free") from None
-        self.address = f"http://127.0.0.1:{self._runner.addresses[0][1]}/{self._secret}/"
+        assert self._runner.server is not None, "it has been set up"
+        self._connections = Connections(listener, self._runner.server)
+        self.address = f"http://127.0.0.1:{listener.getsockname()[1]}/{self._secret}/"
 
     async def stop(self) -> None:
         """Listen no more; pages are told."""
         self._ending = True
         self.session.tell()
         await asyncio.sleep(0.05)  # for their last event
+        await self._connections.close()
         await self._runner.cleanup()
 
     async def _page(self, _request: web.Request) -> web.StreamResponse:
@@ -126,7 +160,7 @@ class Server:
         self.session.listeners.add(queue)
         try:
             while not self._ending:
-                await response.write(f"data: {json.dumps(self.session.state, default=str)}\n\n".encode())
+                await response.write(f"data: {json_text(self.session.state)}\n\n".encode())
                 await queue.get()
             await response.write(b"event: end\ndata: {}\n\n")
         except ConnectionResetError:
@@ -142,9 +176,11 @@ class Server:
             frame = session.frames.get(name, b"")
             return web.Response(body=frame, content_type="application/octet-stream", status=200 if frame else 404)
         if place == "file":
-            return _file(session.folder, name, session.files(), _OF_REPORTS)
-        folder = _PAGE if place == "page" else session.folder / DROPPED
-        return _file(folder, name, [each.name for each in folder.glob("*")])
+            return _file(session.folder, name, files_to_take(session.folder), _OF_REPORTS)
+        if place == "dropped":
+            plot = session.dropped_plot(name)
+            return _file(plot.parent, name, regular_files(plot.parent)) if plot else web.Response(status=404)
+        return _file(_PAGE, name, regular_files(_PAGE))
 
     async def _content(self, request: web.Request) -> web.StreamResponse:
         match request.match_info["what"]:
@@ -156,41 +192,72 @@ class Server:
 
     async def _change(self, request: web.Request) -> web.StreamResponse:
         """A change of the text: a whole ``text``, a ``value`` at a ``place``, an ``example``, or a file to ``use``."""
-        asked, text = await request.json(), self.session.text
-        if "place" in asked:
-            text = text.edited(tuple(asked["place"]), asked["value"])
-        elif "example" in asked:
-            text = text.from_example(str(asked["example"]))
-        elif "use" in asked:
-            text = self.session.use(str(asked["use"]), str(asked["as"]))
-        else:
-            text = text.with_text(str(asked["text"]))
-        return _json(self.session.change(text))
+        change = self._changed(change_of(await _body(request)))
+        return _json(await self.session.change(change))
+
+    def _changed(self, asked: Change) -> Callable[[SpecText], SpecText]:
+        match asked:
+            case FieldValue(place=place, value=value):
+                return lambda text: text.edited(tuple(place), value)
+            case Example(example=name):
+                return lambda text: text.from_example(name)
+            case DroppedUse(use=name, place=use):
+                return self.session.use(name, use)
+            case WholeText(text=whole):
+                return lambda text: text.with_text(whole)
 
     async def _do(self, request: web.Request) -> web.StreamResponse:
-        session, asked = self.session, await request.json()
+        session, content = self.session, await _body(request) or b"{}"
         match request.match_info["what"]:
             case "search":
-                session.search(**{name: asked[name] for name in ("anew", "accuracy", "seed", "force") if name in asked})
-            case "pause" | "stop" | "enough" | "part" as what:
+                session.search(**request_of(content, SearchSettings).model_dump())
+            case "pause" | "stop" | "enough" as what:
                 session.ask(what)
+            case "part":
+                session.make_part()
+            case "finer":
+                session.make_part(request_of(content, Finer).rings)
             case "go_on":
                 session.go_on()
             case "figure":
-                session.colour_by(str(asked["name"]))
+                session.colour_by(request_of(content, Name).name)
             case "beside":
-                session.beside(str(asked["name"]))
+                session.beside(request_of(content, Name).name)
             case "save":
                 session.save()
+            case _:
+                raise web.HTTPNotFound
         return _json({})
 
     async def _drop(self, request: web.Request) -> web.StreamResponse:
-        """A file that is dropped in goes to a folder of its own within the result folder."""
-        path, size = self.session.place_of(request.match_info["name"]), 0
-        with replacing(path) as temporary, temporary.open("wb") as file:
-            async for part in request.content.iter_chunked(2**20):
-                size += len(part)
-                if size > _MOST_BYTES:
-                    raise InputError(f"{path.name}: more than 1 GiB; name it in the spec by its path")
-                file.write(part)
-        return _json(await self.session.dropped(path))
+        """A file that is dropped in goes to a folder of its own within the result folder, once it has been read."""
+        name = plain_name(request.match_info["name"])
+        with receiving(self.session.dropped_folder, name) as path:
+            with path.open("wb") as file:
+                await _receive(request, file)
+            return _json(await self.session.keep_dropped(path))
+
+
+def _listening(port: int) -> socket.socket:
+    try:
+        return socket.create_server(("127.0.0.1", port))
+    except OSError as error:
+        if error.errno not in (errno.EADDRINUSE, errno.EACCES):
+            raise
+        words = "in use by another program" if error.errno == errno.EADDRINUSE else "not for a user's program"
+        raise InputError(f"port {port}: {words}; give another, or none for any that is free") from None
+
+
+async def _body(request: web.Request) -> bytes:
+    """The content of a request. Raises :class:`TimeoutError` for one whose rest does not come."""
+    return await asyncio.wait_for(request.read(), _BODY_S)
+
+
+async def _receive(request: web.Request, file: BinaryIO) -> None:
+    """Write the content of a request into a ``file``, part by part."""
+    size = 0
+    while part := await asyncio.wait_for(request.content.readany(), _BODY_S):
+        size += len(part)
+        if size > _MOST_BYTES:
+            raise InputError(f"{Path(file.name).name}: more than 1 GiB; name it in the spec by its path")
+        file.write(part)

@@ -5,6 +5,7 @@ of that moment: of several changes in a row only the last one counts.
 """
 
 import asyncio
+import codecs
 import json
 import sys
 from asyncio.subprocess import DEVNULL, PIPE, Process
@@ -14,35 +15,46 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from lensforge import seeds
 from lensforge.errors import InputError, LensforgeError
+from lensforge.live.dropped_files import DROPPED, DroppedFile, Use
+from lensforge.live.folder_files import files_to_take
 from lensforge.live.page_frames import Fields, head_of
+from lensforge.live.search_job import SearchJob
 from lensforge.live.spec_text import SpecText
-from lensforge.live.toml_edit import edited
+from lensforge.results.arguments import count_of
 from lensforge.results.files import write_file
 from lensforge.results.folder_lock import locked
 from lensforge.search.checkpoint import CHECKPOINT
-from lensforge.sources.photometric.photometric_summary import PhotometricSummary, rays
+from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.imported_face import LENS_FILE
 
-JOB_FILE, DROPPED = "studio_search.json", "dropped"  # a search that may go on; a folder of files that were dropped in
 _PROCESS, _PACKAGES = Path(__file__).with_name("search_process.py"), Path(__file__).resolve().parents[2]
 _SETTLED_S, _ENDING_S = 0.35, 20.0  # after a change, before a search goes on with it; for the process to end
-DOWNLOADS = {".html", ".pdf", ".dxf", ".step", ".stl", ".3mf", ".ies", ".ldt", ".xml", ".csv", ".json", ".tm25ray"}
-_PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}
+_READING_S = 10.0  # for the text of a spec; the bounds of its reader let it take a second
+FIGURES = ("sag", "slope", "curvature", "wall", "ball")
+RESULTS = Path("cad_out")
 
 
 class Session:
     """One design on a page: the ``text`` of its spec, its result ``folder``, and the ``state`` that the page shows.
 
-    ``frames``: pictures as bytes by place. ``listeners`` hear of every change of the state.
+    Without a ``folder`` results go to that of the spec's name, and follow it. ``is_file``: the text is that of its
+    file, which Save may write over. ``frames``: pictures as bytes by place.
+    ``listeners`` hear of every change of the state.
     """
 
-    def __init__(self, text: SpecText, folder: Path) -> None:
-        self.text, self.folder, self.listeners = text, folder, set[asyncio.Queue[None]]()
-        self.frames: dict[str, bytes] = {}
-        self.state: Fields = {"phase": "idle", "stage": "", "folder": str(folder), "frames": {}, "version": 0}
-        self.state.update(warnings=[], refused=[], accuracy="draft", seed=0, force=False)
-        self._thread = ThreadPoolExecutor(1)
+    def __init__(self, text: SpecText, folder: Path | None = None, *, is_file: bool = False) -> None:
+        self._follows_name = folder is None
+        self.text, self.folder = text, folder or RESULTS / _name_of(text)
+        self.listeners, self.frames = set[asyncio.Queue[None]](), dict[str, bytes]()
+        self.state: Fields = {"phase": "idle", "stage": "", "folder": str(self.folder), "frames": {}, "version": 0}
+        self.state.update(warnings=[], refused=[], accuracy="draft", seed=0, force=False, asks=False)
+        self.state.update(judged={"version": -1, "lines": []}, saved=str(text.path))
+        self.dropped = dict[str, DroppedFile]()
+        self._is_file = is_file
+        self._thread, self._reader = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+        self._changing = asyncio.Lock()
         self._process: Process | None = None
         self._following: asyncio.TimerHandle | None = None
         self._next: Fields | None = None
@@ -50,10 +62,28 @@ class Session:
     async def open(self) -> None:
         """Start the process, and show what the folder holds. Raises :class:`InputError` for one that is in use."""
         with locked(self.folder):
-            finished = (self.folder / LENS_FILE).exists()  # the page asks before the first search replaces it
-            self.tell(phase="paused" if self._resumable else "idle", asks=finished)
+            self._show_folder()
         self._serving = asyncio.create_task(self._serve())
-        self.change(self.text)
+        self._take(self.text)
+
+    def _show_folder(self) -> None:
+        """Tell what the folder holds: a search that may go on with its settings, and a lens that is to be kept."""
+        settings, damage = dict[str, object](), list[str]()
+        try:
+            job = SearchJob.read(self.folder)
+            settings = {} if job is None else job.model_dump(include={"accuracy", "seed", "force"})
+        except InputError as error:
+            damage = str(error).splitlines()
+        finished = (self.folder / LENS_FILE).exists()  # the page asks before the first search replaces it
+        phase = "paused" if self._resumable else "idle"
+        self.tell(phase=phase, folder=str(self.folder), asks=finished, refused=damage, **settings)
+
+    def _enter(self, folder: Path) -> None:
+        """Go on in another folder: that of the spec's new name."""
+        self.folder = folder
+        self._take_away("own")
+        self._show_folder()
+        self._look_at_own()
 
     async def close(self) -> None:
         """End the process: a search leaves its checkpoint."""
@@ -67,7 +97,7 @@ class Session:
 
     def tell(self, **changes: object) -> None:
         """Change the state, and let all pages hear of it."""
-        self.state.update(changes, files=self.files())
+        self.state.update(changes, files=files_to_take(self.folder))
         for queue in self.listeners:
             if queue.empty():
                 queue.put_nowait(None)
@@ -76,26 +106,79 @@ class Session:
         self.frames[place] = frame
         self.tell(frames={**self.state["frames"], place: self.state["frames"].get(place, 0) + 1})
 
-    def change(self, text: SpecText) -> Fields:
-        """Take another text; a search that runs goes on with it, from the lens that it has, once it has settled."""
+    def _take_away(self, place: str) -> None:
+        self.frames.pop(place, None)
+        self.tell(frames={name: number for name, number in self.state["frames"].items() if name != place})
+
+    async def change(self, changed: Callable[[SpecText], SpecText]) -> Fields:
+        """Take the text that ``changed`` makes of this one, in a thread: one change after another.
+
+        Raises :class:`InputError` where there is no such change, or where its text takes too long to read.
+        """
+        async with self._changing:
+            loop = asyncio.get_running_loop()
+            try:
+                text = await asyncio.wait_for(loop.run_in_executor(self._reader, changed, self.text), _READING_S)
+            except TimeoutError:
+                self._reader = ThreadPoolExecutor(1)  # the thread before ends by itself
+                raise InputError(f"the text takes more than {_READING_S:g} s to read; shorten it") from None
+            self._take(text)
+            return self.spec_shown()
+
+    def _take(self, text: SpecText) -> None:
+        """Take another text, and see to what follows from it once it has settled."""
         self.text = text
+        if self._following is not None:
+            self._following.cancel()
+        self._follow_name()
         self.tell(version=self.state["version"] + 1)
         if text.spec is not None:
             loop = asyncio.get_running_loop()
-            self._looking = loop.create_task(self._physics(text))
-            if self._following is not None:
-                self._following.cancel()
-            if self.state["phase"] == "searching":
-                self._following = loop.call_later(_SETTLED_S, self.search)
-        return self.spec_shown()
+            self._looking = loop.create_task(self._physics(self.text))
+            self._following = loop.call_later(_SETTLED_S, self._settled)
+
+    def _follow_name(self) -> None:
+        """Go to the folder of the spec's name where results go there, but for one in which something runs."""
+        spec = self.text.spec
+        if spec is None or not self._follows_name or self._runs:
+            return
+        if not self._is_file:
+            self.text = self.text.moved(self.text.path.with_name(f"{spec.name}.toml"))
+            self.tell(saved=str(self.text.path))
+        if self.folder != RESULTS / spec.name:
+            self._enter(RESULTS / spec.name)
+
+    def _settled(self) -> None:
+        """Let a search that runs go on with the text, from the lens that it has; else ask if one would begin."""
+        if self.state["phase"] == "searching":
+            self.search()
+        else:
+            self._judge()
+
+    @property
+    def _runs(self) -> bool:
+        return self.state["phase"] in ("searching", "making")
+
+    def _judge(self) -> None:
+        """Ask the process why no search of the text would begin."""
+        if self.text.spec is not None and not self._runs:
+            settings = {name: self.state[name] for name in ("version", "accuracy", "force")}
+            self._send("judge", **self._of_text(), **settings)
 
     def spec_shown(self) -> Fields:
         """The text with its tables, values and lines, and its version."""
         return {"version": self.state["version"], **self.text.shown()}
 
     def save(self) -> None:
-        """Write the text in its place. Raises :class:`InputError` where it cannot be written."""
-        write_file(self.text.path, self.text.text.encode())
+        """Write the text in its place; a byte-order mark stays.
+
+        Raises :class:`InputError` where it cannot be written, and for another file of this name.
+        """
+        path = self.text.path
+        if path.exists() and not self._is_file:
+            raise InputError(f"{path}: is there already; give the spec another name, or open that file")
+        write_file(path, (codecs.BOM_UTF8 if _has_mark(path) else b"") + self.text.text.encode())
+        self._is_file = True
 
     async def _physics(self, text: SpecText) -> None:
         """Ask a thread for what physics allows, the quick figures first."""
@@ -106,6 +189,8 @@ class Session:
                     found = await self._in_thread(_physics_of, name, text.spec)
                 except LensforgeError as error:
                     found = {"problem": str(error)}
+                except Exception as error:  # a bug: the page says so, and goes on
+                    found = {"problem": f"internal error: {type(error).__name__}: {error}"}
             if isinstance(found, bytes):
                 self._show(name, found)
             elif found is not None and text is self.text:
@@ -122,6 +207,7 @@ class Session:
             process = self._process = await asyncio.create_subprocess_exec(*command, **pipes, limit=2**22)
             if self.text.spec is not None:
                 self._send("warm", **self._of_text())
+                self._judge()
             self._look_at_own()
             assert process.stdout is not None
             with suppress(asyncio.IncompleteReadError):
@@ -145,6 +231,8 @@ class Session:
                 self._show("own", frame)
             case "beside":
                 self._show("beside", frame)
+            case "judged":
+                self.tell(judged={"version": head["version"], "lines": head["lines"]})
             case "stage":
                 self.tell(stage=head["name"])
             case "warning":
@@ -160,8 +248,16 @@ class Session:
                 self.tell(refused=head["lines"])
 
     @property
+    def _kept_job(self) -> SearchJob | None:
+        """The search that may go on: its record beside its checkpoint."""
+        if (self.folder / CHECKPOINT).exists():
+            with suppress(InputError):  # told when the folder is entered
+                return SearchJob.read(self.folder)
+        return None
+
+    @property
     def _resumable(self) -> bool:
-        return (self.folder / CHECKPOINT).exists() and (self.folder / JOB_FILE).exists()
+        return self._kept_job is not None
 
     def _of_text(self) -> dict[str, str]:
         return {"folder": str(self.folder), "text": self.text.text, "path": str(self.text.path)}
@@ -175,16 +271,23 @@ class Session:
         if (self.folder / LENS_FILE).exists():
             self._send("look", folder=str(self.folder), place="own")
 
-    def search(self, *, anew: bool = False, **settings: Any) -> None:
+    def search(self, *, anew: bool = False, accuracy: Any = None, seed: Any = None, force: bool | None = None) -> None:
         """Search for the lens of the text, from the lens that is there unless ``anew``; one that runs ends first.
 
-        Raises :class:`InputError` where the text is no spec.
+        A setting of None stays as it is. Raises :class:`InputError` where the text is no spec, or a setting is wrong.
         """
         self.text.required()
-        self.tell(warnings=[], asks=False, **settings)
-        asked = {name: self.state[name] for name in ("accuracy", "seed", "force")}
-        job = {"job": "search", **self._of_text(), **asked, "resume": False, "start": not anew}
-        if self.state["phase"] in ("searching", "making"):
+        given = {"accuracy": _accuracy(accuracy), "seed": count_of("seed", seed, 0, seeds.MOST), "force": force}
+        if self.state["phase"] == "making":
+            raise InputError("search: the part is being made; stop that first")
+        before = self.folder
+        self._follow_name()
+        if self.folder != before and self.state["asks"]:
+            raise InputError(f"search: {self.folder} holds a finished lens; search again to replace it")
+        self.tell(warnings=[], asks=False, **{name: value for name, value in given.items() if value is not None})
+        settings = {name: self.state[name] for name in ("accuracy", "seed", "force")}
+        job = {"job": "search", **self._of_text(), **settings, "resume": False, "start": not anew}
+        if self.state["phase"] == "searching":
             self._next = job
             self._send("stop")
         else:
@@ -192,84 +295,95 @@ class Session:
 
     def go_on(self) -> None:
         """Resume a search that was paused or killed; where the text has changed, go on from its lens."""
-        with suppress(OSError, ValueError, KeyError):
-            job = json.loads((self.folder / JOB_FILE).read_text(encoding="utf-8"))
-            if job["text"] == self.text.text and self._resumable:
-                return self._begin({**job, **self._of_text(), "resume": True})
-        return self.search()
+        self._require_at_rest("go on")
+        job = self._kept_job
+        if job is not None and job.text == self.text.text:
+            self._begin({"job": "search", **job.model_dump(), **self._of_text(), "resume": True})
+        else:
+            self.search()
+
+    def make_part(self, rings: int | None = None) -> None:
+        """Make the part of the lens that is there; with ``rings`` only export it again, with so fine a mesh.
+
+        Raises :class:`InputError` where there is no lens yet, or something else runs.
+        """
+        self._require_at_rest("make the part")
+        if not (self.folder / LENS_FILE).is_file():
+            raise InputError(f"make the part: no lens in {self.folder}; search first")
+        self._begin({"job": "part", "folder": str(self.folder), "rings": rings})
 
     def ask(self, what: str) -> None:
-        """Ask for ``pause``, ``stop``, ``enough``, or the ``part`` of the lens."""
-        if what == "part":
-            self._begin({"job": "part", "folder": str(self.folder)})
-        else:
-            self._send(what)
+        """Ask what runs for ``pause``, ``stop`` or ``enough``. Raises :class:`InputError` where nothing runs."""
+        if not self._runs:
+            raise InputError(f"{what}: nothing runs")
+        self._send(what)
+
+    def _require_at_rest(self, what: str) -> None:
+        if self._runs:
+            raise InputError(f"{what}: another job runs; stop it first")
 
     def colour_by(self, figure: str) -> None:
-        """Show the lens by another figure, at once or with its next picture."""
+        """Show the lens by another figure, at once or with its next picture. Raises :class:`InputError`."""
+        if figure not in FIGURES:
+            raise InputError(f"figure {figure[:60]!r}: must be one of {', '.join(FIGURES)}")
         self._send("figure", name=figure)
-        if self.state["phase"] not in ("searching", "making"):
+        if not self._runs:
             self._look_at_own()
 
     def beside(self, name: str) -> None:
         """Show the design of another folder beside this one, "" for none. Raises :class:`InputError` for no such."""
         if not name:
-            self.frames.pop("beside", None)
-            self.tell(frames={place: number for place, number in self.state["frames"].items() if place != "beside"})
-            return
-        if name not in self.others():
-            raise InputError(f"{name}: no result folder beside {self.folder}")
-        self._send("look", folder=str(self.folder.resolve().parent / name), place="beside")
+            self._take_away("beside")
+        elif name in self.others():
+            self._send("look", folder=str(self.folder.resolve().parent / name), place="beside")
+        else:
+            raise InputError(f"{name[:60]}: no result folder beside {self.folder}")
 
     def others(self) -> list[str]:
         """Names of the result folders beside this one."""
         own = self.folder.resolve()
         return sorted(path.parent.name for path in own.parent.glob(f"*/{LENS_FILE}") if path.parent != own)
 
-    def files(self) -> list[str]:
-        """Names of the files in the folder that a reader may open or take."""
-        paths = self.folder.iterdir() if self.folder.is_dir() else ()
-        fit = (path for path in paths if path.suffix.lower() in DOWNLOADS and path.is_file() and not path.is_symlink())
-        return sorted(path.name for path in fit)
+    @property
+    def dropped_folder(self) -> Path:
+        """The folder for files that are dropped in."""
+        return self.folder.resolve() / DROPPED
 
-    def place_of(self, name: str) -> Path:
-        """The place in the folder for a file that is dropped in. Raises :class:`InputError` for a name of no use."""
-        known = "".join(each if each.isalnum() or each in "-_." else "_" for each in Path(name).name)[-80:].lstrip(".")
-        if not Path(known).suffix:
-            raise InputError(f"{name[:60]!r}: a file of rays, an IES or LDT file, or a picture, each with its suffix")
-        return self.folder.resolve() / DROPPED / known
+    async def keep_dropped(self, path: Path) -> Fields:
+        """Read a file that has come to ``path``, keep it, and describe it. Raises :class:`InputError` for no such."""
+        file = (await self._in_thread(DroppedFile.read, path)).kept(path.parent.parent)
+        self.dropped[file.path.name] = file
+        return {"name": file.path.name, "plot": file.plot.name, "words": file.words, "fits": file.fits}
 
-    async def dropped(self, path: Path) -> Fields:
-        """Describe a file that was dropped in, and draw it beside it by its own plot."""
-        if path.suffix.lower() in _PICTURES:
-            return {"name": path.name, "plot": path.name, "words": path.name, "fits": ["target"]}
-        return dict(await self._in_thread(_plotted, path))
+    def dropped_plot(self, name: str) -> Path | None:
+        """The plot ``name`` of a file that was dropped in, None where there is none."""
+        return next((file.plot for file in self.dropped.values() if file.plot.name == name), None)
 
-    def use(self, name: str, place: str) -> SpecText:
-        """The text with a file that was dropped in as its ``source`` or its ``target``."""
-        path, before, text = self.place_of(name), dict(self.text.tables.get("target", {})), self.text.text
-        table: dict[str, object] = {"kind": "rayfile", "file": str(path), "origin": "virtual_focus"}
-        if place == "target" and path.suffix.lower() in _PICTURES:
-            size = {name: before.get(name, usual) for name, usual in (("width_mm", 200.0), ("distance_mm", 300.0))}
-            table = {"kind": "image", "file": str(path), **size}
-        elif place == "target":
-            table = {"kind": "photometric", "file": str(path)}
-        for gone in {place, "receivers" if place == "target" else "sources"} & set(self.text.tables):
-            text = edited(text, (gone,), None)
-        return self.text.with_text(edited(text, (place,), table))
+    def use(self, name: str, place: Use) -> Callable[[SpecText], SpecText]:
+        """The change of a text by which a file that was dropped in is its ``source`` or its ``target``."""
+        if name not in self.dropped:
+            raise InputError(f"{name[:60]}: no such file has been dropped in")
+        file = self.dropped[name]
+        return lambda text: text.with_table(place, file.table(place, text.tables.get(place, {})))
+
+
+def _name_of(text: SpecText) -> str:
+    return text.path.stem if text.spec is None else text.spec.name
+
+
+def _has_mark(path: Path) -> bool:
+    with suppress(OSError), path.open("rb") as file:
+        return file.read(len(codecs.BOM_UTF8)) == codecs.BOM_UTF8
+    return False
+
+
+def _accuracy(given: object) -> str | None:
+    if given is not None and given not in tuple(PRESETS):
+        raise InputError(f"accuracy = {str(given)[:60]!r}: must be one of {', '.join(PRESETS)}")
+    return None if given is None else str(given)
 
 
 def _physics_of(name: str, spec: Any) -> object:
     from lensforge.live import physics
 
     return getattr(physics, name)(spec)
-
-
-def _plotted(path: Path) -> dict[str, object]:
-    summary, plot = rays(path), path.with_name(f"{path.name}.png")
-    summary.save(plot)
-    if isinstance(summary, PhotometricSummary):
-        words, fits = f"{summary.lumens:.4g} lm, peak {summary.peak.intensity_cd:.4g} cd", ["target"]
-    else:
-        words, fits = f"{summary.rays:,} rays", ["source"]
-    return {"name": path.name, "plot": plot.name, "words": f"{path.name}: {summary.format}, {words}", "fits": fits}

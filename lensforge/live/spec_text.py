@@ -3,11 +3,11 @@
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, LensforgeError
 from lensforge.live.page_frames import Fields
 from lensforge.live.toml_edit import Place, edited
 from lensforge.spec import Spec
@@ -17,7 +17,9 @@ from lensforge.spec.spec_section import section_of
 from lensforge.spec.toml_bounds import bounded_tables
 from lensforge.spec.toml_slips import tables_of
 
-_FIELD = re.compile(r"([A-Za-z_][\w-]*(?:\.[\w-]+)*)(?: = |: )")
+_DOS = "\r\n"
+_FIELD = re.compile(r"([A-Za-z_][\w-]*(?:\.[\w-]+)*)( = |: )")
+_WITHIN = re.compile(r"([a-z][a-z0-9_]*)(?: = |: )")  # a field of the table that a line begins with
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,7 @@ class SpecText:
             spec = section_of(Spec, {"name": path.stem, **tables}, str(path), NamedFrom(path.parent, there=True))
             return SpecText(text, path, tables, spec)
         except InputError as error:
-            words = [each.removeprefix(f"{path}: ") for each in str(error).splitlines()]
-            fields = [_FIELD.match(each) for each in words]
-            lines = tuple((field[1] if field else "", each) for field, each in zip(fields, words, strict=True))
-            return SpecText(text, path, tables, lines=lines)
+            return SpecText(text, path, tables, lines=lines_of(error, path))
 
     def required(self) -> Spec:
         """The spec. Raises :class:`InputError` with the lines on what is wrong with it."""
@@ -54,8 +53,13 @@ class SpecText:
         return self.spec
 
     def with_text(self, text: str) -> "SpecText":
-        """Another text in the same place."""
-        return SpecText.of(text, self.path, self.tables)
+        """Another text in the same place; line ends of DOS, which a browser leaves out, stay."""
+        of_dos = _DOS in self.text and _DOS not in text
+        return SpecText.of(text.replace("\n", _DOS) if of_dos else text, self.path, self.tables)
+
+    def moved(self, path: Path) -> "SpecText":
+        """The same text, to be written to another ``path`` in the same folder."""
+        return replace(self, path=path)
 
     def edited(self, place: Place, given: object) -> "SpecText":
         """The text with a value of the form at ``place``; None leaves it out.
@@ -63,12 +67,23 @@ class SpecText:
         A text in ``{"toml": ...}`` is read as TOML, where it is some. With another kind the fields that it does not
         have leave their table. Raises :class:`InputError` for a text that is no TOML.
         """
-        found = self.with_text(edited(self.text, place, _value(given)))
+        found = self.with_text(edited(self._plain, place, _value(given)))
         for name, words in found.lines if place[-1] == "kind" else ():
             table, _, field = name.rpartition(".")
             if table == ".".join(map(str, place[:-1])) and ": unknown" in words:
-                found = found.with_text(edited(found.text, (*place[:-1], field), None))
+                found = found.with_text(edited(found._plain, (*place[:-1], field), None))
         return found
+
+    def with_table(self, name: str, table: Mapping[str, object]) -> "SpecText":
+        """The text with another ``table``, "source" or "target", in place of that or of its list."""
+        text = self._plain
+        for gone in {name, {"source": "sources", "target": "receivers"}[name]} & set(self.tables):
+            text = edited(text, (gone,), None)
+        return self.with_text(edited(text, (name,), table))
+
+    @property
+    def _plain(self) -> str:
+        return self.text.replace(_DOS, "\n")
 
     def from_example(self, name: str) -> "SpecText":
         """The text of a shipped spec, which names its files by their whole paths. Raises :class:`InputError`."""
@@ -84,6 +99,21 @@ class SpecText:
         """Text, tables, lines and, of a spec that holds, all of its values: for the page."""
         values = None if self.spec is None else self.spec.model_dump(mode="json")
         return {"text": self.text, "tables": self.tables, "lines": self.lines, "values": values}
+
+
+def lines_of(error: LensforgeError, path: Path | None = None) -> tuple[tuple[str, str], ...]:
+    """Lines of an ``error``, each with the dotted name of its field, "" for none; without the ``path`` of the text."""
+    words = [each if path is None else each.removeprefix(f"{path}: ") for each in str(error).splitlines()]
+    return tuple((_field_of(each), each) for each in words)
+
+
+def _field_of(words: str) -> str:
+    """The dotted name of the field that a line is about: "target.width_mm" of "target: width_mm: missing"."""
+    table = _FIELD.match(words)
+    if table is None:
+        return ""
+    field = _WITHIN.match(words, table.end())
+    return table[1] if field is None or table[2] != ": " else f"{table[1]}.{field[1]}"
 
 
 def _value(given: object) -> object:

@@ -27,7 +27,7 @@ def edited(text: str, place: Place, value: object) -> str:
         _set(wanted, place, value, dict, list)
         if bounded_tables(after) == wanted:
             return after
-    except (TOMLKitError, KeyError, IndexError, TypeError, ValueError, AttributeError):
+    except (TOMLKitError, KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError):
         pass
     raise InputError(f"{'.'.join(map(str, place))}: cannot be changed beside what stands there; change the text")
 

@@ -338,6 +338,13 @@ def search(
     return found.changed(ended=ended, kept_start=bool(moved))
 
 
+def require_start(spec: Spec, source: Source, accuracy: AnyAccuracy, start: Lens | None) -> None:
+    """Raise :class:`InputError` where :func:`search` would, before its first step."""
+    preset, spec = preset_for(spec, accuracy), settled_symmetry(spec, source)
+    problems = Problems(spec, source, preset.nodes_per_sigma, None, preset.single)
+    _fresh_state(schedule_of(spec, source, preset, start), problems, start)
+
+
 def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> SearchEnd:
     problems, state, first, levels = descent.problems, descent.state, stages[0], stages[-1].levels
     if problems.spec.lens.levels == "auto":

@@ -116,6 +116,17 @@ def design(
         )
 
 
+def require_searchable(spec: Spec, *, accuracy: AnyAccuracy = "standard", force: bool = False) -> None:
+    """Raise :class:`InputError` for all that :func:`design` refuses before its first step."""
+    from lensforge.search.optimiser import require_start
+
+    start = _start_of(spec)
+    source, _ = _checked_scene(spec, start, lambda _: None, force=force)
+    one_kind = spec.lamps is not None and spec.all_lamps.kinds and (start is None or not start.others)
+    first = spec.changed(lamps=spec.lamps.of_one_kind) if one_kind and spec.lamps is not None else spec
+    require_start(first, source, accuracy, start)
+
+
 def redesign(lens: Lens, source: EmitterSection | Path | str, **options: Unpack[SearchOptions]) -> Design:
     """Search for a lens for another LED, from a finished lens on, on automatic levels.
 

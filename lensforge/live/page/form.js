@@ -9,10 +9,14 @@ export function toml(value) {
   return typeof value === "string" ? JSON.stringify(value) : String(value);
 }
 
+const steps = name => name.split(".").map(step => (/^\d+$/.test(step) ? Number(step) : step));
+
 export class Form {
-  constructor(root, schema, change) {
-    Object.assign(this, { root, schema, change, opened: new Set(["source", "lens", "constraints", "target", "receivers"]), shape: null });
+  // needs: lengths that each kind of target or limit must have, without their unit.
+  constructor(root, schema, needs, change) {
+    Object.assign(this, { root, schema, needs, change, opened: new Set(["source", "lens", "constraints", "target", "receivers"]), shape: null });
     this.inputs = new Map();
+    this.builders = new WeakMap(); // of what stands in a section, by its element
   }
 
   resolved(node) {
@@ -26,7 +30,7 @@ export class Form {
     return new Map(variants.map(each => [each.properties.kind?.const ?? each.properties.kind?.enum?.[0] ?? "", each]));
   }
 
-  show({ tables, values, lines }) {
+  show({ tables, values }) {
     const shape = this.outline(tables, this.resolved(this.schema), []);
     Object.assign(this, { tables, values: values ?? this.values }); // of the last spec that held
     if (shape !== this.shape) {
@@ -37,7 +41,6 @@ export class Form {
       if (focused) this.inputs.get(focused)?.focus();
     }
     for (const [place, input] of this.inputs) if (input !== document.activeElement) this.fill(input, JSON.parse(place));
-    return this.mark(lines);
   }
 
   // Which tables there are, and of which kind: where this changes, the form is made anew.
@@ -52,37 +55,70 @@ export class Form {
   }
 
   fields(section, value, place) {
-    const shown = [], more = [];
+    const needed = [], shown = [], more = [], rule = this.rule(section, value, place);
     for (const [name, node] of Object.entries(section.properties)) {
-      const needed = (section.required ?? []).includes(name), used = value?.[name] !== undefined;
+      const used = value?.[name] !== undefined, must = (section.required ?? []).includes(name) || rule?.needed.has(name);
       if (name === "kind" && (node.const || node.enum?.length === 1)) continue;
-      (needed || used || place.length === 0 ? shown : more).push([name, node, needed]);
+      if (rule?.unfit(name) && !used) continue;
+      (must ? needed : used || place.length === 0 ? shown : more).push([name, node, must]);
     }
-    const made = shown.map(each => this.field(...each, [...place, each[0]], value?.[each[0]]));
+    const made = [...needed, ...shown].map(each => this.field(...each, [...place, each[0]], value?.[each[0]]));
     if (more.length) made.push(this.folded("more fields", [...place, "…"], () => more.map(each => this.field(...each, [...place, each[0]]))));
     return made;
   }
 
+  // Of a target or a limit: the fields that it must have on its receiver, and those that are for another one.
+  rule(section, value, place) {
+    const kind = section.properties.kind?.const, alone = place.length === 1;
+    if (!["target", "receivers", "limits"].includes(place[0]) || !(kind in this.needs)) return null;
+    const far = this.isFar(place), [unit, other] = far ? ["deg", "mm"] : ["mm", "deg"], places = ["distance_mm", "receiver_mm", "half_angle_deg"];
+    const needed = new Set(this.needs[kind].map(name => `${name}_${unit}`));
+    if (alone) for (const name of far ? ["half_angle_deg"] : ["distance_mm", "receiver_mm"]) needed.add(name);
+    const twin = name => name.replace(new RegExp(`_${other}$`), `_${unit}`);
+    return { needed, unfit: name => (places.includes(name) ? !alone || far && name !== "half_angle_deg" : twin(name) !== name && twin(name) in section.properties) };
+  }
+
+  // Whether the receiver of a target or a limit is the far field, on which lengths are in degrees.
+  isFar([table, number]) {
+    const { target, receivers } = this.tables, list = Array.isArray(receivers) ? receivers : [];
+    if (table === "receivers") return list[number]?.kind === "far_field";
+    const named = table === "limits" && list.find(each => each.name !== undefined && each.name === this.tables.limits?.[number]?.receiver);
+    const receiver = named || (table === "limits" && list[0]);
+    return receiver ? receiver.kind === "far_field" : target?.half_angle_deg !== undefined;
+  }
+
   folded(title, place, build, note = "") {
     const key = place.join("."), details = element("details", { open: this.opened.has(key) });
-    const fill = () => { if (details.open && details.children.length === 1) details.append(...build()); };
     details.append(element("summary", {}, title, element("span", { className: "note" }, note)));
     details.dataset.section = key;
+    this.builders.set(details, build);
     details.addEventListener("toggle", () => {
       this.opened[details.open ? "add" : "delete"](key);
-      const before = this.inputs.size;
-      fill();
-      if (this.inputs.size > before) for (const [at, input] of this.inputs) if (input !== document.activeElement) this.fill(input, JSON.parse(at));
+      this.build(details);
     });
-    fill();
+    if (details.open) this.build(details);
     return details;
+  }
+
+  open(details) {
+    details.open = true;
+    this.build(details);
+  }
+
+  // The fields of a section, once it is open.
+  build(details) {
+    if (!details.open || details.children.length > 1) return;
+    const before = new Set(this.inputs.keys());
+    details.append(...this.builders.get(details)());
+    for (const [at, input] of this.inputs) if (!before.has(at)) this.fill(input, JSON.parse(at));
   }
 
   field(name, node, needed, place, value) {
     const kinds = this.kinds(this.resolved(node)), words = node.description ?? "", title = name.replaceAll("_", " ");
-    if (kinds) return this.folded(title, place, () => this.table(kinds, this.at(this.tables, place), place), value === undefined ? "default" : value.kind ?? "");
+    if (kinds) return this.folded(title, place, () => this.table(kinds, this.at(this.tables, place), place), value === undefined ? "default" : String(value.kind ?? ""));
     const items = node.type === "array" ? this.kinds(this.resolved(node.items)) : null;
-    if (items) return this.folded(title, place, () => this.list(items, value ?? [], place), value?.length ? `${value.length}` : "none");
+    const entries = Array.isArray(value) ? value : []; // the line on another value stands below the text
+    if (items) return this.folded(title, place, () => this.list(items, entries, place), entries.length ? `${entries.length}` : "none");
     return this.entry(name, node, needed, place, words);
   }
 
@@ -95,12 +131,12 @@ export class Form {
 
   list(kinds, entries, place) {
     const made = entries.map((value, k) => {
-      const remove = element("button", { type: "button", onclick: () => this.change([...place, k], null) }, "remove");
+      const remove = element("button", { type: "button", onclick: () => this.change([...place, k], null, false) }, "remove");
       return this.folded(`${place.at(-1)} ${k + 1}`, [...place, k], () => [...this.table(kinds, value, [...place, k]), remove], value.name ?? value.kind ?? "");
     });
     const adds = [...kinds.keys()].map(kind => element("button", { type: "button", onclick: () => {
       this.opened.add([...place, entries.length].join("."));
-      this.change([...place, entries.length], kind ? { kind } : {});
+      this.change([...place, entries.length], kind ? { kind } : {}, true);
     } }, `add ${kind.replaceAll("_", " ") || place.at(-1)}`));
     return [...made, element("div", { className: "adds" }, ...adds)];
   }
@@ -130,7 +166,8 @@ export class Form {
   entered(input, place) {
     clearTimeout(this.waiting);
     const value = input.type === "checkbox" ? input.checked : input.value === "" ? null : ["string", "enum"].includes(input.dataset.type) ? input.value : { toml: input.value };
-    this.waiting = setTimeout(() => this.change(place, value), input.type === "text" ? 150 : 0);
+    const typed = input.type === "text";
+    this.waiting = setTimeout(() => this.change(place, value, !typed), typed ? 150 : 0);
   }
 
   fill(input, place) {
@@ -140,19 +177,33 @@ export class Form {
     if (input.type === "text") input.placeholder = whole === undefined || whole === null || typeof whole === "object" && !Array.isArray(whole) ? "" : toml(whole).slice(0, 60);
   }
 
-  // Each line beside its field; gives those of no field that is seen.
+  // Opens the sections around the field of a dotted name, and gives it the focus; false where there is none.
+  reveal(name) {
+    const place = JSON.stringify(steps(name));
+    const around = section => `${name}.`.startsWith(`${section.replace(/\.…$/, "")}.`);
+    while (!this.inputs.get(place)?.offsetParent) {
+      const closed = [...this.root.querySelectorAll("details:not([open])")].filter(each => around(each.dataset.section));
+      const next = closed.find(each => !each.dataset.section.endsWith("…")) ?? closed[0];
+      if (!next) break;
+      this.open(next);
+    }
+    this.inputs.get(place)?.focus();
+    return this.inputs.has(place);
+  }
+
+  // Each line beside its field; gives those of no field that is seen, with the names of their fields.
   mark(lines) {
     const elsewhere = [];
     for (const each of this.root.querySelectorAll(".wrong")) each.textContent = "";
     for (const [, input] of this.inputs) input.removeAttribute("aria-invalid");
     for (const details of this.root.querySelectorAll("details")) details.classList.remove("bad");
     for (const [name, words] of lines) {
-      const place = JSON.stringify(name.split(".").map(step => (/^\d+$/.test(step) ? Number(step) : step))), input = this.inputs.get(place);
+      const place = JSON.stringify(steps(name)), input = this.inputs.get(place);
       if (input) input.setAttribute("aria-invalid", "true");
       if (input?.offsetParent) {
         const said = input.parentElement.querySelector(".wrong");
         said.textContent += `${said.textContent ? "\n" : ""}${words}`;
-      } else elsewhere.push(words);
+      } else elsewhere.push([name, words]);
       for (const details of this.root.querySelectorAll("details")) if (`${name}.`.startsWith(`${details.dataset.section}.`)) details.classList.add("bad");
     }
     return elsewhere;

@@ -23,7 +23,8 @@ export async function get(path) {
 export async function post(path, content) {
   const body = content instanceof Blob ? content : JSON.stringify(content ?? {});
   const response = await fetch(new URL(path, base), { method: "POST", body });
-  return response.ok || response.status === 422 ? response.json() : { lines: [`refused: ${response.status}`] };
+  const told = response.headers.get("Content-Type")?.startsWith("application/json");
+  return told ? response.json() : { lines: [`refused: ${response.status}`] };
 }
 
 export function element(tag, properties = {}, ...children) {

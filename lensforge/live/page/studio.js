@@ -12,15 +12,29 @@ const frames = {}, numbers = {}, notes = {};
 let old = []; // names of files of the lens before
 [own.twin, beside.twin] = [beside, own];
 let state = {}, version = -1, form = null, changes = 0, changed = false;
+let lines = [], wrong = []; // on the text; with those on its search
 
 function take(spec) {
   if (spec.version === undefined) return note("change", spec.lines);
-  version = spec.version;
-  if (at("text").value !== spec.text) at("text").value = spec.text;
-  at("text-wrong").textContent = form.show(spec).join("\n");
-  at("text").setAttribute("aria-invalid", String(spec.lines.length > 0));
-  at("possible").classList.toggle("stale", spec.lines.length > 0);
+  ({ version, lines } = spec);
+  const text = spec.text.replaceAll("\r\n", "\n"); // as a browser has it
+  if (at("text").value !== text) at("text").value = text;
+  form.show(spec);
+  at("text").setAttribute("aria-invalid", String(lines.length > 0));
+  at("possible").classList.toggle("stale", lines.length > 0);
   note("change", []);
+  mark();
+}
+
+// What is wrong with the text, and what a search of it would be refused for: beside its field, or below the text.
+function mark() {
+  const { judged } = state, refused = judged?.version === version ? judged.lines : [];
+  wrong = [...lines, ...refused];
+  const line = ([name, words]) => {
+    const go = element("button", { type: "button", className: "link", onclick: () => form.reveal(name) || at("text").focus() }, words);
+    return element("p", {}, name ? go : words);
+  };
+  at("text-wrong").replaceChildren(...form.mark(wrong).map(line));
 }
 
 function note(about, lines) {
@@ -29,9 +43,12 @@ function note(about, lines) {
 }
 
 // An answer counts where nothing has been changed since it was asked for.
-async function change(content) {
+async function change(content, chosen = false) {
   const mine = changes += 1, answer = await post("spec", content);
-  if (mine === changes) take(answer);
+  if (mine !== changes) return;
+  take(answer);
+  const table = content.place?.slice(0, -1).join("."), next = chosen && wrong.find(([name]) => name && `${name}.`.startsWith(table));
+  if (next && form.reveal(next[0])) mark(); // what a chosen kind needs
 }
 
 async function act(what, content) {
@@ -44,6 +61,8 @@ async function act(what, content) {
 async function hear(now) {
   const before = state;
   state = now;
+  if (before.accuracy !== now.accuracy) at("accuracy").value = now.accuracy; // of the search that may go on, too
+  if (before.seed !== now.seed) at("seed").value = now.seed;
   const mine = changes;
   if (now.version > version && before.version !== now.version) {
     const spec = await get("spec");
@@ -51,6 +70,7 @@ async function hear(now) {
   }
   buttons();
   physics();
+  if (form && JSON.stringify(before.judged) !== JSON.stringify(now.judged)) mark();
   note("refused", now.refused);
   note("warned", now.warnings);
   for (const place of ["wanted", "own", "beside"]) if ((now.frames[place] ?? 0) !== (numbers[place] ?? 0) && !frames[`${place} asked`]) {
@@ -97,13 +117,13 @@ function physics() {
       return element("p", { className: "bound" }, element("b", {}, row.name), meter, row.words);
     }), ...(bounds.image_rad ? [element("p", { className: blurred ? "wrong" : "" }, `Image of the LED ${degrees(bounds.image_rad)}, target ${degrees(bounds.narrow_rad)} at its narrowest${blurred ? ": it blurs the target" : ""}`)] : []));
   } else if (bounds) at("bounds").replaceChildren(element("p", {}, bounds.problem));
-  const lines = [doubts?.refused, ...(doubts?.warnings ?? []), doubts?.problem, kinds?.problem].filter(Boolean).map(words => element("li", {}, words));
+  const rows = [...(doubts?.warnings ?? []), doubts?.problem, kinds?.problem].filter(Boolean).map(words => element("li", {}, words));
   const kind = form?.values?.lens?.kind ?? form?.tables?.lens?.kind;
   for (const each of kinds?.options ?? []) {
     const used = each.kind === kind, use = element("button", { type: "button", disabled: used, onclick: () => change({ place: ["lens", "kind"], value: each.kind }) }, used ? "used" : "use");
-    lines.push(element("li", {}, `${each.title}: at most ${short(100 * each.possible)} %${each.kind === kinds.advised ? ", suits this light" : ""} `, use));
+    rows.push(element("li", {}, `${each.title}: at most ${short(100 * each.possible)} %${each.kind === kinds.advised ? ", suits this light" : ""} `, use));
   }
-  if (lines.length) at("advice").replaceChildren(...lines);
+  if (rows.length) at("advice").replaceChildren(...rows);
 }
 
 function show() {
@@ -131,11 +151,27 @@ function show() {
       return element("tr", { className: judged }, element("th", { scope: "row" }, label), ...[words, ...(frames.beside ? [other?.[1] ?? ""] : [])].map((each, _, all) => element("td", {}, all.length > 1 ? each.split(";")[0] : each)));
     });
     const head = frames.beside ? [element("tr", {}, element("td"), ...["this", frames.beside.folder].map(name => element("th", { scope: "col" }, name)))] : [];
-    at("facts").replaceChildren(element("p", {}, lens.sentence), element("table", {}, ...head, ...rows));
+    at("facts").replaceChildren(element("p", {}, lens.sentence), ...lens.verdicts.map(verdict), element("table", {}, ...head, ...rows));
     at("progress").textContent = `${lens.arrays.nmse.values.length} steps`;
     ({ old } = lens);
     files();
   }
+}
+
+// A verdict that does not pass: its reasons, and the button that cures it.
+function verdict({ name, word, reasons, cure }) {
+  const go = () => (cure.change ? change(cure.change, true) : cure.do === "search" ? search(cure.content) : act(cure.do, cure.content));
+  const button = cure ? [element("button", { type: "button", className: "cure", onclick: go }, cure.words)] : [];
+  const rows = element("ul", {}, ...reasons.map(words => element("li", {}, words)));
+  return element("div", { className: `verdict ${word}` }, element("b", {}, `${name}: ${word}`), rows, ...button);
+}
+
+// Before it replaces a finished lens a search is confirmed; its settings stand beside the button.
+function search(settings = {}) {
+  if (settings.accuracy) at("accuracy").value = settings.accuracy;
+  const replaced = `${state.folder} holds a finished lens. Search replaces it and its light; its other files stay as those of the lens before, until you make the part. Search?`;
+  if (state.asks && !confirm(replaced)) return false;
+  return act("search", { accuracy: at("accuracy").value, seed: Number(at("seed").value), ...settings });
 }
 
 async function drop(file) {
@@ -147,20 +183,18 @@ async function drop(file) {
 }
 
 async function begin() {
-  const { schema, examples } = await get("schema");
-  form = new Form(at("form"), schema, (place, value) => change({ place, value }));
+  const { schema, examples, needs } = await get("schema");
+  form = new Form(at("form"), schema, needs, (place, value, chosen) => change({ place, value }, chosen));
   for (const [name, words] of Object.entries(examples)) at("examples").append(element("option", { value: name }, `${name}: ${words}`.slice(0, 90)));
   take(await get("spec"));
   for (const name of await get("others")) at("others").append(element("option", { value: name }, name));
-  const settings = () => ({ accuracy: at("accuracy").value, seed: Number(at("seed").value) });
   at("form").addEventListener("submit", event => event.preventDefault());
   at("examples").addEventListener("change", event => event.target.value && change({ example: event.target.value }));
-  const replaced = () => `${state.folder} holds a finished lens. Search replaces it and its light; its other files stay as those of the lens before, until you make the part. Search?`;
-  at("search").addEventListener("click", () => (!state.asks || confirm(replaced())) && act("search", settings()));
+  at("search").addEventListener("click", () => search());
   at("pause").addEventListener("click", () => act(state.phase === "paused" ? "go_on" : "pause"));
   at("enough").addEventListener("click", () => act("enough"));
   at("part").addEventListener("click", () => act(state.phase === "making" ? "stop" : "part"));
-  at("save").addEventListener("click", async () => { at("saved").textContent = (await act("save")) ? "saved" : ""; });
+  at("save").addEventListener("click", async () => { at("saved").textContent = (await act("save")) ? `saved to ${state.saved}` : ""; });
   at("figure").addEventListener("change", () => act("figure", { name: at("figure").value }));
   at("others").addEventListener("change", event => act("beside", { name: event.target.value }));
   at("receiver").addEventListener("change", show);
@@ -182,4 +216,5 @@ async function begin() {
   document.body.dataset.ready = "true";
 }
 
+addEventListener("unhandledrejection", event => note("broken", [`internal error of this page: ${event.reason}; reload it`]));
 begin();

@@ -1,0 +1,56 @@
+"""Cures of a verdict: the one change that its reasons name, which a button of the page makes."""
+
+import re
+from collections.abc import Iterator
+
+from lensforge.cad.part import Part
+from lensforge.live.page_frames import Fields
+from lensforge.report.folder import Run
+from lensforge.results.verdict import TITLES
+from lensforge.shop.check_result import Check
+from lensforge.spec.accuracy import PRESETS
+
+_RINGS = re.compile(r"--rings (\d+|N)|more --rings")
+_FIELD = re.compile(r"\b([a-z]+(?:\.[a-z_]+)+) = (-?\d+(?:\.\d+)?)")
+_FINER, _MOST_RINGS = 2, 10_000  # times as many rings as before, where no number is named
+
+
+def cure_of(title: str, run: Run) -> Fields | None:
+    """What cures the verdict of a ``title``: the words of a button, and what it does; None where nothing is named.
+
+    ``do``: an action of the page with its ``content``; ``change``: of the spec, for the next search.
+    """
+    cures = {TITLES["light"]: _of_light, TITLES["files"]: _of_files, TITLES["cutting"]: _of_cutting}
+    return next(cures[title](run), None)
+
+
+def _of_light(run: Run) -> Iterator[Fields]:
+    names, accuracy = [*map(str, PRESETS)], str(run.lens.accuracy)
+    if accuracy in names[:-1]:
+        better = names[names.index(accuracy) + 1]
+        yield {"words": f"Search with accuracy {better}", "do": "search", "content": {"accuracy": better}}
+
+
+def _of_files(run: Run) -> Iterator[Fields]:
+    remedies = [criterion.remedy for _, criterion in run.criteria() if not criterion.holds]
+    part = run.find(Part)
+    named = [found[1] for remedy in remedies if (found := _RINGS.search(remedy))]
+    if part is not None and named:
+        numbers = [int(number) for number in named if number not in (None, "N")]
+        rings = min(max([_FINER * part.triangulation.rings, *numbers]), _MOST_RINGS)
+        yield {"words": f"Export with a finer mesh ({rings} rings)", "do": "finer", "content": {"rings": rings}}
+    elif any("export" in remedy for remedy in remedies) or set(run.missing) & {"export", "verify"}:
+        yield {"words": "Make the part again" if remedies else "Make the part", "do": "part", "content": {}}
+
+
+def _of_cutting(run: Run) -> Iterator[Fields]:
+    check = run.find(Check)
+    if check is None:
+        yield {"words": "Make the part", "do": "part", "content": {}}
+        return
+    for fact in check.verdicts:
+        named = _FIELD.search(fact.remedy) if fact.state == "fail" else None
+        if named is not None:
+            place = named[1].split(".")
+            change = {"place": place, "value": {"toml": named[2]}}
+            yield {"words": f"Set {named[1]} = {named[2]}, then search again", "change": change}
