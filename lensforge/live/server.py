@@ -37,7 +37,7 @@ from lensforge.live.page_json import (
 )
 from lensforge.live.session import Session
 from lensforge.live.spec_text import SpecText
-from lensforge.spec.light_limits import LimitSection
+from lensforge.spec.light_limits import LineLimit, PointsLimit
 from lensforge.spec.shipped_specs import first_sentence, shipped_specs
 from lensforge.spec.spec_reference import spec_schema
 from lensforge.spec.target_sections import TargetSection
@@ -81,8 +81,6 @@ def _guard(secret: str, admit: Callable[[asyncio.BaseProtocol], None]) -> Any:
             return _refusal(400, str(error))
         except LensforgeError as error:
             return _refusal(422, *str(error).splitlines())
-        except TimeoutError:
-            return _refusal(408, f"request: its rest has not come within {_BODY_S:g} s")
         except (web.HTTPException, ConnectionError):
             raise
         except Exception as error:  # a bug: the page says so, and goes on
@@ -103,7 +101,8 @@ async def _with_headers(_request: web.Request, response: web.StreamResponse) -> 
 @cache
 def _schema_text() -> str:
     examples = {name: first_sentence(path) for name, path in shipped_specs().items()}
-    needs = {kind: section.needs for kind, section in (TargetSection.kinds | LimitSection.kinds).items()}
+    limits = {section.model_fields["kind"].default: section for section in (PointsLimit, LineLimit)}
+    needs = {kind: section.needs for kind, section in (TargetSection.kinds | limits).items()}
     return json_text({"schema": spec_schema(), "examples": examples, "needs": needs})
 
 
@@ -249,14 +248,24 @@ def _listening(port: int) -> socket.socket:
 
 
 async def _body(request: web.Request) -> bytes:
-    """The content of a request. Raises :class:`TimeoutError` for one whose rest does not come."""
-    return await asyncio.wait_for(request.read(), _BODY_S)
+    """The content of a request."""
+    return await _in_time(request.read())
+
+
+async def _in_time(content: Awaitable[bytes]) -> bytes:
+    """Content that comes in time. Raises :class:`aiohttp.web.HTTPRequestTimeout` where it does not."""
+    try:
+        return await asyncio.wait_for(content, _BODY_S)
+    except TimeoutError:
+        words = f"request: its rest has not come within {_BODY_S:g} s"
+        text = json_text({"lines": [words]})
+        raise web.HTTPRequestTimeout(text=text, content_type="application/json") from None
 
 
 async def _receive(request: web.Request, file: BinaryIO) -> None:
     """Write the content of a request into a ``file``, part by part."""
     size = 0
-    while part := await asyncio.wait_for(request.content.readany(), _BODY_S):
+    while part := await _in_time(request.content.readany()):
         size += len(part)
         if size > _MOST_BYTES:
             raise InputError(f"{Path(file.name).name}: more than 1 GiB; name it in the spec by its path")

@@ -19,7 +19,7 @@ from lensforge.spec.toml_slips import tables_of
 
 _DOS = "\r\n"
 _FIELD = re.compile(r"([A-Za-z_][\w-]*(?:\.[\w-]+)*)( = |: )")
-_WITHIN = re.compile(r"([a-z][a-z0-9_]*)(?: = |: )")  # a field of the table that a line begins with
+_WITHIN = re.compile(r"(?!missing|unknown)([a-z][a-z0-9_]*)(?: = |: )")  # a field of the table that a line begins with
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ export class Form {
       const used = value?.[name] !== undefined, must = (section.required ?? []).includes(name) || rule?.needed.has(name);
       if (name === "kind" && (node.const || node.enum?.length === 1)) continue;
       if (rule?.unfit(name) && !used) continue;
-      (must ? needed : used || place.length === 0 ? shown : more).push([name, node, must]);
+      (place.length === 0 ? shown : must ? needed : used ? shown : more).push([name, node, must]);
     }
     const made = [...needed, ...shown].map(each => this.field(...each, [...place, each[0]], value?.[each[0]]));
     if (more.length) made.push(this.folded("more fields", [...place, "…"], () => more.map(each => this.field(...each, [...place, each[0]]))));

@@ -30,11 +30,12 @@ function take(spec) {
 function mark() {
   const { judged } = state, refused = judged?.version === version ? judged.lines : [];
   wrong = [...lines, ...refused];
-  const line = ([name, words]) => {
-    const go = element("button", { type: "button", className: "link", onclick: () => form.reveal(name) || at("text").focus() }, words);
-    return element("p", {}, name ? go : words);
+  const elsewhere = form.mark(wrong), line = ([name, words]) => {
+    const said = elsewhere.some(each => each[1] === words) ? words : `see ${name}`; // once
+    const go = element("button", { type: "button", className: "link", onclick: () => form.reveal(name) || at("text").focus() }, said);
+    return element("p", {}, name ? go : said);
   };
-  at("text-wrong").replaceChildren(...form.mark(wrong).map(line));
+  at("text-wrong").replaceChildren(...wrong.map(line));
 }
 
 function note(about, lines) {
