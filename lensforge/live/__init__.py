@@ -1,12 +1,19 @@
 """How does one write a spec and see its light at once? The studio: a page, its server, and the process that searches.
 
 - ``studio.studio``: the verb
+- ``door``: a file for the browser, which leads to the page
 - ``server``: requests of the page, and of nobody else
+- ``connections``: how many there are, and how long they wait
+- ``page_json``: JSON to the page and from it
 - ``session``: what the page shows and does
 - ``spec_text``: the text of a spec that is being written
 - ``toml_edit``: edits that keep comments
+- ``dropped_files``: files that are dropped in
+- ``folder_files``: files of the results that can be taken
 - ``physics``: bounds and advice
 - ``search_process``: searches and stages in a process of their own
+- ``search_job``: record of a search that may go on
+- ``cures``: what cures a verdict
 - ``lens_view``: a lens to look at
 - ``page_frames``: pictures as bytes
 """

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from lensforge.results.json_npz import parse_json
 from lensforge.results.validation import input_error
 
+_MOST_STEPS = 16  # to a field of a spec
 _EXACT_BITS, _DECIMAL_BITS = 53, 256  # of whole numbers that a browser keeps; that are written in decimals
 
 
@@ -51,7 +52,7 @@ class WholeText(_Request):
 class FieldValue(_Request):
     """A ``value`` of the form at its ``place`` in the tables."""
 
-    place: Annotated[list[str | int], Field(min_length=1)]
+    place: Annotated[list[str | int], Field(min_length=1, max_length=_MOST_STEPS)]
     value: Any
 
 

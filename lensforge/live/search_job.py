@@ -11,7 +11,7 @@ from lensforge.results.validation import input_error
 from lensforge.spec.accuracy import PRESETS
 
 JOB_FILE = "studio_search.json"
-_MOST_BYTES = 8 * MIB  # a text of a spec has 1 MB, and up to six times that in JSON
+_MOST_BYTES = 64 * MIB  # a text of a spec has a MB beside arrays that are written in it
 _REMEDY = "Search begins anew"
 
 

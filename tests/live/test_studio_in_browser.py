@@ -10,7 +10,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 import lensforge as lf
-from lensforge.report.folder import load
+from lensforge.report.folder import load, opened
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.spec.shipped_specs import shipped_specs
 
@@ -95,10 +95,83 @@ def test_a_changed_field_moves_the_bound_and_the_text_and_a_wrong_one_has_its_li
     assert window.inner_text("#f-source-side_mm-wrong") == ""
     assert window.evaluate("getComputedStyle(document.getElementById('bounds')).opacity") == "1"
     window.select_option("#f-target-kind", "disc")
-    until(lambda: "diameter_mm: missing" in window.inner_text("#text-wrong"), 20.0)
+    until(lambda: "diameter_mm: missing" in window.inner_text("#f-target-diameter_mm-wrong"), 20.0)
+    assert window.inner_text("#text-wrong") == "see target.diameter_mm"
+    assert window.evaluate("document.activeElement.id") == "f-target-diameter_mm", "where the error is"
     assert "stroke_mm" not in window.input_value("#text"), "a disc has none"
     window.select_option("#examples", NAME)
     until(lambda: "stroke_mm = 60.0" in window.input_value("#text"), 20.0)
+
+
+def target_fields(window):
+    return window.evaluate(
+        "[...document.querySelectorAll('[data-section=target] > .field input')].map(each => each.id)"
+    )
+
+
+def test_needed_fields_stand_first_and_those_of_another_receiver_nowhere(window):
+    text = until(lambda: window.input_value("#text"))
+    head = text.partition("[target]")[0]
+    on_plane = '[target]\nedge_mm = 3.0\nkind = "rectangle"\n'
+    window.fill("#text", head + on_plane)
+    until(lambda: window.query_selector("#f-target-width_mm"), 20.0)
+    until(lambda: window.inner_text("#text-wrong"), 20.0)
+    names = [f"f-target-{name}_mm" for name in ("distance", "receiver", "width", "height", "edge")]
+    assert target_fields(window) == names
+    window.click("[data-section='target.…'] > summary")
+    until(lambda: window.query_selector("#f-target-half_angle_deg"), 20.0)
+    assert not window.query_selector("#f-target-width_deg") and not window.query_selector("#f-target-centre_deg")
+    window.fill("#text", head + on_plane.replace("edge_mm", "half_angle_deg"))
+    until(lambda: window.query_selector("#f-target-width_deg"), 20.0)
+    assert target_fields(window)[:2] == ["f-target-half_angle_deg", "f-target-width_deg"]
+    assert not window.query_selector("#f-target-width_mm")
+    window.fill("#text", text)
+
+
+def test_what_search_refuses_is_refused_on_edit_and_a_line_leads_to_its_field(window):
+    text = until(lambda: window.input_value("#text"))
+    wide = (
+        "[lens]\nrefractive_index = 1.49\nsymmetry = 'square'\n[source]\nkind = 'square'\nside_mm = 1.0\nflux_w = 1.0\n"
+    )
+    wide += "[constraints]\nmax_radius_mm = 14.0\n[target]\nkind = 'rectangle'\nwidth_mm = 200.0\nheight_mm = 150.0\n"
+    wide += "distance_mm = 150.0\nreceiver_mm = 300.0\n"
+    window.click("[data-section=lens] > summary")
+    window.fill("#text", wide)
+    until(
+        lambda: (
+            "see lens.symmetry" in window.inner_text("#text-wrong")
+            or "lens.symmetry = 'square'" in window.inner_text("#text-wrong")
+        )
+    )
+    assert window.get_attribute("#text", "aria-invalid") == "false", "the text is a spec"
+    window.click("#text-wrong button")
+    assert window.evaluate("document.activeElement.id") == "f-lens-symmetry"
+    assert "the target is not symmetric in this way" in window.inner_text("#f-lens-symmetry-wrong")
+    window.fill("#text", text)
+    until(lambda: not window.inner_text("#text-wrong"))
+
+
+ODD = (
+    "source = 3\n", "lens = []\n", "limits = 3\n", "limits = [1, [2]]\n", "receivers = 'far'\n",
+    "sources = {kind = 1}\n",
+    "[target]\nkind = ['a']\n", "[target]\nkind = nan\n", "[[receivers]]\ntargets = 3\n", "__proto__ = {a = 1}\n",
+    "[source]\nside_mm = inf\n", "[source]\nside_mm = 0x" + "f" * 4000 + "\n", "[lens]\nlevels = [nan, {a = inf}]\n",
+    "[source]\nside_mm = 1979-05-27\n", "[[limits]]\nkind = 'points'\nat_mm = nan\n", "constructor = 1\n",
+)  # fmt: skip
+
+
+def test_the_page_lives_through_any_text_and_a_reload(studio, window):
+    text = until(lambda: window.input_value("#text"))
+    for odd in ODD:
+        window.fill("#text", odd)
+        until(lambda text=odd: window.request.get(f"{studio.address}spec").json()["text"] == text, 20.0)
+        until(lambda: window.inner_text("#text-wrong"), 20.0)
+        assert "internal error" not in window.inner_text("#note") + window.inner_text("#text-wrong"), odd
+    window.reload()
+    window.wait_for_selector("body[data-ready]")
+    assert window.input_value("#text") == ODD[-1]
+    window.fill("#text", text)
+    until(lambda: not window.inner_text("#text-wrong"), 20.0)
 
 
 def test_a_search_is_seen_paused_kept_through_a_reload_and_ends_with_the_bits_of_the_command(studio, window, tmp_path):
@@ -166,11 +239,11 @@ def test_a_part_is_made_and_its_step_downloaded(studio, window, tmp_path):
 def test_a_finished_lens_is_replaced_when_asked_and_what_is_left_of_it_has_a_mark(studio, started):
     folder = studio.folder.parent / "other"
     kept, asked = (folder / "lens.json").read_bytes(), list[str]()
-    opened = lf.studio(folder, browser=False)
+    here = lf.studio(folder, browser=False)
     page = started.new_page()
     page.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.accept() if asked[1:] else dialog.dismiss()))
     try:
-        page.goto(opened.address)
+        page.goto(here.address)
         page.wait_for_selector("body[data-ready]")
         until(lambda: "peak" in page.inner_text("#own-readout"), 60.0)
         assert "of the lens before" not in page.inner_text("#files")
@@ -198,7 +271,29 @@ def test_a_finished_lens_is_replaced_when_asked_and_what_is_left_of_it_has_a_mar
         assert len(asked) == 2, "asked once"
     finally:
         page.close()
-        opened.close()
+        here.close()
+
+
+def test_a_verdict_has_its_reason_and_the_button_that_cures_it(studio, started):
+    folder = studio.folder.parent / "other"
+    with opened(folder) as here:
+        part = here.write(lf.build(here.run.lens, rings=6))
+        here.write(lf.verify(part, here.run.light))
+        reason = here.run.verdict.reasons_of("files")[0]
+    coarse, page = lf.studio(folder, browser=False), started.new_page()
+    try:
+        page.goto(coarse.address)
+        page.wait_for_selector("body[data-ready]")
+        until(lambda: "CAD files: fail" in page.inner_text("#facts"), 60.0)
+        assert reason[1:] in page.inner_text("#facts"), "not the verdict alone"
+        page.click("button:has-text('finer mesh')")
+        phase(page, "making")
+        phase(page, "idle")
+        assert page.inner_text("#note") == ""
+        assert load(folder).part.triangulation.rings >= 12
+    finally:
+        page.close()
+        coarse.close()
 
 
 def test_the_keyboard_alone_moves_the_sections_and_turns_the_lens(window):

@@ -32,7 +32,8 @@ function mark() {
   wrong = [...lines, ...refused];
   const elsewhere = form.mark(wrong), line = ([name, words]) => {
     const said = elsewhere.some(each => each[1] === words) ? words : `see ${name}`; // once
-    const go = element("button", { type: "button", className: "link", onclick: () => form.reveal(name) || at("text").focus() }, said);
+    const reveal = () => (form.reveal(name) ? mark() : at("text").focus());
+    const go = element("button", { type: "button", className: "link", onclick: reveal }, said);
     return element("p", {}, name ? go : said);
   };
   at("text-wrong").replaceChildren(...wrong.map(line));
