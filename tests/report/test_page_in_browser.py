@@ -1,4 +1,5 @@
 import json
+import re
 from contextlib import nullcontext
 from html import escape
 
@@ -100,3 +101,24 @@ def test_the_lens_turns_and_no_script_fails(markup, tmp_path):
     assert found["again"] == found["first"]
     assert found["key"] != found["first"]
     assert found["cut"][1] < 0.5, "the cut has a colour of its own"
+
+
+def test_on_paper_stands_what_is_read_there(markup, tmp_path):
+    page = tmp_path / "printed.html"
+    page.write_text(markup, encoding="utf-8")
+    with browser.chromium() as started, browser.opened(started, page, 1280, "light") as window:
+        window.emulate_media(media="print")
+        hidden = window.evaluate(
+            """['#numbers', '#spec .unset', '#spec section:has(.unset):not(:has(tr:not(.unset)))',
+                '#spec tr:not(.unset)']
+            .map(name => [...document.querySelectorAll(name)])
+            .map(all => [all.length > 0, all.every(each => getComputedStyle(each).display === 'none')])"""
+        )
+        assert hidden[:2] == [[True, True]] * 2 and hidden[3] == [True, False]
+        assert hidden[2][1], "nor the head of a section in which nothing is set"
+        pages = len(re.findall(rb"/Type\s*/Page\b", window.pdf(prefer_css_page_size=True)))
+        window.emulate_media(media="screen")
+        assert window.evaluate("getComputedStyle(document.querySelector('#numbers')).display") == "block"
+    assert 1 < pages <= (16 if NIGHTLY else 10), (
+        "with results that no design has by itself, at night with their pictures"
+    )
