@@ -9,7 +9,6 @@
 - ``spec_text``: the text of a spec that is being written
 - ``toml_edit``: edits that keep comments
 - ``dropped_files``: files that are dropped in
-- ``folder_files``: files of the results that can be taken
 - ``physics``: bounds and advice
 - ``search_process``: searches and stages in a process of their own
 - ``search_job``: record of a search that may go on

@@ -253,7 +253,7 @@ async def _body(request: web.Request) -> bytes:
 
 
 async def _in_time(content: Awaitable[bytes]) -> bytes:
-    """Content that comes in time. Raises :class:`aiohttp.web.HTTPRequestTimeout` where it does not."""
+    """Content that comes in time; where it does not, that is the answer."""
     try:
         return await asyncio.wait_for(content, _BODY_S)
     except TimeoutError:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from lensforge.errors import InputError
 from lensforge.live.door import Door
+from lensforge.live.search_job import SearchJob
 from lensforge.results.validation import its_type
 from lensforge.scene.lens import load_lens
 from lensforge.spec import Spec
@@ -143,7 +144,6 @@ def _opened(spec: Any) -> _Opened:
 
 def _of_folder(folder: Path) -> _Opened:
     """The text that was saved in a result folder, that of its last search, that of its lens, or none."""
-    from lensforge.live.search_job import SearchJob
     from lensforge.live.spec_text import SpecText
 
     path = folder / _TEXT_FILE
