@@ -1,0 +1,44 @@
+"""The button beside a verdict makes the change that its reasons name."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from lensforge.live.cures import cure_of
+from lensforge.proof.remedies import FINER
+
+
+def run(remedy: str = "", accuracy: str = "draft") -> Any:
+    missed = SimpleNamespace(holds=not remedy, remedy=remedy, state="fail" if remedy else "pass")
+    found = SimpleNamespace(triangulation=SimpleNamespace(rings=68), verdicts=[SimpleNamespace(state="pass"), missed])
+    lens = SimpleNamespace(accuracy=accuracy)
+    met = SimpleNamespace(holds=True, remedy="")
+    return SimpleNamespace(
+        criteria=lambda: [("export", met), ("verify", missed)], find=lambda kind: found, lens=lens, missing=[]
+    )
+
+
+@pytest.mark.parametrize(
+    ("remedy", "rings"),
+    [
+        (f"lens.step is right, so {FINER}", 136),
+        ("export with more --rings", 136),
+        ("lensforge export DIR --rings 400", 400),
+    ],
+)
+def test_files_of_a_coarse_mesh_are_cured_by_more_rings(remedy: str, rings: int) -> None:
+    cure = cure_of("CAD files", run(remedy))
+    assert cure is not None and (cure["do"], cure["content"]) == ("finer", {"rings": rings})
+
+
+def test_other_verdicts_are_cured_by_what_their_reasons_name() -> None:
+    again = cure_of("CAD files", run("export again: the mesh is not closed"))
+    assert again is not None and again["do"] == "part"
+    tool = cure_of("Manufacture", run("manufacture.cutter_radius_mm = 0.736, or a wider pitch of lamps"))
+    change = {"place": ["manufacture", "cutter_radius_mm"], "value": {"toml": "0.736"}}
+    assert tool is not None and tool["change"] == change and "cutter_radius_mm = 0.736" in tool["words"]
+    better = cure_of("Photometry", run(accuracy="standard"))
+    assert better is not None and better["content"] == {"accuracy": "reference"}
+    assert cure_of("Photometry", run(accuracy="reference")) is None
+    assert cure_of("Manufacture", run("a smaller nose")) is None
