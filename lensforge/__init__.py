@@ -36,7 +36,11 @@ else:
             return NAMES.get(name) or UNLISTED[name]
         if name == "__all__":
             return list(NAMES)
-        raise AttributeError(f"module 'lensforge' has no attribute {name!r}")
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, NAMES, n=1) or get_close_matches(name.lower(), NAMES, n=1)
+        meant = f"; did you mean {near[0]}?" if near and not name.startswith("_") else ""
+        raise AttributeError(f"module 'lensforge' has no attribute {name!r}{meant}")
 
     def __dir__() -> list[str]:
         return __getattr__("__all__")

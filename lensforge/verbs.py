@@ -38,7 +38,7 @@ from lensforge.report.results import Results, handover, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff, TradeoffRow
 from lensforge.results import Conditions, Fact, Metric, StageResult
-from lensforge.results.arguments import ShownType
+from lensforge.results.arguments import ShownType, with_known_names
 from lensforge.results.fact import Group
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
@@ -123,6 +123,10 @@ __all__ = [
     "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light", "studio", "sweep",
     "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
+
+for _verb in __all__:
+    if isfunction(globals()[_verb]):
+        globals()[_verb] = with_known_names(globals()[_verb], handed_on_to=design)
 
 _OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)
 NAMES = {name: globals()[name] for name in __all__} | {

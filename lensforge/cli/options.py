@@ -1,5 +1,6 @@
 """The options of the commands: one for each keyword of a verb, and those that several commands share."""
 
+import re
 from collections.abc import Callable
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -35,13 +36,23 @@ class _Corner(_Pixel):
         return column, row
 
 
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 _MOST_DIGITS = 18  # of a number that any option takes; a larger exponent is not written out
 
 
 class Number(click.FloatRange):
-    """A number in a range."""
+    """A number in a range, by default any."""
 
     name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Read ``value``, and refuse a decimal comma with the number that was meant."""
+        if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value.strip()):
+            self.fail(f"{value!r}: a number has a decimal point; write {value.strip().replace(',', '.')}", param, ctx)
+        return super().convert(value, param, ctx)
+
+    def _describe_range(self) -> str:
+        return "" if self.min is None and self.max is None else super()._describe_range()
 
 
 _ABOVE_ZERO = Number(0.0, min_open=True)
@@ -58,6 +69,8 @@ class WholeNumber(click.IntRange):
             try:
                 number = Decimal(value)
             except InvalidOperation:
+                if _DECIMAL_COMMA.fullmatch(value.strip()):
+                    self.fail(f"{value!r} is no number; write it without a comma", param, ctx)
                 self.fail(f"{value!r} is no number; write 1000000 or 1e6", param, ctx)
             if not number.is_finite() or number.adjusted() > _MOST_DIGITS or number != number.to_integral_value():
                 self.fail(f"{value!r} is not a whole number {self._describe_range()}", param, ctx)
@@ -128,7 +141,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
     "temperature_c": click.option(
         "--temperature",
         "temperature_c",
-        type=float,
+        type=Number(),
         metavar="C",
         help="Temperature (Celsius) of the lens and the air around it.",
     ),
@@ -139,7 +152,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
     "extension_deg": click.option(
         "--extension",
         "extension_deg",
-        type=float,
+        type=Number(),
         metavar="DEG",
         help="Also write the faces untrimmed, extended by DEG degrees.",
     ),
@@ -215,7 +228,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         type=_ABOVE_ZERO,
         help="Shortest wave of the deviation that is corrected (mm); default: by the noise of the points.",
     ),
-    "gain": click.option("--gain", type=float, default=1.0, help="Share of the deviation that is mirrored."),
+    "gain": click.option("--gain", type=Number(), default=1.0, help="Share of the deviation that is mirrored."),
 }
 
 

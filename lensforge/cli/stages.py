@@ -8,7 +8,7 @@ from typing import Any, Literal
 import click
 
 from lensforge.cli.conclusion import finish, finish_handover, finish_page
-from lensforge.cli.options import FOLDER, OPTIONS, Command, resume_after_interrupt
+from lensforge.cli.options import FOLDER, OPTIONS, Command, Number, resume_after_interrupt
 from lensforge.cli.output import Output, with_output
 from lensforge.cli.studies import renewed_for
 from lensforge.errors import InputError
@@ -78,8 +78,8 @@ STAGE_COMMANDS = tuple(_command_of(stage) for stage in STAGES)
 
 @click.command()
 @FOLDER
-@click.option("--spacing", type=float, metavar="MM", help="Between the points of dense tables; default: by --error.")
-@click.option("--error", type=float, default=10.0, metavar="NM", help="Of interpolation between the points.")
+@click.option("--spacing", type=Number(), metavar="MM", help="Between the points of dense tables; default: by --error.")
+@click.option("--error", type=Number(), default=10.0, metavar="NM", help="Of interpolation between the points.")
 @click.option("--interpolation", type=click.Choice(["bicubic", "linear"]), default="bicubic")
 @click.option(
     "--drawing",

@@ -2,12 +2,14 @@
 
 import inspect
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
+from functools import wraps
 from math import isfinite
 from operator import index
 from pathlib import Path
-from typing import SupportsFloat, SupportsIndex, TypeVar, cast
+from typing import ParamSpec, SupportsFloat, SupportsIndex, TypeVar, cast
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from lensforge.results.record import LARGEST_COUNT
 from lensforge.results.validation import its_type
 
 _Kind = TypeVar("_Kind")
+_Given = ParamSpec("_Given")
 _MAKES = {
     "Lens": "design(spec).lens or load(folder).lens",
     "Part": "build(lens)",
@@ -35,6 +38,41 @@ class ShownType(str):
     def of(annotation: object) -> "ShownType":
         """The words of an annotation."""
         return ShownType(re.sub(r"\blensforge\.(\w+\.)*(?=\w)", "", inspect.formatannotation(annotation)))
+
+
+class UnknownArgument(InputError, TypeError):
+    """A keyword that a verb does not take."""
+
+
+def with_known_names(
+    verb: Callable[_Given, _Kind], handed_on_to: Callable[..., object] | None = None
+) -> Callable[_Given, _Kind]:
+    """``verb``, which says for a keyword that it does not take which one was meant: :class:`UnknownArgument`.
+
+    ``handed_on_to``: the verb that takes what stands for ``**options`` of this one.
+    """
+    known = _keywords_of(verb)
+    if handed_on_to is not None and _takes_any(verb):
+        known = [*known, *(name for name in _keywords_of(handed_on_to) if name not in known)]
+
+    @wraps(verb)
+    def called(*args: _Given.args, **kwargs: _Given.kwargs) -> _Kind:
+        for name in kwargs:
+            if name not in known:
+                near = get_close_matches(name, known, n=1)
+                advice = f"did you mean {near[0]}?" if near else f"known here: {', '.join(known)}"
+                raise UnknownArgument(f"{verb.__name__}: {name}: unknown; {advice}")
+        return verb(*args, **kwargs)
+
+    return called
+
+
+def _keywords_of(verb: Callable[..., object]) -> list[str]:
+    return [each.name for each in inspect.signature(verb).parameters.values() if each.kind is not each.VAR_KEYWORD]
+
+
+def _takes_any(verb: Callable[..., object]) -> bool:
+    return any(each.kind is each.VAR_KEYWORD for each in inspect.signature(verb).parameters.values())
 
 
 def count_of(name: str, value: object, least: int = 1, most: int = LARGEST_COUNT) -> int | None:

@@ -35,6 +35,7 @@ from lensforge.spec import Spec
 from lensforge.spec.feasible import smallest_cavity_mm
 from lensforge.spec.source_sections import Placement
 from lensforge.spec.spec_section import rounded_up
+from lensforge.spec.target_sections import TargetSection
 from lensforge.surfaces.bicubic_table import grid_for, tabulate
 
 LEAST_POSSIBLE = 0.5  # of what is required: with less, no search comes near it
@@ -101,6 +102,22 @@ class Requirement:
         elif bounds.by_etendue > bounds.by_refraction:
             return "a larger lens.refractive_index, or a target nearer to the source's axis"
         return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {words}" if isfinite(self.radius_mm) else words
+
+
+def angles_that_may_be_radians(spec: Spec) -> Iterator[str]:
+    """Words on each width of a target in the far field that is so small that it may be in radians."""
+    targets = [each for receiver in spec.all_receivers for each in receiver.targets]
+    for name, value in (field for target in targets for field in _angular_widths(target)):
+        if value < _QUARTER_TURN_RAD:
+            yield f"{name} = {value:g}: angles are in degrees, {value:g} rad are {np.degrees(value):.4g}"
+
+
+def _angular_widths(target: TargetSection) -> Iterator[tuple[str, float]]:
+    """Widths of a target in the far field by the names of their fields, of an elliptical beam the larger."""
+    for name in _ANGULAR_WIDTHS:
+        value = getattr(target, name, None)
+        if value is not None:
+            yield name, max(value) if isinstance(value, tuple) else value
 
 
 def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, ...], tuple[Requirement, ...]]:
@@ -195,6 +212,8 @@ _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
 _FEW_ENTERING = 0.1  # of the flux, where nothing else is said: a ray file that looks backwards has 0.2 % left
 _MOST_PIXELS = 1024  # along a side, in a search
 _LEAST_ACROSS = 2.5  # pixels of a stroke; those of the shipped specs have 6.0 or more (curved_screen)
+_ANGULAR_WIDTHS = ("fwhm_deg", "width_deg", "height_deg", "diameter_deg", "outer_diameter_deg", "length_deg")
+_QUARTER_TURN_RAD = 1.58  # rounded up
 _WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {
@@ -238,7 +257,9 @@ class SceneCheck:
         for field, light in self._required():
             if light.met < LEAST_POSSIBLE and light.certain and not force:
                 lossy = self.entering < LEAST_POSSIBLE  # then the source is to blame, not lens or target
-                remedy = self._entry() if lossy else f"try {light.remedies()}"
+                remedy = (
+                    self._entry() if lossy else f"try {light.remedies()}{''.join(map('; {}'.format, self._units()))}"
+                )
                 raise InputError(
                     f"{field}: {light.possible_words} {self._through()}, less than half of the required "
                     f"{light.required_words}; {remedy}; or design it all the same: --force, in a script force=True"
@@ -255,7 +276,12 @@ class SceneCheck:
             elif light.beside:
                 lines.append(f"{field}: off the axis; try {LEVELS}")
         stroke = TargetStroke.of(self.spec)
-        return (*(lines or self._blur(stroke)), *self._raster(stroke))
+        lines = lines or list(self._blur(stroke))
+        return (
+            *lines,
+            *(f"target: {words}" for words in angles_that_may_be_radians(self.spec) if lines),
+            *self._raster(stroke),
+        )
 
     def _blur(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the image of the LED is wider than any stroke of the target."""

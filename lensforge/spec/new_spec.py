@@ -105,7 +105,9 @@ def receiver_beside(target: Mapping[str, Any], off_axis_deg: float = 0.0, tilt_d
 
 def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[str, float]:
     """Numbers of ``given``, separated by ``x``; one stands for a width and a height."""
-    numbers = re.split("[x×]", given)
+    numbers = re.split("[xX×]", given)
+    if any(re.fullmatch(r"\d+,\d+", each.strip()) for each in numbers):
+        raise InputError(f"{option} {words}: a number has a decimal point; write {given.replace(',', '.')}")
     if len(numbers) == 1 and names in (("width_mm", "height_mm"), ("A", "B")):
         numbers *= 2
     try:
@@ -113,7 +115,7 @@ def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[
     except ValueError:
         values = []
     if len(values) != len(names) or not all(0.0 < value < 1e9 for value in values):
-        expected = "x".join(names).replace("_mm", "").replace("_", " ") + " in mm"
+        expected = "x".join(name.removesuffix("_mm").replace("_", " ").upper() for name in names) + " in mm"
         example = "x".join(("200", "150", "100")[: len(names)])
         if names == ("A", "B"):
             expected, example = "A or AxB in degrees", "10 or 60x25"

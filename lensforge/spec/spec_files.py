@@ -36,7 +36,29 @@ def toml_text(path: Path, missing: str) -> str:
     return _decoded(read_file(path, missing=missing, most_bytes=_MOST_BYTES), path)
 
 
+_OTHER_FILES = {
+    b"ISO-10303-21": "a STEP file",
+    b"solid ": "an STL file",
+    b"ply\n": "a PLY file",
+    b"%PDF": "a PDF",
+    b"\x89PNG": "a picture",
+    b"<": "a page or XML",
+    b"{": "a record in JSON",
+    b"IES": "photometry of LM-63",
+    b"TM25": "a ray file",
+}
+
+
+def _require_toml(content: bytes, path: Path) -> None:
+    """Raise :class:`InputError` for a file that begins as another kind of file does."""
+    start = content[:64].removeprefix(b"\xef\xbb\xbf").lstrip()
+    other = next((words for mark, words in _OTHER_FILES.items() if start.startswith(mark)), None)
+    if other is not None:
+        raise InputError(f"{path}: this is {other}; give the spec, a TOML file such as that of `lensforge new`")
+
+
 def _decoded(content: bytes, path: Path) -> str:
+    _require_toml(content, path)
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content[:4]:
         raise InputError(f"{path}: it is in UTF-16 or UTF-32; save it as UTF-8")
     try:

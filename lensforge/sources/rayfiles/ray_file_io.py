@@ -137,7 +137,8 @@ def _format_for(path: Path) -> Format:
         return fitting[0]
     if fitting:
         raise InputError(
-            f"{path}: {path.suffix} may be {' or '.join(entry.name for entry in fitting)}; say which format"
+            f"{path}: {path.suffix} may be {' or '.join(entry.name for entry in fitting)}; choose by --format "
+            f"{fitting[0].name}, in a script format={fitting[0].name!r}"
         )
     suffixes = sorted({suffix for entry in FORMATS.values() for suffix in entry.suffixes})
     raise InputError(f"{path}: not the suffix of a ray-file format; one of {', '.join(suffixes)}")
