@@ -257,9 +257,8 @@ class SceneCheck:
         for field, light in self._required():
             if light.met < LEAST_POSSIBLE and light.certain and not force:
                 lossy = self.entering < LEAST_POSSIBLE  # then the source is to blame, not lens or target
-                remedy = (
-                    self._entry() if lossy else f"try {light.remedies()}{''.join(map('; {}'.format, self._units()))}"
-                )
+                tries = (f"try {light.remedies()}", *angles_that_may_be_radians(self.spec))
+                remedy = self._entry() if lossy else "; ".join(tries)
                 raise InputError(
                     f"{field}: {light.possible_words} {self._through()}, less than half of the required "
                     f"{light.required_words}; {remedy}; or design it all the same: --force, in a script force=True"
