@@ -10,12 +10,16 @@ import time
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from foreground import default_signals
 from nightly import first_by_day
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.cli.cli import cli
+from lensforge.cli.interrupts import Interrupts
 from lensforge.search.checkpoint import CHECKPOINT
+from lensforge.verbs import YIELD_PARTS
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
 
@@ -222,3 +226,12 @@ def test_ctrl_c_at_any_moment_is_one_line_and_leaves_nothing(
         *stages, words = stderr.splitlines()  # a stage that has ended left its line
         assert (process.returncode, words) == (130, "lensforge: interrupted") and len(stages) <= 1
     assert not list(temporary.iterdir()) and not [path for path in folder.iterdir() if path.name.startswith(".")]
+
+
+def test_an_interrupted_yield_says_that_the_same_command_goes_on(tmp_path: Path) -> None:
+    """Where it has measured parts, by the file that holds them; it takes no --resume."""
+    heard = Interrupts()
+    CliRunner().invoke(cli, ["yield", str(tmp_path)], obj=heard)
+    assert heard.words == "interrupted; there is nothing to resume yet: run the same command again"
+    (tmp_path / YIELD_PARTS).touch()
+    assert heard.words == f"interrupted; the same command goes on with what it has measured ({YIELD_PARTS})"
