@@ -54,6 +54,20 @@ def test_ways_add_up_to_the_light_that_leaves_and_stand_in_the_record(tmp_path: 
     assert [fact.value for fact in group.facts] == [100.0 * way.share.value for way in light.ways]
 
 
+def test_each_of_several_leds_has_its_own_ways() -> None:
+    """That of the second is the light of a lens that has this LED alone; a wide one sends more past the cap."""
+    leds = [{"kind": "square", "side_mm": side} for side in (0.4, 2.4)]
+    several = [{"name": f"led_{number}", "source": led} for number, led in enumerate(leds)]
+    lens = spot_lens(spot().replace(source=None, sources=several))
+    groups = [group for group in light_facts(lf.evaluate(lens, rays=2**12), lens) if group.key == "ways"]
+    assert [group.title for group in groups] == ["Flux by path, led_0", "Flux by path, led_1"]
+    for group, led in zip(groups, leds, strict=True):
+        alone = lf.evaluate(lens, source=lf.SquareSource(side_mm=led["side_mm"]), rays=2**12)
+        assert [fact.value for fact in group.facts] == pytest.approx([100.0 * way.share.value for way in alone.ways])
+    first, second = (group.facts[0].value for group in groups)
+    assert abs(first - second) > 1.0, "so that the one cannot stand for the other"
+
+
 def test_the_record_of_a_usual_lens_says_nothing_of_ways() -> None:
     spec = small_spec()
     start = lf.Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from chains import REACH
 from presets import FEW
-from scenes import small_spec, sphere
+from scenes import hemisphere_directions, random_surface, small_spec, sphere
 from tir_lenses import spot
 
 import lensforge as lf
@@ -85,6 +85,25 @@ def test_several_lamps_have_the_box_of_all_and_each_is_seen_as_it_leans() -> Non
     assert _sizes(COLLIMATOR, one) == pytest.approx([across * cos(lean), across, across * sin(lean)], rel=1e-9)
     high = Lamps((Lamp((0.0, 0.0, 0.0), ALONG_Z), Lamp((0.0, 40.0, 7.0), ALONG_Z)))
     assert _sizes(COLLIMATOR, high) == pytest.approx([across, 40.0 + across, 7.0], rel=1e-9)
+
+
+@pytest.mark.parametrize("turned", [(0.0, 90.0), (90.0, 0.0), (0.0, 40.0)])
+def test_each_of_two_oblong_lenses_is_as_wide_as_it_is_turned(turned: tuple[float, float]) -> None:
+    """The box of the points of both, which lie 30 mm apart."""
+    outer = random_surface(3, 6.0, roughness=0.3)
+    lens = lf.Lens.double(sphere(2.0), outer, small_spec(), 0, FEW)
+    lamps = Lamps(tuple(Lamp((x, 0.0, 0.0), ALONG_Z, turn) for x, turn in zip((-15.0, 15.0), turned, strict=True)))
+    units = hemisphere_directions(400_000)
+    points, low, high = outer.radius(units)[:, None] * units, [], []
+    for x, turn in zip((-15.0, 15.0), turned, strict=True):
+        across = points[:, :1] * [cos(radians(turn)), sin(radians(turn))]
+        across = across + points[:, 1:2] * [-sin(radians(turn)), cos(radians(turn))] + [x, 0.0]
+        low.append(across.min(axis=0))
+        high.append(across.max(axis=0))
+    wide = np.max(high, axis=0) - np.min(low, axis=0)
+    assert _sizes(lens, lamps)[:2] == pytest.approx(wide, rel=2e-3)
+    alone = np.ptp(points[:, :2], axis=0)
+    assert abs(alone[0] - alone[1]) > 0.05 * alone[0], "oblong, so that the turn matters"
 
 
 def test_a_body_behind_the_lens_is_what_one_sees() -> None:

@@ -22,14 +22,6 @@ def tristimulus_at(nm):
     return 683.002 * np.column_stack([np.interp(nm, at, each, left=0, right=0) for each in functions.T])
 
 
-@cache
-def photopic():
-    """Wavelengths (nm), every 5, and V of CIE 1924: the observer's y."""
-    at, functions = observer()
-    seen = (at >= 380) & (at <= 780) & (at % 5 == 0)
-    return at[seen], functions[seen, 1]
-
-
 def spectrum(section):
     """Wavelengths (nm) and power density of a spectrum, dense."""
     if section["kind"] == "gaussian":
@@ -43,9 +35,7 @@ def spectrum(section):
 def efficacy(section):
     """lm/W of a spectrum."""
     nm, density = spectrum(section)
-    at, seen = photopic()
-    v = np.where((nm >= 380) & (nm <= 780), np.exp(np.interp(nm, at, np.log(seen))), 0)
-    return 683.002 * np.trapezoid(density * v, nm) / np.trapezoid(density, nm)
+    return np.trapezoid(density * tristimulus_at(nm)[:, 1], nm) / np.trapezoid(density, nm)
 
 
 def flux_and_efficacy(source, files):
