@@ -39,7 +39,7 @@ def luminous_efficacy(wavelengths_nm: Float[np.ndarray, " n"], power_density: Fl
 
 def _with_whole_nm(wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " k"]:
     """Rising ``wavelengths_nm`` with all whole nm between them at which the eye's functions bend."""
-    within = (V_NM > wavelengths_nm[0]) & (V_NM < wavelengths_nm[-1])
+    within = (wavelengths_nm[0] < V_NM) & (wavelengths_nm[-1] > V_NM)
     return np.union1d(wavelengths_nm, V_NM[within])
 
 
