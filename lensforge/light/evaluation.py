@@ -208,13 +208,17 @@ def evaluate_traced(
     started = time.perf_counter()
     side = pixels or spec.evaluate.pixels
     receivers = receivers_of(spec, side)
-    drawn = [
-        (drawn_target(section.targets, receiver), coarser_target(section.targets, receiver))
-        for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    zones = [
+        tuple(limit.region for limit in limits if limit.region is not None and limit.receiver == index)
+        for index in range(len(receivers))
+    ]
+    regions = [
+        (drawn_target(section.targets, receiver), *own)
+        for section, receiver, own in zip(spec.all_receivers, receivers, zones, strict=True)
     ]
     views = eye_views(spec) if any(limit.of_view for limit in limits) else ()
     simulation = simulate(
-        traced, source, (*receivers, *views), rays, seed, [*drawn, *[()] * len(views)], coloured=colour is not None
+        traced, source, (*receivers, *views), rays, seed, [*regions, *[()] * len(views)], coloured=colour is not None
     )
     looked_at, seen = simulation.received[: len(receivers)], simulation.received[len(receivers) :]
     light = SourceLight.of(bounds_by or source, traced.scene.media, lens=spec.lens)
@@ -229,10 +233,11 @@ def evaluate_traced(
     for view, received, own in zip(views, seen, eyes, strict=True):
         images.append(received.images / (own.outline_mm2 or np.inf) if view.of_mean else received.images)
     losses = [_losses(received, simulation.by_way) for received in looked_at] if limits else []
+    shares = [each.in_regions[:, 1:] / simulation.emitted_w for each in looked_at]
     names = [each.name for each in lit] + [""] * len(views)
     return Light(
         receivers=lit,
-        limits=(*judged_limits(limits, images, names, losses), *colour_limits(colour, lit)),
+        limits=(*judged_limits(limits, images, names, losses, shares), *colour_limits(colour, lit)),
         ways=simulation.by_way.ways(simulation.emitted_w),
         seen=eyes,
         rays=simulation.rays,
@@ -269,10 +274,10 @@ def receiver_light(
 ) -> ReceiverLight:
     """Metrics and maps of the light on one receiver, with the bounds that physics sets there.
 
-    ``received``: with its target, and that of half as many pixels. ``variance`` of the filter (pixel^2).
+    ``received``: with the flux in its target. ``variance`` of the filter (pixel^2).
     """
     receiver = physics.receiver
-    drawn, coarser = received.targets
+    drawn, coarser = drawn_target(section.targets, receiver), coarser_target(section.targets, receiver)
     images = gaussian3(received.images, variance)
     coarse = gaussian3(rebinned(received.images, receiver.grid.halved()), variance)
     target, mean, raw = drawn.light, images.mean(axis=0), received.images.mean(axis=0)
@@ -292,7 +297,7 @@ def receiver_light(
         window=WindowSize(width=width, height=height, radius=radius),
         nmse=metrics.nmse,
         efficiency=metrics.efficiency,
-        share_in_target=_share_in_target(received, emitted_w),
+        share_in_target=jackknife_metric(received.in_regions[:, 0] / emitted_w, float),
         uniformity=metrics.uniformity,
         rsd=metrics.rsd,
         in_region=RegionLight.of(images / measure, target, mask, unit.symbol),
@@ -316,15 +321,6 @@ def _losses(received: ReceivedFlux, by_way: FluxByWay) -> Float[np.ndarray, "r c
     ended = received.by_fate[:, : len(Fate)] @ (NUMBER_BY_FATE[:, None] == np.arange(len(LOSSES)))
     ended[:, LOSSES.index("beside")] = received.outside + received.by_fate[:, MISSED_RECEIVER]
     return np.concatenate([ended, by_way.leaked()], axis=1)
-
-
-def _share_in_target(received: ReceivedFlux, emitted_w: float) -> Metric:
-    """Share by ray; its error has in it what sub-pixels twice as wide change."""
-    share, coarse = (jackknife_metric(flux / emitted_w, float) for flux in received.in_targets.T)
-    if share.standard_error is None:
-        return share
-    error = float(np.hypot(share.standard_error, coarse.value - share.value))
-    return share.changed(standard_error=error)
 
 
 def _possible(physics: PossibleLight, target: DrawnTarget, arriving: float) -> Possible:

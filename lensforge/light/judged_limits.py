@@ -34,16 +34,20 @@ def judged_limits(
     images: Sequence[Float[np.ndarray, "_ _ _"]],
     names: Sequence[str],
     losses: Sequence[Float[np.ndarray, "_ _"]] = (),
+    shares: Sequence[Float[np.ndarray, "_ _"]] = (),
 ) -> tuple[Fact, ...]:
     """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver.
 
-    ``losses``: flux (W) by cause of its loss, likewise.
+    ``losses``: flux (W) by cause of its loss, ``shares``: of the flux in each zone of a limit on it, likewise.
     """
-    read = ((losses if limit.of_losses else images)[limit.receiver] for limit in limits)
-    return tuple(
-        judged(limit, names[limit.receiver], limit_value(limit, light))
-        for limit, light in zip(limits, read, strict=True)
-    )
+    in_zones = [iter(each.T) for each in shares]
+
+    def value(limit: LightLimit) -> Metric:
+        if limit.region is not None and shares:
+            return jackknife_metric(next(in_zones[limit.receiver]), float)
+        return limit_value(limit, (losses if limit.of_losses else images)[limit.receiver])
+
+    return tuple(judged(limit, names[limit.receiver], value(limit)) for limit in limits)
 
 
 _QUANTITIES = {

@@ -169,7 +169,7 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
     if lens.spec.optimise.aim == "pattern":
         pattern = _error_of_pattern(receiver, judged.get("nmse"))
         yield replace(pattern, note=f"{pattern.note}{unjudged}")
-    share = _share_in_target(receiver, judged.get("share_in_target"), light.rays)
+    share = _share_in_target(receiver, judged.get("share_in_target"))
     yield replace(share, note=f"{share.note}{unjudged}")
     most, whole = receiver.possible.efficiency, lens.spec.all_lamps.whole
     yield Fact.share(
@@ -208,10 +208,8 @@ def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
     )
 
 
-def _share_in_target(receiver: ReceiverLight, judged: Fact | None, rays: int) -> Fact:
-    """The fact; its error is that of the rays, no larger than of independent ones, and that of the target's pixels."""
+def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
     possible, share = receiver.possible, receiver.share_in_target
-    pixels = (share.standard_error or 0.0) ** 2 > 2.0 * share.value * (1.0 - share.value) / rays
     fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], share, sense=">=")
     return replace(
         fact,
@@ -219,7 +217,6 @@ def _share_in_target(receiver: ReceiverLight, judged: Fact | None, rays: int) ->
         possible=possible.share_in_target,
         possible_note=possible.law,
         remedy=_remedy(receiver, "a wider target"),
-        decided_by="take more pixels (evaluate.pixels)" if pixels else "take more rays",
     ).in_percent
 
 

@@ -23,7 +23,7 @@ both bound the estimate. Chosen by experiment (docs/accuracy.md).
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from itertools import combinations
 
 import numpy as np
@@ -61,6 +61,12 @@ def jackknife_error(left_out: Float[np.ndarray, " r"]) -> float:
     """Standard error of a statistic, from its values ``left_out`` with one replicate at a time left out."""
     count = len(left_out)
     return float(np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)))
+
+
+def influence_error(influences: Float[np.ndarray, " r"]) -> float:
+    """Standard error of a statistic, from its first-order change with the weight of each replicate."""
+    count = len(influences)
+    return float(np.sqrt(count / (count - 1) * np.sum((influences - influences.mean()) ** 2)))
 
 
 def nmse(irradiance: Image, target: Image) -> float:
@@ -133,7 +139,7 @@ class RootEstimate(PairEstimate):
             return Metric(value=max(self.value - before.value, -designed))
         change = self.square.change_from(before.square)
         value, noise = float(np.sqrt(max(designed**2 + change.value, 0.0))), change.standard_error or 0.0
-        error = noise / (2.0 * max(value, 0.5 * np.sqrt(noise) or 1.0))  # the slope of the root, as of the estimate
+        error = noise / (2.0 * max(value, np.sqrt(noise) or 1.0))  # the slope of the root, as of the estimate
         return Metric(value=value - designed, standard_error=float(error))
 
 
@@ -174,8 +180,9 @@ def root_estimate(errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " 
         return RootEstimate(mean / float(scales.mean()) if mean > 0.0 else 0.0)
     squared, apart = _ratio_of_squares(errors, scales)
     value, error = np.sqrt(max(squared, 0.0)), _error_over_pairs(apart)
-    # the slope of the root, bounded where the square is not larger than its own error, so that 0 has an error too
-    slopes = apart / (2.0 * max(value, 0.5 * np.sqrt(error) or 1.0))
+    # the slope of the root where the square is as large as its own error: half of such squares are below 0, and
+    # count as 0, so that the root scatters by half of that of the error, whatever it is
+    slopes = apart / (2.0 * max(value, np.sqrt(error) or 1.0))
     return RootEstimate(float(value), slopes, PairEstimate(squared, apart))
 
 
@@ -217,7 +224,6 @@ def _error_over_pairs(products: Float[np.ndarray, "r r"]) -> float:
 
 
 _REPLICATES = 16
-_ROUNDING = 1e-12
 _AT_ONCE = 2**14  # values of pixels by blocks: beyond, each array is fetched from the system anew
 
 Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
@@ -225,20 +231,27 @@ Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 
 @dataclass(frozen=True)
 class LeastEstimate:
-    """A least value; the same with each replicate left out; and what the extrapolation took off its upper bound.
+    """A least value; the same with each replicate left out; the influence of each; and what may be left of the noise.
 
+    ``unsure``: how far the upper bound is above a value that noise alone may have made, where no extrapolation tells.
     With other than 16 replicates there is the value alone.
     """
 
     value: float
     left_out: Float[np.ndarray, " r"] | None = None
-    taken_off: float = 0.0
+    influences: Float[np.ndarray, " r"] | None = None
+    unsure: float = 0.0
 
     def metric(self) -> Metric:
-        """Value and standard error, which has two parts: that over the replicates, and what was taken off."""
-        if self.left_out is None:
+        """Value and standard error: the geometric mean of one that is too large and of one that is too small.
+
+        The jackknife is too large where many places are nearly as dark: without a replicate half of the blocks are
+        gone. The sum of the influences is too small there, as it holds the places that were chosen.
+        """
+        if self.left_out is None or self.influences is None:
             return Metric(value=self.value)
-        return Metric(value=self.value, standard_error=float(np.hypot(jackknife_error(self.left_out), self.taken_off)))
+        error = np.sqrt(jackknife_error(self.left_out) * influence_error(self.influences))
+        return Metric(value=self.value, standard_error=float(np.hypot(error, self.unsure)))
 
     def change_from(self, before: "LeastEstimate") -> Metric:
         """Difference from ``before``, of another lens by the same rays.
@@ -247,12 +260,14 @@ class LeastEstimate:
         at least that of one ray. n rays have a relative noise of 1/sqrt(n), so one of them is its square.
         """
         value = self.value - before.value
-        if self.left_out is None or before.left_out is None:
+        if self.left_out is None or before.left_out is None or self.influences is None or before.influences is None:
             return LeastEstimate(value).metric()
         noise = jackknife_error(before.left_out)
         one_ray = noise**2 / (max(before.value, noise) or 1.0)
-        taken_off = float(np.hypot(self.taken_off - before.taken_off, one_ray))
-        return LeastEstimate(value, self.left_out - before.left_out, taken_off).metric()
+        unsure = float(np.hypot(self.unsure - before.unsure, one_ray))
+        return LeastEstimate(
+            value, self.left_out - before.left_out, self.influences - before.influences, unsure
+        ).metric()
 
 
 def least_over_mean(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
@@ -272,9 +287,8 @@ def least_without_noise(readings: Float[np.ndarray, "r k"], most: float | None =
 
     It is at most ``most``, by default the mean of all readings.
 
-    The standard error has two parts: that of the estimate by the jackknife, with the slope h held, and the rest of the
-    way from the estimate to v of the halves, the part that the extrapolation has taken off the rigorous upper bound.
-    Other than 16 replicates: the least of their mean, with its noise, or ``most``, and no standard error.
+    The standard error is that of :meth:`LeastEstimate.metric`. Other than 16 replicates: the least of their mean, with
+    its noise, or ``most``, and no standard error.
     """
     if len(readings) != _REPLICATES:
         least = float(readings.mean(axis=0).min())
@@ -305,11 +319,13 @@ def ratio_of(above: Metric, below: Metric) -> Metric:
 def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> LeastEstimate:
     """Least value, between that of the mean with its noise and ``most``, by default the mean of all readings."""
     halves, quarters = (_Choices.of(readings, blocks) for blocks in (_halves(), _quarters()))
-    slope = _slope(halves, quarters)
+    slope = _Slope.of(halves, quarters)
     mean = readings.mean(axis=0)
-    value = float(np.clip(halves.extrapolated(slope), mean.min(), mean.mean() if most is None else most))
-    taken_off = halves.read - value
-    return LeastEstimate(value, halves.left_out(slope), taken_off if taken_off > _ROUNDING * abs(value) else 0.0)
+    value = float(np.clip(halves.extrapolated(slope.value), mean.min(), mean.mean() if most is None else most))
+    influences = halves.influences(slope.value) + (halves.read - halves.minimum) * slope.influences
+    # a slope of 0: no ray or too few of them lie in the darkest pixels, of which nothing can be extrapolated
+    unsure = max(halves.read - value, 0.0) if slope.value == 0.0 else 0.0
+    return LeastEstimate(value, halves.left_out(slope.value), influences, unsure)
 
 
 @cache
@@ -332,40 +348,62 @@ def _quarters() -> Blocks:
 class _Choices:
     """Darkest pixels by the mean over each block of replicates.
 
-    ``blocks``: 1 where a replicate is in a block. ``least``: value of the pixel in that mean. ``readings``: its value
-    in every replicate outside the block, 0 in those inside.
+    ``blocks``: 1 where a replicate is in a block. ``values``: of the pixel that a block chose, in every replicate.
     """
 
     blocks: Blocks
-    least: Float[np.ndarray, " b"]
-    readings: Float[np.ndarray, "b r"]
+    values: Float[np.ndarray, "b r"]
 
     @staticmethod
     def of(images: Float[np.ndarray, "r n"], blocks: Blocks) -> "_Choices":
         parts = 1 + len(blocks) * images.shape[1] // _AT_ONCE  # bounds the memory
-        values = np.concatenate([_darkest(each, images) for each in np.array_split(blocks, parts)])
-        return _Choices(blocks, (blocks * values).sum(axis=1) / blocks.sum(axis=1), (1.0 - blocks) * values)
+        return _Choices(blocks, np.concatenate([_darkest(each, images) for each in np.array_split(blocks, parts)]))
 
-    @property
+    @cached_property
+    def least(self) -> Float[np.ndarray, " b"]:
+        """Value of the pixel in the mean that chose it."""
+        return np.asarray((self.blocks * self.values).sum(axis=1) / self.blocks.sum(axis=1))
+
+    @cached_property
     def minimum(self) -> float:
         """The mean least value: u."""
         return float(self.least.mean())
 
-    @property
+    @cached_property
     def read(self) -> float:
         """The mean reading in the replicates that did not choose: v."""
-        return float(self.readings.sum() / (1.0 - self.blocks).sum())
+        outside = 1.0 - self.blocks
+        return float((outside * self.values).sum() / outside.sum())
 
     def extrapolated(self, slope: float) -> float:
         return self.minimum + slope * (self.read - self.minimum)
 
+    @cached_property
+    def minimum_influences(self) -> Float[np.ndarray, " r"]:
+        """Change of u with the weight of each replicate: a minimum changes as the pixel that it chose."""
+        shares = self.blocks / self.blocks.sum(axis=1, keepdims=True)
+        return np.asarray((shares * (self.values - self.least[:, None])).mean(axis=0))
+
+    @cached_property
+    def read_influences(self) -> Float[np.ndarray, " r"]:
+        """Change of v with the weight of each replicate, with the pixels held that were chosen."""
+        outside = 1.0 - self.blocks
+        shares = outside / outside.sum(axis=1, keepdims=True)
+        means = (shares * self.values).sum(axis=1, keepdims=True)
+        return np.asarray((shares * (self.values - means)).mean(axis=0))
+
+    def influences(self, slope: float) -> Float[np.ndarray, " r"]:
+        """Change of :meth:`extrapolated` with the weight of each replicate, the slope held."""
+        return np.asarray((1.0 - slope) * self.minimum_influences + slope * self.read_influences)
+
     def left_out(self, slope: float) -> Float[np.ndarray, " r"]:
         """:meth:`extrapolated` from the blocks without one replicate, which is not read either; for each of them."""
         without = 1.0 - self.blocks
+        outside = without * self.values
         minimum = self.least @ without / without.sum(axis=0)
-        readings = self.readings.sum(axis=1)[:, None] - self.readings
+        readings = outside.sum(axis=1)[:, None] - outside
         read = (readings * without).sum(axis=0) / ((without.sum(axis=1) - 1.0) @ without)
-        return minimum + slope * (read - minimum)
+        return np.asarray(minimum + slope * (read - minimum))
 
 
 def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarray, "b r"]:
@@ -377,8 +415,21 @@ def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarr
     return sums / np.diff(first, append=len(block))[:, None]
 
 
-def _slope(halves: _Choices, quarters: _Choices) -> float:
-    """The slope h through both levels, within its theoretical bounds 0 and 1; 1, the safe one, where they agree."""
-    by_noise = halves.minimum - quarters.minimum
-    optimism = (quarters.read - quarters.minimum) - (halves.read - halves.minimum)
-    return float(np.clip(by_noise / optimism, 0.0, 1.0)) if optimism > 0.0 else 1.0
+@dataclass(frozen=True)
+class _Slope:
+    """The slope h through both levels, and how it changes with the weight of each replicate; not at a bound."""
+
+    value: float
+    influences: Float[np.ndarray, " r"]
+
+    @staticmethod
+    def of(halves: _Choices, quarters: _Choices) -> "_Slope":
+        """The slope within its theoretical bounds 0 and 1; 1, the safe one, where the levels agree."""
+        by_noise = halves.minimum - quarters.minimum
+        optimism = (quarters.read - quarters.minimum) - (halves.read - halves.minimum)
+        slope, held = by_noise / optimism if optimism > 0.0 else 1.0, np.zeros(_REPLICATES)
+        if not 0.0 < slope < 1.0:
+            return _Slope(float(np.clip(slope, 0.0, 1.0)), held)
+        of_noise = halves.minimum_influences - quarters.minimum_influences
+        of_optimism = quarters.read_influences - halves.read_influences + of_noise
+        return _Slope(slope, np.asarray((of_noise - slope * of_optimism) / optimism))

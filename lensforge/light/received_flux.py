@@ -1,7 +1,7 @@
 """Flux that reaches a receiver in independent replicates: by pixel, by fate, and of lamps together their mean."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,7 +11,7 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.pixel_grid import bin_flux, rebinned
 from lensforge.scene.receiver import Landings, PosedReceiver
-from lensforge.scene.target_pattern import DrawnTarget
+from lensforge.scene.region import Region
 
 MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
 ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
@@ -24,32 +24,32 @@ class ReceivedFlux:
     """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``; then each of the further bodies. ``in_targets``: in each of the
-    ``targets`` (k). ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
+    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``; then each of the further bodies. ``in_regions``: in each of the
+    ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
     """
 
     images: Float[np.ndarray, "r h w"]
     by_fate: Float[np.ndarray, "r f"]
     window: Float[np.ndarray, " r"]
     outside: Float[np.ndarray, " r"]
-    in_targets: Float[np.ndarray, "r k"]
-    targets: tuple[DrawnTarget, ...] = ()
+    in_regions: Float[np.ndarray, "r k"]
+    regions: tuple[Region, ...] = ()
     colours: Float[np.ndarray, "3 r h w"] | None = None
 
     @staticmethod
     def none_yet(
         receiver: PosedReceiver,
         replicates: int,
-        targets: tuple[DrawnTarget, ...],
+        regions: tuple[Region, ...],
         *,
         coloured: bool = False,
         bodies: int = 0,
     ) -> "ReceivedFlux":
         """No flux; behind the lens there are so many further ``bodies``."""
         images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
-        in_targets, colours = np.zeros((replicates, len(targets))), np.zeros((3, *images.shape)) if coloured else None
+        in_regions, colours = np.zeros((replicates, len(regions))), np.zeros((3, *images.shape)) if coloured else None
         by_fate = np.zeros((replicates, CAUSES + bodies))
-        return ReceivedFlux(images, by_fate, none, none.copy(), in_targets, targets, colours)
+        return ReceivedFlux(images, by_fate, none, none.copy(), in_regions, regions, colours)
 
     @staticmethod
     def mean(of_kinds: Sequence["ReceivedFlux"], shares: Sequence[float]) -> "ReceivedFlux":
@@ -59,9 +59,9 @@ class ReceivedFlux:
             parts = zip(shares, of_kinds, strict=True)
             return np.asarray(np.sum([share * getattr(each, name) for share, each in parts], axis=0))
 
-        first, amounts = of_kinds[0], ("images", "by_fate", "window", "outside", "in_targets")
+        first, amounts = of_kinds[0], ("images", "by_fate", "window", "outside", "in_regions")
         colours = None if first.colours is None else mean("colours")
-        return ReceivedFlux(**{name: mean(name) for name in amounts}, targets=first.targets, colours=colours)
+        return ReceivedFlux(**{name: mean(name) for name in amounts}, regions=first.regions, colours=colours)
 
     def add(
         self,
@@ -79,7 +79,7 @@ class ReceivedFlux:
         inside = receiver.window.contains(hits)
         self.window[replicate] += flux[inside].sum()
         self.outside[replicate] += flux[~inside].sum()
-        self.in_targets[replicate] += [flux[target.contains(hits)].sum() for target in self.targets]
+        self.in_regions[replicate] += [flux[region.contains(hits)].sum() for region in self.regions]
         if self.colours is not None:
             assert tristimulus is not None, "a source that was built with its colours"
             for picture, per_watt in zip(self.colours, tristimulus.T, strict=True):
@@ -87,20 +87,19 @@ class ReceivedFlux:
 
     @staticmethod
     def mean_of_lamps(
-        lamps: LampPictures, found: Sequence["ReceivedFlux"], targets: tuple[DrawnTarget, ...]
+        lamps: LampPictures, found: Sequence["ReceivedFlux"], regions: tuple[Region, ...]
     ) -> "ReceivedFlux":
-        """Mean flux of a lamp on their receiver, from that of one on each raster; in targets by the parts of pixels."""
+        """Mean flux of a lamp on their receiver, from that of one on each raster; in regions by the parts of pixels."""
         images = lamps.added([each.images for each in found])
         landed = lamps.mean([each.window + each.outside for each in found])
         window = images.sum(axis=(1, 2)) if lamps.widened else lamps.mean([each.window for each in found])
-        in_targets = np.zeros((len(images), len(targets)))
-        for k, target in enumerate(targets):
-            grid = replace(target.fine, columns=target.light.shape[1], rows=target.light.shape[0])
-            in_targets[:, k] = (rebinned(images, grid) * target.coverage).sum(axis=(1, 2))
+        in_regions = np.zeros((len(images), len(regions)))
+        for k, region in enumerate(regions):
+            in_regions[:, k] = (rebinned(images, region.grid) * region.coverage).sum(axis=(1, 2))
         by_fate = lamps.mean([each.by_fate for each in found])
         seen = [each.colours for each in found if each.colours is not None]
         colours = lamps.added(seen) if seen else None
-        return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_targets, targets, colours)
+        return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_regions, regions, colours)
 
 
 def named_flux(by_fate: Float[np.ndarray, " f"]) -> dict[str, float]:

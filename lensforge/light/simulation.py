@@ -40,8 +40,9 @@ from lensforge.scene.lens_at_temperature import LensAtTemperature
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.region import Region
 from lensforge.scene.rough_faces import with_facets
-from lensforge.scene.target_pattern import DrawnTarget, target_light, uniform_region
+from lensforge.scene.target_pattern import target_light, uniform_region
 from lensforge.sources.measured_rays import rays_of_file
 from lensforge.sources.ray_bundle import RayBundle, Source, drawn
 from lensforge.sources.waist import waist_mm
@@ -153,26 +154,26 @@ def simulate(
     receivers: tuple[PosedReceiver, ...],
     rays: int,
     seed: int,
-    targets: Sequence[tuple[DrawnTarget, ...]] = (),
+    regions: Sequence[tuple[Region, ...]] = (),
     *,
     coloured: bool = False,
 ) -> Simulation:
     """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates.
 
-    ``targets``: of each receiver, in which flux is counted; none by default. ``coloured``: the rays have their colours,
+    ``regions``: of each receiver, in which flux is counted; none by default. ``coloured``: the rays have their colours,
     which are wanted.
     """
     if receivers[0].lamps.kinds:
-        return _simulate_kinds(lens.kinds, source, receivers, rays, seed, targets, coloured=coloured)
+        return _simulate_kinds(lens.kinds, source, receivers, rays, seed, regions, coloured=coloured)
     replicates = min(REPLICATES, rays, source.ray_count or rays)
-    drawn = targets or [()] * len(receivers)
+    counted = regions or [()] * len(receivers)
     lamps, bodies = [LampPictures.of(receiver) for receiver in receivers], len(lens.scene.media.bodies)
     deposits = [
         [
             ReceivedFlux.none_yet(each, replicates, own if board.is_single else (), coloured=coloured, bodies=bodies)
             for each in board.receivers
         ]
-        for board, own in zip(lamps, drawn, strict=True)
+        for board, own in zip(lamps, counted, strict=True)
     ]
     looked_at = any(isinstance(each, EyeView) for each in receivers)
     facets = lens.scene.media.scattering if looked_at else 0  # a ray that is turned to an eye meets the same ones
@@ -191,7 +192,7 @@ def simulate(
         traced += len(bundle)
     received = tuple(
         own[0] if board.is_single else ReceivedFlux.mean_of_lamps(board, own, wanted)
-        for board, own, wanted in zip(lamps, deposits, drawn, strict=True)
+        for board, own, wanted in zip(lamps, deposits, counted, strict=True)
     )
     return Simulation(received, source.flux_w, traced, by_way)
 
@@ -210,7 +211,7 @@ def _simulate_kinds(
     receivers: tuple[PosedReceiver, ...],
     rays: int,
     seed: int,
-    targets: Sequence[tuple[DrawnTarget, ...]],
+    regions: Sequence[tuple[Region, ...]],
     *,
     coloured: bool,
 ) -> Simulation:
@@ -225,7 +226,7 @@ def _simulate_kinds(
         measured = source.ray_count is not None
         count = rays if measured else max(round(share * rays), min(rays, REPLICATES))
         own_seed = seed if measured else seeds.of_kind(seed, number)
-        found.append(simulate(lens, source, own, count, own_seed, targets, coloured=coloured))
+        found.append(simulate(lens, source, own, count, own_seed, regions, coloured=coloured))
     received = zip(*(each.received for each in found), strict=True)
     by_way = np.sum([share * each.by_way.flux for share, each in zip(shares, found, strict=True)], axis=0)
     return Simulation(

@@ -15,6 +15,7 @@ from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.light_ends import loss_names
 from lensforge.scene.receiver import PosedReceiver, equal_area
+from lensforge.scene.region import Region, ZoneOfLimit
 from lensforge.scene.road_classes import FieldMean, asked_of, glare_law
 from lensforge.scene.road_field import RoadReadings
 from lensforge.spec import Spec
@@ -50,6 +51,7 @@ class LightLimit:
     views are numbered behind the receivers; ``coarser`` are these spots by half as many pixels. ``road``: number of the
     road whose class asks for it, ``share`` its weight; ``field`` times ``lamp_lm``: its most. ``blurred``: share of the
     value by which the blur of a view may change it. ``eyes``: number of those that are judged together.
+    ``region``: of a share of the flux, the zone in which it is judged by ray.
     """
 
     name: str
@@ -68,6 +70,7 @@ class LightLimit:
     coarser: sparse.csr_array | None = None
     blurred: float = 0.0
     eyes: int = 1
+    region: Region | None = None
 
     @property
     def of_road(self) -> bool:
@@ -189,7 +192,9 @@ def _bounds_of(
     name = limit.name or where
     for quantity in limit.quantities():
         scale, kind, own = _scale(quantity, where, lumens_per_watt), _kind(quantity), readings
-        if quantity == "share":
+        region = None
+        if quantity == "share" and isinstance(limit, ZoneLimit):
+            region = ZoneOfLimit(limit, receiver)
             own = sparse.csr_array(readings.sum(axis=0)[None, :] * (receiver.pixel_measure / flux_w))
         angles, level = None, 1.0
         if isinstance(limit, BeamAngleLimit):
@@ -197,7 +202,8 @@ def _bounds_of(
         for sense, bound in zip(_SENSES, limit.bounds(quantity), strict=True):
             if bound is not None:
                 unit = _UNITS.get(quantity, "")
-                yield LightLimit(name, index, kind, sense, bound, unit, sparse.csr_array(scale * own), angles, level)
+                read = sparse.csr_array(scale * own)
+                yield LightLimit(name, index, kind, sense, bound, unit, read, angles, level, region=region)
 
 
 def _kind(quantity: str) -> Quantity:

@@ -5,13 +5,14 @@ targets.
 """
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter, minimum_filter
 
 from lensforge.errors import InputError, remedy
 from lensforge.kernels.parallel import in_pieces
@@ -39,25 +40,43 @@ Means = Float[np.ndarray, "p q"]
 class DrawnTarget:
     """The targets of a receiver: ``light`` on its pixels [row y, column x], relative, with sum 1.
 
-    ``inside``: sub-pixels of ``fine`` in which they are above a tenth of their largest pixel.
+    ``inside``: sub-pixels of ``fine`` in which they are above a tenth of their largest pixel. ``contains_exactly``:
+    the same of places on the chart, where no edge is soft; None where one is.
     """
 
     light: TargetImage
     fine: PixelGrid
     inside: Bool[np.ndarray, "q r"]
+    contains_exactly: Callable[[Float[np.ndarray, "n 2"]], Bool[np.ndarray, " n"]] | None = None
 
     def contains(self, hits: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
-        """True for hits in the target, to a sub-pixel."""
+        """True for hits in the target: exactly, but for a soft edge, which is known to a sub-pixel."""
         grid, found = self.fine, np.empty(len(hits), dtype=bool)
 
         def work(part: slice) -> None:
             column, row = np.floor((hits[part] / grid.size + 0.5) * (grid.columns, grid.rows)).T
             within = (column >= 0.0) & (column < grid.columns) & (row >= 0.0) & (row < grid.rows)
-            within[within] = self.inside[row[within].astype(np.intp), column[within].astype(np.intp)]
+            places = row[within].astype(np.intp), column[within].astype(np.intp)
+            inside = self.inside[places]
+            if self.contains_exactly is not None:
+                divided = self._divided[places]
+                inside[divided] = self.contains_exactly(hits[part][within][divided])
+            within[within] = inside
             found[part] = within
 
         in_pieces(work, len(hits), worth=_WORTH_SHARING)
         return found
+
+    @property
+    def grid(self) -> PixelGrid:
+        """Pixels of ``light``."""
+        rows, columns = self.light.shape
+        return replace(self.fine, columns=columns, rows=rows)
+
+    @cached_property
+    def _divided(self) -> Bool[np.ndarray, "q r"]:
+        """Sub-pixels that the edge of the target may divide: those beside one that is on the other side of it."""
+        return np.asarray(maximum_filter(self.inside, 3) != minimum_filter(self.inside, 3))
 
     @cached_property
     def coverage(self) -> TargetImage:
@@ -102,11 +121,12 @@ def _content(target: TargetSection) -> str:
 @lru_cache(maxsize=_KEPT_PATTERNS)
 def _drawn(targets: Targets, receiver: PosedReceiver, contents: tuple[str, ...], times: int) -> DrawnTarget:
     fine = receiver.grid.finer(times)
-    wanted, lit = np.zeros(receiver.grid.shape), np.zeros(fine.shape)
+    wanted, lit, scales = np.zeros(receiver.grid.shape), np.zeros(fine.shape), []
     for target in targets:
         means, image = _softened(*_drawn_sharp(target, receiver, fine), times)
         # one alone keeps its scale, to the last bit
         scale = target.level / (means.max() or np.inf) if len(targets) > 1 else 1.0
+        scales.append(scale)
         wanted += scale * means
         lit += scale * image
     total = float(wanted.sum())
@@ -116,11 +136,28 @@ def _drawn(targets: Targets, receiver: PosedReceiver, contents: tuple[str, ...],
             f"where it is narrower than one of {max(receiver.grid.shape)} pixels, raise optimise.pixels and "
             "evaluate.pixels"
         )
-    drawn = DrawnTarget(wanted / total, fine, lit > IN_TARGET * wanted.max())
+    least = IN_TARGET * float(wanted.max())
+    soft = any(target.edge > 0.0 and not target.has_own_edge for target in targets)
+    exactly = None if soft else partial(_brighter_than, least, receiver, tuple(zip(targets, scales, strict=True)))
+    drawn = DrawnTarget(wanted / total, fine, lit > least, exactly)
     if receiver.lamps.period_mm is None:  # of lamps without end the pattern goes on beyond it
         for target in targets:
             _require_uniform_lit(target, receiver, drawn)
     return drawn
+
+
+def _brighter_than(
+    least: float,
+    receiver: PosedReceiver,
+    scaled_targets: tuple[tuple[TargetSection, float], ...],
+    hits: Float[np.ndarray, "n 2"],
+) -> Bool[np.ndarray, " n"]:
+    """True where the light of targets with sharp edges, each by its scale, is above ``least``."""
+    x, y = receiver.target_coordinates(*hits.T)
+    light = np.zeros(len(hits))
+    for target, scale in scaled_targets:
+        light += scale * light_of(target, receiver.grid)(*target.about_centre(x, y))
+    return np.asarray((light > least) & (receiver.window.contains(hits) if receiver.is_far else True))
 
 
 def _require_uniform_lit(target: TargetSection, receiver: PosedReceiver, drawn: DrawnTarget) -> None:
