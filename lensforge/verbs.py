@@ -273,7 +273,7 @@ PHOTOMETRY = FolderStage(
     "photometry",
     photometry,
     "Compute lumens, candela and beam angles of the lens in DIR; write IES, EULUMDAT, TM-33 and TM-25 files.",
-    options=("rays", "threads", "lumens", "ies_version"),
+    options=("rays", "seed", "threads", "lumens", "ies_version"),
 )
 SENSITIVITY = FolderStage(
     "sensitivity",

@@ -8,6 +8,7 @@ standard error.
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import astuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -16,6 +17,7 @@ from lensforge import seeds
 from lensforge.kernels.fate import Fate
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import FittedLight, Light, LightMetrics, PresetError, TableError, light_criteria
+from lensforge.light.far_field import road_limits
 from lensforge.light.judged_limits import colour_limits, judged_limits
 from lensforge.light.light_ways import FluxByWay
 from lensforge.light.metrics import (
@@ -41,7 +43,7 @@ from lensforge.light.receiver_light import (
 )
 from lensforge.light.seen_lens import SeenLens
 from lensforge.light.simulation import ReplicateMetrics, TracedLens, lit_mask, simulate, traced_light
-from lensforge.results import Metric
+from lensforge.results import Fact, Metric
 from lensforge.results.chart import light_unit
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import EyeView, eye_views
@@ -144,9 +146,9 @@ def evaluate_lens(
     side = pixels or lens.spec.evaluate.pixels
     limits = light_limits(lens.spec, receivers_of(lens.spec, side), lumens_per_watt, source.flux_w)
     seed, judging = lens.seed if seed is None else seed, held_back(source) if searched_with else source
-    light = evaluate_traced(
-        traced, lens.spec, judging, count, seed, pixels=side, limits=limits, bounds_by=source, colour=lens.spec.colour
-    )
+    on_roads = tuple(road_limits(lens, judging, preset, lumens_per_watt, rays=rays, seed=seed))
+    asked: dict[str, Any] = {"pixels": side, "limits": limits, "on_roads": on_roads}
+    light = evaluate_traced(traced, lens.spec, judging, count, seed, bounds_by=source, colour=lens.spec.colour, **asked)
     error = None
     if preset.table_error:
         error = measure_preset(lens, judging, TracedLens.of(lens, preset.nodes_per_sigma), traced)
@@ -196,18 +198,20 @@ def evaluate_traced(
     *,
     pixels: int | None = None,
     limits: Sequence[LightLimit] = (),
+    on_roads: Sequence[Fact] = (),
     bounds_by: Source | None = None,
     colour: ColourSection | None = None,
 ) -> Light:
     """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``.
 
-    ``limits`` on pictures of that many ``pixels`` are judged. The luminous efficacy is left open: it is not one of the
+    ``limits`` on pictures of that many ``pixels`` are judged, but for those of roads, which stand judged by intensities
+    in ``on_roads``. The luminous efficacy is left open: it is not one of the
     emitter. ``bounds_by``: all rays of the source, of which ``source`` may be a part; they tell what is possible.
     ``colour``: as it is wanted of rays that have their colours.
     """
     started = time.perf_counter()
     side = pixels or spec.evaluate.pixels
-    receivers = receivers_of(spec, side)
+    receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.of_road]
     zones = [
         tuple(limit.region for limit in limits if limit.region is not None and limit.receiver == index)
         for index in range(len(receivers))
@@ -237,7 +241,7 @@ def evaluate_traced(
     names = [each.name for each in lit] + [""] * len(views)
     return Light(
         receivers=lit,
-        limits=(*judged_limits(limits, images, names, losses, shares), *colour_limits(colour, lit)),
+        limits=(*judged_limits(limits, images, names, losses, shares), *on_roads, *colour_limits(colour, lit)),
         ways=simulation.by_way.ways(simulation.emitted_w),
         seen=eyes,
         rays=simulation.rays,

@@ -13,6 +13,7 @@ from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criteria, at_most
 from lensforge.results.fact import StoredAs
+from lensforge.results.numerals import square
 from lensforge.results.plots import plot_map
 from lensforge.results.record import MOST_PIXELS
 from lensforge.sources.source_place import SourcePlace
@@ -218,8 +219,9 @@ class Light(ResultByLed):
 
 
 def _figures(light: ReceiverLight) -> str:
-    named = {"NMSE": light.nmse, "uniformity": light.uniformity, "efficiency": light.efficiency}
-    return ", ".join(f"{name} {metric}" for name, metric in named.items() if metric is not None)
+    named = {"uniformity": light.uniformity, "efficiency": light.efficiency}
+    others = (f"{name} {metric}" for name, metric in named.items() if metric is not None)
+    return ", ".join((f"NMSE {square(light.nmse.value, light.nmse.standard_error)}", *others))
 
 
 class LightMetrics(Record):

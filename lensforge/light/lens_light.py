@@ -96,6 +96,7 @@ def photometry(
     *,
     rays: int | None = None,
     lumens: float | None = None,
+    seed: int | None = None,
     threads: int | None = None,
     ies_version: IesVersion = NEWEST,
 ) -> Photometry:
@@ -107,9 +108,11 @@ def photometry(
         lens: the lens.
         rays: number of rays, from 1; None: as many as the noise of the intensities asks for.
         lumens: of the source, in lm; None: as spec or its file say, else 1000.
+        seed: of the rays, from 0; None: that of the design.
         threads: number of threads, from 1; None: all cores.
         ies_version: year of LM-63: 2019, or 2002 for older programs.
-    Returns: The far field of each LED; other lumens than the source's own, and any ``rays``, are other ``conditions``.
+    Returns: The far field of each LED; another seed, other lumens than the source's own, and any ``rays``, are other
+        ``conditions``.
     Raises: :class:`InputError` for an argument that is not allowed.
     Example:
         >>> photometry = lf.photometry(lf.load("cad_out/quickstart").lens, lumens=120.0)
@@ -121,12 +124,13 @@ def photometry(
     require(lens, Lens, "photometry")
     version = require_ies_version(ies_version)
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
-    lumens, by_led = number_of("lumens", lumens), dict[str, Photometry]()
+    lumens, seed, by_led = number_of("lumens", lumens), count_of("seed", seed, 0), dict[str, Photometry]()
+    settings: Mapping[str, Any] = {"rays": rays, "seed": seed, "lumens": lumens}
     with kernel_threads(count_of("threads", threads)):
         for name, own in lens.by_led.items():
             source = judging_source(own.spec)
-            measured = measure_photometry(own, source, preset, rays=rays, lumens=lumens, ies_version=version, led=name)
-            conditions = photometry_conditions(own, source, rays, lumens)
+            measured = measure_photometry(own, source, preset, ies_version=version, led=name, **settings)
+            conditions = photometry_conditions(own, source, **settings)
             by_led[name] = measured.changed(conditions=conditions, inputs={"lens": lens.sha256})
     return Photometry.joined(by_led)
 
@@ -217,7 +221,9 @@ def rays_of(rays: int | None, own: int, source: Source) -> tuple[int, Conditions
     return count, Conditions.of(rays=unless_own(count, min(own, most)))
 
 
-def photometry_conditions(lens: Lens, source: Source, rays: int | None, lumens: float | None) -> Conditions | None:
+def photometry_conditions(
+    lens: Lens, source: Source, *, rays: int | None, seed: int | None, lumens: float | None
+) -> Conditions | None:
     """Conditions of a photometry of ``lens``.
 
     Any ``rays`` that are given: by default their number follows the noise. ``lumens`` are among them only where the
@@ -225,7 +231,7 @@ def photometry_conditions(lens: Lens, source: Source, rays: int | None, lumens: 
     """
     known_lm = summarise(source, lens.spec.source).flux_lm
     own = known_lm is None or lumens is None or isclose(lumens, known_lm)
-    return Conditions.of(rays=rays, lumens=None if own else lumens)
+    return Conditions.of(rays=rays, seed=unless_own(seed, lens.seed), lumens=None if own else lumens)
 
 
 def unless_own(value: _Value | None, own: _Value) -> _Value | None:

@@ -22,7 +22,7 @@ from lensforge.results import Fact, Group, Metric
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
 from lensforge.results.fact_table import Row, facts_of
-from lensforge.results.numerals import number, percent, quantity
+from lensforge.results.numerals import number, percent, quantity, square
 from lensforge.results.verdict import Reason
 from lensforge.scene.lens import Lens
 from lensforge.sources.intensity import BEAM_SHARE
@@ -116,7 +116,7 @@ def limit_facts(
     for road, limits in groupby(light.limits, key=road_of):
         for limit in with_remedies([*limits]) if road else limits:
             on = f", on {limit.place}" if len(light.receivers) > 1 and limit.place else ""
-            on += f", by its picture of {light.pixels} pixels" if road else ""
+            on += ", by the intensities of the file" if road else ""
             quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
             fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")
             most = (possible or {}).get((limit.label, limit.bound))
@@ -238,7 +238,9 @@ def _by_pixels(receiver: ReceiverLight) -> str:
     change, error = receiver.nmse_of_raster, receiver.nmse.standard_error
     if change is None or abs(change) <= (error or 0.0):
         return ""
-    return f"; depends on the pixels: {number(receiver.nmse.value - change, 2)} with pixels twice as wide"
+    halved = receiver.nmse.value - change
+    shown = number(halved, 2) if halved >= 0.0 else square(halved, error)
+    return f"; depends on the pixels: {shown} with pixels twice as wide"
 
 
 def _of_lenses(spec: Spec) -> str:

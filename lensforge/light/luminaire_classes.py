@@ -47,6 +47,16 @@ class LampLight:
         finer = None if self.finer is None else self.finer.times(count)
         return replace(self, samples=count * self.samples, finer=finer)
 
+    def in_file(self) -> "LampLight":
+        """Light of the table that files hold, without values below 0; then without one after the other of the samples.
+
+        Of one sample alone the first.
+        """
+        total, count = self.samples.sum(axis=0), len(self.samples)
+        rest = [(total - one) / (count - 1) for one in self.samples] if count > 1 else []
+        tables = [self.grid.table(each).values[:-1] for each in (total / count, *rest) if each.sum() > 0.0]
+        return replace(self, samples=np.stack(tables), finer=None)
+
     def intensities(self, lateral_deg: Degrees, gamma_deg: Degrees) -> Float[np.ndarray, "p k"]:
         """Intensity (cd) in each direction, by each sample."""
         matrix = self.grid.readings(lateral_deg + self.street_deg, gamma_deg)

@@ -243,14 +243,15 @@ class LeastEstimate:
     unsure: float = 0.0
 
     def metric(self) -> Metric:
-        """Value and standard error: the geometric mean of one that is too large and of one that is too small.
+        """Value and standard error: the mean of one that is too large and of one that is too small.
 
         The jackknife is too large where many places are nearly as dark: without a replicate half of the blocks are
-        gone. The sum of the influences is too small there, as it holds the places that were chosen.
+        gone. The sum of the influences is too small there, as it holds the places that were chosen. Their mean is
+        right to a fifth (docs/accuracy.md).
         """
         if self.left_out is None or self.influences is None:
             return Metric(value=self.value)
-        error = np.sqrt(jackknife_error(self.left_out) * influence_error(self.influences))
+        error = 0.5 * (jackknife_error(self.left_out) + influence_error(self.influences))
         return Metric(value=self.value, standard_error=float(np.hypot(error, self.unsure)))
 
     def change_from(self, before: "LeastEstimate") -> Metric:
@@ -305,14 +306,18 @@ def largest_without_noise(readings: Float[np.ndarray, "r k"], least: float | Non
     return negative.changed(value=-negative.value)
 
 
-def ratio_of(above: Metric, below: Metric) -> Metric:
-    """Ratio of two figures whose errors are independent; 0 where the second is not above 0."""
-    if not below.value > 0.0:
+def ratio_of(part: Metric, largest: Metric) -> Metric:
+    """Ratio of a figure to the largest of its kind, whose errors are independent: at most 1, whatever the noise.
+
+    0 where the second is not above 0.
+    """
+    if not largest.value > 0.0:
         return Metric(value=0.0)
-    value = above.value / below.value
-    if above.standard_error is None or below.standard_error is None:
+    ratio = part.value / largest.value
+    value = min(ratio, 1.0)
+    if part.standard_error is None or largest.standard_error is None:
         return Metric(value=value)
-    error = np.hypot(above.standard_error, value * below.standard_error) / below.value
+    error = np.hypot(part.standard_error, ratio * largest.standard_error) / largest.value
     return Metric(value=value, standard_error=float(error))
 
 

@@ -14,9 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.light.angular_grid import AngularGrid, FittedIntensity
-from lensforge.light.exit_light import ExitLight, Goniophotometer, trace_exit_light
-from lensforge.light.luminaire_classes import LampLight
+from lensforge.light.exit_light import ExitLight
+from lensforge.light.far_field import lamp_light, lamps_of_files, trace_far_field
 from lensforge.light.luminous_opening import luminous_opening
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import (
@@ -37,7 +36,6 @@ from lensforge.light.photometry_result import (
 from lensforge.light.received_flux import named_flux
 from lensforge.light.road_judgement import judged_roads
 from lensforge.light.road_lighting import RoadFigures
-from lensforge.light.simulation import TracedLens
 from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
@@ -53,9 +51,6 @@ from lensforge.sources.rayfiles.ray_file_rows import FileImage
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
-from lensforge.spec.lamps_section import ALONE
-from lensforge.surfaces.mirror_group import shared_symmetry
-from lensforge.surfaces.placed_bodies import reach_mm
 
 _FAR_FIELDS = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE}
 
@@ -125,7 +120,6 @@ def _of_luminaire(
     return {key: encoded(Path(name), whole, ies_version) for key, name in LUMINAIRE_FILES.items()}
 
 
-_SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
 _BEYOND = 1e-3  # of the light of lamps that are aimed; above it the files say that they lack it
 _NOISY = 0.05  # rms of the nodes, relative; above it the files say that they are noisy
 
@@ -136,6 +130,7 @@ def measure_photometry(
     preset: Preset,
     *,
     rays: int | None = None,
+    seed: int | None = None,
     lumens: float | None = None,
     ies_version: IesVersion = NEWEST,
     led: str = "",
@@ -144,6 +139,7 @@ def measure_photometry(
 
     Without it, the flux is what the spec or the source's file says; where nothing does, 1000 lm: then candela are
     cd/klm, and record and files say so. Without ``rays`` as many are traced as the noise of the table asks for.
+    ``seed``: by default the lens's own.
     ``ies_version``: year of LM-63, ``led``: name of the LED, of several, in the files. Of several lamps they hold the
     light of all, as it is seen from afar; of an infinite lattice that of one. The date of the files is that of the
     spec, as in all files for others. Raises :class:`InputError` for lumens that are not above 0 and finite, and where
@@ -155,25 +151,11 @@ def measure_photometry(
     summary = summarise(source, lens.spec.source)
     bright, section = SourceLumens.of(lumens, summary), lens.spec.photometry
     bright.require_known(section)
-    lamps = ALONE if lens.spec.all_lamps.period_mm is not None else lens.spec.all_lamps
+    lamps = lamps_of_files(lens.spec)
     if not bright.per_1000_lm:
         bright = replace(bright, lumens=len(lamps) * bright.lumens)
     source_w = len(lamps) * source.flux_w
-    lens_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies))
-    light = trace_exit_light(
-        TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
-        source,
-        Goniophotometer(
-            sphere_mm=_SLACK * (lens_mm + lamps.reach_mm),
-            symmetry=shared_symmetry([source.symmetry, lens.symmetry], lamps.in_far_field.has_mirrors),
-            street_deg=section.street_side_deg,
-            lamps=lamps,
-            for_roads=bool(lens.spec.roads),
-        ),
-        rays=rays,
-        by_itself=preset.photometry_rays,
-        seed=lens.seed,
-    )
+    light = trace_far_field(lens, source, preset, rays=rays, seed=lens.seed if seed is None else seed)
     per_watt, fitted = bright.lumens / source_w, light.intensity
     tables = CandelaTables.of(fitted, per_watt)
     candela, exit_lm = tables.whole, scaled(light.exit_w, per_watt, "lm")
@@ -186,7 +168,7 @@ def measure_photometry(
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )
-    lamp, lost_w = _lamp(fitted, per_watt, section.street_side_deg), named_flux(light.by_fate_w)
+    lamp, lost_w = lamp_light(fitted, per_watt, section.street_side_deg), named_flux(light.by_fate_w)
     known_lm, spectrum = None if bright.per_1000_lm else exit_lm.value, spectrum_of_source(lens.spec.source, summary)
     contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
     files, all_lenses = read_back(contents, light.exit_w.value, per_watt), section.lenses
@@ -230,13 +212,6 @@ def measure_photometry(
         **{f"luminaire_{key}": content for key, content in of_all.items()},
         seconds=time.perf_counter() - started,
     )
-
-
-def _lamp(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLight:
-    finer = light.finer
-    grid = AngularGrid(len(finer.c_deg) - 1, finer.gamma_deg)
-    fine = LampLight(grid, per_watt * finer.values[None, :-1], street_deg)
-    return LampLight(light.grid, per_watt * light.samples, street_deg, fine)
 
 
 def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:

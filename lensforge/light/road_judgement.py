@@ -1,8 +1,8 @@
 """Judgement of the light on a road by the candela of its lamps: what every driver sees, its class, and its cost.
 
 Figures are those of EN 13201-3:2015, classes those of EN 13201-2:2015, power and energy those of EN 13201-5:2015; of a
-class of RP-8 those of its luminance method. Of
-light by independent samples of rays each has a standard error, and none is chosen by noise; a file has none.
+class of RP-8 those of its luminance method. They are those of the table that the photometric file holds; of light by
+independent samples of rays each has a standard error by the jackknife, of a file none.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from lensforge.light.judged_limits import figure_of, judged
 from lensforge.light.luminaire_classes import LampLight
-from lensforge.light.metrics import scaled
+from lensforge.light.metrics import jackknife_error, scaled
 from lensforge.light.road_lighting import HeldSpacing, RoadJudgement, SeenRoad
 from lensforge.results import Fact, Metric, Sense
 from lensforge.scene.road_classes import asked_of
@@ -38,7 +38,8 @@ _NONE = "none"
 _KWH_PER_WH = 1e-3
 _LEAST_STEPS, _END_M = 5, 1e-3  # of a tenth of the pole height, of spacings tried
 
-Candela = Callable[[CandelaSum], Float[np.ndarray, "p n"]]  # intensities (cd) of a lamp by each sample
+# Intensities (cd) of a lamp: first those of its file, then those with one of the samples of rays left out each.
+Candela = Callable[[CandelaSum], Float[np.ndarray, "p n"]]
 
 
 def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJudgement:
@@ -75,15 +76,15 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
 
 @dataclass(frozen=True)
 class _Reader:
-    """Figures by the intensities of a lamp; those of one sample are taken at their word."""
+    """Figures by the intensities of a lamp; those of a file are taken at their word."""
 
     candela: Candela
 
     def figure(self, quantity: Quantity, sense: Sense, unit: str, light: CandelaSum) -> Metric:
         """The ``quantity`` of ``light``."""
-        readings = light.of(self.candela(light))
-        found = figure_of(quantity, sense, unit, readings)
-        return found if len(readings) > 1 else found.changed(standard_error=0.0)
+        whole, *left_out = (figure_of(quantity, sense, unit, row[None]) for row in light.of(self.candela(light)))
+        error = jackknife_error(np.array([each.value for each in left_out])) if left_out else 0.0
+        return whole.changed(unit=unit, standard_error=error)
 
     def limits(self, readings: RoadReadings, name: str) -> Iterator[Fact]:
         """Limits by the class of the road, each judged."""
@@ -216,9 +217,10 @@ def lenses_in(road: RoadSection, spec: Spec, source_lm: float) -> float:
 
 def of_lens(lamp: LampLight, factor: float) -> Candela:
     """Intensities of a lamp whose light is ``factor`` times that of ``lamp``; a lens sends none above 90 degrees."""
+    tables = lamp.in_file()
 
     def candela(light: CandelaSum) -> Float[np.ndarray, "p n"]:
-        found = factor * lamp.intensities(light.azimuth_deg, light.gamma_deg)
+        found = factor * tables.intensities(light.azimuth_deg, light.gamma_deg)
         return np.asarray(found * (light.gamma_deg <= 90.0))
 
     return candela

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
+from lensforge.light.far_field import road_limits
 from lensforge.light.metrics import scaled
 from lensforge.light.receiver_light import judged_figures
 from lensforge.light.simulation import TracedLens
@@ -226,13 +227,16 @@ class LedStudy:
     def designed_light(self) -> Light:
         """The light of the lens as designed, by many rays."""
         lens, spec, recipe = self.study.recipe.lens, self.study.spec, self.study.recipe
+        preset, judging = preset_of(lens.accuracy), held_back(self._source)
+        efficacy = summarise(self._source, self.emitter).lumens_per_watt
         return evaluate_traced(
-            TracedLens.of(lens, preset_of(lens.accuracy).evaluate_nodes_per_sigma),
+            TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
             spec,
-            held_back(self._source),
+            judging,
             recipe.designed_rays,
             recipe.seed,
             limits=self.limits,
+            on_roads=tuple(road_limits(lens, judging, preset, efficacy, rays=None, seed=recipe.seed)),
             bounds_by=self._source,
             colour=judged_colour(spec),
         )

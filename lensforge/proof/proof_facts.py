@@ -21,7 +21,7 @@ from lensforge.proof.proof_result import (
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import named, state_of
-from lensforge.results.numerals import number, percent, quantity
+from lensforge.results.numerals import number, percent, quantity, square
 
 _CAUSES = {
     "inner_reflection": "reflected at the cavity",
@@ -241,7 +241,8 @@ def _independent_rays(lit: LitReceiver, independent: IndependentRays) -> Group:
     )
     says = f"lens.stl; efficiency {redrawn}, the design’s light {expected}"
     if independent.nmse_less_noise is not None:
-        says += f"; NMSE less noise {independent.nmse_less_noise}"
+        less_noise = independent.nmse_less_noise
+        says += f"; NMSE less noise {square(less_noise.value, less_noise.standard_error)}"
     names = ("own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if lit.index == 0 else []))
     return _tracer(lit, "Independent rays of the LED", (_rays(independent.rays),), says, names)
 

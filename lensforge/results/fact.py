@@ -11,7 +11,7 @@ from typing import Any, Literal
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from lensforge.results.numerals import NOTHING, anything, limit_text, quantity
+from lensforge.results.numerals import NOTHING, anything, limit_text, quantity, square
 from lensforge.results.record import Metric, NotNegative, Number, Sense, State, Text, agree
 from lensforge.results.verdict import judge
 
@@ -19,6 +19,7 @@ FactState = State | Literal[""]  # "": nothing is required, or it is not judged 
 _OPPOSITE: dict[Sense, Sense] = {"<=": ">=", ">=": "<="}
 _BOUNDS: dict[Sense, str] = {"<=": "lower bound", ">=": "upper bound"}  # that physics sets on the other side
 _DIGITS = 4  # significant digits of a number without standard error
+_SQUARE = "nmse", "setting"  # ends of the keys of mean squares, which noise may have left below 0
 _ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
 _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
 
@@ -34,7 +35,7 @@ class Fact:
     judgement, "" where there is none. ``note``: words beside the value. ``remedy``: what to try where it fails.
     ``digits``: significant digits that are shown. ``tolerance``: by which its measure may miss the limit. ``place``:
     the face or the receiver that it is on. ``limit_note``, ``possible_note``: words beside limit and bound. ``notice``:
-    why it deserves a look though no limit judges it, shown in amber. ``decided_by``: what makes its error smaller.
+    why it deserves a look though no limit judges it, shown in amber.
     """
 
     key: Text
@@ -54,7 +55,6 @@ class Fact:
     limit_note: Text = ""
     possible_note: Text = ""
     notice: Text = ""
-    decided_by: Text = "take more rays"
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
@@ -121,6 +121,8 @@ class Fact:
             return NOTHING if self.limit is None else "not measured"
         if isinstance(self.value, str | bool):
             return anything(self.value)
+        if self.key.endswith(_SQUARE):
+            return square(self.value, self.standard_error, self.digits)
         return quantity(self.value, self.unit, self.standard_error, self.digits)
 
     @property
@@ -161,7 +163,7 @@ class Fact:
     @property
     def advice(self) -> str:
         """Remedy, or where nothing is decided, that which decides."""
-        return self.decided_by if self.state == "undecided" else self.remedy
+        return "take more rays" if self.state == "undecided" else self.remedy
 
     def __str__(self) -> str:
         """The judgement in one line, by the name that scripts know: by how much a limit is missed, and what to try."""

@@ -58,6 +58,13 @@ def quantity(value: float | None, unit: str = "", error: float | None = None, di
     return with_unit(" ± ".join(by_error(value, error)), unit)
 
 
+def square(value: float, error: float | None = None, digits: int = 6) -> str:
+    """A mean square with its standard ``error``; "≤" that where the noise taken off it has left less than nothing."""
+    if value < 0.0 and error:
+        return f"≤ {number(error, 2)}"
+    return quantity(value, "", error, digits)
+
+
 _PLAIN = 4  # digits before the point of a number that is never written as a power of ten
 _MOST_DIGITS = 5  # of a measured value: no source is known to more
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,6 +14,7 @@ from lensforge.spec.light_limits import ZoneLimit
 _OVERSAMPLING = 8  # sub-pixels per side: a share of a pixel is right to 1/64
 
 
+@runtime_checkable
 class Region(Protocol):
     """A part of a receiver. ``coverage``: share of each pixel of ``grid`` that lies in it."""
 

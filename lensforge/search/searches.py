@@ -313,6 +313,7 @@ def best_design(
 def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
     """The light of ``lens`` with each of its LEDs, by rays that judge none: measured ones are the search's, turned."""
     from lensforge.light.evaluation import evaluate_traced
+    from lensforge.light.far_field import road_limits
     from lensforge.light.simulation import TracedLens
     from lensforge.scene.limit_readings import light_limits
     from lensforge.scene.receiver_shapes import receivers_of
@@ -324,7 +325,10 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
         efficacy = summarise(source, spec.source).lumens_per_watt
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
         rays, own = spec.evaluate.rays or preset.evaluate_rays, smoothed(searched(source))
-        lights.append(evaluate_traced(traced, spec, own, rays, seed, limits=limits, bounds_by=source))
+        on_roads = tuple(road_limits(replace(lens, spec=spec), own, preset, efficacy, rays=None, seed=seed))
+        lights.append(
+            evaluate_traced(traced, spec, own, rays, seed, limits=limits, on_roads=on_roads, bounds_by=source)
+        )
     return lights
 
 

@@ -75,7 +75,8 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
         "--interpolation": ("linear", "interpolation", "linear"), "--drawing": ("d.toml", "drawing", Path("d.toml")),
     },
     "photometry": {
-        **COUNT, "--lumens": ("250", "lumens", 250.0), "--ies-version": ("2002", "ies_version", 2002),
+        **COUNT, "--seed": ("5", "seed", 5), "--lumens": ("250", "lumens", 250.0),
+        "--ies-version": ("2002", "ies_version", 2002),
     },
     "preview": {key: SEARCH[key] for key in ("--seed", "--threads")} | FORCE | OPEN
     | {"--out": ("{tmp}/other", "", "{tmp}/other/light.png")},

@@ -211,7 +211,7 @@ def test_every_study_with_other_rays_goes_beside(folder: Path) -> None:
 def test_lumens_are_other_conditions_where_the_spec_knows_its_own() -> None:
     plain, known = small_spec(), small_spec(source__luminous_efficacy_lm_per_w=300.0)
     for spec, lumens, name in ((plain, 90.0, None), (known, 300.0, None), (known, 90.0, "90lm"), (known, None, None)):
-        conditions = photometry_conditions(rough_lens(spec), source_of(spec), None, lumens)
+        conditions = photometry_conditions(rough_lens(spec), source_of(spec), rays=None, seed=None, lumens=lumens)
         assert (None if conditions is None else conditions.name) == name
 
 

@@ -281,7 +281,8 @@ class Record:
                 yield replicate, share, bundle
 
         def exit_rays(lens: Any, rays: Any, *more: Any) -> Any:
-            self.rays.setdefault("photometry", []).append(arrays(rays))
+            if self.stage == "photometry":  # by the same rays an evaluation judges roads
+                self.rays.setdefault("photometry", []).append(arrays(rays))
             return sent(lens, rays, *more)
 
         def through_exact(lens: Any, traced: Any, rays: Any) -> Any:
@@ -295,6 +296,8 @@ class Record:
         def fit(*given: Any) -> Any:
             found = fitted(*given)
             table = found.grid.c_deg, found.grid.gamma_deg, found.samples, found.finer
+            if self.stage != "photometry":
+                return found
             self.rays["tables"] = [*table[:3], table[3].c_deg, table[3].gamma_deg, table[3].values]
             self.rays.setdefault("tables of LEDs", []).append(self.rays["tables"])
             return found

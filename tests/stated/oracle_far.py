@@ -317,13 +317,15 @@ def near_horizon(tables, exit_lm):
 
 
 def road_record(case, road):
-    """Figures and limits of one road by the tables of the samples."""
+    """Figures and limits of one road by the table of the files."""
     spec, tables = case.lens["spec"], once(case, Tables)
     source_lm, side = lumens(case)[1], spec["photometry"]["street_side_deg"]
     factor = road["lamp_lm"] / source_lm if road["lamp_lm"] else spec["photometry"]["lenses"]
 
+    in_file = np.array([tables.whole, *tables.left_out])
+
     def candela(lateral, gamma):
-        return factor * bilinear(tables.azimuth, tables.gamma, tables.samples, lateral + side, np.minimum(gamma, 90))
+        return factor * bilinear(tables.azimuth, tables.gamma, in_file, lateral + side, np.minimum(gamma, 90))
 
     found = page_road.figures(road, candela)
     drivers = [

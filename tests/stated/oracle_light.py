@@ -21,7 +21,7 @@ from page_figures import (
     width_above,
 )
 from page_light import filtered, raw_nmse
-from page_road import road_limits, traffic_of, worst_on
+from page_road import traffic_of, worst_on
 from page_scene import (
     at_temperature,
     by_fate,
@@ -51,8 +51,6 @@ def traced(case, calls, warm):
     own_kinds = [*(kind for kind in dict.fromkeys(kinds) if kind not in others), *others]
     receivers = receivers_of(spec)
     targets = [target_light(each)[1] for each in receivers]
-    halved = [tuple(max(1, count // 2) for count in each.shape) for each in receivers]
-    coarse = [target_light(each, shape)[1] for each, shape in zip(receivers, halved, strict=True)]
     found = {}
     for kind, call in zip(own_kinds, calls, strict=True):
         faces, share = faces_of(lens, others.get(kind, lens["faces"])), kinds.count(kind) / len(kinds)
@@ -62,8 +60,7 @@ def traced(case, calls, warm):
             colours = tristimulus_at(nm) if spec["colour"] else None
             fates = by_fate(behind, factor * flux, NOT_LEFT)
             for number, receiver in enumerate(receivers):
-                both = targets[number], coarse[number]
-                got = receive(receiver, both, lamps, behind, factor * flux, colours)
+                got = receive(receiver, targets[number], lamps, behind, factor * flux, colours)
                 found.setdefault((number, replicate), []).append((share, got, fates))
                 if number == 0 and behind.ways is not None:
                     ways = found.setdefault(("ways", replicate), {})
@@ -85,13 +82,14 @@ def light_of(case, calls, source, warm):
     watts, efficacy = flux_and_efficacy(source, case.files)
     receivers, found = traced(case, calls, warm)
     count = len(calls[0])
-    lit, images = [], []
+    lit, images, raw = [], [], []
     for number, receiver in enumerate(receivers):
         means = [mean_of(found[number, k]) for k in range(count)]
         record, pictures = receiver_record(spec, receiver, means, watts, number)
         lit.append(record)
         images.append(pictures)
-    record = {"receivers": lit, "limits": limits_of(spec, receivers, images, efficacy, watts, lit)}
+        raw.append([got["image"] for got, _ in means])
+    record = {"receivers": lit, "limits": limits_of(case, receivers, images, raw, efficacy, watts, lit)}
     ways = [found[each] for each in sorted(each for each in found if each[0] == "ways")]
     if ways:
         record["ways"] = ways_of(case.lens, ways, watts)
@@ -109,14 +107,11 @@ def receiver_record(spec, receiver, means, watts, number):
     mean, mask, lamps = np.mean(images, axis=0), mask_of(receiver), len(lamps_of(spec)[0]) > 1 or spec["lamps"]
     efficiency = [got["window"] / watts for got, _ in means]
     half = tuple(max(1, n // 2) for n in receiver.shape)
-    coarse_target, coarse_inside = target_light(receiver, half)
+    coarse_target = target_light(receiver, half)[0]
     in_target = jackknife([got["in_target"] / watts for got, _ in means])
-    coarser = np.mean([got["in_coarse"] / watts for got, _ in means])
     raw = [got["image"] for got, _ in means]
     if lamps:  # by the share of each pixel that is in the target
         in_target = jackknife([(i * covered(inside, receiver.shape)).sum() / watts for i in raw])
-        coarser = np.mean([(rebinned(i, half) * covered(coarse_inside, half)).sum() / watts for i in raw])
-    in_target = in_target[0], np.hypot(in_target[1], coarser - in_target[0])
     unit = "W/sr" if receiver.kind == "far_field" else "W/m²"
     halved = [filtered(rebinned(got["image"], half), variance) for got, _ in means]
     noise = np.var(images, axis=0, ddof=1).sum() / len(images) / (mean**2).sum()
@@ -209,13 +204,14 @@ def ways_of(lens, replicates, watts):
 # -- Section 10: limits ------------------------------------------------------------------------------------------------
 
 
-def limits_of(spec, receivers, images, efficacy, watts, lit):
+def limits_of(case, receivers, images, raw, efficacy, watts, lit):
+    spec = case.lens["spec"]
     found, named = [], [receiver.name for receiver in receivers]
     for limit in spec["limits"] or []:
         number = named.index(limit["receiver"]) if limit["receiver"] else 0
-        found += own_limits(limit, receivers[number], images[number], efficacy, watts, len(lamps_of(spec)[0]))
-    if spec["roads"]:
-        found += road_limits(spec, receivers, images, efficacy, watts)
+        pictures = images[number], raw[number]
+        found += own_limits(limit, receivers[number], *pictures, efficacy, watts, len(lamps_of(spec)[0]))
+    found += road_limits(case, receivers)
     if spec["colour"]:
         for receiver, record in zip(receivers, lit, strict=True):
             for words, field in (("rms", "max_rms_delta_uv"), ("worst", "max_delta_uv")):
@@ -229,7 +225,24 @@ def limits_of(spec, receivers, images, efficacy, watts, lit):
     return found
 
 
-def own_limits(limit, receiver, images, efficacy, watts, lamps):
+def road_limits(case, receivers):
+    """What the classes ask for, by the table of the files."""
+    from oracle_far import road_record  # which takes from here
+
+    for road in case.lens["spec"]["roads"] or []:
+        for limit in road_record(case, road)["limits"]:
+            sky = next(each.name for each in receivers if each.kind == "far_field")
+            yield limit | {"name": f"{road['name']}: {limit['name']}", "receiver": sky}
+
+
+def share_of(limit, receiver, raw, watts):
+    """Of several lamps, by the part of each pixel that is in the zone."""
+    x, y = receiver.centres(8)
+    inside = receiver.in_window(x, y) & (in_shape(limit["zone"], *receiver.to_target(x, y)) if limit["zone"] else True)
+    return jackknife([(image * covered(inside, receiver.shape)).sum() / watts for image in raw])
+
+
+def own_limits(limit, receiver, images, raw, efficacy, watts, lamps):
     """One entry for each bound of a limit."""
     photometric = efficacy if limit.get("unit") in ("lx", "cd") else 1.0
     per_flux, unit = photometric * lamps / receiver.measure, {"lx": "lx", "cd": "cd"}.get(limit.get("unit"), "")
@@ -266,7 +279,7 @@ def own_limits(limit, receiver, images, efficacy, watts, lamps):
     else:
         bounds = [("light", None, unit, ">=", limit["at_least"]), ("light", None, unit, "<=", limit["at_most"])]
     if limit["kind"] == "zone":
-        share = jackknife([image[inside].sum() / watts for image in images])
+        share = share_of(limit, receiver, raw, watts)
         bounds += [
             ("min/mean of the light", None, "", ">=", limit["at_least_min_over_mean"]),
             ("min/max of the light", None, "", ">=", limit["at_least_min_over_max"]),

@@ -5,7 +5,7 @@ from crooked import Expected
 from oracle_part import kept_of
 from page_chain import drawn, facet, keys_of, leave_chain
 from page_colour import flux_and_efficacy
-from page_figures import CLOSE, apart_of, error_over_pairs, jackknife, least_parts
+from page_figures import CLOSE, apart_of, by_both, error_over_pairs, jackknife, least_parts
 from page_light import filtered
 from page_scene import faces_of, mask_of, receivers_of, target_light, through
 from page_tracer import BACKWARD, LANDED, OUTSIDE_CAVITY, TOTAL, Functions, leave, unit
@@ -308,7 +308,7 @@ def figures(case, images, window):
     means = inside.mean(axis=1)
     square, apart = apart_of((inside - means[:, None]) / np.sqrt(inside.shape[1]), means)
     value = np.sqrt(max(square, 0))
-    slopes = apart / (2 * max(value, 0.5 * np.sqrt(error_over_pairs(apart)) or 1.0))
+    slopes = apart / (2 * max(value, np.sqrt(error_over_pairs(apart)) or 1.0))
     return {"nmse": nmse, "rsd": (value, slopes), "uniformity": least_parts(inside / means[:, None], 1.0),
             "efficiency": window}  # fmt: skip
 
@@ -317,8 +317,8 @@ def metrics_of(found):
     """Value and standard error of each."""
     pairs = {name: (found[name][0], error_over_pairs(found[name][1])) for name in ("nmse", "rsd") if name in found}
     if "uniformity" in found:
-        value, left, off = found["uniformity"]
-        pairs["uniformity"] = value, np.hypot(by_left_out(left), off)
+        value, left, changes, unsure = found["uniformity"]
+        pairs["uniformity"] = value, np.hypot(by_both(left, changes), unsure)
     return pairs | {"efficiency": jackknife(found["efficiency"])}
 
 
@@ -336,9 +336,12 @@ def change_of(found, before, rays):
     changes["efficiency"] = value, np.hypot(error, noise["efficiency"][1] / np.sqrt(rays))
     if "uniformity" not in found:
         return changes
-    (value, left, off), (other, lefts, offs) = found["uniformity"], before["uniformity"]
+    (value, left, by_weight, off), (other, lefts, by_weights, offs) = found["uniformity"], before["uniformity"]
     one_ray = by_left_out(lefts) ** 2 / (max(other, by_left_out(lefts)) or 1.0)
-    changes["uniformity"] = value - other, np.linalg.norm([by_left_out(left - lefts), off - offs, one_ray])
+    changes["uniformity"] = (
+        value - other,
+        np.linalg.norm([by_both(left - lefts, by_weight - by_weights), off - offs, one_ray]),
+    )
     return changes
 
 

@@ -49,7 +49,7 @@ def over_pairs(errors, scales):
 def root(square, error):
     """The root of a square without noise, at least 0, and its error."""
     value = np.sqrt(max(square, 0))
-    return value, error / (2 * max(value, 0.5 * np.sqrt(error) or 1.0))
+    return value, error / (2 * max(value, np.sqrt(error) or 1.0))
 
 
 def nmse(images, target):
@@ -64,13 +64,22 @@ def rsd(values):
 
 
 def least(values, most=None):
-    """Least of the values at places, by 16 replicates, without noise; and its standard error."""
-    value, left, taken_off = least_parts(values, most)
-    return value, np.hypot(np.sqrt(15 / 16 * ((left - left.mean()) ** 2).sum()), taken_off)
+    """Least of the values at places, by 16 replicates, without noise; and its standard error.
+
+    That is the mean of the jackknife and of the changes with the weight of each replicate, the pixels held.
+    """
+    value, left, changes, unsure = least_parts(values, most)
+    return value, np.hypot(by_both(left, changes), unsure)
+
+
+def by_both(left, changes):
+    """Mean of the errors by values with a replicate left out and by changes with its weight."""
+    by_weights = np.sqrt(16 / 15 * ((changes - changes.mean()) ** 2).sum())
+    return (by_weights + np.sqrt(15 / 16 * ((left - left.mean()) ** 2).sum())) / 2
 
 
 def least_parts(values, most=None):
-    """The least, the same without each replicate, and what was taken off its upper bound."""
+    """The least; the same without each replicate; its change with the weight of each; and what nothing tells of it."""
     values = np.array(values)
     assert len(values) == 16
 
@@ -78,24 +87,43 @@ def least_parts(values, most=None):
         found = []
         for block in blocks:
             mean = values[list(block)].mean(axis=0)
-            darkest = values[:, mean == mean.min()].mean(axis=1)
-            found.append((set(block), mean.min(), darkest))
+            found.append((set(block), values[:, mean == mean.min()].mean(axis=1)))
         return found
 
-    def read(found, without=None):
-        """u and v; without a replicate those of the blocks that do not have it."""
-        some = [each for each in found if without not in each[0]]
-        others = [[e[2][k] for k in range(16) if k not in e[0] and k != without] for e in some]
-        return np.mean([e[1] for e in some]), np.mean(others)
+    def read(found, weights, without=None):
+        """u and v by weighted replicates; without one those of the blocks that do not have it."""
+        darkest, others, counted = [], 0.0, 0.0
+        for block, light in found:
+            if without in block:
+                continue
+            own = [k for k in range(16) if k in block]
+            rest = [k for k in range(16) if k not in block and k != without]
+            darkest.append(np.average(light[own], weights=weights[own]))
+            others += np.average(light[rest], weights=weights[rest]) * len(rest)
+            counted += len(rest)
+        return np.mean(darkest), others / counted
 
-    halves, quarters = choices(EIGHTS), choices(FOURS)
-    (u_8, v_8), (u_4, v_4) = read(halves), read(quarters)
-    below = (v_4 - u_4) - (v_8 - u_8)
-    h = float(np.clip((u_8 - u_4) / below, 0, 1)) if below > 0 else 1.0
+    halves, quarters, alike = choices(EIGHTS), choices(FOURS), np.ones(16)
+
+    def slope(weights):
+        (u_8, v_8), (u_4, v_4) = read(halves, weights), read(quarters, weights)
+        below = (v_4 - u_4) - (v_8 - u_8)
+        return (u_8 - u_4) / below if below > 0 else 1.0
+
+    u_8, v_8 = read(halves, alike)
+    h, free = float(np.clip(slope(alike), 0, 1)), 0 < slope(alike) < 1
     mean = values.mean(axis=0)
     value = min(max(u_8 + h * (v_8 - u_8), mean.min()), mean.mean() if most is None else most)
-    left = np.array([u + h * (v - u) for u, v in (read(halves, k) for k in range(16))])
-    return value, left, v_8 - value if v_8 - value > 1e-12 * abs(value) else 0.0
+
+    def with_weight(k, more):
+        weights = alike + more * (np.arange(16) == k)
+        u, v = read(halves, weights)
+        return u + (slope(weights) if free else h) * (v - u)
+
+    step = 1e-4
+    changes = np.array([with_weight(k, step) - with_weight(k, -step) for k in range(16)]) / (2 * step)
+    left = np.array([u + h * (v - u) for u, v in (read(halves, alike, k) for k in range(16))])
+    return value, left, changes, 0.0 if h else max(v_8 - value, 0.0)
 
 
 def largest(values, at_least=None):
@@ -109,9 +137,9 @@ def least_over_mean(values):
 
 
 def ratio(above, below):
-    """Of two figures whose errors are independent."""
+    """Of a figure to the largest, whose errors are independent: at most 1."""
     value = above[0] / below[0]
-    return value, np.hypot(above[1], value * below[1]) / below[0]
+    return min(value, 1.0), np.hypot(above[1], value * below[1]) / below[0]
 
 
 def scaled(figure, factor):

@@ -4,8 +4,7 @@ from math import ceil
 from pathlib import Path
 
 import numpy as np
-from page_figures import RAY, jackknife, largest, least, least_over_mean, metric, ratio, scaled, state_of
-from page_scene import read_at
+from page_figures import scaled
 
 SURFACES = Path(__file__).parents[2] / "lensforge" / "scene" / "road_surfaces"  # tables of the CIE, as published
 Q0 = {"R3": 0.07, "W4": None}
@@ -132,8 +131,17 @@ def light(rows, candela):
     return np.array([np.bincount(places, weights=one, minlength=len(rows)) for one in each])
 
 
-def ratio_of_means(pairs):
-    return jackknife(pairs, lambda mean: mean[0] / mean[1])
+def figure(readings, read):
+    """A figure by the table of the file, and its error by the tables with a sample left out, which follow it."""
+    value, *left_out = (float(read(row)) for row in readings)
+    count = len(left_out)
+    return value, np.sqrt((count - 1) / count * ((np.array(left_out) - np.mean(left_out)) ** 2).sum())
+
+
+def increment(row):
+    """TI of the veiling luminance at places, and the mean luminance last."""
+    k, p = (65, 0.8) if row[-1] <= 5 else (95, 1.05)
+    return k * row[:-1].max() / row[-1] ** p
 
 
 def figures(road, candela):
@@ -144,33 +152,31 @@ def figures(road, candela):
     for lane in range(own.lanes):
         seen = light(own.luminance(lane, table), candela)
         veil, middle = light(own.veiling(lane), candela), 3 * own.from_right(lane) + 1
-        mean = jackknife(seen.mean(axis=1))
-        k, p = (65, 0.8) if mean[0] <= 5 else (95, 1.05)
-        glare = scaled(largest(veil), k / mean[0] ** p)
+        mean = seen.mean(axis=1)[:, None]
         found = {
-            "mean": jackknife(m * seen.mean(axis=1)), "uniformity": least_over_mean(seen),
-            "along": along(m * seen[:, middle * own.n : (middle + 1) * own.n]),
-            "glare": (glare[0], np.hypot(glare[1], p * glare[0] * mean[1] / mean[0])),
-            "q": ratio_of_means(np.stack([seen.mean(axis=1), lux.mean(axis=1) / m], axis=1)),
+            "mean": figure(m * mean, np.mean), "uniformity": figure(seen, lambda row: row.min() / row.mean()),
+            "along": figure(seen[:, middle * own.n : (middle + 1) * own.n], lambda row: row.min() / row.max()),
+            "glare": figure(np.hstack([veil, mean]), increment),
+            "q": figure(np.hstack([mean, lux.mean(axis=1)[:, None] / m]), lambda row: row[0] / row[1]),
         }  # fmt: skip
         if road["wet_surface"]:
-            found["wet"] = least_over_mean(light(own.luminance(lane, surface(road["wet_surface"])), candela))
+            wet = light(own.luminance(lane, surface(road["wet_surface"])), candela)
+            found["wet"] = figure(wet, lambda row: row.min() / row.mean())
         lanes.append(found)
     edges = []
     for outside, inside in own.edges():
         both = [light(rows, candela).mean(axis=1) for rows in (outside, inside)]
-        edges.append(ratio_of_means(np.stack(both, axis=1)))
-    mean_lx = jackknife(lux.mean(axis=1))
+        edges.append(figure(np.stack(both, axis=1), lambda row: row[0] / row[1]))
+    mean_lx = figure(lux, np.mean)
     shared = road["width_m"] * own.s / (2 if road["arrangement"] in ("opposite", "staggered") else 1)
-    found = {"lanes": lanes, "edges": edges, "mean_lx": mean_lx, "least_lx": least(lux), "u_lx": least_over_mean(lux)}
+    found = {
+        "lanes": lanes, "edges": edges, "mean_lx": mean_lx, "least_lx": figure(lux, np.min),
+        "u_lx": figure(lux, lambda row: row.min() / row.mean()),
+    }  # fmt: skip
     if road["lamp_w"]:
         found["power"] = scaled(mean_lx, road["lamp_w"] / mean_lx[0] ** 2 / shared)
         found["energy"] = (road["lamp_w"] * road["hours"] / 1000 / shared, 0.0)
     return found
-
-
-def along(values):
-    return ratio(least(values), largest(values))
 
 
 def reached(road, found):
@@ -209,34 +215,6 @@ def asked(road, found):
         yield f"{of}glare TI", "threshold increment", lane["glare"], "%", "<=", glare
     for side, value in zip(("right", "left"), found["edges"], strict=True):
         yield f"{side} edge ratio", "ratio of means", value, "", ">=", edge
-
-
-def in_picture(spec, receiver, images, lamp_lm, watts):
-    """Intensities of a lamp of so many lumens by the pictures of a far field, bilinear between its pixels."""
-    axes, side = receiver.axes, spec["photometry"]["street_side_deg"]
-
-    def candela(lateral, gamma):
-        turn, down = np.radians(lateral + side), np.radians(gamma)
-        u = np.column_stack([np.sin(down) * np.cos(turn), np.sin(down) * np.sin(turn), np.cos(down)]) @ axes.T
-        place = u[:, :2] * np.sqrt(2 / (1 + u[:, 2]))[:, None]
-        return np.array([read_at(receiver, image, *place.T) for image in images]) * lamp_lm / watts / receiver.measure
-
-    return candela
-
-
-def road_limits(spec, receivers, images, efficacy, watts):
-    """What the classes ask for, by the first far field."""
-    number = next(k for k, each in enumerate(receivers) if each.kind == "far_field")
-    for road in spec["roads"]:
-        lamps = len(spec["lamps"]["places_mm"]) if spec["lamps"] else 1
-        lumens = road["lamp_lm"] or lamps * watts * efficacy * spec["photometry"]["lenses"]
-        candela = in_picture(spec, receivers[number], images[number], lumens, watts)
-        for name, quantity, value, unit, sense, bound in asked(road, figures(road, candela)):
-            stated = metric(value, unit, RAY)
-            yield {
-                "name": f"{road['name']}: {name}", "receiver": receivers[number].name, "quantity": quantity,
-                "value": stated, "sense": sense, "bound": bound, "unit": unit, "state": state_of(stated, sense, bound),
-            }  # fmt: skip
 
 
 def worst_on(roads, limits):

@@ -415,7 +415,6 @@ class Received:
     outside: float
     missed: float
     in_target: float
-    in_coarse: float
 
 
 def contains(inside, receiver, place):
@@ -427,14 +426,14 @@ def contains(inside, receiver, place):
     return found
 
 
-def receive(receiver, targets, lamps, behind, flux_w, tristimulus=None):
+def receive(receiver, target, lamps, behind, flux_w, tristimulus=None):
     """Light of the rays of one kind of lens: ``lamps``, pairs of place and rotation, see them all.
 
-    ``targets``: sub-pixels in the target, and of half as many pixels. ``flux_w``: of each ray as emitted.
+    ``target``: sub-pixels in it. ``flux_w``: of each ray as emitted.
     """
     rows = behind.left
     flux = behind.flux[rows] * flux_w[rows]
-    total = Received(np.zeros(receiver.shape), np.zeros((3, *receiver.shape)), 0, 0, 0, 0, 0)
+    total = Received(np.zeros(receiver.shape), np.zeros((3, *receiver.shape)), 0, 0, 0, 0)
     for place, turn in lamps:
         shift = 0 if receiver.kind == "far_field" else place
         at = receiver.land(behind.p[rows] @ turn.T + shift, behind.d[rows] @ turn.T)
@@ -448,8 +447,7 @@ def receive(receiver, targets, lamps, behind, flux_w, tristimulus=None):
         total.window += own[inside].sum()
         total.outside += own[~inside].sum()
         total.missed += flux[~lands].sum()
-        total.in_target += own[contains(targets[0], receiver, at)].sum()
-        total.in_coarse += own[contains(targets[1], receiver, at)].sum()
+        total.in_target += own[contains(target, receiver, at)].sum()
         if tristimulus is not None:
             for k in range(3):
                 total.colours[k] += receiver.bins(at, own * tristimulus[rows][lands, k])

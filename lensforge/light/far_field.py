@@ -1,0 +1,72 @@
+"""Far field of a lens with its lamps, as its photometric files hold it and as its roads are judged: the same rays."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity
+from lensforge.light.exit_light import ExitLight, Goniophotometer, trace_exit_light
+from lensforge.light.luminaire_classes import LampLight
+from lensforge.light.road_judgement import judged_roads
+from lensforge.light.simulation import TracedLens
+from lensforge.results import Fact
+from lensforge.scene.lens import Lens
+from lensforge.sources.ray_bundle import Source
+from lensforge.spec import Spec
+from lensforge.spec.accuracy import Preset
+from lensforge.spec.lamps_section import ALONE, Lamps
+from lensforge.surfaces.mirror_group import shared_symmetry
+from lensforge.surfaces.placed_bodies import reach_mm
+
+_SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
+_LM_PER_1000 = 1000.0  # of a source whose lumens nothing states: then each road states those of its lamps
+
+
+def lamps_of_files(spec: Spec) -> Lamps:
+    """Lamps whose light the files hold: all of ``spec``; of an infinite lattice one."""
+    return ALONE if spec.all_lamps.period_mm is not None else spec.all_lamps
+
+
+def trace_far_field(lens: Lens, source: Source, preset: Preset, *, rays: int | None, seed: int) -> ExitLight:
+    """Light of ``lens`` and its lamps; without ``rays`` as many are traced as the noise of the table asks for."""
+    lamps = lamps_of_files(lens.spec)
+    lens_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies))
+    return trace_exit_light(
+        TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
+        source,
+        Goniophotometer(
+            sphere_mm=_SLACK * (lens_mm + lamps.reach_mm),
+            symmetry=shared_symmetry([source.symmetry, lens.symmetry], lamps.in_far_field.has_mirrors),
+            street_deg=lens.spec.photometry.street_side_deg,
+            lamps=lamps,
+            for_roads=bool(lens.spec.roads),
+        ),
+        rays=rays,
+        by_itself=preset.photometry_rays,
+        seed=seed,
+    )
+
+
+def lamp_light(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLight:
+    """Intensities (cd) of the lamps; ``per_watt``: lumens of a watt of the source."""
+    finer = light.finer
+    grid = AngularGrid(len(finer.c_deg) - 1, finer.gamma_deg)
+    fine = LampLight(grid, per_watt * finer.values[None, :-1], street_deg)
+    return LampLight(light.grid, per_watt * light.samples, street_deg, fine)
+
+
+def road_limits(
+    lens: Lens, source: Source, preset: Preset, lumens_per_watt: float | None, *, rays: int | None, seed: int
+) -> Iterator[Fact]:
+    """What the classes of the roads ask for, judged by the intensities that the files of ``lens`` hold."""
+    spec = lens.spec
+    if not spec.roads:
+        return
+    source_w = len(lamps_of_files(spec)) * source.flux_w
+    source_lm = _LM_PER_1000 if lumens_per_watt is None else lumens_per_watt * source_w
+    light = trace_far_field(lens, source, preset, rays=rays, seed=seed)
+    lamp = lamp_light(light.intensity, source_lm / source_w, spec.photometry.street_side_deg)
+    receiver = next(section.name for section in spec.all_receivers if section.unit == "deg")
+    for road in judged_roads(spec, lamp, source_lm):
+        for limit in road.limits:
+            name = f"{road.name}: {limit.label}"
+            yield replace(limit, key=name, label=name, place=receiver)
