@@ -261,13 +261,11 @@ class FittedIntensity:
 
     ``interpolation_error``: rms, relative to the peak, of what a table of half the steps adds where the light is
     brighter than a tenth of the peak, and one standard error of that; None where so few samples cannot tell.
-    ``finer``: the table of half the steps, by all samples: what it changes is the error of a figure by interpolation.
     """
 
     grid: AngularGrid
     samples: Samples
     interpolation_error: float | None
-    finer: TabulatedIntensity
 
     @property
     def values(self) -> Float[np.ndarray, "c g"]:
@@ -306,9 +304,7 @@ def fit(finest: AngularGrid, deposits: Samples, coarsest: Level = COARSEST) -> F
     pyramid, level = _Pyramid(finest, deposits), coarsest
     while (finer := _worthwhile(pyramid, level)) is not None:
         level = finer
-    half = (level[0] - 1, level[1] - 1)
-    table = pyramid.grid(half).table(pyramid.table(half).mean(axis=0))
-    return FittedIntensity(pyramid.grid(level), pyramid.table(level), _interpolation_error(pyramid, level), table)
+    return FittedIntensity(pyramid.grid(level), pyramid.table(level), _interpolation_error(pyramid, level))
 
 
 class _Pyramid:

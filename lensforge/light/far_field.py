@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from lensforge.light.angular_grid import AngularGrid, FittedIntensity
+from lensforge.light.angular_grid import FittedIntensity
 from lensforge.light.exit_light import ExitLight, Goniophotometer, trace_exit_light
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.road_judgement import judged_roads
@@ -48,16 +48,13 @@ def trace_far_field(lens: Lens, source: Source, preset: Preset, *, rays: int | N
 
 def lamp_light(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLight:
     """Intensities (cd) of the lamps; ``per_watt``: lumens of a watt of the source."""
-    finer = light.finer
-    grid = AngularGrid(len(finer.c_deg) - 1, finer.gamma_deg)
-    fine = LampLight(grid, per_watt * finer.values[None, :-1], street_deg)
-    return LampLight(light.grid, per_watt * light.samples, street_deg, fine)
+    return LampLight(light.grid, per_watt * light.samples, street_deg)
 
 
 def road_limits(
     lens: Lens, source: Source, preset: Preset, lumens_per_watt: float | None, *, rays: int | None, seed: int
 ) -> Iterator[Fact]:
-    """What the classes of the roads ask for, judged by the intensities that the files of ``lens`` hold."""
+    """Limits by the classes of the roads, judged by the intensities that the files of ``lens`` hold."""
     spec = lens.spec
     if not spec.roads:
         return
@@ -65,7 +62,7 @@ def road_limits(
     source_lm = _LM_PER_1000 if lumens_per_watt is None else lumens_per_watt * source_w
     light = trace_far_field(lens, source, preset, rays=rays, seed=seed)
     lamp = lamp_light(light.intensity, source_lm / source_w, spec.photometry.street_side_deg)
-    receiver = next(section.name for section in spec.all_receivers if section.unit == "deg")
+    receiver = next(section.name or section.kind for section in spec.all_receivers if section.unit == "deg")
     for road in judged_roads(spec, lamp, source_lm):
         for limit in road.limits:
             name = f"{road.name}: {limit.label}"

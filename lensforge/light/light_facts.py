@@ -337,7 +337,8 @@ def _photometry_of_led(photometry: Photometry, spec: Spec) -> list[Group]:
     one = _of_lenses(spec) or spec.all_lamps.whole.replace("of all lamps", "one lamp")
     beside = f", {one}" if one else ""
     far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))
-    groups = [far, *map(road_facts, photometry.roads, spec.roads)]
+    roads = zip(photometry.roads, spec.roads, strict=True)
+    groups = [far, *(road_facts(*each, with_limits=False) for each in roads)]
     if photometry.road is None:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside

@@ -13,7 +13,6 @@ system; ratings: its addendum A. A rating is that of its worst zone. Zones are s
 step of its angles wide at an edge of the light.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -33,19 +32,16 @@ Degrees = Float[np.ndarray, " k"]
 class LampLight:
     """Intensities (cd) of a whole lamp at the nodes of ``grid``, by independent ``samples`` of the rays.
 
-    ``street_deg``: azimuth of the street, in the frame of the grid. ``finer``: the same light by a table of half the
-    steps, as one sample.
+    ``street_deg``: azimuth of the street, in the frame of the grid.
     """
 
     grid: AngularGrid
     samples: Float[np.ndarray, "p c g"]
     street_deg: float
-    finer: "LampLight | None" = None
 
     def times(self, count: int) -> "LampLight":
         """Light of so many."""
-        finer = None if self.finer is None else self.finer.times(count)
-        return replace(self, samples=count * self.samples, finer=finer)
+        return replace(self, samples=count * self.samples)
 
     def in_file(self) -> "LampLight":
         """Light of the table that files hold, without values below 0; then without one after the other of the samples.
@@ -55,7 +51,7 @@ class LampLight:
         total, count = self.samples.sum(axis=0), len(self.samples)
         rest = [(total - one) / (count - 1) for one in self.samples] if count > 1 else []
         tables = [self.grid.table(each).values[:-1] for each in (total / count, *rest) if each.sum() > 0.0]
-        return replace(self, samples=np.stack(tables), finer=None)
+        return replace(self, samples=np.stack(tables))
 
     def intensities(self, lateral_deg: Degrees, gamma_deg: Degrees) -> Float[np.ndarray, "p k"]:
         """Intensity (cd) in each direction, by each sample."""
@@ -123,20 +119,14 @@ def distribution_type(lamp: LampLight) -> DistributionType:
     """Type of the light of ``lamp``."""
     road = _RoadGrid.fine()
     samples = lamp.intensities(road.lateral_deg, road.gamma_deg)
-    finer = None if lamp.finer is None else lamp.finer.intensities(road.lateral_deg, road.gamma_deg)[0]
-
-    def figure(read: Callable[[Degrees], float]) -> Metric:
-        metric = jackknife_metric(samples, read)
-        return metric if finer is None else with_error(metric, read(finer) - metric.value)
-
-    roundness = figure(road.roundness)
+    roundness = jackknife_metric(samples, road.roundness)
     everywhere = roundness.value >= _ROUND  # the largest intensity is then as large along the road
     along = np.hypot(road.along, road.across if everywhere else 0.0)
     farthest = float(along[samples.mean(axis=0).argmax()])
     place = int(np.searchsorted(_ENDS_ALONG, farthest, side="right"))
     low, high = (0.0 if place == 0 else _ENDS_ALONG[place - 1]), _ENDS_ALONG[place]
-    street = _with_step(figure(lambda light: road.reach(light, low, high, 1.0)))
-    house = _with_step(figure(lambda light: road.reach(light, low, high, -1.0)))
+    street = _with_step(jackknife_metric(samples, lambda light: road.reach(light, low, high, 1.0)))
+    house = _with_step(jackknife_metric(samples, lambda light: road.reach(light, low, high, -1.0)))
     return DistributionType(
         lateral="V" if everywhere else next(name for name, end in _ACROSS if street.value <= end),
         longitudinal=get_args(Longitudinal)[place],

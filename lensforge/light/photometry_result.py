@@ -2,12 +2,12 @@
 
 Those are candela on the axis, beam and field angles, each with its standard error, read from the table that the files
 hold. The level at which angles are read, a half or a tenth of the largest intensity of the plane, has the noise of the
-rays taken off: the largest of many noisy numbers is too large. A standard error has three parts: by the independent
-samples of the rays, by the error of the level, and by interpolation: what a table of half the steps changes.
+rays taken off: the largest of many noisy numbers is too large. A standard error is of the rays, by their independent
+samples, and has in it the error of the level; what the steps of the table may change is the interpolation error.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -68,13 +68,12 @@ class PlaneFigures(Record):
 class CandelaTables:
     """Intensities (cd) in the frame of the files: of all rays, and with one of the independent samples left out each.
 
-    ``samples``: of each sample alone, with values below 0 where they have noise. ``finer``: of all, in half the steps.
+    ``samples``: of each sample alone, with values below 0 where they have noise.
     """
 
     whole: TabulatedIntensity
     left_out: Sequence[TabulatedIntensity]
     samples: Float[np.ndarray, "p c g"]
-    finer: TabulatedIntensity
 
     @staticmethod
     def of(light: FittedIntensity, per_watt: float) -> "CandelaTables":
@@ -84,20 +83,15 @@ class CandelaTables:
         rest = [(total - one) / (count - 1) for one in values] if count > 1 else []
         left_out = [turned_over(light.grid.table(each)) for each in rest if each.sum() > 0.0]
         closed = np.concatenate([values, values[:, :1]], axis=1)[:, ::-1]
-        finer = turned_over(replace(light.finer, values=light.finer.values * per_watt))
-        return CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed, finer)
+        return CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed)
 
-    def figure(self, read: Callable[[TabulatedIntensity], float], unit: str, most: float = np.inf) -> Metric:
-        """Figure that ``read`` takes from a table, with its standard error; None of that from fewer than two samples.
-
-        ``most``: the largest error that interpolation can make; beyond it, the finer table differs by its noise.
-        """
+    def figure(self, read: Callable[[TabulatedIntensity], float], unit: str) -> Metric:
+        """Figure that ``read`` takes from a table, with its standard error; none from fewer than two samples."""
         value = read(self.whole)
         if len(self.left_out) < 2:
             return Metric(value=value, unit=unit)
-        by_rays = jackknife_error(np.array([read(table) for table in self.left_out]))
-        by_steps = min(abs(read(self.finer) - value), most)
-        return Metric(value=value, unit=unit, standard_error=float(np.hypot(by_rays, by_steps)))
+        error = jackknife_error(np.array([read(table) for table in self.left_out]))
+        return Metric(value=value, unit=unit, standard_error=error)
 
     @cached_property
     def peak_direction(self) -> Direction:
@@ -136,8 +130,7 @@ class CandelaTables:
         def width(table: TabulatedIntensity, level: float) -> float:
             return width_above(*plane_profile(table, c_deg), level) or 0.0
 
-        step_deg = float(self.whole.gamma_deg[1] - self.whole.gamma_deg[0])  # to which each end of a width is known
-        angle = self.figure(lambda table: width(table, share * peak.value), "°", 2.0 * step_deg)
+        angle = self.figure(lambda table: width(table, share * peak.value), "°")
         if not angle.value > 0.0:
             return None
         if angle.standard_error is None or peak.standard_error is None:

@@ -181,12 +181,16 @@ class HeldSpacing:
     beyond: Fact | None
 
 
-def road_facts(road: RoadJudgement, section: RoadSection) -> Group:
-    """The group of one road, of this ``section``: its class, what that requires for every driver, and other figures."""
+def road_facts(road: RoadJudgement, section: RoadSection, *, with_limits: bool = True) -> Group:
+    """The group of one road, of this ``section``: its class, what that requires for every driver, and other figures.
+
+    ``with_limits``: not where the light states what the class requires, by the same intensities.
+    """
     by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
     note = f"{road.standard}; achieved: {road.reached}, by the intensities of the file"
     facts = [Fact("road_class", "Class", road.lighting_class, note=note), Fact("lanes", "Traffic", section.traffic)]
-    facts += [replace(limit, key=f"road_{k}", note="") for k, limit in enumerate(with_remedies(road.limits))]
+    limits = with_remedies(road.limits) if with_limits else ()
+    facts += [replace(limit, key=f"road_{k}", note="") for k, limit in enumerate(limits)]
     for driver in road.drivers if by_luminance else ():
         words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))

@@ -295,11 +295,9 @@ class Record:
 
         def fit(*given: Any) -> Any:
             found = fitted(*given)
-            table = found.grid.c_deg, found.grid.gamma_deg, found.samples, found.finer
-            if self.stage != "photometry":
-                return found
-            self.rays["tables"] = [*table[:3], table[3].c_deg, table[3].gamma_deg, table[3].values]
-            self.rays.setdefault("tables of LEDs", []).append(self.rays["tables"])
+            if self.stage == "photometry":
+                self.rays["tables"] = [found.grid.c_deg, found.grid.gamma_deg, found.samples]
+                self.rays.setdefault("tables of LEDs", []).append(self.rays["tables"])
             return found
 
         def arrays(bundle: Any) -> tuple[Any, ...]:

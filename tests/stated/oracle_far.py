@@ -108,20 +108,18 @@ class Tables:
     """The tables (cd) of all samples at azimuths and gammas; ``whole`` without values below 0."""
 
     def __init__(self, case):
-        azimuth, gamma, samples, fine_c, fine_gamma, finer = case.rays["tables"]
+        azimuth, gamma, samples = case.rays["tables"]
         watts, source_lm, _ = lumens(case)
         self.azimuth, self.gamma, self.samples = azimuth, gamma, samples * source_lm / watts
         weights = solid_angles(azimuth, gamma)
         self.weights = weights
         self.whole = above_zero(self.samples.mean(axis=0), weights)
         self.left_out = [above_zero(np.delete(self.samples, k, axis=0).mean(axis=0), weights) for k in range(16)]
-        self.finer = fine_c[:-1], fine_gamma, finer[:-1] * source_lm / watts
 
-    def figure(self, read, most=np.inf):
+    def figure(self, read):
         value = read(self.azimuth, self.gamma, self.whole)
         each = np.array([read(self.azimuth, self.gamma, table) for table in self.left_out])
-        by_rays = np.sqrt(15 / 16 * ((each - each.mean()) ** 2).sum())
-        return value, np.hypot(by_rays, min(abs(read(*self.finer) - value), most))
+        return value, np.sqrt(15 / 16 * ((each - each.mean()) ** 2).sum())
 
 
 def bilinear(azimuth, gamma, values, at, down):
@@ -146,13 +144,13 @@ def profile(azimuth, gamma, values, c_deg):
 def plane(tables, c_deg):
     """Peak, beam and field angle of the planes C and C + 180."""
     peak = largest(profile(tables.azimuth, tables.gamma, tables.samples, c_deg)[1])
-    found, step = [peak], tables.gamma[1] - tables.gamma[0]
+    found = [peak]
     for share in (0.5, 0.1):
 
         def width(*table, level=share * peak[0]):
             return width_above(*profile(*table, c_deg), level)
 
-        value, error = tables.figure(width, 2 * step)
+        value, error = tables.figure(width)
         whole = tables.azimuth, tables.gamma, tables.whole
         low, high = (share * (peak[0] + sign * peak[1]) for sign in (-1, 1))
         wide = width(*whole, level=low) if low > 0 else 2 * tables.gamma[-1]
@@ -271,12 +269,8 @@ def distribution(tables, street_deg):
     def reaches(light):
         return np.where((light >= light.max() / 2).reshape(360, -1), far.reshape(360, -1), 0).max(axis=1)
 
-    def figure(of):
-        value, error = jackknife(samples, of)
-        return value, np.hypot(error, of(finer) - value)
-
-    samples, finer = read(tables.azimuth, tables.gamma, tables.samples), read(*tables.finer)
-    roundness = figure(lambda light: reaches(light).min() / reaches(light).max())
+    samples = read(tables.azimuth, tables.gamma, tables.samples)
+    roundness = jackknife(samples, lambda light: reaches(light).min() / reaches(light).max())
     everywhere, peak = roundness[0] >= 2 / 3, samples.mean(axis=0).argmax()
     at = far[peak] if everywhere else along[peak]
     longitudinal = next(name for name, end in ALONG.items() if at < end)
@@ -288,7 +282,7 @@ def distribution(tables, street_deg):
             there = (light >= light.max() / 2) & (along >= low) & (along <= high)
             return max((sign * across[there]).max(), 0)
 
-        value, error = figure(of)
+        value, error = jackknife(samples, of)
         return value, np.hypot(error, np.radians(0.05) * (1 + value**2))
 
     street, house = reach(1), reach(-1)
@@ -440,12 +434,6 @@ def road_fact(key):
     return oracle
 
 
-def road_limit(case, place):
-    entry = road_of(case, place)["limits"][int(place.key.split("_")[1])]
-    words = {"held": "pass", "missed": "fail", "undecided": "undecided"}
-    return stated(entry["value"], limit=(entry["sense"], entry["bound"]), state=words[entry["state"]])
-
-
 def road_q(case, place):
     return stated(road_of(case, place)["drivers"][int(place.key.split("_")[-1]) - 1]["luminance_per_lux"])
 
@@ -467,7 +455,7 @@ def bug(case, place):
 ORACLES = {
     "exit_lm": fact("exit_lm"), "peak_cd": fact("peak_cd"), "axis_cd": fact("axis_cd"),
     "beam_C": plane_fact("beam_angle_deg"), "field_C": plane_fact("field_angle_deg"), "photometry_rays": fact("rays"),
-    "road_class": road_fact("lighting_class"), "road": road_limit,
+    "road_class": road_fact("lighting_class"),
     "lanes": lambda case, place: Expected(page_road.traffic_of(case.lens["spec"]["roads"][place.group])),
     "road_q": road_q, "road_lx": road_fact("mean_lx"),
     "road_least_lx": road_fact("least_lx"), "surface": road_fact("surface"),
