@@ -2,8 +2,8 @@
 
 import pytest
 
-from lensforge.results import Metric
-from lensforge.results.numerals import anything, number, percent, quantity, size, unit_of
+from lensforge.results import Fact, Metric
+from lensforge.results.numerals import anything, number, percent, quantity, size, square, unit_of
 
 
 @pytest.mark.parametrize(
@@ -95,6 +95,24 @@ def test_units_follow_the_names(path, unit):
 )
 def test_numbers_read_well(value, text):
     assert number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (-0.002, 0.0031, "≤ 0.0031"),
+        (-1e-9, 0.00042, "≤ 0.00042"),
+        (0.002, 0.0031, "0.0020 ± 0.0031"),
+        (0.0, 0.1, "0.00 ± 0.10"),
+    ],
+)
+def test_a_mean_square_below_nothing_is_at_most_its_error(value: float, error: float, text: str) -> None:
+    """Its record keeps the number; facts of an NMSE alone are such squares."""
+    assert square(value, error) == text
+    metric = Metric(value=value, standard_error=error)
+    assert Fact.measured("fitted_nmse", "NMSE", metric).text == text
+    assert Fact.measured("nmse", "NMSE", metric).plain()["value"] == value
+    assert "≤" not in Fact.measured("nmse_change", "Change of NMSE", metric).text
 
 
 def test_few_digits_of_a_large_number_need_no_exponent():

@@ -101,7 +101,7 @@ def test_a_plane_has_its_own_peak_and_both_widths():
     values = cone().values.copy()
     values[[2, 6]] *= 2.0
     whole = TabulatedIntensity(C_DEG, cone().gamma_deg, values)
-    made = CandelaTables(whole, [whole, whole], np.stack([values] * 16), whole)
+    made = CandelaTables(whole, [whole, whole], np.stack([values] * 16))
     for c_deg, peak in ((0.0, PEAK_CD), (90.0, 2.0 * PEAK_CD)):
         found = made.plane(c_deg)
         assert found.c_deg == c_deg and found.peak_cd.unit == "cd" and found.beam_angle_deg.unit == "°"

@@ -8,8 +8,9 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import JudgedLimits
-from lensforge.light.judged_limits import judged_limits
-from lensforge.results import Fact
+from lensforge.light.judged_limits import figure_of, judged_limits
+from lensforge.light.metrics import ratio_of
+from lensforge.results import Fact, Metric
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 
@@ -64,6 +65,18 @@ def test_the_value_that_decides_is_the_one_of_the_closed_form(
     ],
 )
 @pytest.mark.parametrize("sense", [">=", "<="])
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+def test_no_noise_lifts_a_ratio_to_the_largest_above_one(noise: float) -> None:
+    """Even light, whose least and largest are the same but for the noise taken off both."""
+    for seed in range(20):
+        readings = 1.0 + noise * np.random.default_rng(seed).normal(size=(16, 50))
+        for quantity in ("min_over_max", "min_over_mean"):
+            assert figure_of(quantity, ">=", "", readings).value <= 1.0
+        assert figure_of("max_over_min", "<=", "", readings).value >= 1.0
+    above, below = Metric(value=1.2, standard_error=0.1), Metric(value=1.0, standard_error=0.05)
+    assert ratio_of(above, below) == Metric(value=1.0, standard_error=pytest.approx(np.hypot(0.1, 0.06)))
+
+
 def test_a_limit_is_decided_beyond_two_standard_errors(
     value: float, error: float | None, state: str, sense: str
 ) -> None:

@@ -5,7 +5,7 @@ import pytest
 from scenes import small_spec, sphere
 
 from lensforge.kernels.fate import Fate
-from lensforge.light import photometry_export
+from lensforge.light import far_field
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.exit_light import ExitLight, Goniophotometer
 from lensforge.light.photometry_export import measure_photometry
@@ -49,7 +49,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict:
         asked.update(options, meter=meter)
         return asked["light"]
 
-    monkeypatch.setattr(photometry_export, "trace_exit_light", traced)
+    monkeypatch.setattr(far_field, "trace_exit_light", traced)
     return asked
 
 

@@ -10,8 +10,10 @@ import pytest
 import torch
 from in_this_process import lensforge
 from nightly import first_by_day
-from scenes import small_spec
+from presets import FEW
+from scenes import random_surface, small_spec
 
+import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.light import road_judgement
 from lensforge.light.angular_grid import AngularGrid
@@ -35,7 +37,7 @@ from lensforge.scene.road_field import RoadReadings
 from lensforge.search.limit_terms import LimitTerm, RoadTerms, smoothed
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile, coarse_for_roads, turned_over
-from lensforge.sources.photometric.photometric_io import write_photometric
+from lensforge.sources.photometric.photometric_io import read_photometric, write_photometric
 from lensforge.spec import Spec
 from lensforge.spec.road_section import RP8_CLASSES, RoadSection
 
@@ -126,6 +128,30 @@ def test_ratios_of_rp_8_are_stated_as_it_states_them(bright: float) -> None:
         uneven = driver.model_copy(update={name: getattr(driver, name).model_copy(update={"value": 1e-3})})
         assert classes_held((driver, uneven)) == "none", name
     assert found.standard == "RP-8-14"
+
+
+def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path) -> None:
+    """Two roads that differ, the second by RP-8: value and error of each limit; the file knows no error."""
+    spec = _spec(lamp_lm=2500.0).replace(
+        photometry={"street_side_deg": 75.0}, evaluate={"rays": 1024, "pixels": 16, "window_mm": None}
+    )
+    spec = spec.replace(roads=[*(road.model_dump() for road in spec.roads), RP8 | {"lamp_lm": 4000.0, "name": "wide"}])
+    preset = FEW.replace("roads", photometry_rays=(2**12, 2**12))
+    lens = lf.Lens.double(random_surface(1, 3.0), random_surface(2, 6.0), spec, 3, preset)
+    light, far = lf.evaluate(lens), lf.photometry(lens)
+    by_light = [(limit.label, limit.value, limit.standard_error) for limit in light.limits]
+    by_table = [
+        (f"{road.name}: {limit.label}", limit.value, limit.standard_error)
+        for road in far.roads
+        for limit in road.limits
+    ]
+    assert by_light == by_table and len(far.roads) == 2
+    assert all(error > 0.0 for _, _, error in by_light)
+    far.save(tmp_path / "lens.ies")
+    file = read_photometric(tmp_path / "lens.ies")
+    for road, stated in zip(spec.roads, far.roads, strict=True):
+        read = judge_road(road, of_file(file, -75.0, road.lamp_lm))
+        np.testing.assert_allclose(_figures(read), _figures(stated), rtol=2e-4)
 
 
 def test_dark_roads_hold_no_ratio() -> None:
