@@ -140,11 +140,8 @@ def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path) ->
     lens = lf.Lens.double(random_surface(1, 3.0), random_surface(2, 6.0), spec, 3, preset)
     light, far = lf.evaluate(lens), lf.photometry(lens)
     by_light = [(limit.label, limit.value, limit.standard_error) for limit in light.limits]
-    by_table = [
-        (f"{road.name}: {limit.label}", limit.value, limit.standard_error)
-        for road in far.roads
-        for limit in road.limits
-    ]
+    named = [(f"{road.name}: {limit.label}", limit) for road in far.roads for limit in road.limits]
+    by_table = [(name, limit.value, limit.standard_error) for name, limit in named]
     assert by_light == by_table and len(far.roads) == 2
     assert all(error > 0.0 for _, _, error in by_light)
     far.save(tmp_path / "lens.ies")
