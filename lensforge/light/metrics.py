@@ -224,6 +224,7 @@ def _error_over_pairs(products: Float[np.ndarray, "r r"]) -> float:
 
 
 _REPLICATES = 16
+_ROUNDING = 1e-12
 _AT_ONCE = 2**14  # values of pixels by blocks: beyond, each array is fetched from the system anew
 
 Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
@@ -432,7 +433,8 @@ class _Slope:
         """The slope within its theoretical bounds 0 and 1; 1, the safe one, where the levels agree."""
         by_noise = halves.minimum - quarters.minimum
         optimism = (quarters.read - quarters.minimum) - (halves.read - halves.minimum)
-        slope, held = by_noise / optimism if optimism > 0.0 else 1.0, np.zeros(_REPLICATES)
+        agree = optimism <= _ROUNDING * abs(halves.read)  # all blocks chose the same pixels
+        slope, held = 1.0 if agree else by_noise / optimism, np.zeros(_REPLICATES)
         if not 0.0 < slope < 1.0:
             return _Slope(float(np.clip(slope, 0.0, 1.0)), held)
         of_noise = halves.minimum_influences - quarters.minimum_influences

@@ -108,7 +108,7 @@ def least_parts(values, most=None):
     def slope(weights):
         (u_8, v_8), (u_4, v_4) = read(halves, weights), read(quarters, weights)
         below = (v_4 - u_4) - (v_8 - u_8)
-        return (u_8 - u_4) / below if below > 0 else 1.0
+        return (u_8 - u_4) / below if below > 1e-12 * abs(v_8) else 1.0
 
     u_8, v_8 = read(halves, alike)
     h, free = float(np.clip(slope(alike), 0, 1)), 0 < slope(alike) < 1
