@@ -239,7 +239,6 @@ def _by_pixels(receiver: ReceiverLight) -> str:
     if change is None or abs(change) <= (error or 0.0):
         return ""
     halved = receiver.nmse.value - change
-    halved = receiver.nmse.value - change
     shown = number(halved, 2) if halved >= 0.0 else square(halved, error)
     return f"; depends on the pixels: {shown} with pixels twice as wide"
 
