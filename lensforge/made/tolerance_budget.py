@@ -50,7 +50,7 @@ class ScaleSearch:
         return self.known[scale]
 
     def _asked(self, scale: float, passes: Passes, asked: Int[np.ndarray, " k"]) -> Passes:
-        """``passes``, and those of the ``asked`` parts that pass, look by look until the rest cannot matter."""
+        """Ask the ``asked`` parts, look by look until the rest cannot matter; those that pass join ``passes``."""
         least = self.wanted - _TOO_MANY * _error(self.wanted, len(passes))
         needed = 1 if scale == max(_UP) else 2  # looks in a row without a failure
         quiet = 0
