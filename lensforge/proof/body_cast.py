@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media, RingScatter, SecondaryOptic, Surface, Wavelengths
-from lensforge.proof.facet_tilt import Arrival, Draws, facet_slopes, tilted
+from lensforge.proof.facet_tilt import Arrival, FaceNumbers, facet_slopes, tilted
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
 from lensforge.proof.ring_spread import Spreading
@@ -34,7 +34,7 @@ class _Beam:
     directions: _Vectors
     fields: Fields
     share: _Values
-    rough: list[Draws]
+    rough: list[FaceNumbers]
 
     def end(self, rows: Int[np.ndarray, " k"]) -> None:
         """Lose some of the rays."""
@@ -57,7 +57,7 @@ def behind_optics(
     wavelengths_nm: _Values,
     fields: Fields | None = None,
     plate: PlateOfLenses | None = None,
-    rough: Sequence[Draws] = (),
+    rough: Sequence[FaceNumbers] = (),
 ) -> BehindOptics:
     """Rays behind the bodies and then the cover glass of ``media``; those that end in a body have no place.
 
@@ -75,7 +75,7 @@ def behind_optics(
 def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLenses | None) -> None:
     if plate is None:
         for number, body in enumerate(media.bodies):
-            none = Draws(np.zeros((len(waves), 0)), np.zeros(len(waves), dtype=np.uint64))
+            none = FaceNumbers(np.zeros((len(waves), 0)), np.zeros(len(waves), dtype=np.uint64))
             _through(body, media, beam, waves, beam.rough[number] if beam.rough else none)
         return
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
@@ -90,7 +90,7 @@ def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLen
     beam.fields[rows], beam.share[rows] = np.einsum("nji,nkj->nki", turns, alone.fields), alone.share
 
 
-def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, rough: Draws) -> None:
+def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, rough: FaceNumbers) -> None:
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
     points, along = body.pose.own_points(beam.points[rows]), body.pose.own_directions(beam.directions[rows])
     enters, points = _from_the_rim(points, along)

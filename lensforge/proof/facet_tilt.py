@@ -34,7 +34,7 @@ class Arrival(NamedTuple):
     directions: Vectors
 
 
-class Draws(NamedTuple):
+class FaceNumbers(NamedTuple):
     """Two even numbers in [0, 1) of each ray for each face, the first time that it meets it, and keys of all later.
 
     Without numbers where no face scatters.
@@ -44,7 +44,9 @@ class Draws(NamedTuple):
     keys: Keys
 
     @staticmethod
-    def of(rays: RayBundle, media: Media, names: Sequence[str], before: int = 0, seed: int | None = None) -> "Draws":
+    def of(
+        rays: RayBundle, media: Media, names: Sequence[str], before: int = 0, seed: int | None = None
+    ) -> "FaceNumbers":
         """Numbers with which ``rays`` meet the faces of these ``names``.
 
         ``before``: number of faces that scatter and that the rays have met before, on other bodies. ``seed``: of
@@ -52,16 +54,18 @@ class Draws(NamedTuple):
         """
         models = media.scattering_of(names)
         if models is None:
-            return Draws(np.zeros((len(rays), 0)), np.zeros(len(rays), dtype=np.uint64))
+            return FaceNumbers(np.zeros((len(rays), 0)), np.zeros(len(rays), dtype=np.uint64))
         if seed is None:
             rough = np.array([each is not None for each in models])
-            return Draws(_even(rays, rough, before), _keys(rays))
+            return FaceNumbers(_even(rays, rough, before), _keys(rays))
         own = np.random.default_rng([seed, before])
-        return Draws(own.random((len(rays), 2 * len(names))), own.integers(2**64, size=len(rays), dtype=np.uint64))
+        return FaceNumbers(
+            own.random((len(rays), 2 * len(names))), own.integers(2**64, size=len(rays), dtype=np.uint64)
+        )
 
-    def take(self, rows: Int[np.ndarray, " k"]) -> "Draws":
+    def take(self, rows: Int[np.ndarray, " k"]) -> "FaceNumbers":
         """Numbers of some of the rays."""
-        return Draws(self.numbers[rows], self.keys[rows])
+        return FaceNumbers(self.numbers[rows], self.keys[rows])
 
     def at(self, faces: Int[np.ndarray, " n"], times: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
         """Numbers of each ray for its face, which it has met so many ``times`` before; 0 where it has none."""

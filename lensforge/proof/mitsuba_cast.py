@@ -17,7 +17,7 @@ import numpy as np
 
 from lensforge.errors import refused
 from lensforge.optics.media import Media
-from lensforge.proof.facet_tilt import Arrival, Draws, facet_slopes, tilted
+from lensforge.proof.facet_tilt import Arrival, FaceNumbers, facet_slopes, tilted
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.proof.part_mesh import PartMesh
@@ -81,7 +81,7 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         caster, passage = _Caster(mi, part, media), Passage.of(rays, part.optical.events)
         whole = LitRays.of(rays, media, part.optical.names)
         met: list[list[tuple[int, _Met]]] = [[] for _ in range(part.optical.events)]
-        drawn, rows = Draws(whole.numbers, whole.keys), np.arange(len(rays))[:, None]
+        drawn, rows = FaceNumbers(whole.numbers, whole.keys), np.arange(len(rays))[:, None]
         index = media.body.indices(rays.waves, len(rays))
         steps = np.column_stack([index / media.cavity_index, index / media.outside_index])
         table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
@@ -138,7 +138,7 @@ class _Caster:
         self.goes_on = [optical.goes_on(event) for event in range(optical.events)]
 
     def cast(
-        self, origin: list[float], direction: list[float], indices: list[float], drawn: Draws
+        self, origin: list[float], direction: list[float], indices: list[float], drawn: FaceNumbers
     ) -> tuple[CastFate, tuple[list[float], list[float]] | None, list[_Met]]:
         """Fate of one ray; its exit point (mm) and direction, None if it is lost; the faces on its way.
 
@@ -178,7 +178,7 @@ class _Caster:
         whole = not passes and face not in self.mirrors
         return CastFate.TOTAL_REFLECTION if whole else CastFate.EVENT_LIMIT, None, met
 
-    def _frame(self, hit: Any, ray: Any, drawn: Draws, before: list[int]) -> Any:
+    def _frame(self, hit: Any, ray: Any, drawn: FaceNumbers, before: list[int]) -> Any:
         """Frame of the facet that a ray meets which has met these faces ``before``."""
         face = int(self.faces[hit.prim_index])
         if self.rms[face] == 0.0:

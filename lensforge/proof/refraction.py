@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 
 from lensforge.optics.media import Coating, LayerStack, Media, Mirror, ReflectanceTable
 from lensforge.proof.facet_casting import RayRows
-from lensforge.proof.facet_tilt import Draws, Keys, Numbers
+from lensforge.proof.facet_tilt import FaceNumbers, Keys, Numbers
 from lensforge.proof.ring_spread import Spreading, spread, turned
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -32,8 +32,8 @@ class LitRays(RayRows):
     """Rays on their way: unit directions, polarisation, True in the material, and what its body is to each of them.
 
     ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the body for each, at ``wavelengths_nm``.
-    ``numbers``, ``keys``: of each for faces that scatter, as :class:`Draws` has them; ``times``: how often each has met
-    each face.
+    ``numbers``, ``keys``: of each for faces that scatter, as :class:`FaceNumbers` has them; ``times``: how often each
+    has met each face.
     """
 
     directions: Float[np.ndarray, "n 3"]
@@ -56,12 +56,12 @@ class LitRays(RayRows):
         in_body = body.indices(rays.waves, count), body.absorptions(rays.waves, count)
         waves = media.wavelengths(rays.wavelengths_nm, count)
         outside, times = np.zeros(count, dtype=bool), np.zeros((count, len(names)), dtype=np.int64)
-        drawn = Draws.of(rays, media, names, seed=seed)
+        drawn = FaceNumbers.of(rays, media, names, seed=seed)
         return LitRays(rays.directions, unpolarised(rays.directions), outside, *in_body, waves, *drawn, times)
 
     def numbers_at(self, faces: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
         """Two numbers of each ray for the face that it meets; 0 where that does not scatter, or is none."""
-        return Draws(self.numbers, self.keys).at(faces, self.times[np.arange(len(faces)), faces])
+        return FaceNumbers(self.numbers, self.keys).at(faces, self.times[np.arange(len(faces)), faces])
 
     def times_after(self, faces: Int[np.ndarray, " n"]) -> Int[np.ndarray, "n f"]:
         """How often each ray has met each face once it has met this one, below 0 for none."""

@@ -18,7 +18,7 @@ from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media, Mirror, RingScatter
 from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
-from lensforge.proof.facet_tilt import Arrival, Draws, facet_slopes, tilted
+from lensforge.proof.facet_tilt import Arrival, FaceNumbers, facet_slopes, tilted
 from lensforge.proof.optical_faces import NO_FACE, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
@@ -107,7 +107,7 @@ def behind_lens(
     met = [
         (rays, body.media(media), DOUBLE, media.scattering_before(each), seed) for each, body in enumerate(media.bodies)
     ]
-    rough = [Draws.of(*each) for each in met]
+    rough = [FaceNumbers.of(*each) for each in met]
     behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, plate, rough)
     out_of_bodies = passage.flux * behind.through_bodies
     left = out_of_bodies * behind.through_glass

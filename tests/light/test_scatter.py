@@ -17,7 +17,7 @@ from lensforge.kernels.seen_slopes import added_slope, seen_number
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import FaceScatter, Media
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian
-from lensforge.proof.facet_tilt import Arrival, Draws, tilted
+from lensforge.proof.facet_tilt import Arrival, FaceNumbers, tilted
 from lensforge.proof.refraction import LitRays
 from lensforge.proof.ring_spread import Spreading, spread
 from lensforge.scene.made_part import AsMade
@@ -184,7 +184,7 @@ def test_a_polished_face_costs_no_bits_and_one_face_does_not_scatter_for_another
 
 def test_the_proof_draws_facets_of_its_own_with_the_same_light() -> None:
     media = frosted("outer", 8.0)
-    own, design = (Draws.of(with_facets(RAYS, 1), media, ("inner", "outer"), seed=seed) for seed in (7, None))
+    own, design = (FaceNumbers.of(with_facets(RAYS, 1), media, ("inner", "outer"), seed=seed) for seed in (7, None))
     normals, faces, rms = RAYS.directions, np.ones(len(RAYS), dtype=int), np.full(len(RAYS), 0.25)
     numbers = [each.at(faces, np.full(len(RAYS), times)) for each in (own, design) for times in (0, 1, 2)]
     assert np.abs(np.corrcoef(np.column_stack(numbers).T) - np.eye(12)).max() < 0.012, "each time that a face is met"
@@ -233,7 +233,7 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
     for before, kinds in ((0, facets), (2, (None, facets[0]))):
         seen = replace(clear(N), scatter=tuple(FaceScatter(n, f) for n, f in zip(names, kinds, strict=True) if f))
         draws, rms = (
-            Draws.of(rays, seen, names, before),
+            FaceNumbers.of(rays, seen, names, before),
             np.array([0.0 if f is None else f.slope for f in kinds])[faces],
         )
         keys = roughness(seen, names, rays, before=before).keys

@@ -13,7 +13,7 @@ from lensforge.optics.media import CoverGlass, FaceScatter, Medium
 from lensforge.optics.pose import Pose
 from lensforge.optics.scattering import GaussianFacets, RingScatter
 from lensforge.proof.body_cast import behind_optics
-from lensforge.proof.facet_tilt import Draws
+from lensforge.proof.facet_tilt import FaceNumbers
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.scene.made_part import AsMade
 from lensforge.scene.rough_faces import with_facets
@@ -64,7 +64,7 @@ def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass(s
     grid = TableGrid(161)
     tables = np.stack([tabulate(grid, each) for each in (sphere(3.0, 0.5), sphere(6.0, -1.0))])
     media, rays = replace(clear(absorption=0.01), bodies=(DOME, SECOND), cover_glass=GLASS), upwards(2000, 4, 0.8)
-    rough: list[Draws] = []
+    rough: list[FaceNumbers] = []
     if scatters:
         each = (
             (FaceScatter("outer", STEEP),),
@@ -73,7 +73,7 @@ def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass(s
         bodies = (replace(body, scatter=own) for body, own in zip((DOME, SECOND), each, strict=True))
         media, rays = replace(media, bodies=tuple(bodies)), with_facets(rays, 3)
         met = [(rays, body.media(media), DOUBLE, media.scattering_before(k)) for k, body in enumerate(media.bodies)]
-        rough = [Draws.of(*own) for own in met]
+        rough = [FaceNumbers.of(*own) for own in met]
     made = AsMade(lens=Pose.displaced((0.1, -0.2, 0.0), (0.02, -0.03, 0.0)), slopes={"inner": 2e-3}, scale=1.01)
     traced = TracedBundle.of(tables, Scene(media, grid, made=made), rays)
     lens, exits = traced.at_lens, traced.exits
