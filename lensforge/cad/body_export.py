@@ -140,14 +140,3 @@ def prove(body: BuiltBody, step: bytes, stl: bytes, threemf: bytes) -> BodyProof
     )
     form = dict(zip((face.name for face in faces), errors, strict=True))
     return BodyProof(solid, check_closed(*parse_stl(stl)), check_closed(*parse_3mf(threemf)), form)
-
-
-def figures_as_read(solid: Solid, stl: Closure, threemf: Closure, volume_mm3: float) -> dict[str, float]:
-    """Figures of files as read back, by the names of their criteria; ``volume_mm3``: that their meshes should have."""
-    return {
-        "step_valid": float(solid.valid),
-        "watertight": float(stl.watertight),
-        "watertight_3mf": float(threemf.watertight),
-        "genus_difference": float(abs(stl.genus - solid.genus)),
-        "mesh_volume_change": abs(stl.volume_mm3 / volume_mm3 - 1.0),
-    }

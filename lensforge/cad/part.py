@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from numbers import Real
@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.cad.face_tolerance import FaceTolerance
-from lensforge.cad.part_limits import FormTolerance, KeepOutDistance, Signature, UntrimmedSurfaces
+from lensforge.cad.face_tolerance import MAX_NODES, FaceTolerance
+from lensforge.cad.part_limits import (
+    ROUND_TRIP_LIMIT,
+    FormTolerance,
+    KeepOutDistance,
+    Signature,
+    UntrimmedSurfaces,
+    keep_out_remedy,
+    mesh_volume_limit,
+)
 from lensforge.cad.plate_result import (
     PLATE_FILES,
     PLATE_STEP_FILE,
@@ -39,9 +47,10 @@ from lensforge.results import (
     Text,
 )
 from lensforge.results.criteria import Criteria
-from lensforge.results.fact_table import Row, facts_of
+from lensforge.results.figure import Criterion, Figure, facts_in, figure
 from lensforge.results.numerals import quantity
 from lensforge.results.plots import plot_outlines
+from lensforge.results.record import InCriterion
 from lensforge.scene.lens import Lens
 from lensforge.spec import Spec
 
@@ -86,23 +95,77 @@ class Triangulation(Record):
     chord_error_um: NotNegative
 
 
+def _finer_faces(part: "Part") -> str:
+    larger, nodes = "raise manufacture.form_nm and normal_mrad", max(part.nodes.values())
+    if nodes >= MAX_NODES:
+        return f"{larger}: no spline is finer than this one of {nodes} nodes"
+    return f"raise the number of nodes, or {larger}"
+
+
+def _mend_solid(part: "Part") -> str:
+    wrong = ", ".join(part.invalid_faces) or "the whole solid"
+    return f"try another base.diameter_mm, or no base; not valid: {wrong}"
+
+
+def _turned(part: "Part") -> str:
+    """The angle by which the error of the normals turns light at most, beside the image of the LED."""
+    tolerance, error = part.face_tolerance, part.normal_error_mrad
+    largest = f"largest; {quantity(error.rms, 'mrad', digits=2)} rms"
+    moved = f"turns light by {quantity(tolerance.turn * error.max, 'mrad', digits=2)} at most"
+    image = tolerance.image_mrad
+    seen = "" if image is None else f", the LED’s image is {quantity(image, 'mrad', digits=2)} wide"
+    return f"{largest}; {moved}{seen}"
+
+
+def _untrimmed_limit(of: str, asked: str, words: str) -> Criterion:
+    """The limit on an error of the untrimmed faces: that which is ``asked`` of the faces of the part."""
+    return Criterion(
+        "<=",
+        lambda part: None if part.untrimmed_surfaces is None else getattr(part.face_tolerance, asked),
+        f"{words} of the untrimmed faces in their file",
+        "raise the number of nodes, or lower the extension",
+        name=f"surfaces_{words.replace(' ', '_')}",
+        of=of,
+    )
+
+
+def _keep_out_margin(part: "Part") -> float | None:
+    limits = part.lens.spec.constraints
+    return None if limits.keep_out is None else limits.keep_out_margin_mm
+
+
+def _keep_out_tolerance(part: "Part") -> float:
+    """Tolerance of the search, and the errors of both meshes."""
+    measured = part.keep_out
+    return 0.0 if measured is None else part.lens.spec.constraints.tolerance_mm + measured.error_mm
+
+
+def _mesh_volume_limit(part: "Part") -> float:
+    return mesh_volume_limit(part.area_mesh_mm2, 1e-3 * part.triangulation.chord_error_um, part.volume_mm3)
+
+
+_RINGS = "change the number of rings"
+
+
 class Part(StageResult):
     """Lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
     Bytes that this process has not made itself are read within bounds, STEP and 3MF in a child process.
 
     ``lens``: of which it is made. ``face_tolerance``: largest errors allowed of the optical faces in the STEP.
-    ``form_error_nm``, ``normal_error_mrad``: errors of these faces as read back. ``volume_mm3``, ``area_mm2``: of the
-    solid. ``volume_mesh_mm3``, ``area_mesh_mm2``: of the mesh. ``mass_g``: None where the density is not known.
+    ``form_error_nm``, ``normal_error_mrad``: errors of these faces as read back. ``step_valid``,
+    ``step_volume_change``: of the solid in the STEP as read back, the change relative. ``volume_mm3``, ``area_mm2``: of
+    the solid. ``volume_mesh_mm3``, ``area_mesh_mm2``: of the mesh. ``mass_g``: None where the density is not known.
     ``keep_out``: distance to the solids to be kept clear of; None where the spec has none, or the mesh is not closed.
     ``bounds_mm``: least and largest corner of the box around the mesh; its vertices lie on the solid, whose box is
-    larger by the chord error at most. ``watertight``: the mesh is closed. ``genus``: its handles, 0 for a lens.
-    ``faces``: of the solid as read back. ``nodes``: of the spline of each optical face, by its name. ``step_schema``:
-    of the STEP. ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: author,
-    organisation and date in its header. ``untrimmed_surfaces``: the faces extended beyond the rim, where
-    wanted. ``triangulation``: size and errors of the mesh. ``plate``: the plate of all lenses, where the spec has
-    one. ``files``: size and hash of each file, as built; ``altered`` names those that are others by now. ``step``,
-    ``stl``, ``threemf``: content of the files. ``surfaces_step``: content of the file of untrimmed faces.
+    larger by the chord error at most. ``watertight``, ``watertight_3mf``: the mesh is closed. ``genus``: its handles, 0
+    for a lens. ``genus_difference``: from that of the solid. ``faces``: of the solid as read back. ``nodes``: of the
+    spline of each optical face, by its name. ``step_schema``: of the STEP. ``form_tolerances``: those that the STEP
+    carries on its faces, in AP242. ``signature``: author, organisation and date in its header. ``untrimmed_surfaces``:
+    the faces extended beyond the rim, where wanted. ``triangulation``: size and errors of the mesh. ``plate``: the
+    plate of all lenses, where the spec has one. ``files``: size and hash of each file, as built; ``altered`` names
+    those that are others by now. ``invalid_faces``: names of faces that the CAD kernel finds wrong; no file keeps them.
+    ``step``, ``stl``, ``threemf``: content of the files. ``surfaces_step``: content of the file of untrimmed faces.
     ``plate_step``, ``plate_stl``, ``plate_threemf``: content of the plate's files.
     """
 
@@ -110,28 +173,79 @@ class Part(StageResult):
 
     lens: Annotated[Lens, Given()]
     face_tolerance: FaceTolerance
-    form_error_nm: Extent
-    normal_error_mrad: Extent
-    volume_mm3: Number
+    form_error_nm: Annotated[
+        Extent,
+        Figure(
+            "Form error", "largest of the optical faces in the STEP file; {form_error_nm.rms:2} rms", of="max", digits=2
+        ),
+        Criterion(
+            "<=",
+            lambda part: part.face_tolerance.form_nm,
+            "form error of the optical faces in the STEP file",
+            _finer_faces,
+            of="max",
+        ),
+    ]
+    normal_error_mrad: Annotated[
+        Extent,
+        Figure("Error of the normals", _turned, of="max", digits=2),
+        Criterion(
+            "<=",
+            lambda part: part.face_tolerance.normal_mrad,
+            "normal error of the optical faces in the STEP file",
+            _finer_faces,
+            of="max",
+        ),
+    ]
+    step_valid: Annotated[
+        Flag, InCriterion(), Criterion(">=", 1.0, "solid of the STEP file is valid (1: yes)", _mend_solid)
+    ]
+    step_volume_change: Annotated[
+        NotNegative,
+        InCriterion(),
+        Criterion("<=", ROUND_TRIP_LIMIT, "volume of the STEP file as read back", _finer_faces),
+    ]
+    watertight: Annotated[Flag, Criterion(">=", 1.0, "mesh (lens.stl) is closed (1: yes)", _RINGS)]
+    watertight_3mf: Annotated[Flag, InCriterion(), Criterion(">=", 1.0, "3MF file is closed (1: yes)", _RINGS)]
+    genus: Annotated[int, Field(strict=True)]
+    genus_difference: Annotated[
+        Count, InCriterion(), Criterion("<=", 0.0, "handles and holes that the mesh should not have", _RINGS)
+    ]
+    untrimmed_surfaces: Annotated[
+        UntrimmedSurfaces | None,
+        _untrimmed_limit("form_error_nm", "form_nm", "form error"),
+        _untrimmed_limit("normal_error_mrad", "normal_mrad", "normal error"),
+    ]
+    keep_out: Annotated[
+        KeepOutDistance | None,
+        Figure("Keep-out distance", "of lens and base from the keep-out solid", of="distance_mm"),
+        Criterion(
+            ">=",
+            _keep_out_margin,
+            "distance of the part from the keep-out solid",
+            lambda part: keep_out_remedy(part.lens.spec, part.keep_out),
+            name="keep_out_distance",
+            of="distance_mm",
+            tolerance=_keep_out_tolerance,
+        ),
+    ] = None
+    volume_mm3: Annotated[Number, Figure("Volume", lambda part: f"of the solid{held_by(part.lens.spec)}", digits=5)]
     volume_mesh_mm3: Number
-    mass_g: NotNegative | None = None
-    keep_out: KeepOutDistance | None = None
+    mass_g: Annotated[NotNegative | None, Figure("Mass", "volume times density", key="mass", unit="g")] = None
     area_mm2: NotNegative
     area_mesh_mm2: NotNegative
     bounds_mm: Box
-    watertight: Flag
-    genus: Annotated[int, Field(strict=True)]
     faces: Faces
     nodes: SplineNodes
-    step_schema: Literal["AP214", "AP242"]
+    step_schema: Annotated[Literal["AP214", "AP242"], Figure("STEP schema", key="schema")]
     form_tolerances: tuple[FormTolerance, ...]
     signature: Signature
-    untrimmed_surfaces: UntrimmedSurfaces | None
     triangulation: Triangulation
     plate: Plate | None = None
     files: dict[Text, FileStamp]
     seconds: NotNegative
-    criteria: Criteria
+    invalid_faces: Annotated[tuple[Text, ...], Field(exclude=True)] = ()
+    criteria: Criteria = ()
     step: Annotated[bytes, InFile(STEP_FILE), _CONTENT]
     stl: Annotated[bytes, InFile(STL_FILE), _CONTENT]
     threemf: Annotated[bytes, InFile(THREEMF_FILE), _CONTENT]
@@ -162,6 +276,24 @@ class Part(StageResult):
         return {name: content for name, content in each if content is not None}
 
     @property
+    @figure(
+        Criterion(
+            "<=", _mesh_volume_limit, "volume of the mesh (lens.stl), against the solid", "raise the number of rings"
+        )
+    )
+    def mesh_volume_change(self) -> float:
+        """Relative change of the volume by flat facets."""
+        return abs(self.volume_mesh_mm3 / self.volume_mm3 - 1.0)
+
+    @property
+    @figure(Figure("Density", lambda part: f"by {part.lens.spec.lens.density.source}", unit="g/cm³"))
+    def density(self) -> float | None:
+        """Density of the material (g/cm³); None where it is not known."""
+        stated = self.lens.spec.lens.density
+        return None if stated is None else stated.g_per_cm3
+
+    @property
+    @figure(Figure("Mesh", "{triangulation.triangles} facets, genus {genus}", key="mesh"))
     def closed_or_not(self) -> str:
         """State of the mesh in words."""
         return "closed" if self.watertight else "not closed"
@@ -225,66 +357,25 @@ def held_by(spec: Spec) -> str:
 
 def part_facts(part: Part) -> list[Group]:
     """One group on solid and files, and one on the plate."""
-    density = part.lens.spec.lens.density
-    words = {
-        "source": "" if density is None else density.source,
-        "turned": _turned(part),
-        "held": held_by(part.lens.spec),
-    }
-    table = facts_of(part, _FILES, judged=part.criteria, **words)
-    spec, alone = part.lens.spec, ("volume", "mass")
+    facts = list(facts_in(part, part.criteria))
+    of_plate = [fact for fact in facts if fact.key.startswith("plate_")]
+    own: Iterable[Fact] = (fact for fact in facts if fact not in of_plate)
+    spec = part.lens.spec
     if spec.plate is not None or not spec.all_lamps.is_single or spec.photometry.lenses > 1:
-        table = (replace(fact, label=f"{fact.label} of a lens") if fact.key in alone else fact for fact in table)
-    groups = [Group("files", "Files as read back", (*table, *_mould(part), *_plate_elsewhere(part.lens)))]
+        own = (replace(fact, label=f"{fact.label} of a lens") if fact.key in _ALONE else fact for fact in own)
+    groups = [Group("files", "Files as read back", (*own, *_mould(part), *_plate_elsewhere(part.lens)))]
     if part.plate is not None:
         sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}
-        groups.append(plate_facts(part.plate, part.criteria, sizes))
+        groups.append(plate_facts(of_plate, sizes))
     return groups
 
 
-_FILES = (
-    Row(
-        "form_error",
-        "Form error",
-        "form_error_nm.max",
-        "largest of the optical faces in the STEP file; {form_error_nm.rms:2} rms",
-        digits=2,
-        like="form_error",
-    ),
-    Row(
-        "normal_error",
-        "Error of the normals",
-        "normal_error_mrad.max",
-        "largest; {normal_error_mrad.rms:2} rms; {turned}",
-        digits=2,
-        like="normal_error",
-    ),
-    Row(
-        "keep_out",
-        "Keep-out distance",
-        "keep_out.distance_mm",
-        "of lens and base from the keep-out solid",
-        like="keep_out_distance",
-    ),
-    Row("volume", "Volume", "volume_mm3", "of the solid{held}", digits=5),
-    Row("density", "Density", "lens.spec.lens.density.g_per_cm3", "by {source}", "g/cm³"),
-    Row("mass", "Mass", "mass_g", "volume times density", "g"),
-    Row("mesh", "Mesh", "closed_or_not", "{triangulation.triangles} facets, genus {genus}"),
-    Row("schema", "STEP schema", "step_schema"),
-)
+_ALONE = ("volume", "mass")  # of one lens among several
 
 
 def _plate_elsewhere(lens: Lens) -> Iterator[Fact]:
     if lens.spec.plate is not None and not lens.makes_plate:
         yield Fact("plate_files", "Plate", f"in the folder of the lens {lens.kinds[0].kind}, above this one")
-
-
-def _turned(part: Part) -> str:
-    """The angle by which the error of the normals turns light at most, beside the image of the LED."""
-    tolerance = part.face_tolerance
-    moved = f"turns light by {quantity(tolerance.turn * part.normal_error_mrad.max, 'mrad', digits=2)} at most"
-    image = tolerance.image_mrad
-    return moved if image is None else f"{moved}, the LED’s image is {quantity(image, 'mrad', digits=2)} wide"
 
 
 def _mould(part: Part) -> Iterator[Fact]:

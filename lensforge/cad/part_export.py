@@ -7,14 +7,14 @@ shop cuts a mould, must keep the limits of the faces of the part.
 
 import time
 
-from lensforge.cad.body_export import BodyProof, BuiltBody, figures_as_read, on_base, prove
+from lensforge.cad.body_export import BuiltBody, on_base, prove
 from lensforge.cad.boundary import Pair
 from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.face_tolerance import FaceTolerance, face_tolerance
 from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import ring_of
-from lensforge.cad.form_error import FormError, face_error, fit_lens, rounded_to, worst
+from lensforge.cad.form_error import face_error, fit_lens, rounded_to, worst
 from lensforge.cad.keep_out import keep_out_distance, mesh_error_mm, read_keep_out
 from lensforge.cad.mesh import MIN_RINGS
 from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
@@ -23,11 +23,7 @@ from lensforge.cad.part_limits import (
     KeepOutDistance,
     Signature,
     UntrimmedSurfaces,
-    keep_out_criteria,
     mass_g,
-    mesh_volume_limit,
-    part_criteria,
-    untrimmed_criteria,
 )
 from lensforge.cad.patch import Patch, fit_extended
 from lensforge.cad.plan import Plan
@@ -36,7 +32,6 @@ from lensforge.cad.plate_result import PLATE_STEP_FILE, PLATE_STL_FILE, PLATE_TH
 from lensforge.cad.solid import untrimmed_faces
 from lensforge.cad.step import parse_surfaces, parts_bytes, require_schema, signed_step
 from lensforge.results import Extent
-from lensforge.results.criteria import Criteria
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
 from lensforge.surfaces.step_file import Schema, parts_of
@@ -102,8 +97,12 @@ def build_part(
         area_mm2=proof.solid.area_mm2,
         area_mesh_mm2=body.mesh.area(),
         bounds_mm=body.mesh.bounds_mm,
+        step_valid=proof.solid.valid,
+        step_volume_change=abs(proof.solid.default_volume_mm3 / body.solid.default_volume_mm3 - 1.0),
         watertight=proof.stl.watertight,
+        watertight_3mf=proof.threemf.watertight,
         genus=proof.stl.genus,
+        genus_difference=abs(proof.stl.genus - proof.solid.genus),
         faces=Faces(count=len(parts_of(proof.solid.shape, "FACE")), names=tuple(sorted(proof.solid.faces))),
         nodes={face.name: face.shape.nodes for face in (*body.plan.cavity.faces, *body.plan.envelope.faces)},
         step_schema=schema,
@@ -119,12 +118,7 @@ def build_part(
         ),
         files={name: stamp_of(content) for name, content in files.items()},
         seconds=round(time.perf_counter() - start, 3),
-        criteria=(
-            *_criteria(body, proof, form, tolerance),
-            *untrimmed_criteria(untrimmed, tolerance),
-            *keep_out_criteria(lens.spec, keep_out),
-            *(() if plate is None else plate.criteria),
-        ),
+        invalid_faces=proof.solid.faults,
         step=step,
         stl=stl,
         threemf=threemf,
@@ -175,16 +169,3 @@ def _untrimmed(
         extension_deg=extension_deg, scale=scale, form_error_nm=form.form_max_nm, normal_error_mrad=form.normal_max_mrad
     )
     return untrimmed, content
-
-
-def _criteria(body: BuiltBody, proof: BodyProof, form: FormError, tolerance: FaceTolerance) -> Criteria:
-    """The criteria that the files must meet before they go to a shop."""
-    solid = proof.solid
-    measured = {
-        "form_error": form.form_max_nm,
-        "normal_error": form.normal_max_mrad,
-        "step_volume_change": abs(solid.default_volume_mm3 / body.solid.default_volume_mm3 - 1.0),
-        **figures_as_read(solid, proof.stl, proof.threemf, solid.volume_mm3),
-    }
-    limit = mesh_volume_limit(body.mesh.area(), body.chord_mm, solid.volume_mm3)
-    return part_criteria(measured, limit, tolerance, max(face.shape.nodes for face in body.plan.faces), solid.faults)

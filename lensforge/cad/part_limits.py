@@ -1,16 +1,11 @@
-"""Limits of the exported files: criteria on what they are as read back, form tolerances, signature, mass, keep-out.
+"""Limits of the exported files, and records of them: form tolerances, signature, mass, keep-out.
 
 Free of the CAD kernel: a stored record is judged without.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from math import nan
-
 import numpy as np
 
-from lensforge.cad.face_tolerance import MAX_NODES, FaceTolerance
-from lensforge.results import Fact, NotNegative, Number, Point, Positive, Record, Text
-from lensforge.results.criteria import Criteria, at_least, at_most
+from lensforge.results import NotNegative, Number, Point, Positive, Record, Text
 from lensforge.spec import Spec
 from lensforge.spec.spec_section import CalendarDate, rounded_up
 
@@ -23,77 +18,6 @@ ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading:
 CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's areas err by 1e-7 at most where rims are short
 
 
-# Compared how, with what limit and unit, and what a remedy must change: by the name of the figure, in the files' order.
-_LIMITS: dict[str, tuple[Callable[..., Fact], float | None, str, str]] = {
-    "form_error": (at_most, None, "nm", "faces"),
-    "normal_error": (at_most, None, "mrad", "faces"),
-    "step_valid": (at_least, 1.0, "", "solid"),
-    "step_volume_change": (at_most, ROUND_TRIP_LIMIT, "", "faces"),
-    "volume_error": (at_most, CLOSED_FORM_LIMIT, "", "shape"),
-    "watertight": (at_least, 1.0, "", "mesh"),
-    "watertight_3mf": (at_least, 1.0, "", "mesh"),
-    "genus_difference": (at_most, 0.0, "", "mesh"),
-    "mesh_volume_change": (at_most, None, "", "facets"),
-}
-
-
-def file_criteria(
-    measured: Mapping[str, float],
-    mesh_volume_limit: float,
-    tolerance: FaceTolerance,
-    remedies: Mapping[str, str],
-    start: str = "",
-) -> Criteria:
-    """The criteria that files must meet before they go to a shop, on what is ``measured``, by their names.
-
-    ``mesh_volume_limit``: relative, what flat facets cut off. ``tolerance``: of the optical faces. ``remedies``: by
-    what they change. ``start``: of the names. Flags count as 1 or 0.
-    """
-    asked = {
-        "form_error": tolerance.form_nm,
-        "normal_error": tolerance.normal_mrad,
-        "mesh_volume_change": mesh_volume_limit,
-    }
-    return tuple(
-        compared(f"{start}{name}", measured[name], asked[name] if limit is None else limit, unit, remedies[change])
-        for name, (compared, limit, unit, change) in _LIMITS.items()
-        if name in measured
-    )
-
-
-def part_criteria(
-    measured: Mapping[str, float],
-    mesh_volume_limit: float,
-    tolerance: FaceTolerance,
-    nodes: int,
-    faults: Sequence[str] = (),
-) -> Criteria:
-    """The criteria on the files of a part; ``nodes``: most of a face, ``faults``: names of faces that are not valid."""
-    larger = "raise manufacture.form_nm and normal_mrad"
-    remedies = {
-        "faces": f"{larger}: no spline is finer than this one of {nodes} nodes"
-        if nodes >= MAX_NODES
-        else f"raise the number of nodes, or {larger}",
-        "solid": f"try another base.diameter_mm, or no base; not valid: {', '.join(faults) or 'the whole solid'}",
-        "mesh": "change the number of rings",
-        "facets": "raise the number of rings",
-    }
-    return file_criteria(measured, mesh_volume_limit, tolerance, remedies)
-
-
-def plate_criteria(
-    measured: Mapping[str, float], mesh_volume_limit: float, tolerance: FaceTolerance, faults: Sequence[str] = ()
-) -> Criteria:
-    """The criteria on the files of a plate; ``faults``: names of faces that are not valid."""
-    again = "move holes and pins, or change plate.thickness_mm"
-    remedies = {
-        "faces": "export with more --nodes",
-        "solid": f"{again}; not valid: {', '.join(faults[:5]) or 'the whole solid'}",
-        **dict.fromkeys(("shape", "mesh", "facets"), again),
-    }
-    return file_criteria(measured, mesh_volume_limit, tolerance, remedies, "plate_")
-
-
 class UntrimmedSurfaces(Record):
     """The optical faces extended beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back.
 
@@ -104,17 +28,6 @@ class UntrimmedSurfaces(Record):
     scale: Positive
     form_error_nm: NotNegative
     normal_error_mrad: NotNegative
-
-
-def untrimmed_criteria(untrimmed: UntrimmedSurfaces | None, tolerance: FaceTolerance) -> Criteria:
-    """The criteria on the faces of ``lens_surfaces.step``; none where there is no such file."""
-    if untrimmed is None:
-        return ()
-    finer = "raise the number of nodes, or lower the extension"
-    return (
-        at_most("surfaces_form_error", untrimmed.form_error_nm, tolerance.form_nm, "nm", finer),
-        at_most("surfaces_normal_error", untrimmed.normal_error_mrad, tolerance.normal_mrad, "mrad", finer),
-    )
 
 
 def mass_g(spec: Spec, volume_mm3: float) -> float | None:
@@ -148,7 +61,6 @@ class FormTolerance(Record):
 
 
 _RIM_MM = 1e-5  # from z = 0: a place on the rim of an exported face
-_UNMEASURED = "the mesh of the lens is not closed: change the number of rings, and export again"
 
 
 class KeepOutDistance(Record):
@@ -165,19 +77,10 @@ class KeepOutDistance(Record):
     error_mm: NotNegative
 
 
-def keep_out_criteria(spec: Spec, measured: KeepOutDistance | None) -> Criteria:
-    """The criterion on the distance, but for the errors of both meshes; none for a spec without a keep-out."""
-    limits = spec.constraints
-    if limits.keep_out is None:
-        return ()
+def keep_out_remedy(spec: Spec, measured: KeepOutDistance | None) -> str:
+    """The fields to change, by where lens and keep-out are closest."""
     if measured is None:
-        return (at_least("keep_out_distance", nan, limits.keep_out_margin_mm, "mm", _UNMEASURED),)
-    asked, tolerance = limits.keep_out_margin_mm, limits.tolerance_mm + measured.error_mm
-    return (at_least("keep_out_distance", measured.distance_mm, asked, "mm", _remedy(spec, measured), tolerance),)
-
-
-def _remedy(spec: Spec, measured: KeepOutDistance) -> str:
-    """The fields to change, by where the two are closest."""
+        return "the mesh of the lens is not closed: change the number of rings, and export again"
     place = ", ".join(f"{value + 0.0:.4g}" for value in np.round(measured.body_point_mm, 6))
     return f"{_fields(spec, measured)}; the body is closest at ({place}) mm"
 

@@ -17,13 +17,12 @@ from OCP.Geom import Geom_BSplineSurface
 from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
 
-from lensforge.cad.body_export import figures_as_read
 from lensforge.cad.boundary import Pair
 from lensforge.cad.face_tolerance import FaceTolerance
 from lensforge.cad.form_error import face_error, fit_lens, worst
 from lensforge.cad.mesh import BodyMesh, check_closed, manifold_of, mesh_error
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
-from lensforge.cad.part_limits import mass_g, mesh_volume_limit, plate_criteria
+from lensforge.cad.part_limits import mass_g, mesh_volume_limit
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_points
 from lensforge.cad.plate_layout import (
@@ -46,7 +45,6 @@ from lensforge.cad.solid import Shapes, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
 from lensforge.results.brep_size import spline_poles
-from lensforge.results.criteria import Criteria
 from lensforge.results.files import MIB
 from lensforge.results.record import MOST_FILE_BYTES
 from lensforge.scene.lens import Lens
@@ -83,10 +81,9 @@ class LensOfPlate:
 
 @dataclass(frozen=True, eq=False)
 class BuiltPlate:
-    """Figures, criteria, and files by their names."""
+    """Figures, and files by their names."""
 
     figures: Plate
-    criteria: Criteria
     files: dict[str, bytes]
 
 
@@ -118,30 +115,29 @@ def build_plate(
     read, closed = parse_step(step), check_closed(*parse_stl(stl, PLATE_FILES[1]))
     in_3mf = check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
     form_nm = max(each.form_error_nm for each in kinds) + copies_off_mm(read.faces, plans, layout) * _NM_PER_MM
-    measured = {
-        "form_error": form_nm,
-        "step_volume_change": abs(read.default_volume_mm3 / solid.default_volume_mm3 - 1.0),
-        "volume_error": abs(volume_of_mm3(read.faces, layout, volumes) / volume - 1.0),
-    }
     figures = Plate(
         lenses=len(layout.lenses),
         gap_mm=gap_mm,
         form_error_nm=form_nm,
+        step_valid=read.valid,
+        step_volume_change=abs(read.default_volume_mm3 / solid.default_volume_mm3 - 1.0),
+        volume_error=abs(volume_of_mm3(read.faces, layout, volumes) / volume - 1.0),
         volume_mm3=volume,
         volume_mesh_mm3=closed.volume_mm3,
+        mesh_volume_limit=mesh_volume_limit(mesh.area(), chord_mm, volume),
         mass_g=mass_g(lens.spec, volume),
         bounds_mm=mesh.bounds_mm,
         watertight=closed.watertight,
+        watertight_3mf=in_3mf.watertight,
         genus=closed.genus,
+        genus_difference=abs(closed.genus - read.genus),
         faces=len(parts_of(read.shape, "FACE")),
         triangles=len(mesh.triangles),
         chord_error_um=1e3 * max(mesh_error(*each) for each in zip(facets, plans, strict=True)),
         seconds=round(time.perf_counter() - start, 3),
+        invalid_faces=read.faults,
     )
-    limit = mesh_volume_limit(mesh.area(), chord_mm, volume)
-    figures_read = figures_as_read(read, closed, in_3mf, volume)
-    criteria = plate_criteria({**measured, **figures_read}, limit, tolerance, read.faults)
-    return BuiltPlate(figures, criteria, files)
+    return BuiltPlate(figures, files)
 
 
 def _require_walls(layout: PlateLayout, openings: Sequence[Float[np.ndarray, "n 2"]]) -> None:

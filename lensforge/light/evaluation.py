@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from lensforge import seeds
 from lensforge.kernels.fate import Fate
 from lensforge.light.beam_colour import BeamColour
-from lensforge.light.evaluation_result import FittedLight, Light, LightMetrics, PresetError, TableError, light_criteria
+from lensforge.light.evaluation_result import FittedLight, Light, LightMetrics, PresetError, TableError
 from lensforge.light.far_field import road_limits
 from lensforge.light.judged_limits import colour_limits, judged_limits
 from lensforge.light.light_ways import FluxByWay
@@ -254,7 +254,6 @@ def evaluate_traced(
         preset_error=None,
         seed=seed,
         seconds=time.perf_counter() - started,
-        criteria=light_criteria(lit[0].flux),
     )
 
 

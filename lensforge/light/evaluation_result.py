@@ -11,8 +11,9 @@ from lensforge.light.seen_lens import SeenLens
 from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
-from lensforge.results.criteria import Criteria, at_most
+from lensforge.results.criteria import Criteria
 from lensforge.results.fact import StoredAs
+from lensforge.results.figure import Criterion, figure
 from lensforge.results.numerals import square
 from lensforge.results.plots import plot_map
 from lensforge.results.record import MOST_PIXELS
@@ -67,12 +68,6 @@ class FittedLight(Record):
     efficiency: Metric
 
 
-def light_criteria(flux: Flux) -> Criteria:
-    """The one criterion on a simulation: a search for a crossing that gives up must not lose any light."""
-    remedy = "take a higher accuracy; please report the lens.json"
-    return (at_most("flux not converged", flux.not_converged, 0.0, "of the source", remedy),)
-
-
 MetricName = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
 
 
@@ -115,7 +110,7 @@ class Light(ResultByLed):
     by_file: FittedLight | None = None
     seed: Count
     seconds: NotNegative
-    criteria: Criteria
+    criteria: Criteria = ()
 
     @property
     def first(self) -> ReceiverLight:
@@ -156,6 +151,21 @@ class Light(ResultByLed):
     def flux(self) -> Flux:
         """Flux budget of the first receiver."""
         return self.first.flux
+
+    @property
+    @figure(
+        Criterion(
+            "<=",
+            0.0,
+            "flux of rays that did not converge",
+            "take a higher accuracy; please report the lens.json",
+            name="flux not converged",
+            unit="of the source",
+        )
+    )
+    def not_converged(self) -> float:
+        """Share of the flux whose search for a crossing gave up, which no light may do."""
+        return self.first.flux.not_converged
 
     def with_worst(self, metric: MetricName) -> "Light":
         """The light with that of the LEDs which has a metric worst; the first where it has no meaning with any."""

@@ -31,7 +31,6 @@ from lensforge.light.photometry_result import (
     WrittenFarFields,
     WrittenFile,
     WrittenFiles,
-    photometry_criteria,
 )
 from lensforge.light.received_flux import named_flux
 from lensforge.light.road_judgement import judged_roads
@@ -200,7 +199,6 @@ def measure_photometry(
         warnings=warnings,
         files=files,
         luminaire=luminaire,
-        criteria=photometry_criteria(files, luminaire),
         c_deg=candela.c_deg,
         gamma_deg=candela.gamma_deg,
         candela=candela.values,

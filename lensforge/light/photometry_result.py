@@ -6,7 +6,7 @@ rays taken off: the largest of many noisy numbers is too large. A standard error
 samples, and has in it the error of the level; what the steps of the table may change is the interpolation error.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -21,6 +21,7 @@ from lensforge.results import (
     Array,
     Count,
     Extent,
+    Fact,
     Flag,
     InFile,
     Metric,
@@ -170,19 +171,6 @@ class WrittenFiles(WrittenFarFields):
     tm25ray: WrittenFile
 
 
-_FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
-
-
-def photometry_criteria(files: WrittenFiles, luminaire: WrittenFarFields | None) -> Criteria:
-    """One criterion for each file: it holds the flux of the rays."""
-    written = {name: getattr(files, field) for field, name in _FILE_NAMES.items()}
-    of_all = {} if luminaire is None else LUMINAIRE_FILES
-    written |= {name: getattr(luminaire, field) for field, name in of_all.items()}
-    errors = {f"flux of {name} as read back": each.relative_error for name, each in written.items()}
-    remedy = "please report the lens.json"
-    return tuple(at_most(name, error, _CONSERVED, "relative", remedy) for name, error in errors.items())
-
-
 class LostFlux(Record):
     """Flux (W) that does not leave the lens upwards, by fate."""
 
@@ -198,6 +186,9 @@ class LostFlux(Record):
     absorbed: NotNegative = 0.0
     cover_glass: NotNegative = 0.0
     bodies: NotNegative = 0.0
+
+
+_FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
 
 
 class Photometry(ResultByLed):
@@ -250,7 +241,7 @@ class Photometry(ResultByLed):
     files: WrittenFiles
     luminaire: WrittenFarFields | None = None
     seconds: NotNegative
-    criteria: Criteria
+    criteria: Criteria = ()
     c_deg: Annotated[Float[np.ndarray, " c"], Array("c")]
     gamma_deg: Annotated[Float[np.ndarray, " g"], Array("g")]
     candela: Annotated[Float[np.ndarray, "c g"], Array("c", "g")]
@@ -262,6 +253,15 @@ class Photometry(ResultByLed):
     luminaire_ies: Annotated[bytes | None, InFile(LUMINAIRE_FILES["ies"])] = None
     luminaire_ldt: Annotated[bytes | None, InFile(LUMINAIRE_FILES["ldt"])] = None
     luminaire_tm33: Annotated[bytes | None, InFile(LUMINAIRE_FILES["tm33"])] = None
+
+    def judge(self) -> Iterator[Fact]:
+        """Make one criterion for each file: it holds the flux of the rays."""
+        written = {name: getattr(self.files, field) for field, name in _FILE_NAMES.items()}
+        of_all = {} if self.luminaire is None else LUMINAIRE_FILES
+        written |= {name: getattr(self.luminaire, field) for field, name in of_all.items()}
+        for name, file in written.items():
+            error, asked = file.relative_error, "please report the lens.json"
+            yield at_most(f"flux of {name} as read back", error, _CONSERVED, "relative", asked)
 
     def products(self) -> dict[str, bytes]:
         """Bytes of the IES, EULUMDAT, TM-33 and TM-25 files, by suffix."""

@@ -19,9 +19,8 @@ from lensforge.proof.proof_result import (
     ReceiverProof,
     SizedFile,
     Sizes,
-    StrayLight,
 )
-from lensforge.proof.remedies import FINER, Evidence, form_of_mesh, form_of_step
+from lensforge.proof.remedies import Evidence, form_of_mesh, form_of_step
 from lensforge.results import BodySize, Fact
 from lensforge.results.criteria import Criteria, at_most, criteria_of, under
 
@@ -174,10 +173,6 @@ BREP_FATE_RAYS = 2  # of 1024: rays that graze an edge or the limit of total ref
 MITSUBA_DEVIATION_RAD = 1e-3
 MITSUBA_FLUX_SHARE = MITSUBA_FATE_SHARE = 2e-3
 
-BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn at random
-LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
-DIM_SHARE = 1e-2  # rays below the flux cut-off: the most that they could still change
-
 
 def noise_limit(floor: float) -> float:
     """Largest NMSE against the design's irradiance that noise explains; ``floor``: that of the part's rays alone."""
@@ -321,19 +316,3 @@ def deciding_criteria(result: object) -> Iterator[Fact]:
     """Criteria of a result by which files pass or fail: of a verification without :func:`facet_misses`."""
     facets = facet_misses(result) if isinstance(result, Proof) else ()
     yield from (criterion for criterion in criteria_of(result) if criterion not in facets)
-
-
-def stray_criteria(stray: StrayLight) -> Criteria:
-    """Acceptance criteria of the flux budget with reflections; it closes on every receiver."""
-    finer = FINER
-    report = "do not trust this flux budget, it does not close: please report it"
-    held = (
-        "light is trapped in the part: state lens.absorption_per_mm of the material, or "
-        "blacken the base (verify --stray --base black)"
-    )
-    balance = max(receiver.balance_error for receiver in stray.receivers)
-    return (
-        at_most("stray_balance", balance, BALANCE, "of the flux", report),
-        at_most("stray_leaked", stray.flux.leaked, LEAK_SHARE, "of the flux", finer),
-        at_most("stray_too_dim", stray.flux.too_dim, DIM_SHARE, "of the flux", held),
-    )

@@ -19,7 +19,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.media import Media
-from lensforge.proof.acceptance import stray_criteria
 from lensforge.proof.facet_casting import Grid, Leg
 from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import ONE_LAMP, LampStands
@@ -256,7 +255,7 @@ def trace_stray(
     escaped, emitted = budget.escaped(), float(rays.flux.sum())
     split, passage = _escaped(escaped, media, optical.plate), send_through(part, grid, rays, media, threads)
     light = _Light(lamps, emitted, budget, split, escaped.causes, passage)
-    result = StrayLight(
+    return StrayLight(
         inputs=dict(inputs or {}),
         receivers=tuple(light.on(name, screen) for name, screen in zip(names, screens, strict=True)),
         rays=len(rays),
@@ -266,10 +265,8 @@ def trace_stray(
         absorption_per_mm=media.body.absorption_per_mm,
         cut_off=limits.cut_off,
         depth=limits.depth,
-        criteria=(),
         seconds=perf_counter() - start,
     )
-    return result.changed(criteria=stray_criteria(result))
 
 
 def _escaped(light: SplitRays, media: Media, plate: PlateOfLenses | None) -> Passage:

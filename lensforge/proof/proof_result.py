@@ -27,6 +27,7 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart, light_unit
 from lensforge.results.criteria import Criteria, criteria_of
+from lensforge.results.figure import Criterion, figure
 from lensforge.results.plots import Axes, plot_curves, plot_map
 
 
@@ -327,6 +328,12 @@ class ReceiverStray(OnReceiver):
     stray: Irradiance
 
 
+FINER = "export with a finer mesh: without --rings it is as fine as the light asks"
+BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn at random
+LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
+DIM_SHARE = 1e-2  # rays below the flux cut-off: the most that they could still change
+
+
 class StrayLight(ResultByLed):
     """Stray light, which the sequential design leaves out: reflections, the base, absorption; on every receiver.
 
@@ -352,7 +359,7 @@ class StrayLight(ResultByLed):
     cut_off: NotNegative
     depth: Count
     seconds: NotNegative
-    criteria: Criteria
+    criteria: Criteria = ()
 
     @property
     def first(self) -> ReceiverStray:
@@ -363,6 +370,52 @@ class StrayLight(ResultByLed):
     def flux(self) -> StrayFlux:
         """Flux budget of the first receiver."""
         return self.first.flux
+
+    @property
+    @figure(
+        Criterion(
+            "<=",
+            BALANCE,
+            "flux missing from the stray-light budget",
+            "do not trust this flux budget, it does not close: please report it",
+            name="stray_balance",
+            unit="of the flux",
+        )
+    )
+    def balance_error(self) -> float:
+        """Share of the flux that is missing from the budget, on the receiver where it is largest."""
+        return max(receiver.balance_error for receiver in self.receivers)
+
+    @property
+    @figure(
+        Criterion(
+            "<=",
+            LEAK_SHARE,
+            "flux that leaks through the edges of the mesh",
+            FINER,
+            name="stray_leaked",
+            unit="of the flux",
+        )
+    )
+    def leaked(self) -> float:
+        """Share of the flux that leaks."""
+        return self.flux.leaked
+
+    @property
+    @figure(
+        Criterion(
+            "<=",
+            DIM_SHARE,
+            "flux still in the part at the cut-off",
+            "light is trapped in the part: state lens.absorption_per_mm of the material, or "
+            "blacken the base (verify --stray --base black)",
+            name="stray_too_dim",
+            unit="of the flux",
+        )
+    )
+    def too_dim(self) -> float:
+        """Share of the flux that was not followed to its end."""
+        return self.flux.too_dim
 
     @stated
     def efficiency(self) -> float:

@@ -6,7 +6,7 @@ loses, of their fates.
 
 from dataclasses import dataclass
 
-from lensforge.proof.proof_result import Agreement, FatePair
+from lensforge.proof.proof_result import FINER, Agreement, FatePair
 
 _NAMED = 2  # pairs of fates in one line: the rest is in ``pairs``
 _START = "light that starts there meets no cavity: move the source into it; if it stays, report"
@@ -22,7 +22,6 @@ _BY_PART = {
     "starts_inside": "the source is in the part's material: it is inside out or another lens; export again",
     "starts_outside": "the source is outside the part's cavity: it is another lens; export again",
 }
-FINER = "export with a finer mesh: without --rings it is as fine as the light asks"
 _AT_A_LIMIT = f"this light is near the rim or the limit of total reflection: {FINER}"
 
 

@@ -7,23 +7,12 @@ states and from the lens, so that neither a value nor a limit nor a state can be
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import zip_longest
-from math import nan
 from pathlib import Path
 from typing import Any
 
-from lensforge.cad.part import Part
-from lensforge.cad.part_limits import (
-    keep_out_criteria,
-    mesh_volume_limit,
-    part_criteria,
-    plate_criteria,
-    untrimmed_criteria,
-)
 from lensforge.cad.plate_layout import PlateWall
-from lensforge.cad.plate_result import Plate
 from lensforge.errors import InputError
-from lensforge.light.evaluation_result import Light, light_criteria
-from lensforge.light.photometry_result import Photometry, photometry_criteria
+from lensforge.light.evaluation_result import Light
 from lensforge.made.measured_facts import correction_criteria
 from lensforge.made.measurement_result import (
     Correction,
@@ -32,13 +21,12 @@ from lensforge.made.measurement_result import (
     photo_criteria,
     surface_criteria,
 )
-from lensforge.proof.acceptance import proof_criteria, stray_criteria
-from lensforge.proof.proof_result import Proof, StrayLight
+from lensforge.proof.acceptance import proof_criteria
+from lensforge.proof.proof_result import Proof
 from lensforge.results import Fact, ResultByLed, Sense, StageResult
 from lensforge.results.criteria import named
 from lensforge.results.record import agree
 from lensforge.scene.lens import Lens
-from lensforge.search.design_result import Design, constraint_criteria
 from lensforge.shop.check_facts import spec_of
 from lensforge.shop.check_result import Check
 from lensforge.shop.findings import check_findings, edge_criteria, plate_findings, wall_criteria
@@ -64,39 +52,6 @@ def _limits(light: Light, lens: Lens) -> Iterator[Fact]:
         yield replace(stated or Fact(name, name, None), key=name, sense=sense, limit=bound)
 
 
-def _of_part(part: Part, lens: Lens) -> Iterator[Fact]:
-    """Criteria of an export; what was read back of the files alone is taken as stated."""
-    chord_mm = 1e-3 * part.triangulation.chord_error_um
-    most, angle = mesh_volume_limit(part.area_mesh_mm2, chord_mm, part.volume_mm3), part.normal_error_mrad.max
-    yield from part_criteria(
-        {**_measured(part, "", part, part.form_error_nm.max), "normal_error": angle},
-        most,
-        part.face_tolerance,
-        max(part.nodes.values()),
-    )
-    yield from untrimmed_criteria(part.untrimmed_surfaces, part.face_tolerance)
-    yield from keep_out_criteria(lens.spec, part.keep_out)
-    if part.plate is not None:  # whose mesh has an area that no record has
-        limited = named(part.criteria, "plate_mesh_volume_change")
-        measured = _measured(part, "plate_", part.plate, part.plate.form_error_nm)
-        yield from plate_criteria(measured, nan if limited is None else limited.bound, part.face_tolerance)
-
-
-_READ_BACK = ("step_valid", "step_volume_change", "watertight_3mf", "genus_difference")
-
-
-def _measured(part: Part, start: str, body: Part | Plate, form_nm: float) -> dict[str, float]:
-    """Figures of ``body`` by the names of their criteria, which begin with ``start``; NaN where none is stated."""
-    names = _READ_BACK if body is part else (*_READ_BACK, "volume_error")
-    stated = {name: named(part.criteria, f"{start}{name}") for name in names}
-    return {
-        **{name: nan if fact is None or fact.value is None else float(fact.value) for name, fact in stated.items()},
-        "form_error": form_nm,
-        "watertight": float(body.watertight),
-        "mesh_volume_change": abs(body.volume_mesh_mm3 / body.volume_mm3 - 1.0),
-    }
-
-
 def _of_correction(made: Correction, _: Lens) -> Iterable[Fact]:
     form, normal = made.form_error_nm.max, made.normal_error_mrad.max
     return correction_criteria(made.used_share, made.covered_share, form, normal, made.step_volume_change, made.cutter)
@@ -115,16 +70,12 @@ def _findings(check: Check, lens: Lens) -> Iterator[Fact]:
 
 # By the field of a record that holds them.
 JUDGES: dict[type[StageResult], dict[str, Judge]] = {
-    Design: {"criteria": lambda design, lens: constraint_criteria(lens.spec, design.constraints)},
-    Light: {"criteria": lambda light, _: light_criteria(light.first.flux), "limits": _limits},
-    Part: {"criteria": _of_part},
+    Light: {"limits": _limits},
     Check: {
         "criteria": lambda check, lens: wall_criteria(lens.spec, check.walls) + edge_criteria(lens.spec, check.edges),
         "verdicts": _findings,
     },
     Proof: {"criteria": lambda proof, lens: proof_criteria(proof, on_plate=lens.lamps_on_plate)},
-    StrayLight: {"criteria": lambda stray, _: stray_criteria(stray)},
-    Photometry: {"criteria": lambda found, _: photometry_criteria(found.files, found.luminaire)},
     PhotoComparison: {"criteria": lambda photo, _: photo_criteria(photo.clipped)},
     SurfaceComparison: {"criteria": lambda measured, _: surface_criteria(measured.used_share, measured.covered_share)},
     Correction: {"criteria": _of_correction},

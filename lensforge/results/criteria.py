@@ -18,28 +18,11 @@ _WORDS = {
     "largest wall margin": "wall thickness below its maximum",
     "height margin": "height, below its maximum",
     "keep out clearance": "clearance to the keep-out solid",
-    "flux not converged": "flux of rays that did not converge",
     "thinnest wall": "thinnest wall, along the normal",
     "largest radial wall": "thickest wall, radial from the LED",
     "form_error": f"form error of the optical faces in the {_STEP}",
     "normal_error": f"normal error of the optical faces in the {_STEP}",
-    "step_valid": f"solid of the {_STEP} is valid (1: yes)",
     "step_volume_change": f"volume of the {_STEP} as read back",
-    "watertight": f"{_STL} is closed (1: yes)",
-    "watertight_3mf": "3MF file is closed (1: yes)",
-    "genus_difference": "handles and holes that the mesh should not have",
-    "mesh_volume_change": f"volume of the {_STL}, against the solid",
-    "surfaces_form_error": "form error of the untrimmed faces in their file",
-    "surfaces_normal_error": "normal error of the untrimmed faces in their file",
-    "keep_out_distance": "distance of the part from the keep-out solid",
-    "plate_form_error": "form error of all lenses in plate.step",
-    "plate_step_valid": "solid of plate.step is valid (1: yes)",
-    "plate_step_volume_change": "volume of plate.step as read back",
-    "plate_volume_error": "volume of plate.step, against its closed form",
-    "plate_watertight": "plate.stl is closed (1: yes)",
-    "plate_watertight_3mf": "plate.3mf is closed (1: yes)",
-    "plate_genus_difference": "handles and holes that the mesh of the plate should not have",
-    "plate_mesh_volume_change": "volume of plate.stl, against its closed form",
     "lamps_nmse_vs_sum": f"pattern of all lamps through the {_STL} of each, against their sum",
     "plate_nmse_vs_sum": "pattern of all lamps through plate.stl, against their sum",
     "concave_radius": "min. concave radius of the corrected face",
@@ -68,9 +51,6 @@ _WORDS = {
     "mitsuba_deviation_rms": f"ray displacement by the {_STL} in Mitsuba",
     "mitsuba_flux_deviation": f"flux of each ray through the {_STL} in Mitsuba",
     "mitsuba_fate_disagreement_flux": f"flux that ends otherwise through the {_STL} in Mitsuba",
-    "stray_balance": "flux missing from the stray-light budget",
-    "stray_leaked": "flux that leaks through the edges of the mesh",
-    "stray_too_dim": "flux still in the part at the cut-off",
     "photo_clipped": "saturated pixels of the photograph",
     "points_used": "measured points that lie on the surface",
     "surface_covered": "part of the surface that was measured",
@@ -98,7 +78,8 @@ def _completed(criterion: Fact) -> Fact:
     if criterion.limit is None:
         raise ValueError("limit: must be a number")
     name = criterion.key
-    return replace(criterion, label=words_of(name), note=name.replace("_", " ")).judged(criterion.standard_error or 0.0)
+    words = criterion.label or words_of(name)
+    return replace(criterion, label=words, note=name.replace("_", " ")).judged(criterion.standard_error or 0.0)
 
 
 _NAMES = {name: name for name in ("value", "standard_error", "sense", "limit", "unit", "tolerance")}
@@ -127,7 +108,7 @@ def at_least(
 
 def under(start: str, criterion: Fact) -> Fact:
     """The ``criterion`` of one of several, whose name ``start`` begins its own."""
-    return _completed(replace(criterion, key=f"{start}: {criterion.key}"))
+    return _completed(replace(criterion, key=f"{start}: {criterion.key}", label=f"{start}: {criterion.label}"))
 
 
 def criteria_of(result: object) -> Iterator[Fact]:

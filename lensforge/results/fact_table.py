@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from string import Formatter
 from typing import Any
 
 from lensforge.results.criteria import named, state_of
 from lensforge.results.fact import Fact
-from lensforge.results.numerals import quantity, unit_of
+from lensforge.results.figure import TEXTS, entry_at
+from lensforge.results.numerals import unit_of
 from lensforge.results.record import Metric, Sense
 
 
@@ -37,11 +37,11 @@ class Row:
 
     def fact(self, record: object, spec: object, judged: Sequence[Fact], words: Mapping[str, str]) -> Fact | None:
         """The fact of ``record``; None where the row is left out."""
-        value: Any = _at(record, self.source)
+        value: Any = entry_at(record, self.source)
         value = self.none if value is None else value
         if value is None:
             return None
-        key, label, note = (_TEXTS.vformat(text, [record], words) for text in (self.key, self.label, self.note))
+        key, label, note = (TEXTS.vformat(text, [record], words) for text in (self.key, self.label, self.note))
         if self.unit == "%":
             fact = Fact.share(key, label, value, note)
         elif isinstance(value, Metric):
@@ -52,7 +52,7 @@ class Row:
         fact = replace(fact, digits=self.digits)
         if self.like:
             return fact.judged_as(named(judged, self.like))
-        limit = _at(spec, self.limit.format_map(words)) if self.limit else None
+        limit = entry_at(spec, self.limit.format_map(words)) if self.limit else None
         if limit is None and self.limit:
             return replace(fact, sense=self.sense)
         why = [each.note for each in judged if each.key == self.by and each.value is None and each.state == "fail"]
@@ -66,29 +66,3 @@ def facts_of(
     """The facts of ``record`` by its table; ``judged``: criteria or findings on it, ``words``: for its texts."""
     judged = tuple(judged)
     return (fact for row in rows if (fact := row.fact(record, spec, judged, words)) is not None)
-
-
-def _at(record: Any, place: str) -> Any:
-    """The entry at the dotted ``place``; None where an entry on the way is."""
-    for step in place.split("."):
-        if record is not None:
-            record = record[step] if isinstance(record, Mapping) else getattr(record, step)
-    return record
-
-
-class _Texts(Formatter):
-    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
-        """The word of this name, or the figure at this place of the record."""
-        if field_name in kwargs:
-            return kwargs[field_name], field_name
-        return (_at(args[0], field_name), unit_of(field_name.split("."))), field_name
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        """A word as it is, a figure to as many digits as ``format_spec`` says."""
-        if isinstance(value, str):
-            return value
-        figure, unit = value
-        return quantity(figure, unit, digits=int(format_spec or 6))
-
-
-_TEXTS = _Texts()

@@ -63,6 +63,17 @@ class InFile:
         return f"{path.stem}{end}{path.suffix}"
 
 
+@dataclass(frozen=True)
+class InCriterion:
+    """Marks a field that a file tells by a criterion alone: by its ``entry``, "value" or "limit".
+
+    ``name``: of the criterion; by default that of the field's own :class:`~lensforge.results.figure.Criterion`.
+    """
+
+    name: str = ""
+    entry: Literal["value", "limit"] = "value"
+
+
 class Array:
     """Marks a field ``Annotated[Float[np.ndarray, "p p"], Array("p", "p")]`` that is stored in the stage's npz file.
 
@@ -255,6 +266,11 @@ def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
     return marks[0] if marks else None
 
 
+def marks_of(field: FieldInfo, *kinds: type[_Mark]) -> list[_Mark]:
+    """All annotations of these ``kinds`` on a field, in their order."""
+    return [mark for mark in field.metadata if isinstance(mark, kinds)]
+
+
 def values_of(record: Record) -> dict[str, object]:
     """Value of each field, then the entries by name of a class that takes any, such as one for each face."""
     own = {name: getattr(record, name) for name in type(record).model_fields}
@@ -286,8 +302,8 @@ def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> 
 
 
 def stored_beside(record: Record) -> dict[str, IncEx | bool]:
-    """The arrays and files of a record, as pydantic takes fields to leave out of a dump."""
-    fields, marks = type(record).model_fields.items(), (Array, InFile)
+    """Fields that are stored beside a record or in its criteria, as pydantic takes those to leave out of a dump."""
+    fields, marks = type(record).model_fields.items(), (Array, InFile, InCriterion)
     excluded: dict[str, IncEx | bool] = {
         name: True for name, info in fields if any(marker(info, mark) is not None for mark in marks)
     }

@@ -8,27 +8,33 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
+from dataclasses import replace
 from functools import cached_property
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, get_args
 
 import numpy as np
-from pydantic import Field, ValidationError, model_serializer
+from pydantic import Field, ValidationError, model_serializer, model_validator
 
 from lensforge.errors import InputError, OutdatedResult, refused
 from lensforge.results.conditions import Conditions
+from lensforge.results.fact import Fact
+from lensforge.results.figure import criteria_in, with_told_by_criteria
 from lensforge.results.files import MIB, read_file, read_json, write_file
 from lensforge.results.json_npz import arrays_in
 from lensforge.results.notebook_html import PLOT_KINDS, plot_file, plot_html, table_text
 from lensforge.results.record import (
     Array,
     Given,
+    InCriterion,
     InFile,
     Record,
     Scalar,
     Sha256,
     Text,
+    agree,
     arrays_of,
     marker,
     put_arrays,
@@ -126,8 +132,8 @@ class StageResult(Record):
     """Result of one stage.
 
     ``version``: of the program. ``inputs``: SHA-256 of its inputs, by name. ``seconds``: of computing. ``criteria``:
-    what it must keep, each with its judgement. ``rays``: number of rays traced. ``seed``: of these rays. ``warnings``:
-    what limits its use, a sentence each.
+    what it must keep, each with its judgement; they follow from its figures. ``rays``: number of rays traced.
+    ``seed``: of these rays. ``warnings``: what limits its use, a sentence each.
     """
 
     stage: ClassVar[str]
@@ -137,6 +143,47 @@ class StageResult(Record):
 
     version: Text = __version__
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
+
+    def judge(self) -> Iterable[Fact]:
+        """Make the criteria of its figures, which are those that its fields declare."""
+        return criteria_in(self)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _figures_told_by_criteria(cls, content: Any) -> Any:
+        return with_told_by_criteria(cls, content) if isinstance(content, Mapping) else content
+
+    @model_validator(mode="after")
+    def _is_judged(self) -> Self:
+        if self._judges_itself() and "criteria" not in self.model_fields_set:
+            self._take_criteria(self.judge())
+        return self
+
+    @classmethod
+    def _judges_itself(cls) -> bool:
+        field = cls.model_fields.get("criteria")
+        return field is not None and not field.is_required()
+
+    def _take_criteria(self, criteria: Iterable[Fact]) -> None:
+        object.__setattr__(self, "criteria", tuple(criteria))  # the record is frozen for everybody else
+
+    def _require_own_criteria(self) -> None:
+        """Raise :class:`ValueError` where criteria, their words aside, are not those that the figures make.
+
+        A file that somebody edited may state right hashes of wrong content. Criteria of another lens count nowhere, and
+        are not judged by the limits of this one.
+        """
+        lens = getattr(self, "lens", None)
+        if not self._judges_itself() or (lens is not None and self.inputs.get("lens") != lens.sha256):
+            return
+        try:
+            made = tuple(self.judge())
+        except (ArithmeticError, LookupError):  # a volume of 0, a face that the lens has not
+            raise ValueError(f"not what a {self.stage} of this lens can be") from None
+        stated: tuple[Fact, ...] = vars(self)["criteria"]
+        require_same_judgements("criteria", sorted(stated, key=_named), sorted(made, key=_named))
+        words = {_named(criterion): criterion.label for criterion in made}
+        self._take_criteria(replace(criterion, label=words[_named(criterion)]) for criterion in stated)
 
     @model_serializer(mode="wrap")
     def _what_there_is(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
@@ -157,7 +204,9 @@ class StageResult(Record):
         """Names of the fields that are not stored in the JSON file."""
         fields = cls.model_fields.items()
         return tuple(
-            name for name, info in fields if any(marker(info, mark) is not None for mark in (Given, Array, InFile))
+            name
+            for name, info in fields
+            if any(marker(info, mark) is not None for mark in (Given, Array, InFile, InCriterion))
         )
 
     def plain(self) -> dict[str, object]:
@@ -300,10 +349,30 @@ class StageResult(Record):
         result = validated(cls, content, path, cls.rebuild_command())
         with refused(path, f"…; {cls.rebuild_command()}", ValueError):
             require_what_follows(result)
+            result._require_own_criteria()
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.rebuild_command()}")
         return result
+
+
+def require_same_judgements(field: str, stated: Iterable[Fact], made: Iterable[Fact]) -> None:
+    """Raise :class:`ValueError` where judgements that a file states in ``field`` are not those that were ``made``."""
+    for one, other in zip_longest(stated, made):
+        if not agree(_judgement(one), _judgement(other)):
+            raise ValueError(f"{field}: {(one or other).key}: not as it follows from the other entries")
+
+
+def _named(fact: Fact) -> tuple[str, str]:
+    """The name of a criterion; another version of the program may state them in another order."""
+    return fact.key, fact.place
+
+
+def _judgement(fact: Fact | None) -> tuple[object, ...]:
+    """Entries that must agree: all but words."""
+    if fact is None:
+        return ()
+    return fact.key, fact.place, fact.value, fact.standard_error, fact.sense, fact.limit, fact.unit, fact.tolerance
 
 
 class SimulatedResult(StageResult):

@@ -33,7 +33,7 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, at_least
-from lensforge.results.fact_table import Row, facts_of
+from lensforge.results.figure import Figure, facts_in
 from lensforge.results.numerals import quantity
 from lensforge.results.plots import plot_curves
 from lensforge.scene.lens import Lens
@@ -148,16 +148,46 @@ class Design(StageResult):
     steps: Count
     rays_per_step: Count
     seconds: NotNegative
-    max_radius_mm: Positive
-    height_mm: Positive
-    constraints: Margins
+    max_radius_mm: Annotated[
+        Positive,
+        Figure(
+            "Outer radius",
+            lambda design: _widest(design.lens.spec),
+            key="radius",
+            limit=lambda design: design.lens.spec.constraints.max_radius_mm,
+            judged_by="radius margin",
+        ),
+    ]
+    height_mm: Annotated[
+        Positive,
+        Figure(
+            "Height above the LED",
+            "without the base",
+            limit=lambda design: design.lens.spec.constraints.max_height_mm,
+            judged_by="height margin",
+        ),
+    ]
+    constraints: Annotated[
+        Margins,
+        Figure(
+            "Cavity clearance",
+            lambda design: _dome(design.lens.spec),
+            key="cavity",
+            of="cavity_clearance_mm",
+            judged_by="cavity clearance",
+        ),
+    ]
     source: SourceSummary
     source_outline_mm: tuple[Point, ...]
     history: Annotated[tuple[Level, ...], Field(max_length=MOST_LEVELS)]
     ended: Text | None = None
     kept_start: bool = False
     starts: tuple[Start, ...] = ()
-    criteria: Criteria
+    criteria: Criteria = ()
+
+    def judge(self) -> Criteria:
+        """Make the criteria on the margins of its lens."""
+        return constraint_criteria(self.lens.spec, self.constraints)
 
     def follows(self) -> Iterator[tuple[str, float, float]]:
         """Steps by the history."""
@@ -336,38 +366,25 @@ def constraint_criteria(spec: Spec, measured: Margins) -> Criteria:
 
 def design_facts(design: Design) -> list[Group]:
     """Groups of the lens, of the search, and of its starts where there were several."""
-    groups = [Group("lens", "Lens", tuple(_size(design))), Group("search", "Search", tuple(_search(design)))]
+    groups = [
+        Group("lens", "Lens", tuple(facts_in(design, design.criteria))),
+        Group("search", "Search", tuple(_search(design))),
+    ]
     return groups if design.spread is None else [*groups, Group("starts", "Starts", tuple(_starts(design)))]
 
 
-_SIZE = (
-    Row("radius", "Outer radius", "max_radius_mm", "{radius}", limit="constraints.max_radius_mm", by="radius margin"),
-    Row(
-        "height",
-        "Height above the LED",
-        "height_mm",
-        "without the base",
-        limit="constraints.max_height_mm",
-        by="height margin",
-    ),
-    Row(
-        "cavity",
-        "Cavity clearance",
-        "constraints.cavity_clearance_mm",
-        "to a dome over the LED, {lens.spec.constraints.cavity_height_mm} high, {wide} wide",
-        like="cavity clearance",
-    ),
-)
-
-
-def _size(design: Design) -> Iterator[Fact]:
-    spec = design.lens.spec
+def _widest(spec: Spec) -> str:
+    """The distance that is the radius of a lens, in words."""
+    if not spec.lens.radius_about_axis:
+        return "max. distance from the LED, without the base"
     without = "without the base" if spec.lens.flange_room_mm is None else "without base and flange"
-    words = {"radius": "max. distance from the LED, without the base"}
-    if spec.lens.radius_about_axis:
-        words = {"radius": f"max. distance from the axis, {without}"}
-    wide = quantity(2.0 * spec.constraints.cavity_radius_mm, "mm")
-    return facts_of(design, _SIZE, spec=spec, judged=design.criteria, wide=wide, **words)
+    return f"max. distance from the axis, {without}"
+
+
+def _dome(spec: Spec) -> str:
+    limits = spec.constraints
+    high, wide = quantity(limits.cavity_height_mm, "mm"), quantity(2.0 * limits.cavity_radius_mm, "mm")
+    return f"to a dome over the LED, {high} high, {wide} wide"
 
 
 def _search(design: Design) -> Iterator[Fact]:

@@ -22,7 +22,7 @@ from lensforge.scene.body import radii
 from lensforge.scene.lens import Lens
 from lensforge.search.automatic_schedule import AutomaticSchedule, preset_for, schedule_of
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
-from lensforge.search.design_result import ENOUGH, Design, Level, Margins, Observer, Progress, constraint_criteria
+from lensforge.search.design_result import ENOUGH, Design, Level, Margins, Observer, Progress
 from lensforge.search.ending import Candidates, SearchEnd
 from lensforge.search.feasibility import require_feasible_start
 from lensforge.search.light_path import Pairs
@@ -384,7 +384,6 @@ def _design(
         source=summary.changed(warnings=(*summary.warnings, *warnings)),
         source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
         history=state.history,
-        criteria=constraint_criteria(lens.spec, margins),
     )
 
 

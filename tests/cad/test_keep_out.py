@@ -18,7 +18,7 @@ from lensforge.cad.keep_out import FACET_MM, keep_out_distance, mesh_error_mm, r
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.part import Part, part_facts
 from lensforge.cad.part_export import build_part
-from lensforge.cad.part_limits import KeepOutDistance, keep_out_criteria, mass_g
+from lensforge.cad.part_limits import KeepOutDistance, keep_out_remedy, mass_g
 from lensforge.cad.plan import make_plan
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
@@ -94,7 +94,8 @@ def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_o
     assert keep_out_distance(mesh, read_keep_out(path), 1e-3) is not None
     torn = replace(mesh, triangles=mesh.triangles[1:], face=mesh.face[1:])
     assert keep_out_distance(torn, read_keep_out(path), 1e-3) is None
-    (criterion,) = keep_out_criteria(lens.spec.replace({"constraints.keep_out": str(path)}), None)
+    unmeasured = part_with(path).changed(keep_out=None)
+    criterion = next(each for each in unmeasured.judge() if each.key == "keep_out_distance")
     assert criterion.value is None and not criterion.holds and "is not closed" in criterion.remedy
 
 
@@ -148,8 +149,7 @@ def test_the_remedy_names_the_field_of_the_place(
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": base, width: 6.0, "height_mm": 2.0})
     spec = plain.spec.replace({"constraints.keep_out": "clamp.step", "constraints.keep_out_margin_mm": 0.1})
     found = KeepOutDistance(distance_mm=distance_mm, body_point_mm=body, keep_out_point_mm=keep_out, error_mm=1e-3)
-    (criterion,) = keep_out_criteria(spec, found)
-    assert words in criterion.remedy
+    assert words in keep_out_remedy(spec, found)
 
 
 def test_the_mass_is_that_of_the_volume(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from geometry_lenses import make_lens
 from scipy.spatial import cKDTree
 
 from lensforge.cad import plate_export
-from lensforge.cad.face_tolerance import FINEST
+from lensforge.cad.face_tolerance import FINEST, FaceTolerance
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import check_closed
 from lensforge.cad.mesh_files import parse_3mf, parse_stl
@@ -21,10 +21,13 @@ from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import make_plan
 from lensforge.cad.plate_export import BuiltPlate, LensOfPlate, build_plate, room_on_plate
 from lensforge.cad.plate_layout import layout_of
+from lensforge.cad.plate_result import Plate
 from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
+from lensforge.results import Fact, Record
+from lensforge.results.figure import criteria_in
 from lensforge.scene.lens import Lens
 from lensforge.shop.findings import plate_findings
 from lensforge.spec import BaseSection
@@ -51,8 +54,20 @@ def on_plate(plate: dict[str, Any], lamps: dict[str, Any] | None = None, relativ
     return replace(lens, spec=lens.spec.replace(changes))
 
 
+class OfPlate(Record):
+    """A plate alone beside the tolerance of the faces, as a part has them."""
+
+    face_tolerance: FaceTolerance
+    plate: Plate
+
+
+def criteria_of(made: Part | BuiltPlate) -> list[Fact]:
+    own = made if isinstance(made, Part) else OfPlate(face_tolerance=FINEST, plate=made.figures)
+    return list(criteria_in(own))
+
+
 def failed(made: Part | BuiltPlate) -> list[str]:
-    return [criterion.key for criterion in made.criteria if not criterion.holds]
+    return [criterion.key for criterion in criteria_of(made) if not criterion.holds]
 
 
 @cache
@@ -246,7 +261,7 @@ def test_the_volume_is_as_good_far_from_the_origin() -> None:
     """Of splines with few nodes, whose bores the kernel's plain formula gets wrong by so much times their distance."""
     lens = of_two_kinds([[60.0, 9.0], [-40.0, 25.0]], [], ["one", "two"], {"draft_deg": DRAFT_DEG})
     plate = build_plate(lens, LensOfPlate.fitted(lens, 20, FINEST), 20, FINEST, "AP214", None)
-    errors = [] if plate is None else [each.value for each in plate.criteria if each.key == "plate_volume_error"]
+    errors = [] if plate is None else [each.value for each in criteria_of(plate) if each.key == "plate_volume_error"]
     assert errors == pytest.approx([0.0], abs=1e-10)
 
 

@@ -3,8 +3,8 @@ from lens_meshes import DISTANCE, INDEX, lambertian, right
 
 from lensforge.errors import InputError
 from lensforge.optics.media import Media, Medium
-from lensforge.proof.acceptance import BALANCE, stray_criteria
 from lensforge.proof.nonsequential_trace import Limits, trace_stray
+from lensforge.proof.proof_result import BALANCE
 from lensforge.proof.receiver_screen import Screen
 
 SIDE, PIXELS = 300.0, 32
@@ -38,12 +38,12 @@ def test_a_cut_off_that_leaves_too_much_out_fails():
 
 def test_the_budget_must_close_on_every_receiver():
     found = run(screens=[SCREEN, Screen.square(90.0, 200.0, PIXELS, 0.0)], names=("far", "near"))
-    assert all(criterion.holds for criterion in stray_criteria(found))
+    assert all(criterion.holds for criterion in found.judge())
     for number in (0, 1):
         for error, passed in ((0.99 * BALANCE, True), (1.01 * BALANCE, False)):
             receivers = list(found.receivers)
             receivers[number] = receivers[number].model_copy(update={"balance_error": error})
-            balance = stray_criteria(found.model_copy(update={"receivers": tuple(receivers)}))[0]
+            balance, *_ = found.changed(receivers=tuple(receivers)).judge()
             assert (balance.key, balance.holds) == ("stray_balance", passed)
 
 

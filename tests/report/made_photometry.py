@@ -11,7 +11,6 @@ from lensforge.light.photometry_result import (
     PlaneFigures,
     WrittenFile,
     WrittenFiles,
-    photometry_criteria,
 )
 from lensforge.light.road_judgement import judged_roads
 from lensforge.light.road_lighting import RoadFigures
@@ -48,7 +47,6 @@ def make_photometry(lens, **changes):
         "node_error": Extent(max=0.03, rms=0.01),
         "interpolation_error": 0.002,
         "files": files,
-        "criteria": photometry_criteria(files, None),
         "c_deg": C_DEG,
         "gamma_deg": GAMMA_DEG,
         "candela": table.values,

@@ -24,7 +24,6 @@ from lensforge.made.measurement_result import (
     PhotoComparison,
     SurfaceComparison,
 )
-from lensforge.proof.acceptance import stray_criteria
 from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast, ReceiverStray, StrayFlux, StrayLight
 from lensforge.results import Metric
 from lensforge.scene.receiver_shapes import build_receiver
@@ -58,10 +57,8 @@ def make_stray(lens, **changes):
     content = {
         "inputs": {"lens": lens.sha256},
         "receivers": (make_receiver_stray(first, **of_first), *map(make_receiver_stray, others)),
-        "criteria": (),
     }
-    stray = filled(StrayLight, **{**content, **of_record})
-    return stray if "criteria" in of_record else stray.model_copy(update={"criteria": stray_criteria(stray)})
+    return filled(StrayLight, **{**content, **of_record})
 
 
 def make_photo(lens, **changes):

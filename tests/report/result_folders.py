@@ -6,8 +6,9 @@ from filled import filled
 from made_photometry import make_photometry
 from undrawn import without_views
 
+from lensforge.cad.face_tolerance import FaceTolerance
 from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, stamp_of
-from lensforge.light.evaluation_result import Light, light_criteria
+from lensforge.light.evaluation_result import Light
 from lensforge.light.metrics import nmse
 from lensforge.light.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight
 from lensforge.proof.acceptance import proof_criteria
@@ -172,7 +173,6 @@ def make_design(lens, **changes):
         "source": SourceSummary(title="2 mm square", flux_w=1.0, symmetry="square"),
         "source_outline_mm": ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)),
         "history": HISTORY,
-        "criteria": (criterion("cavity clearance", 0.5, -0.001, ">="),),
     }
     return filled(Design, **{**content, **changes})
 
@@ -224,7 +224,6 @@ def make_light(lens, **changes):
         "filter": "3x3 Gaussian, variance 1 pixel^2",
         "lumens_per_watt": lens.spec.source.luminous_efficacy_lm_per_w,
         "table_error_nm": {"inner": 0.75, "outer": 1.75},
-        "criteria": light_criteria(receivers[0].flux),
     }
     return filled(Light, **{**content, **of_record})
 
@@ -247,7 +246,13 @@ def make_part(lens, stl=None, **changes):
         "nodes": {"inner": 33, "outer": 65},
         "signature": {"author": "", "organisation": "", "date": None},
         "files": {name: stamp_of(content) for name, content in files.items()},
-        "criteria": (criterion("form_error", 1.75, 10.0),),
+        "face_tolerance": FaceTolerance(form_nm=10.0),
+        "step_valid": True,
+        "step_volume_change": 1e-13,
+        "watertight": True,
+        "watertight_3mf": True,
+        "genus_difference": 0,
+        "volume_mesh_mm3": SIZE.volume_mm3,
         "step": files[STEP_FILE],
         "stl": files[STL_FILE],
         "threemf": files[THREEMF_FILE],

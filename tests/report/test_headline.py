@@ -32,7 +32,7 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
         < text.index(f"Manufacture: fail {sentence}")
         < text.index("Peak irradiance")
     )
-    assert "All 30 criteria on simulation and files are met; the required light is not." in text, "another matter"
+    assert "All 39 criteria on simulation and files are met; the required light is not." in text, "another matter"
     assert "✓ CAD files: pass" in text
 
 

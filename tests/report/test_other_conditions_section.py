@@ -65,7 +65,7 @@ def test_other_results_say_their_conditions_and_misses():
     assert "Efficiency of the part 84.75\u2009%" in row.fact("figures").text
     assert row.note.startswith("missed: ") and "; missed: deviation_rms = 0.0125 mm" in row.note
     text = text_of(with_others(proof))
-    assert "All 30 criteria on simulation and files are met" in text, "those of the lens's own results"
+    assert "All 39 criteria on simulation and files are met" in text, "those of the lens's own results"
 
 
 def test_designs_are_compared_by_their_own_light():
@@ -104,6 +104,6 @@ def test_the_top_line_is_the_verdict(changes, sentence, shown):
     assert text.index(sentence) < text.index("The light")
     assert (
         text.index(sentence)
-        < text.index("All 30 criteria on simulation and files are met")
+        < text.index("All 39 criteria on simulation and files are met")
         < text.index("All criteria")
     )

@@ -1,0 +1,144 @@
+"""Figures that are declared at their fields: what is told, judged, stored, and held against a file."""
+
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import pytest
+
+from lensforge.errors import InputError
+from lensforge.results import Count, Extent, Flag, Metric, NotNegative, Record, StageResult
+from lensforge.results.criteria import Criteria
+from lensforge.results.figure import Criterion, Figure, facts_in, figure, figures_of
+from lensforge.results.files import read_json, write_json
+from lensforge.results.record import InCriterion
+from lensforge.results.stage_result import with_checksum
+
+
+class Rim(Record):
+    """A record within a result."""
+
+    gap_um: Annotated[
+        NotNegative,
+        Figure("Gap", "of {edges} edges, {wide_mm:3} wide", digits=3),
+        Criterion("<=", lambda joint: joint.most_um, "gap of the rim", "close {wide_mm:3}", tolerance=0.5),
+    ]
+    wide_mm: NotNegative
+    edges: Count
+
+
+class Joint(StageResult):
+    """A result whose second criterion is missed."""
+
+    stage: ClassVar[str] = "joint"
+    made_from: ClassVar[tuple[str, ...]] = ()
+
+    closed: Annotated[Flag, InCriterion(), Criterion(">=", 1.0, "the joint is closed (1: yes)", "close it")]
+    slip_mm: Annotated[
+        Extent, Figure("Slip", of="rms"), Criterion("<=", 0.25, "largest slip", lambda joint: joint.advice, of="max")
+    ]
+    torque: Annotated[Metric | None, Figure("Torque", missing="not measured"), Criterion(">=", 2.0, "torque", "turn")]
+    share: Annotated[NotNegative, Figure("Light", unit="%"), Criterion("<=", 0.2, "light that is lost", "")]
+    rim: Rim
+    most_um: Annotated[float, InCriterion("rim_gap", "limit")]
+    advice: str = "hold it"
+    criteria: Criteria = ()
+
+    @property
+    @figure(Figure("Twice the slip", key="twice"), Criterion("<=", lambda _: None, "asks for nothing", ""))
+    def twice_mm(self) -> float:
+        """A figure that follows from others."""
+        return 2.0 * self.slip_mm.rms
+
+
+def joint(**changes: Any) -> Joint:
+    content: dict[str, Any] = {
+        "closed": True,
+        "slip_mm": Extent(max=0.5, rms=0.125),
+        "torque": Metric(value=2.1, unit="N m", standard_error=0.1),
+        "share": 0.25,
+        "rim": Rim(gap_um=7.25, wide_mm=1.5, edges=3),
+        "most_um": 7.0,
+    }
+    return Joint(**{**content, **changes})
+
+
+def states(made: Joint) -> dict[str, str]:
+    return {criterion.key: criterion.state for criterion in made.criteria}
+
+
+def test_criteria_follow_from_the_figures() -> None:
+    assert states(joint()) == {
+        "closed": "pass", "slip": "fail", "torque": "undecided", "share": "fail", "rim_gap": "pass",
+    }  # fmt: skip
+    judged = {criterion.key: criterion for criterion in joint().criteria}
+    assert (judged["slip"].value, judged["slip"].bound, judged["slip"].unit) == (0.5, 0.25, "mm")
+    assert (judged["slip"].remedy, judged["slip"].label) == ("hold it", "largest slip")
+    assert (judged["rim_gap"].bound, judged["rim_gap"].tolerance, judged["rim_gap"].unit) == (7.0, 0.5, "µm")
+    assert judged["rim_gap"].remedy == "close 1.5 mm"
+    assert states(joint(closed=False, torque=None)) | {"slip": ""} == {
+        "closed": "fail", "slip": "", "torque": "fail", "share": "fail", "rim_gap": "pass",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("most_um", "state"), [(6.75, "pass"), (6.7499, "fail")])
+def test_a_value_may_miss_its_limit_by_the_tolerance_and_no_more(most_um: float, state: str) -> None:
+    assert states(joint(most_um=most_um))["rim_gap"] == state
+
+
+def test_facts_are_views_of_the_fields() -> None:
+    made = joint()
+    told = {fact.key: fact for fact in facts_in(made, made.criteria)}
+    assert list(told) == ["slip", "torque", "share", "rim_gap", "twice"]
+    assert told["slip"].text == "0.125 mm" and told["slip"].limit is None, "another entry is judged"
+    assert told["rim_gap"].sentence == "7.25 µm (required ≤ 7 µm); of 3 edges, 1.5 mm wide"
+    assert (told["torque"].state, told["torque"].limit) == ("undecided", 2.0)
+    assert (told["share"].value, told["share"].limit, told["share"].unit) == (25.0, 20.0, "%")
+    assert told["twice"].value == 0.25
+    assert {fact.key: fact.text for fact in facts_in(joint(torque=None))}["torque"] == "not measured"
+
+
+def test_the_figures_of_a_class_are_known_without_a_record() -> None:
+    assert [(key, declared.label) for key, declared in figures_of(Joint)] == [
+        ("slip", "Slip"), ("torque", "Torque"), ("share", "Light"), ("rim_gap", "Gap"), ("twice", "Twice the slip"),
+    ]  # fmt: skip
+
+
+def test_what_a_criterion_tells_stands_once_in_the_file_and_is_read_from_there(tmp_path: Path) -> None:
+    for made in (joint(), joint(closed=False, most_um=8.5)):
+        made.write(tmp_path)
+        stored = read_json(tmp_path / "joint.json", "")
+        assert not {"closed", "most_um"} & stored.keys()
+        again = Joint.read(tmp_path)
+        assert again == made and again.criteria == made.criteria and again.sha256 == made.sha256
+        assert (again.closed, again.most_um) == (made.closed, made.most_um)
+
+
+@pytest.mark.parametrize(
+    ("number", "entry", "value"), [(1, "limit", 0.75), (1, "value", 0.2), (4, "tolerance", 1.0), (2, "sense", "<=")]
+)
+def test_a_criterion_that_does_not_follow_is_refused(tmp_path: Path, number: int, entry: str, value: Any) -> None:
+    """The second of them, too; with a checksum that is right."""
+    joint().write(tmp_path)
+    stored = read_json(tmp_path / "joint.json", "")
+    forged = stored["criteria"][number]
+    forged[entry] = value
+    better = {"<=": forged["value"] <= forged["limit"] + forged["tolerance"], ">=": forged["value"] >= forged["limit"]}
+    forged["passed"] = better[forged["sense"]] and forged.get("standard_error") is None
+    write_json(tmp_path / "joint.json", with_checksum(stored))
+    with pytest.raises(InputError, match="not as it follows from the other entries"):
+        Joint.read(tmp_path)
+
+
+def test_words_of_another_version_are_kept(tmp_path: Path) -> None:
+    """A folder whose remedies have since been written better still reads, with the hash that its run states."""
+    made = joint()
+    made.write(tmp_path)
+    stored = read_json(tmp_path / "joint.json", "")
+    stored["criteria"][1]["remedy"] = "as it was said before"
+    stored["criteria"].reverse()  # which the order in which fields stand may change, too
+    write_json(tmp_path / "joint.json", with_checksum(stored))
+    again = Joint.read(tmp_path)
+    slip = next(criterion for criterion in again.criteria if criterion.key == "slip")
+    assert (slip.remedy, slip.label) == ("as it was said before", "largest slip")
+    assert [criterion.key for criterion in again.criteria] == [each["name"] for each in stored["criteria"]]
+    assert again.sha256 != made.sha256
