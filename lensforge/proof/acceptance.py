@@ -11,6 +11,7 @@ from itertools import chain
 
 from lensforge.proof.file_form import form_criteria
 from lensforge.proof.proof_result import (
+    FINER,
     Agreement,
     BrepCast,
     IndependentRays,
