@@ -183,7 +183,8 @@ def export_record(case):
     if spec["plate"] is None:
         return record | {"plate": None}
     own, criteria = plate_record(case)
-    return record | {"plate": own, "criteria": record["criteria"] + criteria}
+    *of_lens, facets_cut = record["criteria"]  # follows from two fields, and stands behind those of the plate
+    return record | {"plate": own, "criteria": [*of_lens, *criteria, facets_cut]}
 
 
 def plate_record(case):
