@@ -38,7 +38,7 @@ class Pivots:
 
     @staticmethod
     def of(rays: RayBundle, waist_mm: float | None) -> "Pivots":
-        """Those of ``rays``: their starts, or of measured ones where their lines cross the waist."""
+        """Origins of ``rays``: their starts, or of measured ones the crossings of their lines with the waist."""
         if waist_mm is None:
             return Pivots(rays, rays.origins, np.zeros(len(rays)))
         points = at_height(rays, waist_mm)

@@ -64,7 +64,7 @@ class LitRays(RayRows):
         return FaceNumbers(self.numbers, self.keys).at(faces, self.times[np.arange(len(faces)), faces])
 
     def times_after(self, faces: Int[np.ndarray, " n"]) -> Int[np.ndarray, "n f"]:
-        """How often each ray has met each face once it has met this one, below 0 for none."""
+        """Number of meetings of each ray with each face once it has met this one, below 0 for none."""
         return self.times + (np.arange(self.times.shape[1]) == faces[:, None])
 
 

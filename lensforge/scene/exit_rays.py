@@ -50,7 +50,7 @@ class ExitRays:
         return ExitRays(**{name: np.concatenate([getattr(each, name) for each in parts]) for name in first})
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "ExitRays":
-        """Where some of the rays leave, NumPy arrays: their places, directions, flux and fates."""
+        """Exit of some of the rays as NumPy arrays: places, directions, flux and fates."""
         columns = (self.points, self.directions, self.flux, self.sin2_exit, self.fates)
         return ExitRays(*(each[rows] for each in columns))
 
