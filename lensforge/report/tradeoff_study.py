@@ -22,7 +22,8 @@ from lensforge.results.numerals import number
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, Progress
 from lensforge.search.parameters import settled_symmetry
-from lensforge.search.searches import design, search_kinds
+from lensforge.search.searches import design
+from lensforge.search.searches_in_turn import search_in_turn
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import each_of
@@ -135,7 +136,7 @@ def _search_rows(spec: Spec, source: Source, rays: int, accuracy: AnyAccuracy) -
         if step.steps_done == step.steps_total:
             stages.append((step, step.lens()))
 
-    search_kinds(spec.with_automatic_levels(), source, accuracy=accuracy, progress=keep)
+    search_in_turn(spec.with_automatic_levels(), source, accuracy=accuracy, progress=keep)
     rows = []
     for step, lens in stages:
         traced = TracedLens.of(lens, preset_of(accuracy).evaluate_nodes_per_sigma)

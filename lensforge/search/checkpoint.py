@@ -94,19 +94,22 @@ def load_checkpoint(path: Path, key: str) -> tuple[CheckpointHead, dict[str, np.
     return head, arrays
 
 
-def of_kinds(path: Path) -> Path:
-    """Checkpoint of lenses of several kinds, beside that at ``path`` of the one lens from which they begin."""
-    return path.with_name(f"{path.stem}_kinds{path.suffix}")
+_MOST_SEARCHES = 3  # in turn: polished, frosted, of all kinds
+
+
+def of_later_search(path: Path, number: int) -> Path:
+    """Checkpoint of the search that follows so many others, beside that at ``path`` of the first."""
+    return path.with_name(f"{path.stem}_{number}{path.suffix}") if number else path
 
 
 def delete_checkpoint(path: Path) -> None:
-    """Delete the checkpoint at ``path``, where there is one, and that of kinds which began from its lens.
+    """Delete the checkpoint at ``path``, where there is one, and those of searches that began from its lens.
 
     Raises :class:`InputError` where that cannot be done.
     """
     try:
-        path.unlink(missing_ok=True)
-        of_kinds(path).unlink(missing_ok=True)
+        for number in range(_MOST_SEARCHES):
+            of_later_search(path, number).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be replaced ({error.strerror}); give another checkpoint") from None
 

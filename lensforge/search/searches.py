@@ -3,9 +3,9 @@
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from lensforge import seeds
 from lensforge.errors import InputError, SourceWarning, remedy
@@ -15,8 +15,8 @@ from lensforge.light.source_photometry import SourceLumens
 from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, load_lens
-from lensforge.search.checkpoint import of_kinds
-from lensforge.search.design_result import Design, Observer, Progress, Start
+from lensforge.search.design_result import Design, Observer, Start
+from lensforge.search.searches_in_turn import search_in_turn
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.sources.several_sources import SeveralSources
@@ -101,7 +101,7 @@ def design(
     start = _start_of(spec, start)
     source, warned = _checked_scene(spec, start, warn, force=force)
     with threads_of_torch(threads):
-        return search_kinds(
+        return search_in_turn(
             spec,
             source,
             accuracy=accuracy,
@@ -240,7 +240,7 @@ class SeededSearch:
 
     def made(self, seed: int) -> tuple[Design, Start]:
         """One search, and the light of its lens."""
-        design = search_kinds(
+        design = search_in_turn(
             self.spec,
             searched_source(self.spec),
             accuracy=self.accuracy,
@@ -330,57 +330,3 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
             evaluate_traced(traced, spec, own, rays, seed, limits=limits, on_roads=on_roads, bounds_by=source)
         )
     return lights
-
-
-def search_kinds(
-    spec: Spec,
-    source: "Source",
-    *,
-    start: Lens | None = None,
-    checkpoint: Path | None = None,
-    resume: bool = False,
-    progress: Observer | None = None,
-    **options: Any,
-) -> Design:
-    """Search for the lens of ``spec``; where lamps have lenses of several kinds, first for one, and from it for all.
-
-    ``start``: with the lenses of all kinds, they go on from these at once. The kinds have a checkpoint of their own
-    beside that of the first search, which stays until they end.
-    """
-    from lensforge.search.optimiser import search
-
-    if spec.lamps is None or not spec.all_lamps.kinds or (start is not None and start.others):
-        return search(spec, source, start=start, checkpoint=checkpoint, resume=resume, progress=progress, **options)
-    equal = spec.changed(lamps=spec.lamps.of_one_kind)
-    first = search(equal, source, start=start, checkpoint=checkpoint, resume=resume, progress=progress, **options)
-    after = None if progress is None else _after(first, progress)
-    beside = None if checkpoint is None else of_kinds(checkpoint)
-    again = resume and beside is not None and beside.exists()
-    found = search(spec, source, start=first.lens, checkpoint=beside, resume=again, progress=after, **options)
-    return _joined(first, found)
-
-
-def _after(first: Design, progress: Observer) -> Observer:
-    """An observer to which the steps of ``first`` have been done."""
-    levels = _levels(first)
-
-    def heard(now: Progress) -> object:
-        steps_done, steps_total = first.steps + now.steps_done, first.steps + now.steps_total
-        both = replace(now, level=levels + now.level, seconds=first.seconds + now.seconds)
-        return progress(replace(both, steps_done=steps_done, steps_total=steps_total))
-
-    return heard
-
-
-def _levels(design: Design) -> int:
-    return 1 + max((level.level for level in design.history), default=-1)
-
-
-def _joined(first: Design, found: Design) -> Design:
-    levels = _levels(first)
-    later = tuple(level.changed(level=levels + level.level) for level in found.history)
-    each = {"one lens": first.ended, "lenses of all kinds": found.ended}
-    ended = "; ".join(f"{which}: {words}" for which, words in each.items() if words) or None
-    both: dict[str, object] = {"steps": first.steps + found.steps, "seconds": first.seconds + found.seconds}
-    both |= {"ended": ended, "kept_start": first.kept_start and found.kept_start}
-    return found.changed(**both, history=(*first.history, *later))

@@ -18,7 +18,7 @@ from lensforge.search.feasibility import measure_constraints
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problem, Problems
-from lensforge.search.searches import search_kinds
+from lensforge.search.searches_in_turn import search_in_turn
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 
@@ -95,10 +95,10 @@ def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
             raise Stop
 
     with pytest.raises(Stop):
-        search_kinds(spec, source, accuracy=FEW, checkpoint=path, progress=stop)
+        search_in_turn(spec, source, accuracy=FEW, checkpoint=path, progress=stop)
     assert heard == list(range(1, 25))
-    found = search_kinds(spec, source, accuracy=FEW, checkpoint=path, resume=True)
-    assert search_kinds(spec, source, accuracy=FEW).lens.sha256 == found.lens.sha256
+    found = search_in_turn(spec, source, accuracy=FEW, checkpoint=path, resume=True)
+    assert search_in_turn(spec, source, accuracy=FEW).lens.sha256 == found.lens.sha256
     one, kinds = found.history
     assert (found.steps, one.level, kinds.level) == (28, 0, 1)
     assert np.mean(kinds.nmse[-3:]) < 0.9 * np.mean(one.nmse[-3:])

@@ -91,7 +91,7 @@ def test_a_stage_has_the_seconds_of_the_search_so_far(monkeypatch):
                 )
             )  # fmt: skip
 
-    monkeypatch.setattr(tradeoff_study, "search_kinds", search)
+    monkeypatch.setattr(tradeoff_study, "search_in_turn", search)
     rows = tradeoff_study._search_rows(SPEC, build_source(SPEC.source), 2**12, FEW)
     assert [row.seconds for row in rows] == [100.0, 200.0]
 
