@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Turn(NamedTuple):
-    """A search by ``spec``, in words. ``wanted``: the spec whose frosted faces its observer is shown; None for its own."""
+    """A search by ``spec``, in words. ``wanted``: the spec as whose lenses its observer is shown polished ones."""
 
     words: str
     spec: Spec

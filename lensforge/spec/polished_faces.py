@@ -15,7 +15,7 @@ def scatters_about_the_light(spec: Spec) -> bool:
 
 
 def polished(spec: Spec) -> Spec:
-    """``spec`` without the scatter of any face, and without limits on luminance, which polished faces could not keep."""
+    """``spec`` without the scatter of any face, and without limits on luminance, which polished ones do not keep."""
     faces = {name: face.changed(scatter=None) for name, face in spec.lens.faces.items()}
     limits = tuple(limit for limit in spec.limits if not isinstance(limit, LuminanceLimit))
     bodies = tuple(map(_polished_body, spec.bodies))
