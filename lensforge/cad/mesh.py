@@ -45,6 +45,7 @@ _CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid 
 # Facets nearer to the face help less: with half of their distance two of these seeds use 0.52 and 0.64.
 MIN_RINGS, MOST_RINGS = 68, 1000  # 1000 are 12 million triangles
 _RINGS_PER_NODE = 1.35  # of the finer face's spline
+_MOST_FOR_DETAIL = 310  # 1.2 million triangles; a narrow cup of 320 nodes would take 2.2 million, and minutes to read
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,8 @@ def rings_for(plan: Plan[Patch], chord_mm: float, least: int = MIN_RINGS) -> int
 
     ``least``: that light asks for.
     """
-    of_base, of_detail = 0.0, _RINGS_PER_NODE * max(face.shape.nodes for face in plan.faces)
+    of_base = 0.0
+    of_detail = min(_RINGS_PER_NODE * max(face.shape.nodes for face in plan.faces), _MOST_FOR_DETAIL)
     if plan.has_base:  # a polygon of 6 n corners is R (pi / 6n)^2 / 2 away from the widest cylinder
         radius = (plan.base.flange_diameter_mm or plan.base.widest_mm) / 2.0
         of_base = np.pi / 6.0 * np.sqrt(radius / (2.0 * chord_mm))

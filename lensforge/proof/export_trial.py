@@ -21,7 +21,7 @@ from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import MIN_RINGS, MOST_RINGS, BodyMesh, build_mesh, rings_for
 from lensforge.cad.mesh_files import stl_bytes
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import make_plan
+from lensforge.cad.plan import Plan, make_plan
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import thread_count
 from lensforge.light.lens_light import judging_source
@@ -105,25 +105,42 @@ def _nodes(pair: Pair[Patch]) -> list[int]:
 
 
 def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int:
-    """The rings from which on the mesh lands light within the margin, or from which on more rings gain nothing."""
+    """The rings from which on the mesh lands light within the margin, or the most that are tried, which is told."""
     plan = make_plan(*pair, base_with_room(lens), ring_of(lens, pair[1]))
     rings = rings_for(plan, CHORD_MM)
-    used = max(trial.used_by_mesh(build_mesh(plan, rings, CHORD_MM)) for trial in trials)
+    mesh = build_mesh(plan, rings, CHORD_MM)
+    if len(mesh.triangles) > _MOST_TRIANGLES:  # for its detail finer than any mesh on trial
+        return rings
+    used = max(trial.used_by_mesh(mesh) for trial in trials)
     for _ in range(_ROUNDS):
         if used * MARGIN <= 1.0:
             break
         more = min(MOST_RINGS, int(np.ceil(rings * _step(used * MARGIN, _RINGS_POWER))))
-        try:
-            mesh = build_mesh(plan, more, CHORD_MM)
-        except InputError:  # it would take too many triangles
+        finer = _mesh_on_trial(plan, more)
+        if finer is None:
             break
-        if len(mesh.triangles) > _MOST_TRIANGLES:
-            break
-        before, used = used, max(trial.used_by_mesh(mesh) for trial in trials)
+        before, used = used, max(trial.used_by_mesh(finer) for trial in trials)
         if used > _LEAST_GAIN * before:
             break
         rings = more
+    if used > 1.0:
+        warnings.warn(
+            f"export: with {rings} rings the facets of lens.stl use {used:.3g} times what verification allows, and more "
+            "rings are too many, or gain too little; lens.step decides, --rings makes them finer",
+            stacklevel=3,
+        )
     return rings
+
+
+def _mesh_on_trial(plan: Plan[Patch], rings: int) -> BodyMesh | None:
+    """The mesh of so many ``rings``; None where it has too many triangles."""
+    if 12 * rings**2 > _MOST_TRIANGLES:  # of two faces, before any facet is split
+        return None
+    try:
+        mesh = build_mesh(plan, rings, CHORD_MM)
+    except InputError:
+        return None
+    return mesh if len(mesh.triangles) <= _MOST_TRIANGLES else None
 
 
 def _step(excess: float, power: float) -> float:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from geometry_lenses import ALL_LEVELS, make_lens
+from own_files import verified
 
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.face_tolerance import FaceTolerance
@@ -12,7 +13,8 @@ from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.plan import make_plan
 from lensforge.light.simulation import TracedLens, design_landings
-from lensforge.proof.acceptance import BREP_DEVIATION_RAD
+from lensforge.proof import export_trial
+from lensforge.proof.acceptance import BREP_DEVIATION_RAD, deciding_criteria
 from lensforge.proof.export_trial import Fineness, _Trial, fineness
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.surface import ScaledSurface
@@ -67,5 +69,35 @@ def test_normals_and_rings_are_as_fine_as_half_of_what_verification_allows() -> 
     assert fineness(lens, found.tolerance, rings=12) == Fineness(found.tolerance)
 
 
+def test_a_trial_ends_and_tells_what_its_facets_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With so few triangles no finer mesh is tried; the first one uses more than all, and is told, not refused."""
+    lens = make_lens(3.0, 7.0, 0.05, seed=5, levels=ALL_LEVELS, base={"kind": "none"})
+    monkeypatch.setattr(export_trial, "rings_for", lambda *_: 12)
+    monkeypatch.setattr(export_trial, "_MOST_TRIANGLES", 12 * 14**2)
+    monkeypatch.setattr(export_trial, "CHORD_MM", 1.0)
+    with pytest.warns(UserWarning, match=r"with 12 rings the facets of lens.stl use [1-9][.0-9]* times what"):
+        assert fineness(lens, FINE).rings == 12
+    built = []
+    monkeypatch.setattr(export_trial, "build_mesh", lambda *given: built.append(given))
+    assert export_trial._mesh_on_trial(None, 15) is None and not built, "known to be too large before it is made"
+
+
+def test_a_mesh_that_its_detail_makes_finer_than_any_on_trial_is_not_cast(
+    lens: Lens, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(export_trial, "rings_for", lambda *_: 12)
+    monkeypatch.setattr(export_trial, "_MOST_TRIANGLES", 100)
+    monkeypatch.setattr(_Trial, "used_by_mesh", lambda *_: pytest.fail("cast"))
+    assert fineness(lens, FINE).rings == 12
+
+
 def test_nodes_that_are_given_are_kept(lens: Lens) -> None:
     assert fineness(lens, COARSE, nodes=20, rings=12).tolerance == COARSE
+
+
+@pytest.mark.nightly("two minutes; benchmarks/own_files.py takes any number of them")
+def test_random_lenses_pass_their_own_files() -> None:
+    """Two freeform faces and a collimator, not searched, by what decides: form and STEP, and facets where they do."""
+    for _, part, proof in verified(2):
+        missed = [fact.key for fact in (*part.criteria, *deciding_criteria(proof)) if fact.state == "fail"]
+        assert not missed

@@ -181,6 +181,9 @@ def test_rings_follow_the_detail_of_the_faces_and_the_width_of_the_base():
     assert rings_for(plan, 1e-3) == 98
     fine = make_plan(fit_patch(random_surface(6.0, 0.02, 1), 200), plan.envelope, NONE)
     assert rings_for(fine, 1e-3) == 270
+    finest = make_plan(fit_patch(random_surface(6.0, 0.02, 1), 320), plan.envelope, NONE)
+    assert rings_for(finest, 1e-3) == 310, "1.35 a node were 432: 2.2 million triangles"
+    assert rings_for(finest, 1e-3, 400) == 400, "light asks for them"
     wide = plan_of(random_surface(6.0, 0.0, 1), random_surface(13.7, 0.0, 51), BaseSection(diameter_mm=600.0))
     rings = rings_for(wide, 1e-3)
     assert rings > 128

@@ -11,7 +11,7 @@ from shop_lenses import small_lens
 
 from lensforge.cad.part_export import build_part
 from lensforge.errors import InputError
-from lensforge.report.results import Results
+from lensforge.report.results import Results, handover
 from lensforge.results import Fact
 from lensforge.results.criteria import at_least
 from lensforge.shop.check import check_lens
@@ -116,7 +116,9 @@ def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results)
     assert '<td>not measured</td><td>≥ 1 mm</td><td class="no">fail</td>' in page
 
 
-def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
+@pytest.fixture(scope="module")
+def moulded():
+    """Results of a moulded lens with all that a mould takes."""
     shop = {
         "process": "moulded",
         "shrinkage": 0.0125,
@@ -126,8 +128,37 @@ def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
     }
     lens = small_lens(manufacture=shop)
     part = build_part(lens, rings=16, extension_deg=5.0)
-    results = Results(lens, {"export": part, "check": check_lens(part.lens, part.nodes)})
-    handed = files_of(results)
+    return Results(lens, {"export": part, "check": check_lens(part.lens, part.nodes)})
+
+
+def require_faces(lens, handed, scale, into_air):
+    """Assert that points of each face lie on it times ``scale``, and its normals away from the axis (1) or to it."""
+    for name, sign in into_air.items():
+        values = numbers_of(table(handed.points_csv), name)
+        points, normals = values[:, :3], values[:, 3:6]
+        radius = np.linalg.norm(points, axis=1)
+        assert np.abs(radius - scale * getattr(lens, name).radius(points / radius[:, None])).max() < 5e-9
+        assert (sign * np.sum(points * normals, axis=1) > 0.0).all()
+
+
+def test_a_prototype_of_a_moulded_lens_has_the_sheet_and_the_tables_of_its_own_process(moulded):
+    """Turned it is the lens itself: of its size, its normals into its own air, and no faces that a mould would have."""
+    handed, lens = handover(moulded, process="turned", spacing_mm=0.4), moulded.lens
+    assert handed.scale is None and handed.notes == ()
+    require_faces(lens, handed, 1.0, {"inner": -1.0, "outer": 1.0})
+    for name in ("points.csv", *(grid.file for grid in handed.grids)):
+        head = "".join(line for line in handed.files[name].decode().splitlines(True) if line.startswith("# "))
+        assert "shrinkage: none; the points are those of the lens itself" in head, name
+    text = unescape(handed.html.decode("utf-8"))
+    assert "Process: turned" in text and "This part is turned, other than it was designed for" in text
+    assert "Process: moulded" not in text and "1.0125" not in text and "lens_surfaces.step" not in text
+    assert {"lens.step", "lens.stl"} <= handed.sha256.keys() and "lens_surfaces.step" not in handed.sha256
+    assert handed.sha256["lens.step"] == moulded.part.files["lens.step"].sha256, "the body is that of the export"
+    assert "Process: moulded" in unescape(files_of(moulded).html.decode("utf-8"))
+
+
+def test_page_and_tables_name_author_date_tolerance_and_shrinkage(moulded):
+    lens, part, handed = moulded.lens, moulded.part, files_of(moulded)
     text = unescape(handed.html.decode("utf-8"))
     for words in ("0.0125;", "the lens times 1.0125", "0.0025"):
         assert words in text
@@ -137,10 +168,4 @@ def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
         head = [line for line in handed.files[name].decode().splitlines() if line.startswith("# ")]
         for words in ("A. Author", "2026-03-31", "0.0125", lens.sha256, "units: mm", "the lens times 1.0125"):
             assert any(words in line for line in head), (name, words)
-    for name, into_air in (("inner", 1.0), ("outer", -1.0)):  # the mould's material is where the lens has none
-        values = numbers_of(table(handed.points_csv), name)
-        points, normals = values[:, :3], values[:, 3:6]
-        radius = np.linalg.norm(points, axis=1)
-        exact = 1.0125 * getattr(lens, name).radius(points / radius[:, None])
-        assert np.abs(radius - exact).max() < 5e-9
-        assert (into_air * np.sum(points * normals, axis=1) > 0.0).all()
+    require_faces(lens, handed, 1.0125, {"inner": 1.0, "outer": -1.0})  # a mould's material is where the lens has none
