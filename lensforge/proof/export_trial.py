@@ -125,8 +125,8 @@ def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int
         rings = more
     if used > 1.0:
         warnings.warn(
-            f"export: with {rings} rings the facets of lens.stl use {used:.3g} times what verification allows, and more "
-            "rings are too many, or gain too little; lens.step decides, --rings makes them finer",
+            f"export: with {rings} rings the facets of lens.stl use {used:.3g} times what verification allows, and "
+            "more are too many, or gain too little; lens.step decides, --rings makes them finer",
             stacklevel=3,
         )
     return rings
