@@ -84,6 +84,8 @@ _OTHER_UNITS += (
 _UNITS = frozenset((*_SPELLINGS, *_OTHER_UNITS)) - {""}
 _WORDS_TOO = ("in", "m", "j", "w")  # units that are words of a remark as well
 _QUARTER_TURN_RAD = 1.58  # rounded up
+_SUM = re.compile(r"\s*[-+−]\s*\d")  # behind a name it is another quantity: the refractivity n-1
+_EXPONENT = re.compile(r"\^?-?\d$|^per_(?=.)")
 _COMMENT_MARK = re.compile(r"^(?:#+|%\s|//+|!+)\s*")
 _LETTERS = str.maketrans({"µ": "u", "μ": "u", "°": "deg", "⁻": "-", "¹": "1", "²": "2", "³": "3"})
 _NAME = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")
@@ -155,7 +157,7 @@ class Column:
         for name in sorted(self.names, key=len, reverse=True):
             words = r"[\W_]*".join(map(re.escape, re.findall(r"[^\W_]+", _spelt(name))))
             found = re.match(rf"(\W*){words}(?![^\W_])", cell)
-            if found is not None:
+            if found is not None and not _SUM.match(cell, found.end()):
                 return cell[found.end() :] + ("%" if "%" in found[1] else "")
         joined = re.fullmatch(rf"({'|'.join(map(re.escape, self.names))})([^\W\d_]+)", cell)  # as in xmm
         known = joined is not None and not callable(self.units) and joined[2] in self.units
@@ -219,9 +221,9 @@ class Names:
             there = ", ".join(map(shown, self.cells[:_MOST_SHOWN]))
             raise InputError(f"{self.where}: no column {missing[0]}; found {there}; name it so if it is one of them")
 
-    def left_over(self, found: Places) -> str:
-        """Words for columns that are not used; empty where all are."""
-        used = {place for place, _ in found.values()}
+    def left_over(self, found: Places, read: Sequence[int] = ()) -> str:
+        """Words for columns that are neither ``found`` nor ``read`` otherwise; empty where there are none."""
+        used = {*read, *(place for place, _ in found.values())}
         others = [shown(cell) for place, cell in enumerate(self.cells) if place not in used and cell]
         return f"columns that are not used: {', '.join(others[:_MOST_SHOWN])}" if others else ""
 
@@ -319,7 +321,10 @@ def _is_of_other_table(cell: str) -> bool:
 
 
 def _is_unit(cell: str) -> bool:
-    return _canonical(_unit_in(_spelt(cell))) in _UNITS
+    """True for a unit, and for a product or quotient of such, as W/nm and mW cm-2."""
+    unit = _unit_in(_spelt(cell))
+    factors = re.split(r"[\s/*·]+", unit)
+    return _canonical(unit) in _UNITS or {_EXPONENT.sub("", _canonical(factor)) for factor in factors} <= _UNITS
 
 
 def header_cells(line: Line, dialect: Dialect, name: str) -> list[str]:

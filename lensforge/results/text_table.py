@@ -174,14 +174,16 @@ class TextTable:
         values[rows, places] = table[:, 2]
         return one.tolist(), other.tolist(), values.tolist()
 
-    def columns(self, wanted: Sequence[Column], *, further: bool = False) -> Float[np.ndarray, "n k"]:
+    def columns(
+        self, wanted: Sequence[Column], *, further: bool = False, read: Sequence[int] = ()
+    ) -> Float[np.ndarray, "n k"]:
         """The ``wanted`` columns in their order and units, by their names above the rows, where it has none by place.
 
-        NaN in one that is not needed and not there. ``further``: without names there may be more. Raises
-        :class:`InputError` for a column that is missing or there twice, for names and units that are not known; a
-        :class:`FileWarning` names columns that are not used.
+        NaN in one that is not needed and not there. ``further``: without names there may be more; ``read``: places of
+        columns that the caller reads. Raises :class:`InputError` for a column that is missing or there twice, for
+        names and units that are not known; a :class:`FileWarning` names columns that are not used.
         """
-        places = self._by_names(wanted, further) or self._by_place(wanted, further)
+        places = self._by_names(wanted, further, read) or self._by_place(wanted, further)
         if further and self.width > len(wanted):
             self._require_points()
         ragged = further and self.dialect.separator != ","  # where a decimal comma would be one more cell
@@ -198,13 +200,13 @@ class TextTable:
         heading = Heading(self.name, self.header, self.remarks, self.dialect, self.width)
         return heading.names(wanted, further=further)
 
-    def _by_names(self, wanted: Sequence[Column], further: bool) -> Places | None:
+    def _by_names(self, wanted: Sequence[Column], further: bool, read: Sequence[int]) -> Places | None:
         names = self.names(wanted, further=further)
         if names is None:
             return None
         found = names.places(wanted)
         names.require(found, wanted)
-        if words := names.left_over(found):
+        if words := names.left_over(found, read):
             warnings.warn(f"{names.where}: {words}", FileWarning, stacklevel=1)
         return found
 

@@ -75,13 +75,15 @@ def _in_text(table: TextTable, coordinates: Coordinates, of: FaceOfPart | None) 
     wanted = _COLUMNS[coordinates]
     either = (*wanted, *_MEASURED) if coordinates == "cartesian" else wanted
     names = table.names(either, further=True)
+    label = None
     if names is None:
         _require_uncounted(table, wanted)
     else:
         if coordinates == "cartesian" and _has(names, _MEASURED):
             wanted = _MEASURED
-        table = table if of is None else _rows_of(table, names, of)
-    cloud = table.columns(wanted, further=True)
+        label = None if of is None else _label(table, names, of)
+        table = table if of is None or label is None else _rows_of(table, names.cells[label], label, of)
+    cloud = table.columns(wanted, further=True, read=() if label is None else (label,))
     furthest = np.abs(cloud).max(axis=1)
     row = int(furthest.argmax())
     if furthest[row] > _FURTHEST_MM:
@@ -95,19 +97,25 @@ def _has(names: Names, wanted: Sequence[Column]) -> bool:
     return all(any(column.factor_of(cell) is not None for cell in names.cells) for column in wanted)
 
 
-def _rows_of(table: TextTable, names: Names, of: FaceOfPart) -> TextTable:
-    """The rows of one face; all of them where no column tells faces of the part apart."""
+def _label(table: TextTable, names: Names, of: FaceOfPart) -> int | None:
+    """Place of the column that tells the part's faces apart; one that names points, or another part's, is none."""
     place = next((at for at, cell in enumerate(names.cells) if cell.strip().lower() in _LABELS), None)
-    if place is None:
-        return table
-    labels = [row[place].strip().lower() if place < len(row) else "" for row in table.cells]
-    if not {name.lower() for name in of.faces} & set(labels):
-        return table  # names of single points, or of another program's features
+    faces = {name.lower() for name in of.faces}
+    return place if place is not None and faces & set(_labels(table, place)) else None
+
+
+def _labels(table: TextTable, place: int) -> list[str]:
+    return [row[place].strip().lower() if place < len(row) else "" for row in table.cells]
+
+
+def _rows_of(table: TextTable, title: str, place: int, of: FaceOfPart) -> TextTable:
+    """The rows of one face, by the column ``title`` at ``place``."""
+    labels = _labels(table, place)
     rows = [line for line, label in zip(table.rows, labels, strict=True) if label == of.name.lower()]
     if not rows:
         there = ", ".join(map(shown, list(dict.fromkeys(labels))[:_MOST_SHOWN]))
-        title = names.cells[place].strip()
-        raise InputError(f"{table.name}: no row of {title} {of.name!r}; found {there}; give the face that was measured")
+        words = f"no row of {title.strip()} {of.name!r}; found {there}"
+        raise InputError(f"{table.name}: {words}; give the face that was measured")
     return replace(table, rows=rows)
 
 

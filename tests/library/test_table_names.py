@@ -1,5 +1,6 @@
 """Names of columns: each quantity and unit is read as what it is, or refused; none is guessed."""
 
+import re
 import warnings
 from math import log, pi
 
@@ -186,6 +187,20 @@ def test_coatings_and_scatter_functions_take_no_other_quantity(tmp_path):
         TableScatter.read(written(tmp_path, "incidence_deg,scattering_deg,bsdf_log10\n0,0,2\n0,10,2\n"))
     found = TableScatter.read(written(tmp_path, "aoi,theta_s,bsdf\nrad,rad,1/sr\n0,0,2\n0,0.5,1\n"))
     np.testing.assert_allclose(found["scattering_deg"], [0.0, np.rad2deg(0.5)])
+
+
+@pytest.mark.parametrize("units", ["µm;W/nm", "um;mW nm-1", "[µm];[W/m²/nm]", "µm;µW·cm^-2·nm^-1"])
+def test_a_row_of_units_may_have_quotients(units, tmp_path):
+    waves, density = read_spectrum_file(written(tmp_path, f"wavelength;power\n{units}\n0,45;1,5\n0,55;3\n0,65;0,5\n"))
+    np.testing.assert_allclose(waves, [450.0, 550.0, 650.0])
+    np.testing.assert_allclose(density / density[0], [1.0, 2.0, 1.0 / 3.0])
+
+
+@pytest.mark.parametrize("name", ["n-1", "n - 1", "index-1", "n−1", "n + 1"])
+def test_a_sum_is_another_quantity(name, tmp_path):
+    rows = f"wavelength_nm,{name}\n400,1.5\n700,1.4\n"
+    with pytest.raises(InputError, match=f"no column index; found 'wavelength_nm', '{re.escape(name)}'"):
+        read_material(written(tmp_path, rows), None)
 
 
 def test_angles_that_can_only_be_radians_are_told(tmp_path):

@@ -53,6 +53,20 @@ def test_columns_are_taken_by_what_they_say(content: str, wanted: np.ndarray, tm
     assert len(found) in (len(wanted), 2 * len(wanted))
 
 
+@pytest.mark.parametrize(("head", "told"), [
+    ("surface,x,y,z,probe", ["'probe'"]),
+    ("surface,x,y,z,feature", ["'feature'"]),
+    ("name,x,y,z,probe", ["'name', 'probe'"]),
+])  # fmt: skip
+def test_a_column_by_which_rows_are_chosen_is_used(head: str, told: list[str], tmp_path: Path) -> None:
+    content = rows(POINTS, lambda n, p: comma("outer", *p, 1), f"{head}\n")
+    (tmp_path / "cloud.csv").write_text(content, encoding="utf-8")
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        read_cloud(tmp_path / "cloud.csv", of=OF)
+    assert [str(warning.message).partition("not used: ")[2] for warning in said] == told
+
+
 @pytest.mark.parametrize(("content", "words"), [
     (rows(POINTS, lambda n, p: comma(n, *p)), "line 1, column 1: this column counts the rows"),
     (rows(POINTS, lambda n, p: comma(n - 1, *p, 0.5)), "line 1, column 1: this column counts the rows"),
