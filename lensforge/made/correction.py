@@ -21,7 +21,6 @@ from lensforge.cad.plan import make_plan
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.made.areal_filter import ChangedSurface, FilteredPoints, RadialChange
 from lensforge.made.first_cut import FirstCut, Request
-from lensforge.made.measured_facts import correction_criteria
 from lensforge.made.measured_surface import ChangedLens, FacePixels, pose_of
 from lensforge.made.measurement_result import KEPT, Correction, CutterLimit
 from lensforge.results import Extent
@@ -172,9 +171,6 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
         second_cut=light.corrected or light.measured,
         change=light.change,
         by_led=lights if len(lights) > 1 else {},
-        criteria=correction_criteria(
-            cut.placed.share, cut.covered, error.form_max_nm, error.normal_max_mrad, built.volume_change, limit
-        ),
         file=stamp_of(built.step),
         chart=pixels.axis,
         area_mm2=pixels.area_mm2,

@@ -24,7 +24,6 @@ from lensforge.made.measurement_result import (
     Registration,
     SurfaceComparison,
     area_extent,
-    surface_criteria,
 )
 from lensforge.made.registration import RigidMotion, distances
 from lensforge.results import Conditions, Extent, Metric
@@ -182,7 +181,6 @@ def compare_surface(
         change=by_led[first].change,
         by_led=by_led if others else {},
         nmse_between=relative_square(np.stack([after.map, before.map])),
-        criteria=surface_criteria(cut.placed.share, cut.covered),
         points=cut.placed.points,
         distance_um=distance_um,
         chart=pixels.axis,

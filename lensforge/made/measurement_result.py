@@ -1,13 +1,16 @@
 """Results of measuring the part: a photograph of its light, points on a face, and a face corrected by them."""
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal, get_args
+from math import inf
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
+from lensforge.cad.face_tolerance import FINEST_MRAD, FINEST_NM
 from lensforge.cad.part import FileStamp, SplineNodes
+from lensforge.cad.part_limits import ROUND_TRIP_LIMIT
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.results import (
     Array,
@@ -30,7 +33,9 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart
-from lensforge.results.criteria import Criteria, at_least, at_most
+from lensforge.results.criteria import Criteria
+from lensforge.results.figure import Criterion, Figure, figure
+from lensforge.results.numerals import percent, quantity
 from lensforge.results.plots import Axes, plot_curves, plot_face
 from lensforge.spec.part_section import Process
 
@@ -142,14 +147,44 @@ class PhotoComparison(StageResult):
     height_mm: Positive
     gamma: Positive
     pixels: Count
-    ssim: Number
-    nmse: NotNegative
-    alignment: Alignment
-    aligned: Similarity
-    measured_evenness: Evenness
+    ssim: Annotated[Number, Figure("Similarity (SSIM)", "to the simulation; 1 is equal", digits=3)]
+    nmse: Annotated[NotNegative, Figure("NMSE against simulation", key="photo_nmse", digits=3)]
+    alignment: Annotated[
+        Alignment,
+        Figure("Shift in x", key="displacement_x_mm", of="displacement_x_mm"),
+        Figure("Shift in y", key="displacement_y_mm", of="displacement_y_mm"),
+        Figure("Scale", "measured/simulated", key="scale", of="scale"),
+        Figure("Rotation", "counter-clockwise", key="rotation_deg", of="rotation_deg"),
+    ]
+    aligned: Annotated[
+        Similarity,
+        Figure("SSIM after alignment", key="aligned_ssim", of="ssim", digits=3),
+        Figure("NMSE after alignment", key="aligned_nmse", of="nmse", digits=3),
+    ]
+    measured_evenness: Annotated[
+        Evenness,
+        Figure(
+            "Uniformity, measured",
+            "simulated {simulated_evenness.uniformity:3}",
+            key="photo_uniformity",
+            of="uniformity",
+            digits=3,
+        ),
+    ]
     simulated_evenness: Evenness
-    clipped: Share
-    criteria: Criteria
+    clipped: Annotated[
+        Share,
+        Figure("Saturated pixels", "of the target", unit="%", digits=3),
+        Criterion(
+            "<=",
+            CLIPPED_SHARE,
+            "saturated pixels of the photograph",
+            "use a shorter exposure, the same for both photographs",
+            name="photo_clipped",
+            unit="of the target",
+        ),
+    ]
+    criteria: Criteria = ()
     measured: Image
     simulated: Image
 
@@ -178,21 +213,6 @@ def central_line(image: Float[np.ndarray, "h w"], axis: AxisName) -> Float[np.nd
     lines = image if axis == "x" else image.T
     middle = len(lines) // 2
     return np.asarray(lines[middle - (len(lines) % 2 == 0) : middle + 1].mean(axis=0))
-
-
-def photo_criteria(clipped: float) -> Criteria:
-    """The one criterion on a photograph; ``clipped``: overexposed share of the target."""
-    remedy = "use a shorter exposure, the same for both photographs"
-    return (at_most("photo_clipped", clipped, CLIPPED_SHARE, "of the target", remedy),)
-
-
-def surface_criteria(used: float, covered: float) -> Criteria:
-    """Criteria on measured points: the shares of points on the surface, and of the surface that has points."""
-    other = "give the points of this surface alone, close to lens coordinates"
-    return (
-        at_least("points_used", used, USED_SHARE, "of the points", other),
-        at_least("surface_covered", covered, COVERED_SHARE, "of the surface", "measure more of the surface"),
-    )
 
 
 class RegisteredPose(Record):
@@ -263,14 +283,34 @@ class MeasuredFace(SimulatedResult):
     surface: Text
     registration: Registration
     point_count: Count
-    used_share: Share
-    covered_share: Share
+    used_share: Annotated[
+        Share,
+        Criterion(
+            ">=",
+            USED_SHARE,
+            "measured points that lie on the surface",
+            "give the points of this surface alone, close to lens coordinates",
+            name="points_used",
+            unit="of the points",
+        ),
+    ]
+    covered_share: Annotated[
+        Share,
+        Criterion(
+            ">=",
+            COVERED_SHARE,
+            "part of the surface that was measured",
+            "measure more of the surface",
+            name="surface_covered",
+            unit="of the surface",
+        ),
+    ]
     pose: RegisteredPose
     rays: Count
     design: LightMetrics
     change: LightMetrics
     by_led: dict[Text, MeasuredLight] = Field(default_factory=dict)
-    criteria: Criteria
+    criteria: Criteria = ()
     chart: Annotated[Float[np.ndarray, " m"], Array("m")]
     area_mm2: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True, least=0.0)]
 
@@ -321,6 +361,24 @@ KEPT = 1e-3
 _STEP_FILE = "lens_corrected.step"  # of a face called outer: lens_corrected_outer.step
 
 
+_LONGER_WAVES = "take a longer wavelength_mm"
+
+
+def _designed_radius(made: Any) -> str:
+    before = made.cutter.concave_radius_before_mm
+    designed = "none" if before is None else quantity(before, "mm", digits=4)
+    return f"designed {designed}, cutter {quantity(made.cutter.cutter_radius_mm, 'mm', digits=3)}"
+
+
+def _least_radius_mm(made: Any) -> float | None:
+    """Radius of the ball, or the designed one where that is tighter already; None for a face that is convex."""
+    cutter = made.cutter
+    if cutter.concave_radius_mm is None:
+        return None
+    before = inf if cutter.concave_radius_before_mm is None else cutter.concave_radius_before_mm
+    return float(min(cutter.cutter_radius_mm, before) * (1.0 - 2.0 * KEPT))
+
+
 class CutterLimit(Record):
     """The ball cutter's limit on a correction; radii are the smallest concave ones, None where there is none.
 
@@ -330,7 +388,13 @@ class CutterLimit(Record):
 
     cutter_radius_mm: Positive
     concave_radius_before_mm: Positive | None
-    concave_radius_mm: Positive | None
+    concave_radius_mm: Annotated[
+        Positive | None,
+        Figure("Min. concave radius", _designed_radius, key="concave", missing="none"),
+        Criterion(
+            ">=", _least_radius_mm, "min. concave radius of the corrected face", _LONGER_WAVES, name="concave_radius"
+        ),
+    ]
     smoothed_more_share: Share
     cut_back_um: Extent
 
@@ -361,19 +425,47 @@ class Correction(MeasuredFace):
     scale: Positive
     point_spacing_mm: Positive
     gain: Positive
-    wavelength_mm: Positive
+    deviation_um: Annotated[
+        Extent,
+        Figure("Deviation, first cut", "rms, {deviation_um.max:3} at most", key="first_cut", of="rms", digits=3),
+    ]
+    correction_um: Annotated[
+        Extent,
+        Figure("Correction", "rms, {correction_um.max:3} at most; gain {gain:3}", of="rms", digits=3),
+    ]
+    expected_um: Annotated[
+        Extent,
+        Figure("Expected, second cut", "rms, {expected_um.max:3} at most", key="second_cut", of="rms", digits=3),
+    ]
+    wavelength_mm: Annotated[
+        Positive,
+        Figure(
+            "Filter",
+            lambda made: f"longer waves pass; {'given' if made.wavelength_given else 'from the noise of the points'}",
+            key="filter",
+            digits=3,
+        ),
+    ]
     wavelength_given: Flag
     noise_rms_um: NotNegative
-    residual_rms_um: NotNegative
-    deviation_um: Extent
-    correction_um: Extent
-    expected_um: Extent
+    residual_rms_um: Annotated[
+        NotNegative,
+        Figure("Left out by the filter", "rms; noise of the points {noise_rms_um:2}", key="left_out", digits=2),
+    ]
     cutter: CutterLimit
     nodes: SplineNodes
     step_schema: Literal["AP214", "AP242"]
-    step_volume_change: NotNegative
-    form_error_nm: Extent
-    normal_error_mrad: Extent
+    step_volume_change: Annotated[
+        NotNegative, Criterion("<=", ROUND_TRIP_LIMIT, "volume of the STEP file as read back", _LONGER_WAVES)
+    ]
+    form_error_nm: Annotated[
+        Extent,
+        Criterion("<=", FINEST_NM, "form error of the optical faces in the STEP file", _LONGER_WAVES, of="max"),
+    ]
+    normal_error_mrad: Annotated[
+        Extent,
+        Criterion("<=", FINEST_MRAD, "normal error of the optical faces in the STEP file", _LONGER_WAVES, of="max"),
+    ]
     first_cut: LightMetrics
     second_cut: LightMetrics
     file: FileStamp
@@ -381,6 +473,22 @@ class Correction(MeasuredFace):
     correction_map_um: FaceMap
     expected_map_um: FaceMap
     step: Annotated[bytes, InFile(_STEP_FILE), Field(strict=True, repr=False)]
+
+    @property
+    @figure(
+        Figure(
+            "Cut back for the ball",
+            lambda made: (
+                f"rms, {quantity(made.cutter.cut_back_um.max, 'µm', digits=3)} at most; "
+                f"on {percent(made.cutter.smoothed_more_share)} of the face"
+            ),
+            key="cut_back",
+            digits=3,
+        )
+    )
+    def cut_back_rms_um(self) -> float | None:
+        """Part of the correction that the cutter took away; None where it took none."""
+        return self.cutter.cut_back_um.rms if self.cutter.smoothed_more_share > 0.0 else None
 
     def products(self) -> dict[str, bytes]:
         """STEP by suffix."""

@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 from lensforge.errors import InputError
 from lensforge.light.metrics import relative_deviation, uniformity
 from lensforge.made.image_similarity import SimilarityFit, fit_similarity, moved_back, normalised, similarity
-from lensforge.made.measurement_result import Alignment, Evenness, Located, PhotoComparison, Pixel, photo_criteria
+from lensforge.made.measurement_result import Alignment, Evenness, Located, PhotoComparison, Pixel
 from lensforge.made.target_corners import listed, locate, means
 from lensforge.optics.image_reading import read_picture
 from lensforge.results import Metric
@@ -202,7 +202,6 @@ def compare_photo(
         measured_evenness=_evenness(measured, uniform),
         simulated_evenness=_evenness(reference, uniform),
         clipped=picture.clipped,
-        criteria=photo_criteria(picture.clipped),
         measured=measured,
         simulated=reference,
     )

@@ -13,14 +13,6 @@ from typing import Any
 from lensforge.cad.plate_layout import PlateWall
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.made.measured_facts import correction_criteria
-from lensforge.made.measurement_result import (
-    Correction,
-    PhotoComparison,
-    SurfaceComparison,
-    photo_criteria,
-    surface_criteria,
-)
 from lensforge.proof.acceptance import proof_criteria
 from lensforge.proof.proof_result import Proof
 from lensforge.results import Fact, ResultByLed, Sense, StageResult
@@ -52,11 +44,6 @@ def _limits(light: Light, lens: Lens) -> Iterator[Fact]:
         yield replace(stated or Fact(name, name, None), key=name, sense=sense, limit=bound)
 
 
-def _of_correction(made: Correction, _: Lens) -> Iterable[Fact]:
-    form, normal = made.form_error_nm.max, made.normal_error_mrad.max
-    return correction_criteria(made.used_share, made.covered_share, form, normal, made.step_volume_change, made.cutter)
-
-
 def _findings(check: Check, lens: Lens) -> Iterator[Fact]:
     """Findings on faces, base, wall and tools, and on the room of a plate, which is taken as stated."""
     spec = spec_of(check, lens.spec)
@@ -76,9 +63,6 @@ JUDGES: dict[type[StageResult], dict[str, Judge]] = {
         "verdicts": _findings,
     },
     Proof: {"criteria": lambda proof, lens: proof_criteria(proof, on_plate=lens.lamps_on_plate)},
-    PhotoComparison: {"criteria": lambda photo, _: photo_criteria(photo.clipped)},
-    SurfaceComparison: {"criteria": lambda measured, _: surface_criteria(measured.used_share, measured.covered_share)},
-    Correction: {"criteria": _of_correction},
 }
 
 

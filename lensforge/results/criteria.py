@@ -20,12 +20,8 @@ _WORDS = {
     "keep out clearance": "clearance to the keep-out solid",
     "thinnest wall": "thinnest wall, along the normal",
     "largest radial wall": "thickest wall, radial from the LED",
-    "form_error": f"form error of the optical faces in the {_STEP}",
-    "normal_error": f"normal error of the optical faces in the {_STEP}",
-    "step_volume_change": f"volume of the {_STEP} as read back",
     "lamps_nmse_vs_sum": f"pattern of all lamps through the {_STL} of each, against their sum",
     "plate_nmse_vs_sum": "pattern of all lamps through plate.stl, against their sum",
-    "concave_radius": "min. concave radius of the corrected face",
     "form": "largest form error",
     "gaps": "open edges and missing faces",
     "open_edges": f"open edges of the {_STL}",
@@ -51,9 +47,6 @@ _WORDS = {
     "mitsuba_deviation_rms": f"ray displacement by the {_STL} in Mitsuba",
     "mitsuba_flux_deviation": f"flux of each ray through the {_STL} in Mitsuba",
     "mitsuba_fate_disagreement_flux": f"flux that ends otherwise through the {_STL} in Mitsuba",
-    "photo_clipped": "saturated pixels of the photograph",
-    "points_used": "measured points that lie on the surface",
-    "surface_covered": "part of the surface that was measured",
 }
 
 
