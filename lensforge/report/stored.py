@@ -248,9 +248,10 @@ def require_recorded(results: Results, record: RunRecord | None, folder: Path) -
 def require_stated(results: Results, record: RunRecord | None, folder: Path) -> None:
     """Raise :class:`InputError` where the ``record`` of ``folder`` contradicts its lens and ``results``.
 
-    Its checksum may have been made anew. A verdict is compared where all of its results are there.
+    Its checksum may have been made anew. A verdict is compared where all of its results are there. Where none of the
+    results is of this lens, neither is the record, which then vouches for nothing.
     """
-    if record is None or record.version != __version__:
+    if record is None or record.version != __version__ or not results.found:
         return
     lens, path = results.lens, folder / RUN_FILE
     for name, stated, there in (

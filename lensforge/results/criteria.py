@@ -57,6 +57,11 @@ _OF_FACE = {
 }
 
 
+def declare_words(name: str, words: str) -> None:
+    """Take the ``words`` of the criterion called ``name`` from the field that declares it."""
+    _WORDS[name] = words
+
+
 def words_of(name: str) -> str:
     """Words for a criterion's name, which may begin with its face or file, or with its receiver."""
     receiver, colon, short = name.rpartition(": ")
@@ -71,8 +76,7 @@ def _completed(criterion: Fact) -> Fact:
     if criterion.limit is None:
         raise ValueError("limit: must be a number")
     name = criterion.key
-    words = criterion.label or words_of(name)
-    return replace(criterion, label=words, note=name.replace("_", " ")).judged(criterion.standard_error or 0.0)
+    return replace(criterion, label=words_of(name), note=name.replace("_", " ")).judged(criterion.standard_error or 0.0)
 
 
 _NAMES = {name: name for name in ("value", "standard_error", "sense", "limit", "unit", "tolerance")}
@@ -101,7 +105,7 @@ def at_least(
 
 def under(start: str, criterion: Fact) -> Fact:
     """The ``criterion`` of one of several, whose name ``start`` begins its own."""
-    return _completed(replace(criterion, key=f"{start}: {criterion.key}", label=f"{start}: {criterion.label}"))
+    return _completed(replace(criterion, key=f"{start}: {criterion.key}"))
 
 
 def criteria_of(result: object) -> Iterator[Fact]:

@@ -12,7 +12,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from pydantic.fields import FieldInfo
 
-from lensforge.results.criteria import at_least, at_most, named, state_of
+from lensforge.results.criteria import at_least, at_most, declare_words, named, state_of
 from lensforge.results.fact import Fact
 from lensforge.results.numerals import quantity, unit_of, unit_suffix
 from lensforge.results.record import InCriterion, Metric, Record, Sense, marker, marks_of
@@ -156,8 +156,13 @@ def criteria_in(result: Record) -> Iterator[Fact]:
         judge = at_most if limit.sense == "<=" else at_least
         remedy = _text(limit.remedy, result, declared.holder)
         name = limit.name or declared.name
-        criterion = judge(name, value, bound, declared.unit, remedy, tolerance or 0.0, error)
-        yield replace(criterion, label=limit.words)
+        yield judge(name, value, bound, declared.unit, remedy, tolerance or 0.0, error)
+
+
+def declare_criteria(kind: type[Record]) -> None:
+    """Make the words of the criteria of ``kind`` known wherever one is read by its name, as in a table of designs."""
+    for declared, path in _declared_by(kind, Criterion):
+        declare_words(declared.name or _name(path), declared.words)
 
 
 def with_told_by_criteria(kind: type[Record], content: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,6 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
-from dataclasses import replace
 from functools import cached_property
 from itertools import zip_longest
 from pathlib import Path
@@ -21,7 +20,7 @@ from pydantic import Field, ValidationError, model_serializer, model_validator
 from lensforge.errors import InputError, OutdatedResult, refused
 from lensforge.results.conditions import Conditions
 from lensforge.results.fact import Fact
-from lensforge.results.figure import criteria_in, with_told_by_criteria
+from lensforge.results.figure import criteria_in, declare_criteria, with_told_by_criteria
 from lensforge.results.files import MIB, read_file, read_json, write_file
 from lensforge.results.json_npz import arrays_in
 from lensforge.results.notebook_html import PLOT_KINDS, plot_file, plot_html, table_text
@@ -156,16 +155,18 @@ class StageResult(Record):
     @model_validator(mode="after")
     def _is_judged(self) -> Self:
         if self._judges_itself() and "criteria" not in self.model_fields_set:
-            self._take_criteria(self.judge())
+            object.__setattr__(self, "criteria", tuple(self.judge()))  # the record is frozen for everybody else
         return self
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        declare_criteria(cls)
 
     @classmethod
     def _judges_itself(cls) -> bool:
         field = cls.model_fields.get("criteria")
         return field is not None and not field.is_required()
-
-    def _take_criteria(self, criteria: Iterable[Fact]) -> None:
-        object.__setattr__(self, "criteria", tuple(criteria))  # the record is frozen for everybody else
 
     def _require_own_criteria(self) -> None:
         """Raise :class:`ValueError` where criteria, their words aside, are not those that the figures make.
@@ -180,10 +181,7 @@ class StageResult(Record):
             made = tuple(self.judge())
         except (ArithmeticError, LookupError):  # a volume of 0, a face that the lens has not
             raise ValueError(f"not what a {self.stage} of this lens can be") from None
-        stated: tuple[Fact, ...] = vars(self)["criteria"]
-        require_same_judgements("criteria", sorted(stated, key=_named), sorted(made, key=_named))
-        words = {_named(criterion): criterion.label for criterion in made}
-        self._take_criteria(replace(criterion, label=words[_named(criterion)]) for criterion in stated)
+        require_same_judgements("criteria", sorted(vars(self)["criteria"], key=_named), sorted(made, key=_named))
 
     @model_serializer(mode="wrap")
     def _what_there_is(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
@@ -395,6 +393,11 @@ class ResultByLed(SimulatedResult):
 
     led: Annotated[str, Field(strict=True, pattern=f"^{_LED}$")] = ""
     others: "tuple[ResultByLed, ...]" = ()
+
+    def _require_own_criteria(self) -> None:
+        super()._require_own_criteria()
+        for other in self.others:
+            other._require_own_criteria()
 
     @classmethod
     def joined(cls, by_led: Mapping[str, Self]) -> Self:

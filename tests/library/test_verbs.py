@@ -40,7 +40,8 @@ def results() -> dict[str, type[StageResult]]:
         for kind in waiting.pop().__subclasses__():
             found[kind.__name__] = kind
             waiting.append(kind)
-    return {name: kind for name, kind in found.items() if hasattr(kind, "stage")}
+    own = {name: kind for name, kind in found.items() if kind.__module__.startswith("lensforge")}
+    return {name: kind for name, kind in own.items() if hasattr(kind, "stage")}
 
 
 def test_a_run_comes_back_to_the_bit(small_run: lf.Run, whole_run: lf.Run) -> None:

@@ -10,7 +10,7 @@ from made_yield import PARTS, make_yield
 from page_text import Page, folded, text_of, undrawn_page_of
 from result_folders import make_results, small_lens
 from scenes import part_tolerances
-from shown_folders import _sensitivity
+from shown_folders import make_sensitivity
 
 from lensforge.made.tolerance_result import FluxNeeded, Variance
 from lensforge.made.yield_facts import (
@@ -257,7 +257,7 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
             ),
         }
     )  # fmt: skip
-    alone = _sensitivity()
+    alone = make_sensitivity()
     errors = type(alone).joined({"near": alone, "far": alone.changed(rays=99)})
     records = {"evaluate": light, "yield": study, "sensitivity": errors}
     text = Page(undrawn_page_of(make_results((), lens, **records))).text
@@ -273,12 +273,12 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
 
 
 def test_the_tolerance_with_the_largest_effect_comes_first_either_way():
-    (row,) = _sensitivity().rows
+    (row,) = make_sensitivity().rows
     rows = []
     for name, change in (("small", 1e-4), ("large", -3e-3), ("middle", 1e-3)):
         moved = row.change.model_copy(update={"nmse": Metric(value=change, standard_error=1e-6)})
         rows.append(row.model_copy(update={"name": name, "change": moved}))
-    titles = [group.title for group in sensitivity_facts(_sensitivity(rows=tuple(rows)))]
+    titles = [group.title for group in sensitivity_facts(make_sensitivity(rows=tuple(rows)))]
     assert [next(name for name in ("small", "large", "middle") if name in title) for title in titles[1:]] == [
         "large", "middle", "small",
     ]  # fmt: skip
