@@ -6,7 +6,6 @@ from result_folders import (
     MAKERS,
     PIXELS,
     STAGES,
-    criterion,
     divided,
     evaluate_arrays,
     light_images,
@@ -25,7 +24,7 @@ from lensforge.made.measurement_result import (
     SurfaceComparison,
 )
 from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast, ReceiverStray, StrayFlux, StrayLight
-from lensforge.results import Metric
+from lensforge.results import Extent, Metric
 from lensforge.scene.receiver_shapes import build_receiver
 
 NODES = 31
@@ -81,7 +80,6 @@ def make_photo(lens, **changes):
         "measured_evenness": Evenness(uniformity=0.625, rsd=0.05),
         "simulated_evenness": Evenness(uniformity=0.75, rsd=0.04),
         "clipped": 0.0025,
-        "criteria": (criterion("photo_clipped", 0.0025, 0.01),),
         "measured": light["raw_map"],
         "simulated": light["map"],
     }
@@ -100,7 +98,7 @@ def make_surface(lens, **changes):
         "width": 300.0,
         "height": 300.0,
         "used_share": 0.9375,
-        "criteria": (criterion("points_used", 0.9375, 0.9, ">="),),
+        "covered_share": 0.875,
         "points": np.array([[0.0, 0.0, 10.0], [1.0, 0.0, 9.875]]),
         "distance_um": np.array([2.5, -2.5]),
         "chart": axis,
@@ -121,6 +119,11 @@ def make_correction(lens):
         **{name: getattr(surface, name) for name in ("inputs", "pose", "chart", "area_mm2")},
         **maps,
         surface="inner",
+        used_share=0.9375,
+        covered_share=0.875,
+        form_error_nm=Extent(max=0.75, rms=0.25),
+        normal_error_mrad=Extent(max=0.015, rms=0.005),
+        step_volume_change=1e-13,
         scale=1.0,
         wavelength_given=False,
         nodes={"inner": 33, "outer": 65},
