@@ -84,7 +84,7 @@ _WORDS = {
     "rays_dropped.not_finite": "left out: not finite",
     "rays_dropped.zero_direction": "left out: no direction",
     "rays_dropped.no_flux": "left out: no flux",
-    "effective_rays": "as good as equal rays",
+    "effective_rays": "rays of equal flux, as noisy",
     "flux.header_w": "flux by the header",
     "flux.header_lm": "flux by the header",
     "flux.total": "flux of the source",

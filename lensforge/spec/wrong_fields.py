@@ -164,10 +164,14 @@ def _length_wanted(error: ErrorDetails) -> str:
     """Words for a list with too many entries, or too few; "" for other errors."""
     context = error.get("ctx", {})
     if error["type"] == "too_long":
-        return f"must have at most {context['max_length']} entries, not {context['actual_length']}"
+        return f"must have at most {_entries(context['max_length'])}, not {context['actual_length']}"
     if error["type"] == "too_short":
-        return f"must have at least {context['min_length']} entries, not {context['actual_length']}"
+        return f"must have at least {_entries(context['min_length'])}, not {context['actual_length']}"
     return ""
+
+
+def _entries(count: int) -> str:
+    return "1 entry" if count == 1 else f"{count} entries"
 
 
 def _kinds_of(place: _FieldPlace) -> list[str]:

@@ -26,11 +26,13 @@ from lensforge.light.secondary_optics import tabled
 from lensforge.optics.coatings import coating_tables, least_reflectance, reflectance_of
 from lensforge.optics.exit_space import ExitColumn, _on_level
 from lensforge.optics.media import Media, Medium, ReflectanceTable, SecondaryOptic
+from lensforge.optics.scattering import RingScatter
 from lensforge.scene.lamp_pictures import _pictures
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.scene.made_part import _noise
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.road_surface import RoadSurface
+from lensforge.scene.rough_faces import _tables
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.face_fields import _directions
 from lensforge.shop.face_samples import area_rule
@@ -56,6 +58,7 @@ BY_CONTENT = {
     "surfaces.imported_face._sampled",
     "surfaces.step_file._tested",
 }
+RINGS = RingScatter((0.0, 0.2, 0.7), ((0.0, 0.1, 0.4), (0.0, 0.3, 0.5)), (0.3, 0.9))
 COATING = ReflectanceTable((0.0, 60.0), ((0.01, 0.05),))
 PLANE = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 300.0, "height_mm": 300.0}
 ROW = {"kind": "table", "places_mm": [[-30.0, 0.0], [30.0, 0.0]]}
@@ -118,6 +121,9 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
         [(receiver(),), (receiver({**ROW, "places_mm": [[-30.0, 0.0], [40.0, 0.0]]}),),
          (receiver({**ROW, "turns_deg": [0.0, 20.0]}),), (receiver(centre_mm=[0.0, 0.0, 110.0]),)]),
     "scene.lens._lens_in": (lambda outer, folder: _of_file(outer, folder), [(6.0, Path()), (6.5, Path())]),
+    "scene.rough_faces._tables": (
+        lambda *all_: [column for shifts in (_tables(tuple(all_)),) for column in shifts],
+        [(RINGS, None), (None, RINGS), (replace(RINGS, follows=False), None)]),
     "scene.road_surface._standard": (lambda name: RoadSurface.of(name, None, None).r, [("R1",), ("R3",), ("C2",)]),
     "scene.target_pattern._drawn": (target, [(90.0, 300.0), (120.0, 300.0), (90.0, 200.0)]),
     "search.face_fields._directions": (_directions, [(TableGrid(9),), (TableGrid(11),)]),

@@ -21,7 +21,7 @@ from lensforge.search.start_faces import TargetStroke, beam_of
 from lensforge.spec import Spec
 from lensforge.spec.shipped_specs import shipped_specs
 
-_EDITS, _BY_DAY, _MOST_PIXELS = 300, 20, 256
+_EDITS, _BY_DAY, _MOST_PIXELS = 300, 30, 256
 _SIZES = (0.0, -0.0, 1e-320, 1e-300, 1e-200, 1e-30, 1e-9, 1e-4, 0.5, 1.0, 89.999, 90.0, 180.0, 1e5, 1e9, 1e30, 1e200)
 _NUMBERS = (*_SIZES, *(-size for size in _SIZES[2:]), 1e300, 1.7e308, -1.7e308, 1, 2, 3, 7, 2**31, 2**63, 10**30)
 _OTHERS = (
@@ -41,6 +41,7 @@ _OTHERS = (
     [[]],
     {"kind": "x"},
 )
+_FACTORS = (-1.0, 1e-6, 1e-3, 0.5, 0.97, 1.03, 2.0, 1e3, 1e6)
 _TOML = ("nan", "inf", "-inf", "[1, nan]", "1 # x", "[1,", "{a = 1}", "", "1e999", "1\n[lens]", "2026-01-31", "'a'")
 
 
@@ -58,8 +59,8 @@ def places(table: Any, before: tuple[str | int, ...] = ()) -> Iterator[tuple[str
 
 
 def any_value(before: Any, chance: random.Random) -> Any:
-    if isinstance(before, float | int) and not isinstance(before, bool) and chance.random() < 0.4:
-        return before * chance.choice((-1.0, 1e-6, 1e-3, 0.5, 2.0, 1e3, 1e6))
+    if isinstance(before, float | int) and not isinstance(before, bool) and chance.random() < 0.6:
+        return before * chance.choice(_FACTORS)
     kind = chance.random()
     return chance.choice(_NUMBERS if kind < 0.7 else _OTHERS) if kind < 0.85 else {"toml": chance.choice(_TOML)}
 

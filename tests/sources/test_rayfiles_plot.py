@@ -62,7 +62,7 @@ def test_the_command_draws(tmp_path):
     write_rayfile(tmp_path / "led", rays(300), "tm25")
     result = CliRunner().invoke(cli, ["rays", str(tmp_path / "led"), "--plot", str(tmp_path / "led.png")])
     assert result.exit_code == 0
-    assert any(line.split() == ["rays", "300"] for line in result.output.splitlines())
+    assert any(line.split() == ["rays", "in", "the", "file", "300"] for line in result.output.splitlines())
     with Image.open(tmp_path / "led.png") as picture:
         assert picture.size == (1650, 1350)
     with pytest.raises(InputError, match="suffix"):

@@ -177,7 +177,7 @@ def _bad_receivers() -> list[tuple[Table, str]]:
         ({**cylinder, "width_mm": 700.0}, "width_mm = 700 is more than once around a radius_mm of 100, 628.319"),
         ({**plane, "name": "a b"}, "name = 'a b'"),
         ({**plane, "kind": "torus"}, "receivers.0.kind = 'torus': must be one of plane, far_field"),
-        ({**plane, "targets": []}, "at least 1 item"),
+        ({**plane, "targets": []}, "must have at least 1 entry, not 0"),
         (PLANE, "targets: missing"),
         ({"kind": "plane", "width_mm": 1.0, "height_mm": 1.0, "targets": [DISC]}, "centre_mm: missing"),
         ({**plane, "radius_mm": 1.0}, "radius_mm = 1.0"),
@@ -287,7 +287,7 @@ def test_a_spec_has_a_target_or_receivers_with_names_of_their_own() -> None:
     _require_one_line(
         _content([{**plane, "name": "plane"}, {**_on(CYLINDER, DISC), "name": "plane"}]), "two are called"
     )
-    _require_one_line(_content(17 * [plane]), "at most 16 items")
+    _require_one_line(_content(17 * [plane]), "receivers = list: must have at most 16 entries, not 17")
 
 
 @pytest.mark.parametrize(
