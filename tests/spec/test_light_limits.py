@@ -16,6 +16,7 @@ def far(*limits: dict[str, object]) -> Spec:
 
 
 SEEN = {"kind": "luminance", "eyes_mm": [[0.0, 300.0, 900.0]], "unit": "cd_per_m2", "at_most": 3e4}
+EYES = "give one of eyes_mm, places .* eyes_deg, directions .* and from_deg"
 GOOD = [
     {"kind": "points", "at_deg": [[0, 0], [10, -5]], "unit": "cd", "at_least": 10.0, "at_most": 20.0},
     {"kind": "line", "from_deg": [-10, 0], "to_deg": [10, 0], "unit": "relative", "at_least": 0.5},
@@ -52,8 +53,8 @@ def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) 
         ({"kind": "beam_angle", "unit": "cd", "at_most": 1.0}, "at_least_deg and at_most_deg"),
         ({"kind": "zone", "unit": "cd", "at_most": 1.0, "receiver": "wall"}, "none of that name; known: light"),
         ({"kind": "zone", "unit": "cd_per_m2", "at_most": 1.0}, "in one of w_per_sr, cd, relative"),
-        (SEEN | {"eyes_deg": [[0, 50]], "spot_mm": 1.0}, "give one of eyes_mm, places .* eyes_deg, directions .* and from_deg"),
-        ({"kind": "luminance", "unit": "cd_per_m2", "at_most": 1.0}, "give one of eyes_mm, places .* eyes_deg, directions .* and from_deg"),
+        (SEEN | {"eyes_deg": [[0, 50]], "spot_mm": 1.0}, EYES),
+        ({"kind": "luminance", "unit": "cd_per_m2", "at_most": 1.0}, EYES),
         (SEEN | {"at_least": 0.5}, "has a largest value"),
         (SEEN | {"unit": "cd"}, "unit: w_per_m2_sr, cd_per_m2"),
         (SEEN | {"receiver": "light"}, "eyes see the lens itself; leave it out"),
