@@ -548,8 +548,6 @@ ORACLES = {
     "raw_nmse": from_first("receivers", 0, "raw", "nmse"), "noise_nmse": from_first("receivers", 0, "nmse_of_noise"),
     "fitted_nmse": from_first("fitted", "nmse"),
     "fitted_efficiency": from_first("fitted", "efficiency", factor=100, unit="%"),
-    "file_nmse": from_first("by_file", "nmse"),
-    "file_efficiency": from_first("by_file", "efficiency", factor=100, unit="%"),
 }  # fmt: skip
 ORACLES = {f"evaluate.{key}": oracle for key, oracle in ORACLES.items()}
 RECORDS = {"evaluate": lambda case: evaluation(case)[0], "warm": lambda case: evaluation(case, "warm")[0]}
