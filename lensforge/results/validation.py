@@ -109,6 +109,7 @@ _PLAIN = (
     ("a valid number", "a number"),
     ("a valid integer", "a whole number"),
     ("a valid string", "text"),
+    ("Input is not a valid path for <class 'pathlib.Path'>", "must be the name of a file, in quotes"),
     *(
         (f"String should match pattern '{pattern}'", f"must be {words}")
         for pattern, words in (

@@ -178,6 +178,7 @@ def _bad_receivers() -> list[tuple[Table, str]]:
         ({**plane, "name": "a b"}, "name = 'a b'"),
         ({**plane, "kind": "torus"}, "receivers.0.kind = 'torus': must be one of plane, far_field"),
         ({**plane, "targets": []}, "must have at least 1 entry, not 0"),
+        ({**plane, "targets": [IN_MM[8] | {"file": 7}]}, "targets.0.file = 7: must be the name of a file, in quotes"),
         (PLANE, "targets: missing"),
         ({"kind": "plane", "width_mm": 1.0, "height_mm": 1.0, "targets": [DISC]}, "centre_mm: missing"),
         ({**plane, "radius_mm": 1.0}, "radius_mm = 1.0"),
