@@ -88,8 +88,10 @@ def on_base(
     ``least_rings``: where ``rings`` are left out.
     """
     plan = make_plan(*pair, base, ring)
-    own = rings_for(plan, chord_mm, least_rings)
-    mesh = build_mesh(plan, own, chord_mm) if rings is None else build_mesh(plan, rings)
+    if rings is None:
+        mesh = build_mesh(plan, rings_for(plan, chord_mm, least_rings), chord_mm)
+    else:
+        mesh = build_mesh(plan, rings)
     reached_mm = mesh_error(mesh, plan)
     solid = solid_on_base(plan, custom)
     mesh = _with_feet(mesh, plan)

@@ -83,7 +83,9 @@ def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass(s
     out = exits.left_lens
     assert 0.4 < out.mean() < 0.95 and (np.isfinite(behind.points[:, 0]) == out)[lens.left_lens].all()
     wanted = lens.flux[out] * behind.through_bodies[out] * behind.through_glass[out]
-    assert exits.flux[out] == pytest.approx(wanted, rel=3e-5)
+    turned = np.linalg.norm(exits.directions - behind.directions, axis=1)[out]
+    of_grazing = 2.0 * turned / np.abs(behind.directions[out, 2])  # each face of the glass passes as the cosine there
+    assert (np.abs(exits.flux[out] / wanted - 1.0) < 1e-6 + of_grazing).all()
     assert exits.lost_in_glass[out] == pytest.approx(wanted * (1.0 / behind.through_glass[out] - 1.0), rel=3e-5)
     assert np.abs(exits.directions - behind.directions)[out].max() < 1e-6
     apart = np.cross(exits.points - behind.points, exits.directions)

@@ -73,6 +73,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
     "handover": {
         "--spacing": ("0.25", "spacing_mm", 0.25), "--error": ("3.5", "error_nm", 3.5),
         "--interpolation": ("linear", "interpolation", "linear"), "--drawing": ("d.toml", "drawing", Path("d.toml")),
+        "--process": ("moulded", "process", "moulded"),
     },
     "photometry": {
         **COUNT, "--seed": ("5", "seed", 5), "--lumens": ("250", "lumens", 250.0),
@@ -119,7 +120,7 @@ def calls(monkeypatch: pytest.MonkeyPatch, small_run: lf.Run) -> Calls:
     for module, names in (cli_modules | {"design": ("finish_run",), "studies": ("finish_study",)}).items():
         for name in names:
             hear(f"lensforge.cli.{module}.{name}")
-    hear("lensforge.cli.stages.make_handover", none)
+    hear("lensforge.cli.stages.make_handover", SimpleNamespace(notes=(), save=lambda _: None))
     hear("lensforge.report.pipeline.run", small_run)
     hear("lensforge.report.sweep_runs.run_sweep", none)
     hear("lensforge.report.tradeoff_study.run_tradeoff", none)
