@@ -49,7 +49,7 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lens import Lens
 from lensforge.scene.light_ends import LOSSES, NUMBER_BY_FATE
-from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.limit_readings import LightLimit, light_limits, zones_on
 from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
 from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -212,10 +212,7 @@ def evaluate_traced(
     started = time.perf_counter()
     side = pixels or spec.evaluate.pixels
     receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.of_road]
-    zones = [
-        tuple(limit.region for limit in limits if limit.region is not None and limit.receiver == index)
-        for index in range(len(receivers))
-    ]
+    zones = [zones_on(number, limits) for number in range(len(receivers))]
     regions = [
         (drawn_target(section.targets, receiver), *own)
         for section, receiver, own in zip(spec.all_receivers, receivers, zones, strict=True)

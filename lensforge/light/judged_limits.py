@@ -137,6 +137,13 @@ def values_left_out(
     return np.array(found)
 
 
+def means_left_out(replicates: Float[np.ndarray, " r"]) -> Float[np.ndarray, " v"]:
+    """Mean of ``replicates``, then with one after the other left out; of one alone it."""
+    count, total = len(replicates), replicates.sum()
+    left_out = (total - replicates) / (count - 1) if count > 1 else replicates[:0]
+    return np.array([total / count, *left_out])
+
+
 def _value(limit: LightLimit, readings: Readings, images: Float[np.ndarray, "r *_"]) -> Metric:
     if limit.quantity == "beam_angle":
         return jackknife_metric(readings, lambda mean: beam_angle(limit, mean), limit.unit)

@@ -109,17 +109,18 @@ def designed_pictures(
 def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int]) -> LightLimit:
     """The ``limit`` on a period of (rows, columns) of pixels in every period of a patch.
 
-    Pictures hold the mean flux of all lamps of the patch, of which a period has but its part; losses are the mean.
+    Pictures hold the mean flux of all lamps of the patch, of which a period has but its part; losses are the mean, and
+    flux in a zone is counted in all periods.
     """
-    if limit.of_losses:
+    if limit.of_losses or limit.region is not None:
         return limit
     (height, width), (columns, rows) = grid, periods
     own = sparse.coo_array(limit.readings)
+    values = columns * rows * own.data
     y, x = np.divmod(own.col, width)
     shape = own.shape[0], columns * rows * height * width
-    times = 1.0 if limit.quantity == "share" else float(columns * rows)
     each = [
-        sparse.csr_array((times * own.data, (own.row, (y + j * height) * columns * width + x + i * width)), shape=shape)
+        sparse.csr_array((values, (own.row, (y + j * height) * columns * width + x + i * width)), shape=shape)
         for j in range(rows)
         for i in range(columns)
     ]
@@ -236,9 +237,10 @@ class BoardLight(PartLight):
         receiver, target = self.receivers[number], self.one.targets[0][number]
         of_period = flux.reshape(len(flux), rows, -1, columns, flux.shape[2] // columns).sum(axis=(1, 3))
         window = (flux * receiver.window.pixels(receiver.grid)).sum(axis=(1, 2))
-        lit = (of_period * target.coverage).sum(axis=(1, 2))
+        regions = (target, *self.one.zones[number])
+        lit, *in_zones = ((of_period * region.coverage).sum(axis=(1, 2)) / emitted_w for region in regions)
         smooth = gaussian3(raw, self.spec.evaluate.filter_variance)
-        return ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w)
+        return ReceivedImages(smooth, window / emitted_w, lit, in_zones, emitted_w)
 
     @cached_property
     def targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import sparse
 
-from lensforge.light.judged_limits import colours_left_out, values_left_out
+from lensforge.light.judged_limits import colours_left_out, means_left_out, values_left_out
 from lensforge.light.metrics import Images, jackknife_error, jackknife_metric
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask
@@ -18,10 +18,11 @@ from lensforge.results import Metric
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.light_ends import cause_numbers, loss_names, with_beside
-from lensforge.scene.limit_readings import LightLimit
+from lensforge.scene.limit_readings import LightLimit, zones_on
 from lensforge.scene.made_part import MadePart
 from lensforge.scene.pixel_grid import bin_replicates, gaussian3
 from lensforge.scene.receiver import PosedReceiver
+from lensforge.scene.region import Region
 from lensforge.scene.target_pattern import DrawnTarget, drawn_target, uniform_region
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
@@ -55,6 +56,12 @@ class ReplicateRays:
 
     def __len__(self) -> int:
         return len(self.replicate)
+
+    def flux_in(
+        self, inside: Sequence[Bool[np.ndarray, " n"]], flux: Float[np.ndarray, " n"]
+    ) -> Float[np.ndarray, "k r"]:
+        """``flux`` (W) of the rays in each of several regions, in every replicate."""
+        return np.array([np.bincount(self.replicate[own], flux[own], minlength=self.replicates) for own in inside])
 
     def shared_out(self, lamps: int) -> "list[ReplicateRays]":
         """Rays for each of several lamps: at random, from every replicate as many, and its share of the flux."""
@@ -102,14 +109,16 @@ def in_channels(
 
 @dataclass(frozen=True, eq=False)
 class ReceivedImages:
-    """Filtered pictures of every replicate on one receiver; shares of the emitted flux in window and target.
+    """Filtered pictures of every replicate on one receiver; shares of the emitted flux in window, target and zones.
 
-    ``emitted_w``: of this part's source. ``losses``: flux (W) by cause of its loss, where a limit asks for it.
+    ``in_zones``: those of the limits on shares of the flux. ``emitted_w``: of this part's source. ``losses``: flux (W)
+    by cause of its loss, where a limit asks for it.
     """
 
     pictures: Channels
     window: Float[np.ndarray, " r"]
     in_target: Float[np.ndarray, " r"]
+    in_zones: Sequence[Float[np.ndarray, " r"]]
     emitted_w: float
     losses: Float[np.ndarray, "r l"] | None = None
 
@@ -164,19 +173,19 @@ class PartLight:
         exits, flux, held = self.exit_rays(part), 1.0 if part is None else part.flux, self.held
         by_cause = flux_by_cause(self.nominal, exits, held, flux) if self.counts_losses else None
         colour, found = judged_colour(self.spec), []
-        for receiver, target in zip(self.receivers, self.targets[0], strict=True):
+        for receiver, target, zones in zip(self.receivers, self.targets[0], self.zones, strict=True):
             landings = receiver.land(exits)
             hits, carried = landings.hits, landings.flux * flux
-            inside = (receiver.window.contains(hits), target.contains(hits))
-            window, lit = (np.bincount(held.replicate[own], carried[own], minlength=held.replicates) for own in inside)
+            regions = (receiver.window, target, *zones)
+            emitted_w = flux * held.emitted_w
+            window, lit, *in_zones = held.flux_in([each.contains(hits) for each in regions], carried) / emitted_w
             raw = [
                 bin_replicates(hits, each, receiver.grid, held.replicate, held.replicates)
                 for each in in_channels(carried, held.rays, colour)
             ]
-            emitted_w = flux * held.emitted_w
             smooth = gaussian3(np.stack(raw), self.spec.evaluate.filter_variance)
-            losses = None if by_cause is None else with_beside(by_cause, window)
-            found.append(ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w, losses))
+            losses = None if by_cause is None else with_beside(by_cause, window * emitted_w)
+            found.append(ReceivedImages(smooth, window, lit, in_zones, emitted_w, losses))
         return (*found, *self.seen(exits, held, flux))
 
     @cached_property
@@ -191,7 +200,7 @@ class PartLight:
             landings = view.land(exits)
             image = bin_replicates(landings.hits, flux * landings.flux, view.grid, held.replicate, held.replicates)
             over = view.outline_mm2(exits) if view.of_mean else 1.0
-            yield ReceivedImages(image[None] / over, none, none, flux * held.emitted_w)
+            yield ReceivedImages(image[None] / over, none, none, (), flux * held.emitted_w)
 
     @property
     def counts_losses(self) -> bool:
@@ -212,10 +221,14 @@ class PartLight:
         read = {}
         for seen, matrix in self._readings.items():  # all limits at once: to read pixels takes longer than to judge
             light = received[seen.receiver].light(seen)
-            asked = [limit for limit in self.limits if _SeenByLimit.by(limit) == seen]
+            asked = [limit for limit in self.limits if limit.region is None and _SeenByLimit.by(limit) == seen]
             ends = np.cumsum([each.readings.shape[0] for each in asked])[:-1]
             read[seen] = iter(np.split(matrix @ light.reshape(len(light), -1).T, ends))
+        in_zones = [iter(each.in_zones) for each in received]
         for limit in self.limits:
+            if limit.region is not None:
+                yield means_left_out(next(in_zones[limit.receiver]))
+                continue
             seen = _SeenByLimit.by(limit)
             there = received[seen.receiver]
             value = values_left_out(limit, next(read[seen]), there.light(seen))
@@ -227,8 +240,14 @@ class PartLight:
     def _readings(self) -> dict[_SeenByLimit, sparse.csr_array]:
         rows = dict[_SeenByLimit, list[sparse.csr_array]]()
         for limit in self.limits:
-            rows.setdefault(_SeenByLimit.by(limit), []).append(limit.readings)
+            if limit.region is None:  # else it is counted by ray
+                rows.setdefault(_SeenByLimit.by(limit), []).append(limit.readings)
         return {seen: sparse.csr_array(sparse.vstack(own)) for seen, own in rows.items()}
+
+    @cached_property
+    def zones(self) -> list[tuple[Region, ...]]:
+        """Zones of the limits on shares of the flux, by receiver."""
+        return [zones_on(number, self.limits) for number in range(len(self.receivers))]
 
     @cached_property
     def targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:

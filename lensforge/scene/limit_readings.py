@@ -141,6 +141,11 @@ def light_limits(
     return tuple(found)
 
 
+def zones_on(receiver: int, limits: Sequence[LightLimit]) -> tuple[Region, ...]:
+    """Zones of those ``limits`` that bound shares of the flux on the ``receiver`` of this number, in their order."""
+    return tuple(limit.region for limit in limits if limit.region is not None and limit.receiver == receiver)
+
+
 def _of_road(
     number: int, spec: Spec, receivers: Sequence[PosedReceiver], lumens_per_watt: float | None, flux_w: float
 ) -> Iterator[LightLimit]:

@@ -75,21 +75,24 @@ def test_the_stated_errors_are_those_of_the_nodes():
     assert 0.7 < np.sqrt(np.mean(np.concatenate(ratios))) < 1.4  # sqrt(15 / 13) by 16 samples alone
 
 
-@pytest.mark.parametrize(("slope", "bias"), [(0.0, 0.5), (0.002, 1.0)])
+@pytest.mark.parametrize(("slope", "bias"), [(0.0, 0.016), (0.002, 0.008)])
 def test_the_peak_is_not_that_of_the_noise(slope, bias):
-    """A plateau, and a peak on it, with noise of 3 % at each node: the largest of the numbers is 10 % too large."""
+    """A plateau, and a peak on it, with noise of 3 % at each node: the largest of the numbers is 10 % too large.
+
+    The estimate of a plateau is too large by a seventh of that, as it is no less than the mean, that of a peak by less.
+    """
     grid = AngularGrid(36, np.linspace(0.0, 90.0, 31))
     truth = 1.0 - slope * np.abs(np.arange(31) - 15.0) * np.ones((36, 1))
     peaks, errors, largest = [], [], []
     for seed in range(60):
         noise = np.random.default_rng(seed).normal(size=(16, 36, 31))
-        found = FittedIntensity(grid, truth + 0.12 * noise, None, grid.table(truth))
+        found = FittedIntensity(grid, truth + 0.12 * noise, None)
         peaks.append(found.peak.value)
         errors.append(found.peak.standard_error)
         largest.append(found.values.max())
     assert np.mean(largest) > 1.08
-    assert abs(np.mean(peaks) - 1.0) < bias * np.mean(errors)
-    assert 0.3 < np.std(peaks) / np.mean(errors) < 1.5
+    assert abs(np.mean(peaks) - 1.0) < bias
+    assert 0.75 < np.std(peaks) / np.mean(errors) < 1.25
 
 
 def test_more_rays_give_a_finer_grid_and_less_error():

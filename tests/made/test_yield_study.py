@@ -121,7 +121,11 @@ EYES = [
 
 
 def test_luminance_of_a_part_is_that_of_a_lens_over_a_led_that_is_off_as_much() -> None:
-    """By evaluations of a spec with the LED at that place."""
+    """By evaluations of a spec with the LED at that place.
+
+    The mean is the same. The change of the brightest spot is right to a tenth: a part is seen as in a search, with
+    spots of half as many pixels and a blur that also blurs the LED.
+    """
     lens = lens_with({"source_shift_mm": 1.0}, limits=EYES)
     study = PartStudy(Recipe(lens, 2, 2**16, 0, 2**16))
     away = np.array([-0.5, 0.4])
@@ -130,7 +134,9 @@ def test_luminance_of_a_part_is_that_of_a_lens_over_a_led_that_is_off_as_much() 
     there, here = (evaluate(each, rays=2**16, seed=0).limits for each in (moved, lens))
     for bound, own, designed in zip(study.bounds, there, here, strict=True):
         value, error = found[study.names.index(bound.metric)]
-        assert own.value < 0.95 * designed.value and value == pytest.approx(own.value, rel=1e-3), designed.note
+        assert own.value < 0.95 * designed.value, designed.note
+        within = 0.1 * (designed.value - own.value) if "brightest" in designed.note else 1e-3 * own.value
+        assert value == pytest.approx(own.value, abs=within), designed.note
         assert 0.0 < error < 0.01 * value, designed.note
 
 
