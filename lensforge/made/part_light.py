@@ -176,9 +176,9 @@ class PartLight:
         for receiver, target, zones in zip(self.receivers, self.targets[0], self.zones, strict=True):
             landings = receiver.land(exits)
             hits, carried = landings.hits, landings.flux * flux
-            regions = (receiver.window, target, *zones)
+            inside = (receiver.window.contains(hits), *(region.contains(hits) for region in (target, *zones)))
             emitted_w = flux * held.emitted_w
-            window, lit, *in_zones = held.flux_in([each.contains(hits) for each in regions], carried) / emitted_w
+            window, lit, *in_zones = held.flux_in(inside, carried) / emitted_w
             raw = [
                 bin_replicates(hits, each, receiver.grid, held.replicate, held.replicates)
                 for each in in_channels(carried, held.rays, colour)
