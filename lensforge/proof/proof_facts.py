@@ -19,7 +19,6 @@ from lensforge.proof.proof_result import (
     StrayLight,
 )
 from lensforge.results import Fact, FactState, Group
-from lensforge.results.chart import light_unit
 from lensforge.results.criteria import named, state_of
 from lensforge.results.numerals import number, percent, quantity, square
 
@@ -161,7 +160,7 @@ def suffix(receivers: Sequence[object], index: int) -> str:
 
 def _receiver(lit: LitReceiver, designed: float | None, lamp: str) -> Iterator[Fact]:
     proof, receiver, index = lit.result, lit.receiver, lit.index
-    gap, quantity_of_light = receiver.against_design, light_unit(None, far_field=receiver.far_field).quantity
+    gap = receiver.against_design
     at = "at 1 m, " if receiver.far_field else ""
     yield Fact(
         "landing",
@@ -176,8 +175,7 @@ def _receiver(lit: LitReceiver, designed: float | None, lamp: str) -> Iterator[F
         "NMSE against the design",
         receiver.nmse_vs_design,
         state=_state(proof.criteria, receiver, index, "nmse_vs_design"),
-        note=f"the part's {quantity_of_light} against the design's, not the target's; ray noise alone makes "
-        f"{number(receiver.noise_floor_nmse, 3)}",
+        note=f"of the part; ray noise alone: {number(receiver.noise_floor_nmse, 3)}",
         digits=3,
     )
     yield Fact("nmse_same_rays", "NMSE with the same rays", receiver.nmse_same_rays, digits=3)
