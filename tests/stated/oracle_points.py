@@ -194,7 +194,7 @@ def count_of(call):
 def near_light(found, of_value=0.0, of_error=0.1):
     """Figures of a light by another shape of the same form: within a part of their change and of its error."""
     return {name: {"value": (value, of_value * abs(value) + of_error * error), "unit": "",
-                   "standard_error": near(error, 0.2)} for name, (value, error) in found.items()}  # fmt: skip
+                   "standard_error": near(error, 0.2)} for name, (value, error, *_) in found.items()}  # fmt: skip
 
 
 def motion_errors(measured):

@@ -11,6 +11,7 @@ from page_scene import faces_of, mask_of, receivers_of, target_light, through
 from page_tracer import BACKWARD, LANDED, OUTSIDE_CAVITY, TOTAL, Functions, leave, unit
 
 NEAR = 0.02  # of a standard error
+SLOPE = 0.005  # of the extrapolation of a least value
 # Faces with tolerances, that against which others are placed first, and those others.
 FACES = {"double": (("inner", "outer"), ("outer",)), "tir": (("cap", "side", "wall", "exit"), ("wall", "exit")),
          "reflector": (("cup",), ())}  # fmt: skip
@@ -309,16 +310,17 @@ def figures(case, images, window):
     square, apart = apart_of((inside - means[:, None]) / np.sqrt(inside.shape[1]), means)
     value = np.sqrt(max(square, 0))
     slopes = apart / (2 * max(value, np.sqrt(error_over_pairs(apart)) or 1.0))
-    return {"nmse": nmse, "rsd": (value, slopes), "uniformity": least_parts(inside / means[:, None], 1.0),
-            "efficiency": window}  # fmt: skip
+    least = [least_parts(inside / means[:, None], 1.0, more) for more in (0.0, -SLOPE, SLOPE)]
+    return {"nmse": nmse, "rsd": (value, slopes), "uniformity": least, "efficiency": window}
 
 
 def metrics_of(found):
     """Value and standard error of each."""
     pairs = {name: (found[name][0], error_over_pairs(found[name][1])) for name in ("nmse", "rsd") if name in found}
     if "uniformity" in found:
-        value, left, changes, unsure = found["uniformity"]
-        pairs["uniformity"] = value, np.hypot(by_both(left, changes), unsure)
+        least = found["uniformity"]
+        errors = [np.hypot(by_both(left, changes), unsure) for _, left, changes, unsure in least]
+        pairs["uniformity"] = least[0][0], *errors
     return pairs | {"efficiency": jackknife(found["efficiency"])}
 
 
@@ -336,12 +338,13 @@ def change_of(found, before, rays):
     changes["efficiency"] = value, np.hypot(error, noise["efficiency"][1] / np.sqrt(rays))
     if "uniformity" not in found:
         return changes
-    (value, left, by_weight, off), (other, lefts, by_weights, offs) = found["uniformity"], before["uniformity"]
+    other, lefts, by_weights, offs = before["uniformity"][0]
     one_ray = by_left_out(lefts) ** 2 / (max(other, by_left_out(lefts)) or 1.0)
-    changes["uniformity"] = (
-        value - other,
-        np.linalg.norm([by_both(left - lefts, by_weight - by_weights), off - offs, one_ray]),
-    )
+    errors = [
+        np.linalg.norm([by_both(left - lefts, by_weight - by_weights), off - offs, one_ray])
+        for _, left, by_weight, off in found["uniformity"]
+    ]
+    changes["uniformity"] = found["uniformity"][0][0] - other, *errors
     return changes
 
 
@@ -363,13 +366,18 @@ def names_of(case):
     return [each["name"] for each in case.lens["spec"]["sources"]] or [""]
 
 
-def within(pair):
-    value, error = pair
-    return (value, NEAR * error + CLOSE * abs(value)), (error, NEAR * error)
+def within(figure):
+    """Value and error, each with how near; of a least the error is that by any slope of the extrapolation so near.
+
+    At a bound of the slope the error jumps, and exact faces need not have it on the side of tables.
+    """
+    value, error, *others = figure
+    low, high = min(error, *others, error), max(error, *others, error)
+    return (value, NEAR * error + CLOSE * abs(value)), (0.5 * (low + high), 0.5 * (high - low) + NEAR * error)
 
 
 def metrics_record(found):
-    pairs = {name: within(pair) for name, pair in found.items()}
+    pairs = {name: within(figure) for name, figure in found.items()}
     none = {"uniformity": None, "rsd": None}  # without a region of uniform light
     return none | {
         name: {"value": value, "unit": "", "standard_error": error} for name, (value, error) in pairs.items()

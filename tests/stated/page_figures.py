@@ -78,8 +78,11 @@ def by_both(left, changes):
     return (by_weights + np.sqrt(15 / 16 * ((left - left.mean()) ** 2).sum())) / 2
 
 
-def least_parts(values, most=None):
-    """The least; the same without each replicate; its change with the weight of each; and what nothing tells of it."""
+def least_parts(values, most=None, nudge=0.0):
+    """The least; the same without each replicate; its change with the weight of each; and what nothing tells of it.
+
+    ``nudge``: of the slope, to see what it would be on the other side of a bound.
+    """
     values = np.array(values)
     assert len(values) == 16
 
@@ -108,7 +111,7 @@ def least_parts(values, most=None):
     def slope(weights):
         (u_8, v_8), (u_4, v_4) = read(halves, weights), read(quarters, weights)
         below = (v_4 - u_4) - (v_8 - u_8)
-        return (u_8 - u_4) / below if below > 1e-12 * abs(v_8) else 1.0
+        return (u_8 - u_4) / below + nudge if below > 1e-12 * abs(v_8) else 1.0
 
     u_8, v_8 = read(halves, alike)
     h, free = float(np.clip(slope(alike), 0, 1)), 0 < slope(alike) < 1
