@@ -24,6 +24,8 @@ from scipy.spatial.transform import Rotation
 
 FACE, NODES_PER_WAVE, WIDEST, FADE, RIM = "inner", 4.0, np.tan(np.radians(56)), 1e-3, 1.02
 NEAR, NOISY = 0.03, 0.15  # of figures of the filter; of what noise drawn anew decides
+# Of a standard error: one of 1024 rays that a shape 0.2 % off moves over the edge of a pixel makes a twelfth.
+BY_TWO_RAYS = 0.2
 FIGURES = ("nmse", "uniformity", "rsd", "efficiency")
 
 
@@ -324,14 +326,15 @@ def correct_record(case):
                    "smoothed_more_share": 0.0, "cut_back_um": {"max": 0.0, "rms": 0.0}},
         "nodes": ..., "step_schema": "AP214", "step_volume_change": (0.0, 1e-9), "form_error_nm": small,
         "normal_error_mrad": {"max": (0.01, 0.01), "rms": (0.01, 0.01)}, "rays": rays,
-        "design": metrics_record(metrics_of(designed)), "first_cut": near_light(metrics_of(first)),
+        "design": metrics_record(metrics_of(designed)),
+        "first_cut": near_light(metrics_of(first), of_error=BY_TWO_RAYS),
         "second_cut": near_light(metrics_of(second), of_error=0.25),
         "change": near_light(change_of(second, designed, rays), 0.3),
         "criteria": [*of_points(measured, covered),
-                     criterion("form_error", found["form_error_nm"]["max"], "<=", 1.0, "nm"),
-                     criterion("normal_error", found["normal_error_mrad"]["max"], "<=", 0.02, "mrad"),
+                     criterion("concave_radius", found["cutter"]["concave_radius_mm"], ">=", near(0.998, 1e-9), "mm"),
                      criterion("step_volume_change", found["step_volume_change"], "<=", 1e-9, ""),
-                     criterion("concave_radius", found["cutter"]["concave_radius_mm"], ">=", near(0.998, 1e-9), "mm")],
+                     criterion("form_error", found["form_error_nm"]["max"], "<=", 1.0, "nm"),
+                     criterion("normal_error", found["normal_error_mrad"]["max"], "<=", 0.02, "mrad")],
         "file": {"bytes": len(content), "sha256": sha256(content).hexdigest()},
     }  # fmt: skip
     cut_as_stated(case, measured)
