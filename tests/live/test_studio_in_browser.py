@@ -126,6 +126,7 @@ def test_needed_fields_stand_first_and_those_of_another_receiver_nowhere(window)
     assert target_fields(window)[:2] == ["f-target-half_angle_deg", "f-target-width_deg"]
     assert not window.query_selector("#f-target-width_mm")
     window.fill("#text", text)
+    until(lambda: not window.inner_text("#text-wrong"), 20.0)  # or the page is closed before the text is sent
 
 
 def test_what_search_refuses_is_refused_on_edit_and_a_line_leads_to_its_field(window):
@@ -275,7 +276,7 @@ def test_a_finished_lens_is_replaced_when_asked_and_what_is_left_of_it_has_a_mar
 
 
 def test_a_verdict_has_its_reason_and_the_button_that_cures_it(studio, started):
-    folder = studio.folder.parent / "other"
+    folder = shutil.copytree(studio.folder, studio.folder.parent / "damaged")
     with opened(folder) as here:
         smaller = here.run.part.mesh.copy()
         smaller.apply_scale(0.9)
