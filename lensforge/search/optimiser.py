@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from lensforge import seeds
 from lensforge.errors import Cancelled, remedy
@@ -43,6 +45,7 @@ from lensforge.surfaces.mirror_group import first_images
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _CHECKPOINT_SECONDS = 2.0
+_HALVINGS = 6  # of a step that leads to no lens; Adam goes as far in the next one
 
 
 @dataclass
@@ -130,7 +133,10 @@ class Descent:
                 result = problem.merit.evaluate(every, offsets, rays, problem.constraints, stage.uniform, pairs)
             optimiser.zero_grad()
             result.loss.backward()
+            before = Parameters(weights.detach().clone(), offsets.detach().clone())
             optimiser.step(stage.rate(step))
+            if min(problem.constraints.least(result.fields).values()) < 0.0:
+                _shorten(problem, before, Parameters(weights, offsets), still)
             if step % between == between - 1:
                 problem.constraints.update(result.fields)
             following = self._after_step(stage, step, problem, optimiser, result)
@@ -237,6 +243,22 @@ class Descent:
             images=tuple(np.asarray(image) for image in result.images),
             tables=tables,
         )
+
+
+@torch.no_grad()
+def _shorten(problem: Problem, before: Parameters, after: Parameters, still: Float[Tensor, "s f"]) -> None:
+    """Halve a step in place until the lens ``after`` it can be traced, or take it back.
+
+    Where limits on the light are missed by far, the first steps follow these against all constraints. A lens that keeps
+    its constraints is many steps away from one that cannot be traced.
+    """
+    for _ in range(_HALVINGS):
+        if problem.can_be_traced(torch.cat([after.weights, still]), after.offsets):
+            return
+        for moved, was in zip(after, before, strict=True):
+            moved.lerp_(was, 0.5)
+    for moved, was in zip(after, before, strict=True):
+        moved.copy_(was)
 
 
 class _Kept(NamedTuple):

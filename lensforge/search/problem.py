@@ -16,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge import seeds
+from lensforge.kernels.bicubic import surface_bounds
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.kinds import KindsParameters, spec_of_each_kind
 from lensforge.search.light_path import SearchParts
@@ -54,6 +55,12 @@ class Problem:
         if self.parts is not None:
             lens = self.parametrisation.lens(weights, offsets, self.spec, 0, "draft")
             require_feasible_tolerances(lens, self.parts.factors)
+
+    @torch.no_grad()
+    def can_be_traced(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> bool:
+        """True where every face stays away from the origin: what else is wrong with a lens, its constraints tell."""
+        tables, grid = self.parametrisation.tables(weights, offsets), self.parametrisation.grid
+        return all(surface_bounds(table.numpy(), grid.origin, grid.step).least > 0.0 for table in tables)
 
     def in_full(self) -> tuple[Parametrisation, AugmentedLagrangian]:
         """Parametrisation and constraints of the end of a search: where its steps look at few points, at many.

@@ -5,9 +5,13 @@ import sys
 
 import pytest
 import torch
+from scenes import small_spec
 
+from lensforge.search.optimiser import _shorten
+from lensforge.search.problem import Problems
 from lensforge.search.schedule import Stage
-from lensforge.search.search_state import Adam
+from lensforge.search.search_state import Adam, Parameters
+from lensforge.sources.build_source import build_source
 
 
 @pytest.mark.parametrize("steps", [40, 100])
@@ -80,3 +84,15 @@ def _take(count: int, parameters: list[torch.Tensor], optimiser: Adam) -> None:
         optimiser.zero_grad()
         _loss(parameters, 1).backward()
         optimiser.step(0.1)
+
+
+@pytest.mark.parametrize(("face", "times", "left"), [(1, 0.9, 0.9), (0, 1.9, 0.95), (0, 2.1, 0.525), (1, 1e6, 0.0)])
+def test_a_step_to_a_face_without_a_radius_is_halved_or_taken_back(face: int, times: float, left: float) -> None:
+    spec = small_spec()
+    problem = Problems(spec, build_source(spec.source), 2.5, None).of((9,))
+    start = Parameters(*problem.parametrisation.start())  # two spheres, whose radii are in proportion to their offsets
+    moved = Parameters(start.weights.clone(), start.offsets.clone())
+    moved.offsets[face] -= times * start.offsets[face]
+    _shorten(problem, start, moved, start.weights[9:])
+    assert problem.can_be_traced(*moved)
+    assert (1.0 - moved.offsets / start.offsets)[[face, 1 - face]].tolist() == pytest.approx([left, 0.0], abs=1e-12)
