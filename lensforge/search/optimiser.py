@@ -133,10 +133,10 @@ class Descent:
                 result = problem.merit.evaluate(every, offsets, rays, problem.constraints, stage.uniform, pairs)
             optimiser.zero_grad()
             result.loss.backward()
-            before = Parameters(weights.detach().clone(), offsets.detach().clone())
+            unmoved = Parameters(weights.detach().clone(), offsets.detach().clone())
             optimiser.step(stage.rate(step))
             if min(problem.constraints.least(result.fields).values()) < 0.0:
-                _shorten(problem, before, Parameters(weights, offsets), still)
+                _shorten(problem, unmoved, Parameters(weights, offsets), still)
             if step % between == between - 1:
                 problem.constraints.update(result.fields)
             following = self._after_step(stage, step, problem, optimiser, result)
