@@ -59,7 +59,7 @@ class LimitTerm:
         places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
         matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
         factor = _OF_EACH * coo.shape[0]
-        factor = limit.share * factor if limit.of_road else min(factor, math.sqrt(limit.eyes) * _AT_MOST)
+        factor = limit.share * factor if limit.of_road else min(factor, limit.eyes * _AT_MOST)
         margin = _WIDE_MARGIN if limit.of_road or limit.of_view else _MARGIN
         return LimitTerm(limit, matrix.coalesce(), factor, margin - _MARGIN if by_parts else margin)
 

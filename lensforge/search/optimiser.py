@@ -135,8 +135,7 @@ class Descent:
             result.loss.backward()
             unmoved = Parameters(weights.detach().clone(), offsets.detach().clone())
             optimiser.step(stage.rate(step))
-            if min(problem.constraints.least(result.fields).values()) < 0.0:
-                _shorten(problem, unmoved, Parameters(weights, offsets), still)
+            _shorten(problem, unmoved, Parameters(weights, offsets), still)
             if step % between == between - 1:
                 problem.constraints.update(result.fields)
             following = self._after_step(stage, step, problem, optimiser, result)
@@ -249,8 +248,7 @@ class Descent:
 def _shorten(problem: Problem, before: Parameters, after: Parameters, still: Float[Tensor, "s f"]) -> None:
     """Halve a step in place until the lens ``after`` it can be traced, or take it back.
 
-    Where limits on the light are missed by far, the first steps follow these against all constraints. A lens that keeps
-    its constraints is many steps away from one that cannot be traced.
+    Where limits on the light are missed by far, the first steps follow these against all constraints.
     """
     for _ in range(_HALVINGS):
         if problem.can_be_traced(torch.cat([after.weights, still]), after.offsets):

@@ -7,11 +7,13 @@ import pytest
 import torch
 from scenes import small_spec
 
+import lensforge as lf
 from lensforge.search.optimiser import _shorten
 from lensforge.search.problem import Problems
 from lensforge.search.schedule import Stage
 from lensforge.search.search_state import Adam, Parameters
 from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import preset_of
 
 
 @pytest.mark.parametrize("steps", [40, 100])
@@ -96,3 +98,10 @@ def test_a_step_to_a_face_without_a_radius_is_halved_or_taken_back(face: int, ti
     _shorten(problem, start, moved, start.weights[9:])
     assert problem.can_be_traced(*moved)
     assert (1.0 - moved.offsets / start.offsets)[[face, 1 - face]].tolist() == pytest.approx([left, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.5, 1.0])
+def test_a_search_by_any_rate_ends_with_a_lens(rate: float) -> None:
+    far = preset_of("draft").replace("far", effort={"learning_rate": rate})
+    ended = lf.design(small_spec(optimise__steps_per_level=[8, 1]), accuracy=far)
+    assert ended.kept_start and ended.steps == 9, "its first steps lead to faces without a radius"
