@@ -135,7 +135,8 @@ class Descent:
             result.loss.backward()
             unmoved = Parameters(weights.detach().clone(), offsets.detach().clone())
             optimiser.step(stage.rate(step))
-            _shorten(problem, unmoved, Parameters(weights, offsets), still)
+            if problem.spec.limits:  # without them no step leads there, and to look costs a fourteenth of it
+                _shorten(problem, unmoved, Parameters(weights, offsets), still)
             if step % between == between - 1:
                 problem.constraints.update(result.fields)
             following = self._after_step(stage, step, problem, optimiser, result)

@@ -103,5 +103,6 @@ def test_a_step_to_a_face_without_a_radius_is_halved_or_taken_back(face: int, ti
 @pytest.mark.parametrize("rate", [0.3, 0.5, 1.0])
 def test_a_search_by_any_rate_ends_with_a_lens(rate: float) -> None:
     far = preset_of("draft").replace("far", effort={"learning_rate": rate})
-    ended = lf.design(small_spec(optimise__steps_per_level=[8, 1]), accuracy=far)
+    even = {"kind": "zone", "zone": {"kind": "disc", "diameter_mm": 20.0}, "at_least_min_over_mean": 0.7}
+    ended = lf.design(small_spec(optimise__steps_per_level=[8, 1], limits=[even]), accuracy=far)
     assert ended.kept_start and ended.steps == 9, "its first steps lead to faces without a radius"
