@@ -131,13 +131,13 @@ def near(value, part=NEAR):
     return value, part * abs(value)
 
 
-def told(path, factor=1.0, unit="", state=""):
+def told(path, factor=1.0, unit="", state="", limit=None):
     def oracle(case, place):
         entry = kept_of(case, "photo", lambda: photo_record(case))
         for key in path.split("."):
             entry = entry[key]
         pair, error = (entry["value"], entry["standard_error"]) if isinstance(entry, dict) else (entry, (None, 0))
-        return Expected(factor * pair[0], factor * pair[1], unit, *error, state=state)
+        return Expected(factor * pair[0], factor * pair[1], unit, *error, limit=limit, state=state)
 
     return oracle
 
@@ -156,7 +156,7 @@ ORACLES = {f"compare.{name}": told(f"alignment.{name}", 1.0, unit) for name, uni
 ORACLES |= {
     "compare.ssim": told("ssim"), "compare.photo_nmse": told("nmse"), "compare.aligned_ssim": told("aligned.ssim"),
     "compare.aligned_nmse": told("aligned.nmse"), "compare.photo_uniformity": told("measured_evenness.uniformity"),
-    "compare.clipped": told("clipped", 100.0, "%", "pass"), "compare.cause": cause,
+    "compare.clipped": told("clipped", 100.0, "%", "pass", ("<=", 1.0)), "compare.cause": cause,
     "compare.photographs": lambda case, place: Expected("on.png minus off.png"),
     "compare.corners": lambda case, place: Expected("given"),
 }  # fmt: skip

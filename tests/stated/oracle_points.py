@@ -374,9 +374,16 @@ def told(stage, path, factor=1.0, unit=""):
             entry = entry[key]
         error, error_within = entry["standard_error"] if isinstance(entry, dict) else (None, 0.0)
         value, within = entry["value"] if isinstance(entry, dict) else entry if isinstance(entry, tuple) else (entry, 0)
-        state = "pass" if place.key == "form" else ""
+        state = "pass" if place.key in ("form", "concave") else ""
+        limit = (">=", 0.998) if place.key == "concave" else None  # the ball of 1 mm, less two thousandths
         return Expected(
-            factor * value, factor * within, unit, error and factor * error, factor * error_within, state=state
+            factor * value,
+            factor * within,
+            unit,
+            error and factor * error,
+            factor * error_within,
+            limit=limit,
+            state=state,
         )
 
     return oracle
