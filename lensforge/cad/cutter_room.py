@@ -84,7 +84,7 @@ def base_with_room(lens: Lens) -> BaseSection:
 
 
 def as_built(lens: Lens, process: Process) -> Lens:
-    """The lens made by another ``process``: its body, room for the cutter and drafts included, is that of its files.
+    """The lens made by another ``process``, its body with the cutter clearance and drafts that the files have.
 
     Raises :class:`InputError` for a process by which no such part is made.
     """

@@ -96,7 +96,8 @@ class Triangulation(Record):
 
 
 def _finer_faces(part: "Part") -> str:
-    larger, nodes = "raise manufacture.form_nm and normal_mrad", max(part.nodes.values())
+    larger = "raise manufacture.form_nm and normal_mrad"
+    nodes = max(part.nodes.values())
     if nodes >= MAX_NODES:
         return f"{larger}: no spline is finer than this one of {nodes} nodes"
     return f"raise the number of nodes, or {larger}"
@@ -109,7 +110,8 @@ def _mend_solid(part: "Part") -> str:
 
 def _turned(part: "Part") -> str:
     """The angle by which the error of the normals turns light at most, beside the image of the LED."""
-    tolerance, error = part.face_tolerance, part.normal_error_mrad
+    tolerance = part.face_tolerance
+    error = part.normal_error_mrad
     largest = f"largest; {quantity(error.rms, 'mrad', digits=2)} rms"
     moved = f"turns light by {quantity(tolerance.turn * error.max, 'mrad', digits=2)} at most"
     image = tolerance.image_mrad

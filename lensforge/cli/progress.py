@@ -248,7 +248,8 @@ class PartsProgress:
 
     def __init__(self, clock: StageClock, parts: str = "parts") -> None:
         self._clock, self._parts = clock, parts
-        self._stage, self._detail = "", ""
+        self._stage = ""
+        self._detail = ""
         self._first: tuple[int, float] | None = None  # parts of this stage that were measured at a time
         self._estimated = clock.live  # a terminal shows the time that is left all the while
 

@@ -206,7 +206,8 @@ def adjoint_of_pairs(rays, body, ways, fates, by, gradients, packet):
 @inline
 def met_face(event, met, sides):
     """An event of rays that have ``met`` this at all of theirs."""
-    code, times = met[event], 0
+    code = met[event]
+    times = 0
     face, from_behind, mirrored = code // 4, code % 2 == FROM_BEHIND, code % 4 >= REFLECTED
     for earlier in range(event):
         times += 1 if met[earlier] // 4 == face else 0

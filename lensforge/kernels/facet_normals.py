@@ -79,7 +79,8 @@ def facet_normal_adjoint(packet, place, n, d, noise, h, f):
     tilt, along = on_face(x, y, u)
     c, onto = dot(u, d), dot(h, u)
     by_seen = dot(h, d) - c * onto
-    by_c, by_along = by_seen * packet[place + 3 * SIZE] - seen * onto, by_seen * packet[place + 4 * SIZE]
+    by_c = by_seen * packet[place + 3 * SIZE] - seen * onto
+    by_along = by_seen * packet[place + 4 * SIZE]
     g = add_scaled(h, by_along, d)  # sensitivity to the tilt
     by_tilt = -(dot(g, u) + g[2]) / (1.0 + u[2])
     by_u = add_scaled(linear_combination(1.0 - seen * c, h, by_c, d), by_tilt, (x, y, -along))

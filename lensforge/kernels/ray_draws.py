@@ -17,7 +17,7 @@ _FACES = 256  # more than those that scatter
 
 @inline
 def mixed(key):
-    """A number each bit of which depends on all bits of the key: SplitMix64 (Steele, Lea and Flood, 2014)."""
+    """SplitMix64 hash of a key (Steele, Lea and Flood, 2014)."""
     key = (key ^ (key >> _30)) * _FIRST
     key = (key ^ (key >> _27)) * _SECOND
     return key ^ (key >> _31)

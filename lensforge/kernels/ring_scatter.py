@@ -45,7 +45,8 @@ def amount_of(number, shares, squares, last):
     share = number - (1.0 - shares[last])
     if share <= 0.0:
         return 0.0
-    low, high = 0, last
+    low = 0
+    high = last
     while high - low > 1:
         middle = (low + high) // 2
         if shares[middle] <= share:

@@ -61,7 +61,7 @@ def seen_number(a, k):
 
 @inline
 def added_slope(rms, c, along):
-    """Slope along the light that is seen beyond that of a facet as drawn, over the sine of incidence; derivatives.
+    """Visible slope less drawn slope along the light, over the sine of incidence, and its two derivatives.
 
     ``along``: the slope as drawn, times that sine; ``c``: cosine of incidence, below 0 of light from behind. The
     derivatives are those by c and by ``along``.

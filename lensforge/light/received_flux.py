@@ -87,17 +87,20 @@ class ReceivedFlux:
 
     @staticmethod
     def mean_of_lamps(
-        lamps: LampPictures, found: Sequence["ReceivedFlux"], regions: tuple[Region, ...]
+        lamps: LampPictures, rasters: Sequence["ReceivedFlux"], regions: tuple[Region, ...]
     ) -> "ReceivedFlux":
-        """Mean flux of a lamp on their receiver, from that of one on each raster; in regions by the parts of pixels."""
-        images = lamps.added([each.images for each in found])
-        landed = lamps.mean([each.window + each.outside for each in found])
-        window = images.sum(axis=(1, 2)) if lamps.widened else lamps.mean([each.window for each in found])
+        """Mean flux per lamp on a receiver that lamps share, from the flux of one lamp on each raster.
+
+        Pixels that lie partly in a region count by that part.
+        """
+        images = lamps.added([each.images for each in rasters])
+        landed = lamps.mean([each.window + each.outside for each in rasters])
+        window = images.sum(axis=(1, 2)) if lamps.widened else lamps.mean([each.window for each in rasters])
         in_regions = np.zeros((len(images), len(regions)))
         for k, region in enumerate(regions):
             in_regions[:, k] = (rebinned(images, region.grid) * region.coverage).sum(axis=(1, 2))
-        by_fate = lamps.mean([each.by_fate for each in found])
-        seen = [each.colours for each in found if each.colours is not None]
+        by_fate = lamps.mean([each.by_fate for each in rasters])
+        seen = [each.colours for each in rasters if each.colours is not None]
         colours = lamps.added(seen) if seen else None
         return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_regions, regions, colours)
 

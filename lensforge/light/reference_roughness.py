@@ -114,7 +114,7 @@ def _on_face(slope: Complex[Tensor, " n"], normals: Vectors) -> Vectors:
 
 
 def _seen(rms: Float[Tensor, ""], c: Float[Tensor, "n 1"], along: Float[Tensor, "n 1"]) -> Float[Tensor, "n 1"]:
-    """Slope along the light that is seen beyond that which is drawn, over the sine of incidence.
+    """Visible slope less drawn slope along the light, over the sine of incidence.
 
     ``along``: the slope that is drawn, times that sine. The number a of the slope over its rms becomes x, below which
     the same share of the density (k + x) exp(-x^2/2) lies.

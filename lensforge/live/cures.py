@@ -16,7 +16,7 @@ _FINER, _MOST_RINGS = 2, 10_000  # times as many rings as before, where no numbe
 
 
 def cure_of(title: str, run: Run) -> Fields | None:
-    """Cure of the verdict of a ``title``: the words of a button, and its act; None where nothing is named.
+    """Cure of the verdict named ``title``: text and action of a button. None if its reasons name no change.
 
     ``do``: an action of the page with its ``content``; ``change``: of the spec, for the next search.
     """

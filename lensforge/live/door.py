@@ -1,4 +1,4 @@
-"""Door of the page: a file for the browser to open, so that the secret stands in no command line.
+"""File that opens the page in the browser, so that the secret is in no command line.
 
 A command line can be read by every user of a machine. The file sends the browser on to the page; it can be read by its
 owner alone, in a folder of its own, and is deleted with the studio.

@@ -158,10 +158,10 @@ _NOT_MEASURED_MM = 1e-5
 def off_surface(points: Float[np.ndarray, "n 3"], gaps: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """True for ``points`` whose ``gaps`` (mm) from the face are no form error: far off it, or off their neighbours."""
     centred = gaps - np.median(gaps)
-    far = np.maximum(_SIGMAS * _deviation(centred), _FAR_SHARE * float(np.median(np.linalg.norm(points, axis=1))))
-    _, near = cKDTree(points / np.linalg.norm(points, axis=1)[:, None]).query(
-        points / np.linalg.norm(points, axis=1)[:, None], min(_NEIGHBOURS + 1, len(points))
-    )
+    distances = np.linalg.norm(points, axis=1)
+    far = np.maximum(_SIGMAS * _deviation(centred), _FAR_SHARE * float(np.median(distances)))
+    directions = points / distances[:, None]
+    _, near = cKDTree(directions).query(directions, min(_NEIGHBOURS + 1, len(points)))
     around = gaps[near[:, 1:]]
     middle = np.median(around, axis=1)
     steps = np.quantile(np.abs(around - middle[:, None]), _UNLIKE, axis=1)

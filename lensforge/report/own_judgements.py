@@ -17,7 +17,7 @@ from lensforge.proof.acceptance import proof_criteria
 from lensforge.proof.proof_result import Proof
 from lensforge.results import Fact, ResultByLed, Sense, StageResult
 from lensforge.results.criteria import named
-from lensforge.results.record import agree
+from lensforge.results.stage_result import require_same_judgements
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import spec_of
 from lensforge.shop.check_result import Check
@@ -78,25 +78,12 @@ def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
     """
     if result.inputs.get("lens") != lens.sha256:
         return
+    remedy = type(result).rebuild_command()
     try:
-        why = next(_forged(result, lens), "")
+        for record in result.by_led.values() if isinstance(result, ResultByLed) else (result,):
+            for field, made in judged_again(record, lens).items():
+                require_same_judgements(field, getattr(record, field), made)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; {remedy}") from None
     except (ArithmeticError, LookupError):  # a volume of 0, a face that the lens has not
-        why = f"not what a {result.stage} of this lens can be"
-    if why:
-        raise InputError(f"{path}: {why}; {type(result).rebuild_command()}")
-
-
-def _forged(result: StageResult, lens: Lens) -> Iterator[str]:
-    """Words on each judgement that its file states otherwise; where it is told with each LED, those with all."""
-    for record in result.by_led.values() if isinstance(result, ResultByLed) else (result,):
-        for field, made in judged_again(record, lens).items():
-            for stated, follows in zip_longest(getattr(record, field), made):
-                if not agree(_compared(stated), _compared(follows)):
-                    yield f"{field}: {(stated or follows).key}: not as it follows from the other entries"
-
-
-def _compared(fact: Fact | None) -> tuple[object, ...]:
-    """Entries that must agree: all but words."""
-    if fact is None:
-        return ()
-    return fact.key, fact.place, fact.value, fact.standard_error, fact.sense, fact.limit, fact.unit, fact.tolerance
+        raise InputError(f"{path}: not what a {result.stage} of this lens can be; {remedy}") from None

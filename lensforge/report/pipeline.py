@@ -118,8 +118,9 @@ def check(part: Part | Lens, *, process: Process | None = None) -> Check:
     from lensforge.shop.check import check_lens, check_made_by
 
     lens = part if isinstance(part, Lens) else require(part, Part, "check").lens
-    own = process is None or process == lens.spec.manufacture.process
-    return check_lens(lens) if own or process is None else check_made_by(lens, process)
+    if process is None or process == lens.spec.manufacture.process:
+        return check_lens(lens)
+    return check_made_by(lens, process)
 
 
 @dataclass(frozen=True)

@@ -48,38 +48,9 @@ _OTHER_QUANTITY = re.compile(
     r"(log\d*|ln|nu|sigma|index|lambda|angle|cos|sin|freq|wave)(?![^\W_]))",
     re.IGNORECASE,
 )
-_OTHER_UNITS: tuple[str, ...] = (
-    "hz",
-    "khz",
-    "mhz",
-    "ghz",
-    "thz",
-    "phz",
-    "ev",
-    "mev",
-    "kev",
-    "j",
-    "db",
-    "dbm",
-    "mol",
-    "umol",
-    "lx",
-    "cd",
-)
-_OTHER_UNITS += (
-    "per_cm",
-    "per_m",
-    "per_mm",
-    "per_um",
-    "per_nm",
-    "per_sr",
-    "grad",
-    "gon",
-    "mil",
-    "pm",
-    "km",
-    "mw",
-    "uw",
+_OTHER_UNITS = (
+    *["hz", "khz", "mhz", "ghz", "thz", "phz", "ev", "mev", "kev", "j", "db", "dbm", "mol", "umol", "lx", "cd"],
+    *["per_cm", "per_m", "per_mm", "per_um", "per_nm", "per_sr", "grad", "gon", "mil", "pm", "km", "mw", "uw"],
 )
 _UNITS = frozenset((*_SPELLINGS, *_OTHER_UNITS)) - {""}
 _WORDS_TOO = ("in", "m", "j", "w")  # units that are words of a remark as well
