@@ -51,8 +51,8 @@ def lens_of(random: np.random.Generator, kind: str) -> lf.Lens:
         noise = 0.02 * random.normal(size=(2, basis.size)) * basis.sigmas / basis.sigmas.max()
         offsets = [float(face.radius(np.array([[0.0, 0.0, 1.0]]))[0]) for face in faces.values()]
         faces = {
-            name: SrbfSurface(basis, offset * own, offset)
-            for name, offset, own in zip(faces, offsets, noise, strict=True)
+            name: SrbfSurface(basis, offset * weights, offset)
+            for name, offset, weights in zip(faces, offsets, noise, strict=True)
         }
     return lf.Lens(faces, spec, 0, EFFORT)
 
@@ -67,7 +67,8 @@ def verified(count: int, seed: int = 0) -> Iterator[tuple[lf.Lens, lf.Part, lf.P
 
 
 def main() -> None:
-    failed, count = 0, int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    failed = 0
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     for lens, part, proof in verified(count):
         facts = [*part.criteria, *deciding_criteria(proof)]
         missed = [fact.key for fact in facts if fact.state == "fail"]

@@ -34,12 +34,12 @@ class StatedError:
 
 def stated_errors(results: Sequence[StageResult]) -> dict[str, StatedError]:
     """Scatter and error of each metric that all ``results`` of as many seeds have, by its path in the record."""
-    found: dict[str, list[tuple[float, float]]] = {}
+    by_path: dict[str, list[tuple[float, float]]] = {}
     for result in results:
         for path, metric in _metrics(result.plain()):
-            found.setdefault(path, []).append((metric["value"], metric["standard_error"] or 0.0))
+            by_path.setdefault(path, []).append((metric["value"], metric["standard_error"] or 0.0))
     errors = {}
-    for path, pairs in found.items():
+    for path, pairs in by_path.items():
         values, stated = np.array(pairs).T
         if len(pairs) == len(results) and stated.all() and np.ptp(values) > 0.0:
             errors[path] = StatedError(float(values.std(ddof=1)), float(np.sqrt(np.mean(stated**2))))
@@ -70,9 +70,9 @@ def main() -> None:
         lens = lf.load_lens(folder / "lens.json")
         verbs: dict[str, Callable[..., StageResult]] = {"evaluate": lf.evaluate, "photometry": lf.photometry}
         for name, verb in verbs.items():
-            found = stated_errors([verb(lens, rays=options.rays, seed=seed) for seed in seeds])
+            errors = stated_errors([verb(lens, rays=options.rays, seed=seed) for seed in seeds])
             print(f"## {folder.name}, {name}, {options.rays} rays, {options.seeds} seeds\n")
-            for path, error in sorted(found.items(), key=lambda pair: -abs(np.log(pair[1].ratio))):
+            for path, error in sorted(errors.items(), key=lambda pair: -abs(np.log(pair[1].ratio))):
                 print(f"{error.ratio:6.2f}  {path}: scatter {error.scatter:.2g}, stated {error.stated:.2g}")
             print(flush=True)
 

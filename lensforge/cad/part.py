@@ -12,13 +12,15 @@ from pydantic import Field, model_validator
 
 from lensforge.cad.face_tolerance import MAX_NODES, FaceTolerance
 from lensforge.cad.part_limits import (
-    ROUND_TRIP_LIMIT,
     FormTolerance,
     KeepOutDistance,
     Signature,
     UntrimmedSurfaces,
     keep_out_remedy,
     mesh_volume_limit,
+    round_trip_limit,
+    state_of_mesh,
+    step_face_limit,
 )
 from lensforge.cad.plate_result import (
     PLATE_FILES,
@@ -180,24 +182,12 @@ class Part(StageResult):
         Figure(
             "Form error", "largest of the optical faces in the STEP file; {form_error_nm.rms:2} rms", of="max", digits=2
         ),
-        Criterion(
-            "<=",
-            lambda part: part.face_tolerance.form_nm,
-            "form error of the optical faces in the STEP file",
-            _finer_faces,
-            of="max",
-        ),
+        step_face_limit("form error", lambda part: part.face_tolerance.form_nm, _finer_faces),
     ]
     normal_error_mrad: Annotated[
         Extent,
         Figure("Error of the normals", _turned, of="max", digits=2),
-        Criterion(
-            "<=",
-            lambda part: part.face_tolerance.normal_mrad,
-            "normal error of the optical faces in the STEP file",
-            _finer_faces,
-            of="max",
-        ),
+        step_face_limit("normal error", lambda part: part.face_tolerance.normal_mrad, _finer_faces),
     ]
     step_valid: Annotated[
         Flag, InCriterion(), Criterion(">=", 1.0, "solid of the STEP file is valid (1: yes)", _mend_solid)
@@ -205,7 +195,7 @@ class Part(StageResult):
     step_volume_change: Annotated[
         NotNegative,
         InCriterion(),
-        Criterion("<=", ROUND_TRIP_LIMIT, "volume of the STEP file as read back", _finer_faces),
+        round_trip_limit("the STEP file", _finer_faces),
     ]
     watertight: Annotated[Flag, Criterion(">=", 1.0, "mesh (lens.stl) is closed (1: yes)", _RINGS)]
     watertight_3mf: Annotated[Flag, InCriterion(), Criterion(">=", 1.0, "3MF file is closed (1: yes)", _RINGS)]
@@ -298,7 +288,7 @@ class Part(StageResult):
     @figure(Figure("Mesh", "{triangulation.triangles} facets, genus {genus}", key="mesh"))
     def closed_or_not(self) -> str:
         """State of the mesh in words."""
-        return "closed" if self.watertight else "not closed"
+        return state_of_mesh(self.watertight)
 
     @property
     def size(self) -> BodySize:

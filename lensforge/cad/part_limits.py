@@ -6,6 +6,7 @@ Free of the CAD kernel: a stored record is judged without.
 import numpy as np
 
 from lensforge.results import NotNegative, Number, Point, Positive, Record, Text
+from lensforge.results.figure import Bound, Criterion, Words
 from lensforge.spec import Spec
 from lensforge.spec.spec_section import CalendarDate, rounded_up
 
@@ -16,6 +17,21 @@ ANGLE_TOLERANCE_DEG = 0.02
 FIT_TOLERANCE = 1e-6  # of the radius of a ball that is to fit: 1 nm for a cutter of 1 mm
 ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading: all digits are written
 CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's areas err by 1e-7 at most where rims are short
+
+
+def step_face_limit(error: str, bound: Bound, remedy: Words) -> Criterion:
+    """Limit on the largest ``error``, "form error" or "normal error", of the optical faces in a STEP file."""
+    return Criterion("<=", bound, f"{error} of the optical faces in the STEP file", remedy, of="max")
+
+
+def round_trip_limit(file: str, remedy: Words) -> Criterion:
+    """Limit on the relative change of the volume by writing and reading of ``file``."""
+    return Criterion("<=", ROUND_TRIP_LIMIT, f"volume of {file} as read back", remedy)
+
+
+def state_of_mesh(watertight: bool) -> str:
+    """State of a mesh for the screen."""
+    return "closed" if watertight else "not closed"
 
 
 class UntrimmedSurfaces(Record):

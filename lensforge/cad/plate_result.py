@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from lensforge.cad.part_limits import CLOSED_FORM_LIMIT, ROUND_TRIP_LIMIT
+from lensforge.cad.part_limits import CLOSED_FORM_LIMIT, round_trip_limit, state_of_mesh
 from lensforge.results import Box, Count, Fact, Flag, Group, NotNegative, Number, Record, Text
 from lensforge.results.figure import Criterion, Figure, figure
 from lensforge.results.numerals import size
@@ -50,7 +50,7 @@ class Plate(Record):
     step_volume_change: Annotated[
         NotNegative,
         InCriterion(),
-        Criterion("<=", ROUND_TRIP_LIMIT, "volume of plate.step as read back", "export with more --nodes"),
+        round_trip_limit(PLATE_STEP_FILE, "export with more --nodes"),
     ]
     volume_error: Annotated[
         NotNegative,
@@ -104,7 +104,7 @@ class Plate(Record):
     )
     def closed_or_not(self) -> str:
         """The state of the mesh in words."""
-        return "closed" if self.watertight else "not closed"
+        return state_of_mesh(self.watertight)
 
 
 def plate_facts(facts: Iterable[Fact], bytes_by_name: Mapping[str, int]) -> Group:

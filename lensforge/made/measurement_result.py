@@ -10,7 +10,7 @@ from pydantic import Field
 
 from lensforge.cad.face_tolerance import FINEST_MRAD, FINEST_NM
 from lensforge.cad.part import FileStamp, SplineNodes
-from lensforge.cad.part_limits import ROUND_TRIP_LIMIT
+from lensforge.cad.part_limits import round_trip_limit, step_face_limit
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.results import (
     Array,
@@ -455,17 +455,9 @@ class Correction(MeasuredFace):
     cutter: CutterLimit
     nodes: SplineNodes
     step_schema: Literal["AP214", "AP242"]
-    step_volume_change: Annotated[
-        NotNegative, Criterion("<=", ROUND_TRIP_LIMIT, "volume of the STEP file as read back", _LONGER_WAVES)
-    ]
-    form_error_nm: Annotated[
-        Extent,
-        Criterion("<=", FINEST_NM, "form error of the optical faces in the STEP file", _LONGER_WAVES, of="max"),
-    ]
-    normal_error_mrad: Annotated[
-        Extent,
-        Criterion("<=", FINEST_MRAD, "normal error of the optical faces in the STEP file", _LONGER_WAVES, of="max"),
-    ]
+    step_volume_change: Annotated[NotNegative, round_trip_limit("the STEP file", _LONGER_WAVES)]
+    form_error_nm: Annotated[Extent, step_face_limit("form error", FINEST_NM, _LONGER_WAVES)]
+    normal_error_mrad: Annotated[Extent, step_face_limit("normal error", FINEST_MRAD, _LONGER_WAVES)]
     first_cut: LightMetrics
     second_cut: LightMetrics
     file: FileStamp

@@ -54,7 +54,7 @@ _OTHER_UNITS = (
 )
 _UNITS = frozenset((*_SPELLINGS, *_OTHER_UNITS)) - {""}
 _WORDS_TOO = ("in", "m", "j", "w")  # units that are words of a remark as well
-_QUARTER_TURN_RAD = 1.58  # rounded up
+QUARTER_TURN_RAD = 1.58  # rounded up; a polar angle below it may be in radians
 _SUM = re.compile(r"\s*[-+−]\s*\d")  # behind a name it is another quantity: the refractivity n-1
 _EXPONENT = re.compile(r"\^?-?\d$|^per_(?=.)")
 _COMMENT_MARK = re.compile(r"^(?:#+|%\s|//+|!+)\s*")
@@ -310,6 +310,6 @@ def header_cells(line: Line, dialect: Dialect, name: str) -> list[str]:
 
 def doubt_degrees(angles_deg: Sequence[float], where: str, title: str) -> None:
     """Say where angles of incidence end so early that they may be radians; ``title``: how a column of such is named."""
-    if 0.0 < max(angles_deg) < _QUARTER_TURN_RAD:
+    if 0.0 < max(angles_deg) < QUARTER_TURN_RAD:
         words = f"its angles end at {max(angles_deg):.4g} degrees: in radians the column is {title}"
         warnings.warn(f"{where}: {words}", FileWarning, stacklevel=1)

@@ -21,6 +21,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.light.lens_light import searched_source
 from lensforge.light.table_trace import Scene, TracedBundle, trace_tables
 from lensforge.optics.fundamental_limits import LEVELS
+from lensforge.results.table_names import QUARTER_TURN_RAD
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.lens import Lens
@@ -108,7 +109,7 @@ def angles_that_may_be_radians(spec: Spec) -> Iterator[str]:
     """Words on each width of a target in the far field that is so small that it may be in radians."""
     targets = [each for receiver in spec.all_receivers for each in receiver.targets]
     for name, value in (field for target in targets for field in _angular_widths(target)):
-        if value < _QUARTER_TURN_RAD:
+        if value < QUARTER_TURN_RAD:
             yield f"{name} = {value:g}: angles are in degrees, {value:g} rad are {np.degrees(value):.4g}"
 
 
@@ -213,7 +214,6 @@ _FEW_ENTERING = 0.1  # of the flux, where nothing else is said: a ray file that 
 _MOST_PIXELS = 1024  # along a side, in a search
 _LEAST_ACROSS = 2.5  # pixels of a stroke; those of the shipped specs have 6.0 or more (curved_screen)
 _ANGULAR_WIDTHS = ("fwhm_deg", "width_deg", "height_deg", "diameter_deg", "outer_diameter_deg", "length_deg")
-_QUARTER_TURN_RAD = 1.58  # rounded up
 _WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {

@@ -21,6 +21,7 @@ from lensforge.errors import FileWarning, InputError, refused, remedy
 from lensforge.kernels.parallel import in_pieces
 from lensforge.results.files import read_file
 from lensforge.results.json_npz import arrays_in
+from lensforge.results.table_names import QUARTER_TURN_RAD
 from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, aimed
 from lensforge.sources.source_flux import emitter_flux
@@ -34,7 +35,8 @@ _LEAST_W, _MOST_W = 1e-30, 1e12  # as of a source in a spec
 _BRIGHTEST = 1e20  # W/m^2/sr; lasers reach 1e16
 _MOST_NODES = 4096  # of an axis: 0.1 degrees in azimuth are 3601
 _FARTHEST = 1e9  # mm, as of any coordinate in a spec
-_NEARLY_FLAT_DEG, _QUARTER_TURN_RAD, _CUT_SHARE = 89.0, 1.58, 0.01
+_NEARLY_FLAT_DEG = 89.0
+_CUT_SHARE = 0.01
 _NARROWEST_MM, _WIDEST_MM = 0.02, 500.0
 _LARGEST = 2**28  # bytes unpacked, some 30 million nodes; a small archive may claim anything
 
@@ -159,7 +161,7 @@ def _doubts(table: RadianceTable) -> Iterator[str]:
     last = float(table.gamma_deg[-1])
     at_last = float(table.radiance[..., -1].max() / table.radiance.max())
     if last < _NEARLY_FLAT_DEG and at_last > _CUT_SHARE:
-        unit = ": in radians?" if last < _QUARTER_TURN_RAD else ""
+        unit = ": in radians?" if last < QUARTER_TURN_RAD else ""
         yield f"gamma_deg ends at {last:g} degrees, with {100.0 * at_last:.3g} % of the largest radiance{unit}"
     for name, edges in (("x_mm", table.x_mm), ("y_mm", table.y_mm)):
         width = float(edges[-1] - edges[0])
