@@ -10,9 +10,10 @@ from lensforge.results.verdict import TITLES
 from lensforge.shop.check_result import Check
 from lensforge.spec.accuracy import PRESETS
 
-_RINGS = re.compile(r"--rings (\d+|N)|more --rings")
+_RINGS = re.compile(r"number of rings|more --rings")
 _FIELD = re.compile(r"\b([a-z]+(?:\.[a-z_]+)+) = (-?\d+(?:\.\d+)?)")
-_FINER, _MOST_RINGS = 2, 10_000  # times as many rings as before, where no number is named
+_FINER = 2  # times as many rings as before
+_MOST_RINGS = 10_000
 
 
 def cure_of(title: str, run: Run) -> Fields | None:
@@ -34,10 +35,8 @@ def _of_light(run: Run) -> Iterator[Fields]:
 def _of_files(run: Run) -> Iterator[Fields]:
     remedies = [criterion.remedy for _, criterion in run.criteria() if not criterion.holds]
     part = run.find(Part)
-    named = [found[1] for remedy in remedies if (found := _RINGS.search(remedy))]
-    if part is not None and named:
-        numbers = [int(number) for number in named if number not in (None, "N")]
-        rings = min(max([_FINER * part.triangulation.rings, *numbers]), _MOST_RINGS)
+    if part is not None and any(map(_RINGS.search, remedies)):
+        rings = min(_FINER * part.triangulation.rings, _MOST_RINGS)
         yield {"words": f"Export with a finer mesh ({rings} rings)", "do": "finer", "content": {"rings": rings}}
     elif any("export" in remedy for remedy in remedies) or set(run.missing) & {"export", "verify"}:
         yield {"words": "Make the part again" if remedies else "Make the part", "do": "part", "content": {}}

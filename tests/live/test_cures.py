@@ -5,13 +5,17 @@ from typing import Any
 
 import pytest
 
+from lensforge.cad.part import Part
 from lensforge.live.cures import cure_of
-from lensforge.proof.remedies import FINER
+from lensforge.proof.remedies import FINER, form_of_mesh
+from lensforge.results.figure import Criterion, marks_of
 
 
-def run(remedy: str = "", accuracy: str = "draft") -> Any:
+def run(remedy: str = "", accuracy: str = "draft", rings: int = 68) -> Any:
     missed = SimpleNamespace(holds=not remedy, remedy=remedy, state="fail" if remedy else "pass")
-    found = SimpleNamespace(triangulation=SimpleNamespace(rings=68), verdicts=[SimpleNamespace(state="pass"), missed])
+    found = SimpleNamespace(
+        triangulation=SimpleNamespace(rings=rings), verdicts=[SimpleNamespace(state="pass"), missed]
+    )
     lens = SimpleNamespace(accuracy=accuracy)
     met = SimpleNamespace(holds=True, remedy="")
     return SimpleNamespace(
@@ -19,16 +23,21 @@ def run(remedy: str = "", accuracy: str = "draft") -> Any:
     )
 
 
-@pytest.mark.parametrize(
-    ("remedy", "rings"),
-    [
-        ("export with --rings N", 136),
-        ("export with more --rings", 136),
-        ("lensforge export DIR --rings 400", 400),
-    ],
-)
-def test_files_of_a_coarse_mesh_are_cured_by_more_rings(remedy: str, rings: int) -> None:
-    cure = cure_of("CAD files", run(remedy))
+def declared_remedies() -> list[str]:
+    """The remedies that a finer mesh is: those of an exported part, and of rays through its mesh."""
+    fields = [
+        mark.remedy
+        for name in ("watertight", "genus_difference")
+        for mark in marks_of(Part.model_fields[name], Criterion)
+    ]
+    volume = [mark.remedy for mark in Part.mesh_volume_change.fget.figure_marks if isinstance(mark, Criterion)]
+    return [*fields, *volume, form_of_mesh(0, True, fine=True)]
+
+
+@pytest.mark.parametrize(("before", "rings"), [(68, 136), (7000, 10_000)])
+@pytest.mark.parametrize("remedy", declared_remedies())
+def test_files_of_a_coarse_mesh_are_cured_by_more_rings(remedy: str, before: int, rings: int) -> None:
+    cure = cure_of("CAD files", run(remedy, rings=before))
     assert cure is not None and (cure["do"], cure["content"]) == ("finer", {"rings": rings})
 
 
