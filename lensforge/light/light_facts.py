@@ -227,10 +227,11 @@ def _remedy(receiver: ReceiverLight, other: str) -> str:
 
 def _estimate(receiver: ReceiverLight) -> str:
     """Words for the share that étendue may leave, where the luminance of the source is known by its rays alone."""
-    possible, found = receiver.possible, receiver.possible.estimate
-    if found is None or found.share_in_target >= possible.share_in_target:
+    possible = receiver.possible
+    estimate = possible.estimate
+    if estimate is None or estimate.share_in_target >= possible.share_in_target:
         return ""
-    return f"; étendue may leave {percent(found.share_in_target)}, an estimate from rays of the source and no bound"
+    return f"; étendue may leave {percent(estimate.share_in_target)}, an estimate from rays of the source and no bound"
 
 
 def _by_pixels(receiver: ReceiverLight) -> str:
@@ -366,13 +367,13 @@ def _wanted(spec: Spec) -> dict[float, float]:
     return {}
 
 
-def _beside_wanted(found: Metric | None, wanted_deg: float | None) -> tuple[str, str]:
+def _beside_wanted(angle: Metric | None, wanted_deg: float | None) -> tuple[str, str]:
     """Words beside a beam angle, and the notice where it is far from the one that is wanted."""
     note = "full width at 50 % of the peak in this plane"
-    if found is None or wanted_deg is None:
+    if angle is None or wanted_deg is None:
         return note, ""
     wanted = f"the target wants {quantity(wanted_deg, '°', digits=3)}"
-    far = abs(found.value - wanted_deg) > max(_OF_WANTED * wanted_deg, 3.0 * (found.standard_error or 0.0))
+    far = abs(angle.value - wanted_deg) > max(_OF_WANTED * wanted_deg, 3.0 * (angle.standard_error or 0.0))
     return f"{wanted}; {note}", wanted if far else ""
 
 

@@ -80,7 +80,7 @@ def landed_at_eye(
 def _seen_at(trace: Trace, pivots: Pivots, exits: ExitRays, view: EyeView) -> Float[np.ndarray, "k 2"]:
     """Places on the plane of ``view`` at which the eye sees ``pivots``."""
     places, beside = view.passed(exits)
-    found = places.copy()
+    moved = places.copy()
     nearest = np.linalg.norm(beside, axis=1)
     going = np.arange(len(pivots))
     for _ in range(_STEPS):
@@ -92,10 +92,10 @@ def _seen_at(trace: Trace, pivots: Pivots, exits: ExitRays, view: EyeView) -> Fl
         pivots, places, beside = pivots.take(nearer), places[nearer], beside[nearer]
         nearest[going] = np.linalg.norm(beside, axis=1)
         close = nearest[going] < _CLOSE * view.blur_rad
-        found[going[close]] = places[close]
+        moved[going[close]] = places[close]
         if not len(going):
             break
-    return found
+    return moved
 
 
 def _steps(trace: Trace, pivots: Pivots, beside: Float[np.ndarray, "k 2"], view: EyeView) -> Vectors:

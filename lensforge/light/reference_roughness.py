@@ -98,12 +98,12 @@ class ReferenceRoughness:
 
     def _again(self, met: Meeting) -> Float[Tensor, "n 2"]:
         """Numbers of rays that have met the face before; 0 of those that have not."""
-        found = torch.zeros((len(met.numbers), 2), dtype=torch.float64)
+        drawn = torch.zeros((len(met.numbers), 2), dtype=torch.float64)
         rows = torch.nonzero(met.times.cpu() > 0)[:, 0]
         if self.keys is not None and len(rows):
             keys, times = self.keys[met.numbers.cpu()[rows].numpy()], met.times.cpu()[rows].numpy()
-            found[rows] = torch.from_numpy(numbers_again(keys, met.face, times))
-        return found.to(met.numbers.device)
+            drawn[rows] = torch.from_numpy(numbers_again(keys, met.face, times))
+        return drawn.to(met.numbers.device)
 
 
 def _on_face(slope: Complex[Tensor, " n"], normals: Vectors) -> Vectors:

@@ -183,18 +183,18 @@ class Session:
     async def _physics(self, text: SpecText) -> None:
         """Ask a thread for what physics allows, the quick figures first."""
         for name in ("wanted", "bounds", "lens_kinds", "doubts"):
-            found: Any = None
+            answer: Any = None
             if text is self.text:
                 try:
-                    found = await self._in_thread(_physics_of, name, text.spec)
+                    answer = await self._in_thread(_physics_of, name, text.spec)
                 except LensforgeError as error:
-                    found = {"problem": str(error)}
+                    answer = {"problem": str(error)}
                 except Exception as error:  # a bug: the page says so, and goes on
-                    found = {"problem": f"internal error: {type(error).__name__}: {error}"}
-            if isinstance(found, bytes):
-                self._show(name, found)
-            elif found is not None and text is self.text:
-                self.tell(**{name: found})
+                    answer = {"problem": f"internal error: {type(error).__name__}: {error}"}
+            if isinstance(answer, bytes):
+                self._show(name, answer)
+            elif answer is not None and text is self.text:
+                self.tell(**{name: answer})
 
     async def _in_thread(self, function: Callable[..., Any], *given: object) -> Any:
         return await asyncio.get_running_loop().run_in_executor(self._thread, function, *given)

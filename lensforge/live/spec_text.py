@@ -67,12 +67,12 @@ class SpecText:
         A text in ``{"toml": ...}`` is read as TOML, where it is some. With another kind the fields that it does not
         have leave their table. Raises :class:`InputError` for a text that is no TOML.
         """
-        found = self.with_text(edited(self._plain, place, _value(given)))
-        for name, words in found.lines if place[-1] == "kind" else ():
+        changed = self.with_text(edited(self._plain, place, _value(given)))
+        for name, words in changed.lines if place[-1] == "kind" else ():
             table, _, field = name.rpartition(".")
             if table == ".".join(map(str, place[:-1])) and ": unknown" in words:
-                found = found.with_text(edited(found._plain, (*place[:-1], field), None))
-        return found
+                changed = changed.with_text(edited(changed._plain, (*place[:-1], field), None))
+        return changed
 
     def with_table(self, name: str, table: Mapping[str, object]) -> "SpecText":
         """The text with another ``table``, "source" or "target", in place of that or of its list."""

@@ -69,13 +69,13 @@ class FaceNumbers(NamedTuple):
 
     def at(self, faces: Int[np.ndarray, " n"], times: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
         """Numbers of each ray for its face, which it has met so many ``times`` before; 0 where it has none."""
-        found = np.zeros((len(faces), 2))
+        drawn = np.zeros((len(faces), 2))
         rows = np.flatnonzero((faces >= 0) & (2 * faces < self.numbers.shape[1]))
         for column in (0, 1):
-            found[rows, column] = self.numbers[rows, 2 * faces[rows] + column]
+            drawn[rows, column] = self.numbers[rows, 2 * faces[rows] + column]
         again = rows[times[rows] > 0]
-        found[again] = _hashed(self.keys[again], faces[again], times[again])
-        return found
+        drawn[again] = _hashed(self.keys[again], faces[again], times[again])
+        return drawn
 
 
 def facet_slopes(media: Media, names: Sequence[str]) -> Float[np.ndarray, " f"]:
@@ -86,12 +86,13 @@ def facet_slopes(media: Media, names: Sequence[str]) -> Float[np.ndarray, " f"]:
 
 def _even(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Numbers:
     """Two even numbers for each face, those with which the rays come for each that is rough."""
-    found, last = np.zeros((len(rays), 2 * len(rough))), 2 * (before + int(rough.sum()))
+    drawn = np.zeros((len(rays), 2 * len(rough)))
+    last = 2 * (before + int(rough.sum()))
     if rays.facets is None or rays.facets.shape[1] < last:
         raise ValueError("rays come without the numbers of the facets that they meet")
     for number, face in enumerate(np.flatnonzero(rough), before):
-        found[:, 2 * face : 2 * face + 2] = rays.facets[:, 2 * number : 2 * number + 2]
-    return found
+        drawn[:, 2 * face : 2 * face + 2] = rays.facets[:, 2 * number : 2 * number + 2]
+    return drawn
 
 
 def _keys(rays: RayBundle) -> Keys:
@@ -137,9 +138,9 @@ def tilted(met: Arrival, rms: PerRay, numbers: Float[np.ndarray, "n 2"]) -> Vect
     a = np.sum(drawn * along, axis=1)
     slopes = drawn + (_seen(a, np.abs(cosine) / np.maximum(s * sine, 1e-300)) - a)[:, None] * along
     facets = n + s[:, None] * slopes
-    found = met.normals.copy()
-    found[rough] = facets / np.linalg.norm(facets, axis=1)[:, None]
-    return found
+    normals = met.normals.copy()
+    normals[rough] = facets / np.linalg.norm(facets, axis=1)[:, None]
+    return normals
 
 
 def _seen(a: PerRay, k: PerRay) -> PerRay:

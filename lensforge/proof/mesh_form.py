@@ -27,7 +27,8 @@ def mesh_forms(files: Sequence[DesignedFile], known: Mapping[bytes, trimesh.Trim
 
     One that should hold the same body as another, and has its facets, has its form.
     """
-    found, judged = dict[str, FileForm](), list[tuple[DesignedFile, _Points, FileForm]]()
+    forms = dict[str, FileForm]()
+    judged = list[tuple[DesignedFile, _Points, FileForm]]()
     for file in files:
         if file.is_step:
             continue
@@ -36,12 +37,12 @@ def mesh_forms(files: Sequence[DesignedFile], known: Mapping[bytes, trimesh.Trim
         alike = (form for other, theirs, form in judged if file.is_judged_as(other) and _are_same(corners, theirs))
         same = next(alike, None)
         if same is None:
-            found[file.name] = mesh_form(file, vertices, triangles)
-            judged.append((file, corners, found[file.name]))
+            forms[file.name] = mesh_form(file, vertices, triangles)
+            judged.append((file, corners, forms[file.name]))
         else:
             edges = open_edges(triangles, len(vertices))
-            found[file.name] = same.changed(name=file.name, open_edges=edges)
-    return found
+            forms[file.name] = same.changed(name=file.name, open_edges=edges)
+    return forms
 
 
 def _mesh_of(file: DesignedFile, known: Mapping[bytes, trimesh.Trimesh]) -> tuple[_Points, _Triangles]:

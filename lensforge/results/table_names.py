@@ -127,9 +127,9 @@ class Column:
             cell = self.beside.sub(" ", cell)
         for name in sorted(self.names, key=len, reverse=True):
             words = r"[\W_]*".join(map(re.escape, re.findall(r"[^\W_]+", _spelt(name))))
-            found = re.match(rf"(\W*){words}(?![^\W_])", cell)
-            if found is not None and not _SUM.match(cell, found.end()):
-                return cell[found.end() :] + ("%" if "%" in found[1] else "")
+            match = re.match(rf"(\W*){words}(?![^\W_])", cell)
+            if match is not None and not _SUM.match(cell, match.end()):
+                return cell[match.end() :] + ("%" if "%" in match[1] else "")
         joined = re.fullmatch(rf"({'|'.join(map(re.escape, self.names))})([^\W\d_]+)", cell)  # as in xmm
         known = joined is not None and not callable(self.units) and joined[2] in self.units
         return joined[2] if joined is not None and known else None
@@ -163,7 +163,7 @@ class Names:
 
         Raises :class:`InputError` for a name that is there twice, and for a unit that is not known.
         """
-        found: Places = {}
+        places: Places = {}
         doubtful: dict[int, list[int]] = {}
         for place, cell in enumerate(self.cells):
             here = self._place(place)
@@ -176,25 +176,25 @@ class Names:
             if known and not fitting:
                 doubtful[place] = list(known)
             for at, factor in list(fitting.items())[:1]:
-                if at in found:
+                if at in places:
                     raise InputError(f"{here}: a second column {wanted[at].title}; leave out one")
-                found[at] = (place, factor)
+                places[at] = (place, factor)
         for place, columns in doubtful.items():
-            if not found.keys() & set(columns):
+            if not places.keys() & set(columns):
                 allowed = _allowed([wanted[at].units for at in columns])
                 raise InputError(f"{self._place(place)}: its unit must be {allowed}")
-        return found
+        return places
 
-    def require(self, found: Places, wanted: Sequence[Column]) -> None:
-        """Raise :class:`InputError` for a needed column that is not ``found``."""
-        missing = [column.title for at, column in enumerate(wanted) if column.needed and at not in found]
+    def require(self, places: Places, wanted: Sequence[Column]) -> None:
+        """Raise :class:`InputError` for a needed column that has none of the ``places``."""
+        missing = [column.title for at, column in enumerate(wanted) if column.needed and at not in places]
         if missing:
             there = ", ".join(map(shown, self.cells[:_MOST_SHOWN]))
             raise InputError(f"{self.where}: no column {missing[0]}; found {there}; name it so if it is one of them")
 
-    def left_over(self, found: Places, read: Sequence[int] = ()) -> str:
-        """Words for columns that are neither ``found`` nor ``read`` otherwise; empty where there are none."""
-        used = {*read, *(place for place, _ in found.values())}
+    def left_over(self, places: Places, read: Sequence[int] = ()) -> str:
+        """Words for columns beside those of ``places`` and those ``read`` otherwise; "" if there are none."""
+        used = {*read, *(place for place, _ in places.values())}
         others = [shown(cell) for place, cell in enumerate(self.cells) if place not in used and cell]
         return f"columns that are not used: {', '.join(others[:_MOST_SHOWN])}" if others else ""
 

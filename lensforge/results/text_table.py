@@ -187,9 +187,9 @@ class TextTable:
         if further and self.width > len(wanted):
             self._require_points()
         ragged = further and self.dialect.separator != ","  # where a decimal comma would be one more cell
-        found = self.numbers(used=[place for place, _ in places.values()], further=ragged)
+        numbers = self.numbers(used=[place for place, _ in places.values()], further=ragged)
         table = np.full((len(self.rows), len(wanted)), np.nan)
-        for (at, (_, factor)), column in zip(places.items(), found.T, strict=True):
+        for (at, (_, factor)), column in zip(places.items(), numbers.T, strict=True):
             table[:, at] = factor * column
         return table
 
@@ -204,11 +204,11 @@ class TextTable:
         names = self.names(wanted, further=further)
         if names is None:
             return None
-        found = names.places(wanted)
-        names.require(found, wanted)
-        if words := names.left_over(found, read):
+        places = names.places(wanted)
+        names.require(places, wanted)
+        if words := names.left_over(places, read):
             warnings.warn(f"{names.where}: {words}", FileWarning, stacklevel=1)
-        return found
+        return places
 
     def _by_place(self, wanted: Sequence[Column], further: bool) -> Places:
         by_place = [column for column in wanted if column.by_place]
@@ -292,18 +292,18 @@ def read_list(path: Path, wanted: Sequence[Column], *, missing: str, most_bytes:
     marks = (separator or "", ";", "\t", ",")
     dialect = Dialect(next((mark for mark in marks if mark and mark in lines[0].text), " "))
     names = Names(name, lines[0], dialect.cells(lines[0], name))
-    where, cells, found = names.where, names.cells, names.places(wanted)
-    wrong = [shown(cell) for place, cell in enumerate(cells) if place not in {at for at, _ in found.values()} and cell]
-    wrong += [f"no column {column.title}" for at, column in enumerate(wanted) if column.needed and at not in found]
+    where, cells, places = names.where, names.cells, names.places(wanted)
+    wrong = [shown(cell) for place, cell in enumerate(cells) if place not in {at for at, _ in places.values()} and cell]
+    wrong += [f"no column {column.title}" for at, column in enumerate(wanted) if column.needed and at not in places]
     if wrong:
         raise InputError(f"{where}: {wrong[0]}; the columns are {titles}")
     rows = [(line, dialect.cells(line, name)) for line in lines[1:]]
     for line, row in rows:
         if len(row) != len(cells):
             raise InputError(f"{name}, line {line.number}: {len(row)} cells, line {lines[0].number} has {len(cells)}")
-    numeric = [place for at, (place, _) in found.items() if not wanted[at].words]
+    numeric = [place for at, (place, _) in places.items() if not wanted[at].words]
     signs = dialect.with_signs_of("\n".join(row[place] for _, row in rows for place in numeric), name)
-    named = {wanted[at].title: place for at, (place, _) in found.items()}
+    named = {wanted[at].title: place for at, (place, _) in places.items()}
     return [
         Entry(f"{name}, line {line.number}", {title: row[at] for title, at in named.items() if row[at]}, signs)
         for line, row in rows

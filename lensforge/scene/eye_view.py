@@ -65,9 +65,9 @@ class EyeView(Plane):
         """Land ``rays``, with their flux times the kernel; NumPy or torch."""
         rows = self._near(rays)
         points, directions = self.pose.own_points(rays.points[rows]), self.pose.own_directions(rays.directions[rows])
-        found = self._chart(points, directions)
-        hits = replaced(module_of(found).zeros_like(rays.points[:, :2]), rows, found)
-        lines, _, rest, scale = self._terms(found, directions)
+        on_chart = self._chart(points, directions)
+        hits = replaced(module_of(on_chart).zeros_like(rays.points[:, :2]), rows, on_chart)
+        lines, _, rest, scale = self._terms(on_chart, directions)
         flux = rays.flux[rows] * scale * rest**2 / lines[:, 2]  # per area that the eye sees of the plane
         flux = replaced(module_of(flux).zeros_like(rays.flux), rows, flux)
         return Landings(hits, flux, rays.left_lens, rays.left_lens & False)  # with or without flux all that left
@@ -250,12 +250,12 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
     if not limits:
         return ()
     reach, lamp = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies)), spec.all_lamps.lamps[0].pose
-    found: list[EyeView] = []
+    views: list[EyeView] = []
     for number, limit in limits:
         labelled = zip(limit.eye_labels(number), limit.eyes(), strict=True)
         eyes = tuple(_view(limit, label, lamp.own_points(_place(eye)), reach, searched) for label, (_, eye) in labelled)
-        found += eyes if limit.from_deg is None else [RingView.of(eyes, *limit.labels(number))]
-    return tuple(found)
+        views += eyes if limit.from_deg is None else [RingView.of(eyes, *limit.labels(number))]
+    return tuple(views)
 
 
 def _place(eye: tuple[float, ...]) -> Float[np.ndarray, "3"]:

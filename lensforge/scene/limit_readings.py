@@ -123,22 +123,22 @@ def light_limits(
     Raises :class:`InputError` for lux or candela of a source whose lumens are not known, and zones without a pixel.
     """
     names = [section.name for section in spec.all_receivers]
-    found: list[LightLimit] = []
+    judged: list[LightLimit] = []
     seen = enumerate(eye_views(spec) if views is None else views, len(names))
     for number, limit in enumerate(spec.limits):
         if isinstance(limit, LuminanceLimit):
             scale = _scale(limit.unit or "", f"limits.{number}", lumens_per_watt)
-            found += [each for _ in limit.labels(number) for each in _of_view(limit, scale, *next(seen))]
+            judged += [each for _ in limit.labels(number) for each in _of_view(limit, scale, *next(seen))]
             continue
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
         if isinstance(limit, LossLimit):
-            found.append(_of_loss(limit, limit.name or where, index, spec, flux_w))
+            judged.append(_of_loss(limit, limit.name or where, index, spec, flux_w))
             continue
-        found += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
+        judged += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
     for number in range(len(spec.roads)):
-        found += _of_road(number, spec, receivers, lumens_per_watt, flux_w)
-    return tuple(found)
+        judged += _of_road(number, spec, receivers, lumens_per_watt, flux_w)
+    return tuple(judged)
 
 
 def zones_on(receiver: int, limits: Sequence[LightLimit]) -> tuple[Region, ...]:
@@ -179,8 +179,8 @@ def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> 
         readings = sparse.csr_array(np.full((1, readings.shape[1]), 1e6 * scale))
     for sense, bound in zip(_SENSES, (limit.at_least, limit.at_most), strict=True):
         if bound is not None:
-            found = LightLimit(view.label, index, quantity, sense, bound, _UNITS[limit.unit or ""], readings)
-            yield found if view.of_mean else _with_doubt(found, view, scale)
+            judged = LightLimit(view.label, index, quantity, sense, bound, _UNITS[limit.unit or ""], readings)
+            yield judged if view.of_mean else _with_doubt(judged, view, scale)
 
 
 def _with_doubt(limit: LightLimit, view: EyeView, scale: float) -> LightLimit:

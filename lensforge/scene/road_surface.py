@@ -64,15 +64,16 @@ class RoadSurface:
 
         Raises :class:`InputError` for a file that is no such table, and for one that no road has, unless it is scaled.
         """
-        found = _standard(name) if file is None else read_surface(file)
+        surface = _standard(name) if file is None else read_surface(file)
         if q0 is not None:
-            return replace(found, r=found.r * (q0 / found.q0), q0=q0)
-        if not LEAST_Q0 <= found.q0 <= MOST_Q0:
+            return replace(surface, r=surface.r * (q0 / surface.q0), q0=q0)
+        if not LEAST_Q0 <= surface.q0 <= MOST_Q0:
             raise InputError(
-                f"{file}: its average luminance coefficient Q0 is {found.q0:.2g}, of a road it is from {LEAST_Q0:g} to "
-                f"{MOST_Q0:g}: give r (cd/m^2 per lx) times 10^4, or surface_q0, to which the table is scaled"
+                f"{file}: its average luminance coefficient Q0 is {surface.q0:.2g}, of a road it is from "
+                f"{LEAST_Q0:g} to {MOST_Q0:g}: give r (cd/m^2 per lx) times 10^4, or surface_q0, to which the table is "
+                "scaled"
             )
-        return found
+        return surface
 
     @property
     def s1(self) -> float | None:
@@ -158,19 +159,19 @@ def _beta_of_header(table: TextTable) -> Float[np.ndarray, " b"] | None:
     """Numbers behind the first word of the last line above the rows, in a remark, too; None where there are none."""
     for line in sorted((*table.header, *table.remarks))[-1:]:
         first, *cells = header_cells(line, table.dialect, table.name) or [""]
-        found: list[float] = []
+        numbers: list[float] = []
         for place, cell in enumerate(cells, start=2):
             try:
-                found.append(table.dialect.number(cell))
+                numbers.append(table.dialect.number(cell))
             except ValueError as error:
-                if not found or line in table.remarks:
+                if not numbers or line in table.remarks:
                     return None
                 raise InputError(f"{table.name}, line {line.number}, column {place}: beta: {error}") from None
         if _GAMMA_ITSELF.match(first):
             words = f"{shown(first)}: rows must be those of tan gamma, not of gamma; export it so"
             raise InputError(f"{table.name}, line {line.number}: {words}")
-        if found and (line in table.header or len(found) == table.width - 1):
-            return np.array(found)
+        if numbers and (line in table.header or len(numbers) == table.width - 1):
+            return np.array(numbers)
     return None
 
 

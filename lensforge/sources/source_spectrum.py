@@ -33,39 +33,8 @@ _HUGE = 1e12  # no wavelength in nm, no power density: what is larger comes from
 _MOST_ROWS = 500_000
 _LEAST_NM = 100.0  # below that are µm: no light here is shorter
 _LINEAR = {
-    "w",
-    "mw",
-    "uw",
-    "nw",
-    "kw",
-    "j",
-    "nm",
-    "um",
-    "mm",
-    "cm",
-    "m",
-    "sr",
-    "s",
-    "a",
-    "u",
-    "au",
-    "arb",
-    "rel",
-    "per",
-}
-_LINEAR |= {
-    "relative",
-    "units",
-    "unit",
-    "norm",
-    "normalized",
-    "normalised",
-    "counts",
-    "cps",
-    "%",
-    "watt",
-    "watts",
-    "sq",
+    *("w", "mw", "uw", "nw", "kw", "watt", "watts", "j", "s", "a", "sr", "sq", "nm", "um", "mm", "cm", "m", "per"),
+    *("u", "au", "arb", "rel", "relative", "unit", "units", "norm", "normalized", "normalised", "counts", "cps", "%"),
 }
 
 

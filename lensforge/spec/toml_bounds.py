@@ -48,9 +48,9 @@ def _blanked(quoted: re.Match[str]) -> str:
 def _require_shallow(bare: str) -> None:
     """Count brackets from one statement to the next: one that is not closed is a slip, which its reader tells."""
     level = 0
-    for found in _BRACKETS.finditer(bare):
-        mark = found[0]
+    for bracket in _BRACKETS.finditer(bare):
+        mark = bracket[0]
         level = level + 1 if mark in ("[", "{") else max(level - 1, 0) if mark in ("]", "}") else 0
         if level > _MOST_LEVELS:
-            line = bare.count("\n", 0, found.start()) + 1
+            line = bare.count("\n", 0, bracket.start()) + 1
             raise TooLarge(f"line {line}: nested more than {_MOST_LEVELS} deep, which no field is; is it a spec?")

@@ -157,7 +157,7 @@ def _tuples_in(annotation: Any) -> Iterator[Any]:
     if get_origin(annotation) is tuple:
         yield annotation
     else:
-        yield from (found for part in get_args(annotation) for found in _tuples_in(part))
+        yield from (entry for part in get_args(annotation) for entry in _tuples_in(part))
 
 
 def _length_wanted(error: ErrorDetails) -> str:

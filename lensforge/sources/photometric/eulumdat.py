@@ -145,16 +145,18 @@ def _steps(lines: list[str], place: int, name: str, angles: Float[np.ndarray, " 
     """Words on a step that the header states and the angles do not have."""
     stated, steps = _number_or_0(lines[place]), np.diff(angles)
     if stated > 0.0 and len(steps) and np.abs(steps - stated).max() > _SAME_STEP * stated:
-        found = f"{steps.min():g}" if np.ptp(steps) < _SAME_STEP * stated else f"{steps.min():g} to {steps.max():g}"
-        yield f"line {place + 1} states steps of {name} of {stated:g} degrees, its angles have {found}: these are taken"
+        least = f"{steps.min():g}"
+        actual = least if np.ptp(steps) < _SAME_STEP * stated else f"{least} to {steps.max():g}"
+        asked = f"line {place + 1} states steps of {name} of {stated:g} degrees"
+        yield f"{asked}, its angles have {actual}: these are taken"
 
 
 def _downward(line: str, intensity: TabulatedIntensity) -> Iterator[str]:
     """Words on a share of the light that goes down other than that of the intensities."""
-    found = 100.0 * intensity.share_up_to_90()
+    actual = 100.0 * intensity.share_up_to_90()
     stated = _number_or_0(line)
-    if line.strip() and _is_number(line) and abs(stated - found) > _SAME_SHARE:
-        yield f"line {_DOWNWARD + 1}: {stated:g} % of its light go down, by its intensities it is {found:.3g} %"
+    if line.strip() and _is_number(line) and abs(stated - actual) > _SAME_SHARE:
+        yield f"line {_DOWNWARD + 1}: {stated:g} % of its light go down, by its intensities it is {actual:.3g} %"
 
 
 def _lamps(lines: list[str], name: str) -> LampSet:

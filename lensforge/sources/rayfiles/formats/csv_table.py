@@ -64,26 +64,26 @@ def _decode(image: FileImage) -> RayFile:
     names = table.names(_COLUMNS)
     if names is None:
         raise image.refuse(f"must have a line of {table.width} names above its rays; export it again")
-    found = names.places(_COLUMNS)
-    names.require(found, _COLUMNS)
-    units = [unit for unit, at in _FLUX.items() if at in found]
+    columns = names.places(_COLUMNS)
+    names.require(columns, _COLUMNS)
+    units = [unit for unit, at in _FLUX.items() if at in columns]
     if len(units) != 1:
         raise image.refuse(f"columns {','.join(names.cells)[:120]!r}: must have exactly one of flux_w and flux_lm")
-    order = [*range(6), _FLUX[units[0]], *([_WAVELENGTH] if _WAVELENGTH in found else [])]
-    places = [found[at][0] for at in order]
+    order = [*range(6), _FLUX[units[0]], *([_WAVELENGTH] if _WAVELENGTH in columns else [])]
+    places = [columns[at][0] for at in order]
     line = table.rows[0].number
     begin = sum(len(each) for each in head.splitlines(keepends=True)[: line - 1])
     rows = parse_rows(image, begin, image.size, line, table.dialect, places, width=len(names.cells))
-    factors = np.array([found[at][1] for at in order])
+    factors = np.array([columns[at][1] for at in order])
     if (factors != 1.0).any():
         rows = rows * factors
-    left_over = names.left_over(found)
+    left_over = names.left_over(columns)
     return RayFile(
         positions_mm=rows[:, 0:3],
         directions=rows[:, 3:6],
         flux=rows[:, 6],
         flux_unit=units[0],
-        wavelengths_nm=rows[:, 7] if _WAVELENGTH in found else None,
+        wavelengths_nm=rows[:, 7] if _WAVELENGTH in columns else None,
         format=TEXT.name,
         header={"columns": [plain_text(name.encode("latin-1"), "latin-1") for name in names.cells]},
         warnings=(*cut_warnings(image), *([left_over] if left_over else [])),
