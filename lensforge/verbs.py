@@ -40,6 +40,7 @@ from lensforge.report.tradeoff import Tradeoff, TradeoffRow
 from lensforge.results import Conditions, Fact, Metric, StageResult
 from lensforge.results.arguments import ShownType, with_known_names
 from lensforge.results.fact import Group
+from lensforge.results.field_help import class_help
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
@@ -101,7 +102,6 @@ from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateGate, Pla
 from lensforge.spec.road_section import RoadSection
 from lensforge.spec.scatter_section import AbgScatter, GaussianScatter, LambertianScatter, TableScatter
 from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
-from lensforge.spec.spec_fields import help_of
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
 from lensforge.version import __version__
 
@@ -136,8 +136,11 @@ NAMES = {name: globals()[name] for name in __all__} | {
 
 def _shown(verb: Callable[..., object]) -> Signature:
     own, types = signature(verb), get_type_hints(verb, localns=NAMES)
-    shown = {name: ShownType.of(each) for name, each in types.items()}
-    taken = [each.replace(annotation=shown.get(each.name, each.empty)) for each in own.parameters.values()]
+    shown = {name: ShownType.of(type_) for name, type_ in types.items()}
+    taken = [
+        parameter.replace(annotation=shown.get(parameter.name, parameter.empty))
+        for parameter in own.parameters.values()
+    ]
     return own.replace(parameters=taken, return_annotation=own.return_annotation and shown["return"])
 
 
@@ -155,7 +158,7 @@ for _named in (*NAMES.values(), *UNLISTED.values()):
         vars(_made)["__signature__"] = _shown(_made)
     if not isinstance(_named, str) and _named.__module__ != "lensforge":
         _named._written_in, _named.__module__ = _named.__module__, "lensforge"
-_HELP = {each: help_of(each) for each in _CLASSES if is_dataclass(each)}
+_HELP = {each: class_help(each) for each in _CLASSES if is_dataclass(each)}
 for _named, _words in _HELP.items():  # other classes have theirs when it is asked for
     _named.__doc__ = _words
 

@@ -257,7 +257,12 @@ def as_pair(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape]) 
 
 def domain_of(lens: Lens, name: str) -> Domain:
     """Part of the chart where the face of that name bounds the body of ``lens``."""
-    return next(face.domain for each in lens_boundaries(lens) for face in each.of_material if face.name == name)
+    return next(
+        face.domain
+        for lens_boundary in lens_boundaries(lens)
+        for face in lens_boundary.of_material
+        if face.name == name
+    )
 
 
 def boundaries(body: Body) -> Pair[Surface]:

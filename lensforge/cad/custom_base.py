@@ -88,7 +88,7 @@ def _require_solids(part: Product, path: Path) -> None:
         [each for each in parts_of(part.shape, kind) if not of_solids.Contains(each)] for kind in ("SHELL", "FACE")
     )
     if faces:
-        closed = sum(each.Closed() for each in shells)
+        closed = sum(shell.Closed() for shell in shells)
         raise InputError(
             f"{path}: {part.name[:_MOST_SHOWN]!r} has faces that bound no solid and would not count: {len(faces)}, in "
             f"shells: {len(shells)}, of which closed: {closed}; make solids of them in CAD, or leave them out"

@@ -99,9 +99,9 @@ def build_plate(
     layout = layout_of(lens)
     if layout is None or not lens.makes_plate:
         return None
-    kinds = [own, *(LensOfPlate.fitted(each, nodes, tolerance) for each in lens.kinds[1:])]
-    plans = [each.plan for each in kinds]
-    volumes = [each.volume_mm3 for each in kinds]
+    kinds = [own, *(LensOfPlate.fitted(kind, nodes, tolerance) for kind in lens.kinds[1:])]
+    plans = [kind.plan for kind in kinds]
+    volumes = [kind.volume_mm3 for kind in kinds]
     product = f"{lens.spec.name} plate"
     openings = [rim_points(plan.cavity) for plan in plans]
     _require_walls(layout, openings)
@@ -118,7 +118,7 @@ def build_plate(
     read = parse_step(step)
     closed = check_closed(*parse_stl(stl, PLATE_FILES[1]))
     in_3mf = check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
-    form_nm = max(each.form_error_nm for each in kinds) + copies_off_mm(read.faces, plans, layout) * _NM_PER_MM
+    form_nm = max(kind.form_error_nm for kind in kinds) + copies_off_mm(read.faces, plans, layout) * _NM_PER_MM
     figures = Plate(
         lenses=len(layout.lenses),
         gap_mm=gap_mm,

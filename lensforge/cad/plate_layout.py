@@ -107,7 +107,7 @@ class PlateLayout:
             on_side = (x * half[0], centre[1])
             on_end = (centre[0], y * half[1])
             arcs.append(LoopEdge(*((on_side, on_end) if x * y > 0.0 else (on_end, on_side)), centre))
-        lines = [LoopEdge(one.end, other.start) for one, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
+        lines = [LoopEdge(arc.end, other.start) for arc, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
         chain = [edge for pair in zip(arcs, lines, strict=True) for edge in pair]
         return tuple(
             edge for edge in chain if hypot(edge.end[0] - edge.start[0], edge.end[1] - edge.start[1]) > _SAME_MM
@@ -190,10 +190,12 @@ class PlateLayout:
 
         None where it has none of them.
         """
-        bores = self.of_each([self.bore_scale(each) * each for each in openings])  # at the bottom, where all is widest
+        bores = self.of_each(
+            [self.bore_scale(opening) * opening for opening in openings]
+        )  # at the bottom, where all is widest
         plate = self.plate
         axes = np.array(self.lenses.places_mm)
-        largest = max(float(np.hypot(*each.T).max()) for each in bores)
+        largest = max(float(np.hypot(*bore.T).max()) for bore in bores)
         widened = {name: self._at_bottom_mm(mark) for name, mark in plate.marks}
         found = list[PlateWall]()
         for number, (name, mark) in enumerate(plate.marks):

@@ -66,7 +66,7 @@ class MeshParts:
         """Add the plane face within ``outline``, without ``openings``; all loops run counter-clockwise."""
         import manifold3d
 
-        loops = [outline, *(each[::-1] for each in openings)]
+        loops = [outline, *(opening[::-1] for opening in openings)]
         ids = np.concatenate(loops)
         places = np.concatenate(self.vertices)[:, :2]
         found = ids[np.asarray(manifold3d.triangulate([np.ascontiguousarray(places[loop]) for loop in loops]))]
@@ -154,7 +154,7 @@ def _wall(
 ) -> tuple[_Ids, _Ids]:
     """Add the wall between two loops at depths below z = 0; return the numbers of the vertices on them."""
     points = points_on(loops[0], chord_mm), np.concatenate(list(_at_foot(*loops, chord_mm)))
-    top, foot = (parts.add_points(each, -depth) for each, depth in zip(points, ends_mm, strict=True))
+    top, foot = (parts.add_points(point, -depth) for point, depth in zip(points, ends_mm, strict=True))
     parts.add_wall(name, *((top, foot) if outwards else (top[::-1], foot[::-1])))
     return top, foot
 

@@ -94,7 +94,7 @@ def other_section_deg(lens: Lens) -> float | None:
 def _at(corners: list[Corner], azimuth: float) -> Curve:
     """Distance from the axis and z of corners of the base on one side of the section."""
     turn = np.array([azimuth])
-    return np.array([(float(each.radius(turn)[0]), -each.depth_mm) for each in corners]).reshape(-1, 2)
+    return np.array([(float(corner.radius(turn)[0]), -corner.depth_mm) for corner in corners]).reshape(-1, 2)
 
 
 def profile(boundary: Boundary[Surface], across: Float[np.ndarray, " 3"], count: int = 361) -> Curve:

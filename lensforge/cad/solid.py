@@ -300,7 +300,7 @@ def optical_faces(
     creases = [crease_edges(crease, *sides) for crease, sides in zip(inner, pairs, strict=True)]
     rim = rim_edges(patches[-1], surfaces[-1], arcs, split=split)
     outlines = [*creases, [edge for chain in rim for edge in chain]]
-    holes = [[], *([each] for each in creases)]
+    holes = [[], *([crease] for crease in creases)]
     if opening is not None:
         holes[0] = [opening.edges]
     faces = []
@@ -349,7 +349,7 @@ def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
 
 def facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
     """``face`` with the orientation that makes its normal point outwards, judged in the middle or in its ``domain``."""
-    inside = None if domain is None else (sum(float(each[0]) for each in domain.radii(np.zeros(1))) / 2.0, 0.0)
+    inside = None if domain is None else (sum(float(radius[0]) for radius in domain.radii(np.zeros(1))) / 2.0, 0.0)
     (x, y, z), normal = (each.Coord() for each in normal_at(face, inside))
     radial = normal[0] * x + normal[1] * y
     ahead = radial + normal[2] * z

@@ -274,7 +274,7 @@ def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
 def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> Shapes:
     """The loose faces (TopoDS_Face) of a STEP file's bytes by name. Raises :class:`InputError`."""
     faces = {part.name: parts_of(part.shape, "FACE") for part in _parse(content, origin)}
-    return {name: each[0] for name, each in faces.items() if len(each) == 1}
+    return {name: face[0] for name, face in faces.items() if len(face) == 1}
 
 
 def _parse(content: bytes, origin: str) -> list[Product]:

@@ -165,8 +165,8 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
         return np.where(cavity.closed(directions), sign * thickness, -_FAR)
 
     turn = np.linspace(0.0, 2.0 * np.pi, _RIM, endpoint=False)
-    creases = [each for side in (cavity, envelope) for each in side.creases if each is not side.opening]
-    places = np.concatenate([_samples(), *(each.chart(turn) for each in creases)])
+    creases = [crease for side in (cavity, envelope) for crease in side.creases if crease is not side.opening]
+    places = np.concatenate([_samples(), *(crease.chart(turn) for crease in creases)])
     place, most = refined_maximum(figure, places, figure(places), _STEP)
     return Span(sign * most, *(points_in(each, to_sphere(place[None]))[0] for each in (cavity, envelope)))
 
@@ -220,7 +220,7 @@ def largest_ball(sections: _Sections) -> tuple[float, _Point]:
     points = sections.reshape(-1, 3)
     starts = _places_within(sections)
     cells = [np.round(points / (share * np.ptp(points[:, 0]))).astype(int) for share in _SPACINGS]
-    trees = [cKDTree(points[np.unique(each, axis=0, return_index=True)[1]]) for each in cells]
+    trees = [cKDTree(points[np.unique(needed, axis=0, return_index=True)[1]]) for needed in cells]
     centre = starts[np.argmax(trees[0].query(starts)[0])]
     for tree in trees:
         centre = _grown(tree, centre)

@@ -68,11 +68,11 @@ def finish(
     blocks = [] if renewed is None else [Block(f"A lens made for it, in {renewed.folder}", preview_rows(renewed))]
     output.show(
         lambda: {**document(run, *results), **beside},
-        lambda: [*(block for each in results for block in blocks_of(each, run)), *blocks],
+        lambda: [*(block for result in results for block in blocks_of(result, run)), *blocks],
     )
     for result in results:
         _tell_conditions(result)
-    require(criterion for each in results for criterion in deciding_criteria(each))
+    require(criterion for result in results for criterion in deciding_criteria(result))
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
 
@@ -146,18 +146,18 @@ def table_of(groups: Sequence[Group]) -> Iterator[str]:
 
 def document(run: Run, *results: StageResult) -> dict[str, object]:
     """Folder and verdict of ``run``, facts of ``results``, and each of them as its file holds it, by its stem."""
-    stems = {stem_of(each): each for each in results}
+    stems = {stem_of(result): result for result in results}
     head = {"folder": str(run.folder), "verdict": run.verdict.model_dump(mode="json")}
-    facts = {stem: [group.plain() for group in run.facts(each)] for stem, each in stems.items()}
-    return {**head, "facts": facts, **{stem: each.plain() for stem, each in stems.items()}}
+    facts = {stem: [group.plain() for group in run.facts(result)] for stem, result in stems.items()}
+    return {**head, "facts": facts, **{stem: result.plain() for stem, result in stems.items()}}
 
 
 def _tell_conditions(result: StageResult) -> None:
     conditions = conditions_of(result)
     if conditions is None:
         return
-    for words in conditions.warnings:
-        click.echo(warning_line(words), err=True)
+    for warning in conditions.warnings:
+        click.echo(warning_line(warning), err=True)
     own = stem_of(result.changed(conditions=None))
     click.echo(
         f"{stem_of(result)}.json: not at nominal conditions ({conditions}), so {own}.json and the verdict stay as "
@@ -325,7 +325,7 @@ def _manufacture(run: Run) -> Iterator[Row]:
         for fact in group.facts
         if fact.state == "fail" and fact.key not in ("cutter", "nose")
     ]
-    of_kinds = [(each.name, why) for each in kinds(run, linked=False) for why in run.verdict.reasons_of("cutting")]
+    of_kinds = [(kind.name, why) for kind in kinds(run, linked=False) for why in run.verdict.reasons_of("cutting")]
     others = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
     if missed or others:
         yield "Not met", "; ".join((*missed, *(why for _, why in others)))
@@ -340,6 +340,8 @@ def _written(run: Run) -> str:
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
     names += [*LUMINAIRE_FILES.values()] if photometry is not None and photometry.luminaire else []
-    names += [] if photometry is None else [f"{_STEM}_{each.led}.ies" for each in photometry.others]
+    names += (
+        [] if photometry is None else [f"{_STEM}_{lamp_photometry.led}.ies" for lamp_photometry in photometry.others]
+    )
     pairs = zip([Path(), *map(Path, names)], map(Path, names), strict=False)  # "lens.step, .stl, .3mf"
     return ", ".join(path.suffix if path.stem == before.stem else path.name for before, path in pairs)

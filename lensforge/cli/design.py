@@ -143,7 +143,7 @@ def _design_several(
 
 def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, list[str]]:
     """The one spec, and all files of LEDs: of a pattern, a shell puts all but the first among the specs."""
-    spec = next((each for each in specs if each.suffix == ".toml"), specs[0])
+    spec = next((spec for spec in specs if spec.suffix == ".toml"), specs[0])
     return spec, [*files, *(str(each) for each in specs if each is not spec)]
 
 

@@ -74,7 +74,7 @@ def rays(
         content.get("header", {}).pop("spectral_tables", None)
         texts = [(name, each) for name in ("lost", "warnings") for each in content.pop(name, None) or ()]
         unit = str((content.get("flux") or {}).pop("unit", ""))
-        listed = [_row(each, unit) for each in rows(content) if each.value.strip() not in ("", NOTHING)]
+        listed = [_row(row, unit) for row in rows(content) if row.value.strip() not in ("", NOTHING)]
         print_screen([Block(str(file), [*listed, *texts])])
 
 

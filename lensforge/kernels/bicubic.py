@@ -271,7 +271,7 @@ class FaceBounds(NamedTuple):
     @staticmethod
     def of(bounds: Sequence[SurfaceBounds]) -> "FaceBounds":
         """The bounds of each surface, together."""
-        least, most, tiles = (np.array([each[number] for each in bounds]) for number in range(3))
+        least, most, tiles = (np.array([bound[number] for bound in bounds]) for number in range(3))
         return FaceBounds(least, most, tiles, bounds[0].per_unit, bounds[0].tan_reach)
 
 

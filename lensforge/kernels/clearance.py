@@ -255,7 +255,7 @@ def nearest_on_table(
     ``reach_mm``, and of those beyond the surface, their ``radial_mm`` below 0; of some of the others.
     """
     diagonals = nodes[1:, 1:] - nodes[:-1, :-1], nodes[1:, :-1] - nodes[:-1, 1:]
-    spare = _SPARE * max(float(np.sqrt(np.einsum("ijk,ijk->ij", each, each).max())) for each in diagonals)
+    spare = _SPARE * max(float(np.sqrt(np.einsum("ijk,ijk->ij", diagonal, diagonal).max())) for diagonal in diagonals)
     surface = SurfaceNodes(nodes, _boxes(nodes), apart, spare)
     count = len(points)
     feet = np.full((count, 2), np.nan)

@@ -205,7 +205,9 @@ class Light(ResultByLed):
 
     def __str__(self) -> str:
         several = len(self.receivers) > 1
-        figures = "; ".join(f"{each.name}: {_figures(each)}" if several else _figures(each) for each in self.receivers)
+        figures = "; ".join(
+            f"{receiver.name}: {_figures(receiver)}" if several else _figures(receiver) for receiver in self.receivers
+        )
         figures += "".join(f"; with {other.led}: {_figures(other.receivers[0])}" for other in self.others)
         where = "" if self.conditions is None else f" under other conditions ({self.conditions})"
         rows, columns = self.map.shape
@@ -219,7 +221,7 @@ class Light(ResultByLed):
         Raises :class:`InputError` for an unknown map or receiver.
         """
         require_choice("which", which, get_args(Picture))
-        named = {each.name: each for each in self.receivers}
+        named = {receiver.name: receiver for receiver in self.receivers}
         if receiver is not None:
             require_choice("receiver", receiver, named)
         shown = self.first if receiver is None else named[receiver]

@@ -81,7 +81,7 @@ class CandelaTables:
         """Tables of ``light``; ``per_watt``: lumens of a watt of the source."""
         values, count = light.samples * per_watt, len(light.samples)
         total = values.sum(axis=0)
-        rest = [(total - one) / (count - 1) for one in values] if count > 1 else []
+        rest = [(total - value) / (count - 1) for value in values] if count > 1 else []
         left_out = [turned_over(light.grid.table(each)) for each in rest if each.sum() > 0.0]
         closed = np.concatenate([values, values[:, :1]], axis=1)[:, ::-1]
         return CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed)

@@ -119,8 +119,8 @@ def trace_reference(
 
 def as_arrays(exits: ExitRays) -> ExitRays:
     """Exit rays, tensors, as NumPy arrays."""
-    tensors = {each.name: getattr(exits, each.name) for each in fields(exits)}
-    return ExitRays(**{name: each.detach().cpu().numpy() for name, each in tensors.items() if each is not None})
+    tensors = {field.name: getattr(exits, field.name) for field in fields(exits)}
+    return ExitRays(**{name: tensor.detach().cpu().numpy() for name, tensor in tensors.items() if tensor is not None})
 
 
 def _exits(light: RaysInBody, absorbs: bool = False) -> ExitRays:

@@ -80,7 +80,7 @@ class TracedLens:
         """Tabulate all surfaces from the exact sum; the tables' error against it is measured at once."""
         if not lens.others:
             return TracedLens._of_one(lens, nodes_per_sigma)
-        kinds = {each.kind: TracedLens._of_one(each, nodes_per_sigma) for each in lens.kinds}
+        kinds = {kind.kind: TracedLens._of_one(kind, nodes_per_sigma) for kind in lens.kinds}
         return replace(kinds[lens.kind], kinds=tuple(kinds.values()))
 
     @staticmethod
@@ -170,12 +170,14 @@ def simulate(
     lamps, bodies = [LampPictures.of(receiver) for receiver in receivers], len(lens.scene.media.bodies)
     deposits = [
         [
-            ReceivedFlux.none_yet(each, replicates, own if board.is_single else (), coloured=coloured, bodies=bodies)
-            for each in board.receivers
+            ReceivedFlux.none_yet(
+                receiver, replicates, own if board.is_single else (), coloured=coloured, bodies=bodies
+            )
+            for receiver in board.receivers
         ]
         for board, own in zip(lamps, counted, strict=True)
     ]
-    looked_at = any(isinstance(each, EyeView) for each in receivers)
+    looked_at = any(isinstance(receiver, EyeView) for receiver in receivers)
     facets = lens.scene.media.scattering if looked_at else 0  # a ray that is turned to an eye meets the same ones
     measured = looked_at and rays_of_file(source).ray_count is not None
     by_way, traced = FluxByWay.none_yet(lens.scene.chain, replicates), 0
@@ -191,8 +193,8 @@ def simulate(
                 )
         traced += len(bundle)
     received = tuple(
-        own[0] if board.is_single else ReceivedFlux.mean_of_lamps(board, own, wanted)
-        for board, own, wanted in zip(lamps, deposits, counted, strict=True)
+        deposit[0] if board.is_single else ReceivedFlux.mean_of_lamps(board, deposit, wanted)
+        for board, deposit, wanted in zip(lamps, deposits, counted, strict=True)
     )
     return Simulation(received, source.flux_w, traced, by_way)
 
@@ -222,7 +224,7 @@ def _simulate_kinds(
     lamps, found = receivers[0].lamps, []
     shares = [len(kind.numbers) / len(lamps) for kind in lamps.kinds]
     for number, (kind, lens, share) in enumerate(zip(lamps.kinds, kinds, lamps.shares_of_rays, strict=True)):
-        own = tuple(replace(each, lamps=each.lamps.of_kind(kind)) for each in receivers)
+        own = tuple(replace(receiver, lamps=receiver.lamps.of_kind(kind)) for receiver in receivers)
         measured = source.ray_count is not None
         count = rays if measured else max(round(share * rays), min(rays, REPLICATES))
         own_seed = seed if measured else seeds.of_kind(seed, number)

@@ -114,14 +114,14 @@ class ChangedLens:
             one = TracedLens(scene, np.stack([*own.values()]), {})
             lenses.append(replace(one, kinds=tuple((kinds | {self.lens.kind: one}).values())) if kinds else one)
         return {
-            led: [traced_light(each, self.lens.spec, source, self.rays, self.lens.seed) for each in lenses]
+            led: [traced_light(lens, self.lens.spec, source, self.rays, self.lens.seed) for lens in lenses]
             for led, source in self.leds.items()
         }
 
     def _of_all_kinds(self) -> dict[str, TracedLens]:
         """The lens of each kind as designed, by its name; none where all lamps have the same."""
         traced = TracedLens.of(self.lens, self.nodes_per_sigma).kinds if self.lens.others else ()
-        return {each.kind: own for each, own in zip(self.lens.kinds, traced, strict=bool(traced))}
+        return {kind.kind: own for kind, own in zip(self.lens.kinds, traced, strict=bool(traced))}
 
     def by_led(self, lights: Mapping[str, Sequence[TracedLight]]) -> dict[str, MeasuredLight]:
         """Metrics of :meth:`lights`: as designed, with the measured face, and with the corrected one; by the LED."""

@@ -180,8 +180,8 @@ class PartLight:
             emitted_w = flux * held.emitted_w
             window, lit, *in_zones = held.flux_in(inside, carried) / emitted_w
             raw = [
-                bin_replicates(hits, each, receiver.grid, held.replicate, held.replicates)
-                for each in in_channels(carried, held.rays, colour)
+                bin_replicates(hits, channel_rays, receiver.grid, held.replicate, held.replicates)
+                for channel_rays in in_channels(carried, held.rays, colour)
             ]
             smooth = gaussian3(np.stack(raw), self.spec.evaluate.filter_variance)
             losses = None if by_cause is None else with_beside(by_cause, window * emitted_w)
@@ -242,7 +242,7 @@ class PartLight:
         for limit in self.limits:
             if limit.region is None:  # else it is counted by ray
                 rows.setdefault(_SeenByLimit.by(limit), []).append(limit.readings)
-        return {seen: sparse.csr_array(sparse.vstack(own)) for seen, own in rows.items()}
+        return {seen: sparse.csr_array(sparse.vstack(row)) for seen, row in rows.items()}
 
     @cached_property
     def zones(self) -> list[tuple[Region, ...]]:
@@ -287,7 +287,7 @@ class MeasuredPart:
 
     def limit_changes(self, before: "MeasuredPart") -> Iterator[Metric]:
         """Difference of what decides on each limit from ``before``, by the same rays."""
-        for own, other in zip(self.limits, before.limits, strict=True):
-            difference = own - other
+        for limit, other in zip(self.limits, before.limits, strict=True):
+            difference = limit - other
             error = jackknife_error(difference[1:]) if len(difference) > 1 else None
             yield Metric(value=float(difference[0]), standard_error=error)

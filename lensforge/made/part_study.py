@@ -101,7 +101,7 @@ class PartStudy:
     @cached_property
     def boards(self) -> tuple[LampPictures, ...]:
         """Each receiver, of an infinite lattice that of a patch."""
-        return tuple(pictures_of(each, periods_of(self.spec)) for each in self.receivers)
+        return tuple(pictures_of(receiver, periods_of(self.spec)) for receiver in self.receivers)
 
     @cached_property
     def lamps(self) -> Lamps:
@@ -119,7 +119,7 @@ class PartStudy:
         ):
             boards, numbers = self.boards, tuple(range(len(lamps)))
             if kind is not None:
-                alone = (replace(each, lamps=lamps.of_kind(kind)) for each in self.receivers)
+                alone = (replace(receiver, lamps=lamps.of_kind(kind)) for receiver in self.receivers)
                 boards, numbers = tuple(map(LampPictures.of, alone)), kind.numbers
             maker = PartMaker.of(lens.spec, lens.surfaces, own.scene.grid, self.factors)
             found.append(LensOnBoard(lens, own, maker, numbers, boards))
@@ -128,7 +128,7 @@ class PartStudy:
     @cached_property
     def leds(self) -> "tuple[LedStudy, ...]":
         """The study with each LED."""
-        names = [each.name for each in self.spec.sources] if len(self.spec.sources) > 1 else [""]
+        names = [source.name for source in self.spec.sources] if len(self.spec.sources) > 1 else [""]
         every = zip(self.spec.each_source, names, strict=True)
         return tuple(LedStudy(self, emitter, name) for emitter, name in every)
 
@@ -251,9 +251,9 @@ class LedStudy:
         """Metrics of the lens as designed, by many rays: of the first receiver, of others with theirs, of limits."""
         *receivers, _ = self._changes(self.designed)
         found: dict[str, Metric] = {}
-        for prefix, each, light in zip(self._prefixes, receivers, self.designed_light.receivers, strict=True):
-            found |= {f"{prefix}{name}": getattr(light, name) or Metric(value=0.0) for name in each}
-        return found | dict(zip(self._limit_names, (each.metric for each in self.designed_light.limits), strict=True))
+        for prefix, receiver, light in zip(self._prefixes, receivers, self.designed_light.receivers, strict=True):
+            found |= {f"{prefix}{name}": getattr(light, name) or Metric(value=0.0) for name in receiver}
+        return found | dict(zip(self._limit_names, (limit.metric for limit in self.designed_light.limits), strict=True))
 
     @property
     def _prefixes(self) -> list[str]:
@@ -282,8 +282,8 @@ class LedStudy:
         light = self.designed_light
         asked = list(zip(self._limit_names, light.limits, strict=True))
         if not asked:
-            for prefix, each in zip(self._prefixes, light.receivers, strict=True):
-                judged = judged_figures(each, transmittance_of(self.study.recipe.lens.media))
+            for prefix, receiver in zip(self._prefixes, light.receivers, strict=True):
+                judged = judged_figures(receiver, transmittance_of(self.study.recipe.lens.media))
                 asked += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
         powers = chain((limit.flux_power for limit in self.limits), repeat(0.0))  # of none but these the bound is light
         return tuple(

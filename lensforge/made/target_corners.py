@@ -183,8 +183,8 @@ def locate(
     """
     light = on if off is None else on - off
     squares = [each for each in _found(on, off, light) if _holds(each.corners, light)]
-    squares = [_with_lit(each, light, border_share) for each in squares]
-    panels, lit = ([each for each in squares if each.located.lit == seen] for seen in (False, True))
+    squares = [_with_lit(panel, light, border_share) for panel in squares]
+    panels, lit = ([panel for panel in squares if panel.located.lit == seen] for seen in (False, True))
     chosen = _one(panels) if panels or not lit else _one(lit)
     if chosen.located.lit and not lit_square:
         raise InputError(

@@ -170,14 +170,14 @@ def _endangered(
     """The parts in the order in which they begin to fail where ``factors`` grow and the metric is linear in them."""
     width = excess.std(axis=0)
     margin = -(excess / np.where(width > 0.0, width, 1.0)).max(axis=1)
-    size = sum((parts.study.draws.numbers[each.name][: len(margin)] ** 2).mean(axis=1) for each in factors) ** 0.5
+    size = sum((parts.study.draws.numbers[factor.name][: len(margin)] ** 2).mean(axis=1) for factor in factors) ** 0.5
     return np.argsort(margin / np.maximum(size, 1e-9), kind="stable")
 
 
 def _row(search: ScaleSearch, name: str, words: str, unit: str, amount: float) -> BudgetRow:
     low, high = search.bracket()
     roots = None if low is None or high is None else search.root(low, high)
-    at_most, least, most = (None, None, None) if roots is None else (each * amount for each in roots)
+    at_most, least, most = (None, None, None) if roots is None else (root * amount for root in roots)
     return BudgetRow(
         tolerance=name,
         words=words,

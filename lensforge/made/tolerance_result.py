@@ -184,7 +184,7 @@ class Variance(Record):
     @property
     def certain(self) -> tuple[CauseShare, ...]:
         """The causes that stand out of the noise of the parts, the surest first: the others are not shown."""
-        return tuple(each for each in self.causes if each.share > CERTAIN * each.standard_error)
+        return tuple(cause for cause in self.causes if cause.share > CERTAIN * cause.standard_error)
 
 
 def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.ndarray, " n"]:
@@ -379,6 +379,6 @@ class Yield(SimulatedResult):
         """
         first = next(iter(self.metrics))
         metric = require_choice("metric", first if metric is None else metric, self.metrics)
-        bound = next((each.bound for each in self.bounds if each.metric == metric), None)
+        bound = next((bound.bound for bound in self.bounds if bound.metric == metric), None)
         designed = self.metrics[metric].designed.value
         return plot_distribution(self.column(metric), metric, axes, designed=designed, bound=bound)

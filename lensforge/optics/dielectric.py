@@ -90,7 +90,9 @@ def unpolarised_fields(directions: Float[Array, "n 3"]) -> Float[Array, "n 2 3"]
 def passing_amplitudes(transmittances: Transmittances, ratio: Ratio) -> Amplitudes:
     """Amplitudes of light that passes: roots of both shares, which differ by excess and both sines over their sum."""
     xp = module_of(transmittances[0])
-    root_s, root_p = (xp.sqrt(xp.where(each > _DARK, each, _DARK)) for each in transmittances[:2])
+    root_s, root_p = (
+        xp.sqrt(xp.where(transmittance > _DARK, transmittance, _DARK)) for transmittance in transmittances[:2]
+    )
     return root_s, transmittances[2] / (ratio * (root_s + root_p))
 
 

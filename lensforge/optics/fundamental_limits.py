@@ -66,7 +66,7 @@ def least_by_way(media: Media, span_nm: Span | None) -> Least:
     Mirrors are none of them. ``span_nm`` None: at any wavelength.
     """
     coated = least_reflectances(media, span_nm)
-    mirrors = {each.face for each in media.coatings if isinstance(each.coating, Mirror)}
+    mirrors = {coating.face for coating in media.coatings if isinstance(coating.coating, Mirror)}
     entering, leaving = (
         tuple(coated.get(face.name) for face in bounding(media.faces, medium) if face.name not in mirrors)
         for medium in (CAVITY, BODY)

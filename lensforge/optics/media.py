@@ -288,12 +288,14 @@ class Media:
     def __post_init__(self) -> None:
         """Raise :class:`ValueError` for a coating of a face that is none of the body's: nothing would ask for it."""
         names = {face.name for face in self.faces}
-        if not {each.face for each in self.coatings} <= names:
-            raise ValueError(f"coatings of {[each.face for each in self.coatings]}, and the faces are {sorted(names)}")
+        if not {coating.face for coating in self.coatings} <= names:
+            raise ValueError(
+                f"coatings of {[coating.face for coating in self.coatings]}, and the faces are {sorted(names)}"
+            )
 
     def coating(self, face: str) -> Coating | None:
         """Coating of the face of this name; None for a bare one."""
-        return next((each.coating for each in self.coatings if each.face == face), None)
+        return next((coating.coating for coating in self.coatings if coating.face == face), None)
 
     def scattering_of(self, faces: Sequence[str]) -> tuple[GaussianFacets | RingScatter | None, ...] | None:
         """Scatter of each of these faces; None where all are polished."""
@@ -308,7 +310,7 @@ class Media:
     @property
     def spreads(self) -> bool:
         """True where rings turn light that passes a face of the body, farther than it can be refracted."""
-        mirrors = {each.face for each in self.coatings if isinstance(each.coating, Mirror)}
+        mirrors = {coating.face for coating in self.coatings if isinstance(coating.coating, Mirror)}
         return any(isinstance(each.model, RingScatter) and each.face not in mirrors for each in self.scatter)
 
     def scattering_before(self, body: int) -> int:
@@ -332,7 +334,7 @@ class Media:
         if not any(face.is_open for face in self.faces):
             return None
         coatings = (self.coating(face.name) for face in bounding(self.faces, CAVITY))
-        return next((each for each in coatings if isinstance(each, Mirror)), None)
+        return next((coating for coating in coatings if isinstance(coating, Mirror)), None)
 
     def around(self, medium: str) -> float:
         """Index of what lies around the body: CAVITY or OUTSIDE."""
@@ -345,7 +347,7 @@ class Media:
     @property
     def coated(self) -> bool:
         """True where a face carries a film, those of the cover glass too; a mirror is none."""
-        films = [each for each in self.coatings if not isinstance(each.coating, Mirror)]
+        films = [coating for coating in self.coatings if not isinstance(coating.coating, Mirror)]
         glass = self.cover_glass
         return bool(films) or (glass is not None and glass.coating is not None)
 
@@ -360,7 +362,7 @@ class Media:
         """Angle, rms along a line, by which the lens spreads light by its roughest face; 0 where all are polished."""
         models = [each.model for each in self.scatter]
         power = self.largest_turning_power
-        spreads = (each.rms if isinstance(each, RingScatter) else power * each.slope for each in models)
+        spreads = (model.rms if isinstance(model, RingScatter) else power * model.slope for model in models)
         return max(spreads, default=0.0)
 
     @property

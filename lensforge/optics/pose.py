@@ -38,7 +38,7 @@ class Pose:
     @staticmethod
     def of_axes(axes: Float[np.ndarray, "3 3"], origin_mm: _Three = ORIGIN) -> "Pose":
         """The frame with the unit vectors x, y, z in the rows of ``axes``."""
-        x, y, z, origin = (_vector(each) for each in (*axes, origin_mm))
+        x, y, z, origin = (_vector(axis) for axis in (*axes, origin_mm))
         return Pose(origin, (x, y, z))
 
     @staticmethod

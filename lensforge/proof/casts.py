@@ -65,8 +65,8 @@ def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = 
     inputs = {"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256}
     first = next(iter(lenses))
     proofs = {
-        name: _verified(part, (own, by_led[name]), rays, inputs, second, measured=name == first)
-        for name, own in lenses.items()
+        name: _verified(part, (lens, by_led[name]), rays, inputs, second, measured=name == first)
+        for name, lens in lenses.items()
     }
     return Proof.joined(proofs).changed(altered_files=part.altered)
 

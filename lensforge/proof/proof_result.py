@@ -433,7 +433,7 @@ class StrayLight(ResultByLed):
         Raises :class:`InputError` for an unknown part or receiver.
         """
         require_choice("which", which, get_args(LightPath))
-        named = {each.name: each for each in self.receivers}
+        named = {receiver.name: receiver for receiver in self.receivers}
         if receiver is not None:
             require_choice("receiver", receiver, named)
         shown = self.first if receiver is None else named[receiver]

@@ -70,9 +70,9 @@ def folder_names(folders: Sequence[Path]) -> list[str]:
 
 def number_lines(designs: Sequence[Results]) -> list[Group]:
     """The main facts of all designs, by their labels; the note of the best is "best", where one is and they differ."""
-    by_design = [{fact.label: fact for fact in (*required_facts(each), *further_facts(each))} for each in designs]
+    by_design = [{fact.label: fact for fact in (*required_facts(design), *further_facts(design))} for design in designs]
     first, *others = (design.spec.all_receivers for design in designs)
-    same_target = all(each == first for each in others)
+    same_target = all(target == first for target in others)
     lines = []
     for label in dict.fromkeys(label for labelled in by_design for label in labelled):
         facts = [labelled.get(label, Fact("", label, None)) for labelled in by_design]

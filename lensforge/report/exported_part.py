@@ -232,8 +232,8 @@ def folder_files(folder: Path, own: Collection[str], linked: bool) -> list[FileR
     no file of another folder gets onto the page. Raises :class:`InputError` if unreadable.
     """
     with refused(folder, "cannot be read (…)", OSError), os.scandir(folder) as entries:
-        files = (each for each in entries if each.is_symlink() or each.is_file(follow_symlinks=False))
-        shown = (each for each in files if each.name != REPORT_FILE and not each.name.startswith("."))
+        files = (entry for entry in entries if entry.is_symlink() or entry.is_file(follow_symlinks=False))
+        shown = (file for file in files if file.name != REPORT_FILE and not file.name.startswith("."))
         first = nsmallest(_MOST_FILES + 1, shown, key=lambda each: (each.name not in own, each.name))
     paths = sorted(Path(each) for each in first[:_MOST_FILES])
     rows = [_file_row(path, path.name in own, linked) for path in paths]

@@ -143,9 +143,11 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Attainable]:
         return {}
     _, limits = light_requirements(spec, build_source(spec.source))
     return {
-        (each.name, each.required): Attainable(each.possible, "étendue" if each.bounds is None else each.bounds.law)
-        for each in limits
-        if not each.estimated
+        (limit.name, limit.required): Attainable(
+            limit.possible, "étendue" if limit.bounds is None else limit.bounds.law
+        )
+        for limit in limits
+        if not limit.estimated
     }
 
 
@@ -389,7 +391,11 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
     notes = ()
     if conditions is not None:  # the reasons against the own light stand at the top of the page
         warm = () if conditions.temperature_c is None else (f"lens at {conditions.temperature_c:g} °C",)
-        notes = (*warm, *(words for _, words in reasons), *(f"warning: {words}" for words in conditions.warnings))
+        notes = (
+            *warm,
+            *(warning for _, warning in reasons),
+            *(f"warning: {warning}" for warning in conditions.warnings),
+        )
         source = conditions.source or source
     lit = [group for group in results.facts(light) if group.key == "light"]
     simulated = next(group for group in results.facts(light) if group.key == "simulation").select("rays")
@@ -407,7 +413,7 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
 
 
 def _map(shown: ShownReceiver, others: Sequence[ShownReceiver]) -> Figure:
-    alike = [each for each in others if each.light.name == shown.light.name]
+    alike = [candidate for candidate in others if candidate.light.name == shown.light.name]
     one_unit = len({each.unit for each in alike}) == 1
     top = top_of(each.light.map for each in (alike if one_unit else [shown]))
     return light_figures.irradiance_map(shown.light.map, shown.light.chart, top, unit=shown.unit)

@@ -159,8 +159,8 @@ class NewScene:
             warn("manufacture.shrinkage is not given: ask the moulder for that of the plastic, such as 0.005")
         scene = SceneCheck.of(made, source_of(made))
         scene.require_light(force=force)
-        for words in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
-            warn(words)
+        for warning in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
+            warn(warning)
         reasons = _with_derived(content, made)
         lit = content.get("target") or content["receivers"][0]["targets"][0]
         section = made.all_receivers[0]

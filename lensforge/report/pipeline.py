@@ -279,7 +279,7 @@ def write_kinds(first: Run, heard: Listener) -> None:
 
     Its light is that of all lamps, its search that of all lenses: both are the first one's.
     """
-    for lens in (each for each in first.lens.kinds if each.kind != first.lens.kind):
+    for lens in (kind for kind in first.lens.kinds if kind.kind != first.lens.kind):
         with heard.timed(lens.kind), opened(first.folder / lens.kind, create=True) as there:
             there.write(_of_lens(first.design, lens).changed(lens=lens))
             light = there.write(_of_lens(first.light, lens))

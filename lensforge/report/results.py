@@ -168,7 +168,7 @@ class Results:
             case Proof():
                 light = self.find(Light)
                 by_led = {} if light is None else light.by_led
-                pairs = [(led, each) for led, of_led in by_led.items() for each in of_led.receivers]
+                pairs = [(led, receiver) for led, of_led in by_led.items() for receiver in of_led.receivers]
                 designed = {(led, each.name): each.efficiency.value for led, each in pairs}
                 on_plate = self.lens.lamps_on_plate
                 own = self.lens.own_lamps_words

@@ -205,13 +205,13 @@ def verdicts_of_kinds(folder: Path, lens: Lens) -> dict[str, Verdict]:
     A folder that is missing, or of another lens, leaves files and cutting of its kind undecided.
     """
     verdicts = dict[str, Verdict]()
-    for other in lens.kinds[1:] if lens.kind == lens.kinds[0].kind else ():
-        why = f"the folder {other.kind} has no part of this lens; run `lensforge design` again, or with --resume"
-        verdicts[other.kind] = Verdict.of([], [("undecided", why)], [("undecided", why)])
+    for kind in lens.kinds[1:] if lens.kind == lens.kinds[0].kind else ():
+        why = f"the folder {kind.kind} has no part of this lens; run `lensforge design` again, or with --resume"
+        verdicts[kind.kind] = Verdict.of([], [("undecided", why)], [("undecided", why)])
         with suppress(InputError):
-            record = RunRecord.read(folder / other.kind)
-            if record is not None and load_lens(folder / other.kind / LENS_FILE) == other:
-                verdicts[other.kind] = record.verdict
+            record = RunRecord.read(folder / kind.kind)
+            if record is not None and load_lens(folder / kind.kind / LENS_FILE) == kind:
+                verdicts[kind.kind] = record.verdict
     return verdicts
 
 

@@ -63,7 +63,7 @@ def polar_diagram(found: Photometry) -> Figure:
     figure, axes = new_figure(NARROW, 0.68 * NARROW)
     profiles = {c_deg: plane_profile(_table(found), c_deg) for c_deg in _PLANES}
     largest = max(float(values.max()) for _, values in profiles.values()) or 1.0
-    rings = [each for each in MaxNLocator(_RINGS, steps=_ROUND).tick_values(0.0, largest) if each > 0.0]
+    rings = [level for level in MaxNLocator(_RINGS, steps=_ROUND).tick_values(0.0, largest) if level > 0.0]
     top = float(rings[-1])
     for radius in rings:
         _ring(axes, radius, from_deg=180.0)
@@ -298,7 +298,7 @@ def distribution(
     figure, axes = new_figure(NARROW, _HEIGHT)
     ordered = np.sort(values)
     axes.step(ordered, 100.0 * np.arange(1, len(values) + 1) / len(values), where="post", color=BLUE, label="parts")
-    near = [each.bound for each in bounds if not beyond(values, each.bound)]
+    near = [bound.bound for bound in bounds if not beyond(values, bound.bound)]
     if not beyond(values, designed):
         axes.axvline(designed, color=INK, linewidth=1.0, linestyle=DASHED, label="as designed")
         near.append(designed)
@@ -306,7 +306,7 @@ def distribution(
     margin = 0.04 * float(np.ptp(ends)) or 0.01 * abs(float(ends[0])) or 1.0
     left = float(ends.min()) - margin
     right = float(ends.max()) + margin
-    for index, each in enumerate(each for each in bounds if not beyond(values, each.bound)):
+    for index, each in enumerate(bound for bound in bounds if not beyond(values, bound.bound)):
         wrong = (each.bound, right) if each.sense == "<=" else (left, each.bound)
         axes.axvspan(*wrong, color=RED, alpha=0.1, linewidth=0.0)
         axes.axvline(each.bound, color=RED, label="bound" if index == 0 else None)

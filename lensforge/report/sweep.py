@@ -138,7 +138,7 @@ class Sweep(StageResult):
 
     def _row(self, row: SweepRow) -> Group:
         missed = [criterion.key for criterion in row.criteria if not criterion.holds]
-        names = [name for name in METRICS if any(getattr(each, name) is not None for each in self.designs)]
+        names = [name for name in METRICS if any(getattr(design, name) is not None for design in self.designs)]
         facts = (
             *(Fact(field, field, value) for field, value in row.changes.items()),
             *(_metric(name, getattr(row, name)) for name in names),
@@ -232,7 +232,7 @@ def _row(variant: Variant, kinds: Sequence[Results]) -> SweepRow:
     light = first.light
     design = first.design
     own = [criterion for _, criterion in first.criteria()]
-    others_own = [under(each.lens.kind, criterion) for each in others for _, criterion in each.criteria()]
+    others_own = [under(merit.lens.kind, criterion) for merit in others for _, criterion in merit.criteria()]
     return SweepRow(
         value=variant.value,
         folder=variant.spec.name,
@@ -244,6 +244,6 @@ def _row(variant: Variant, kinds: Sequence[Results]) -> SweepRow:
         seconds=design.seconds,
         constraints=design.constraints,
         criteria=(*own, *others_own),
-        cutting=first.verdict.with_parts({each.lens.kind: each.verdict for each in others}).cutting,
+        cutting=first.verdict.with_parts({other.lens.kind: other.verdict for other in others}).cutting,
         by_led=LightMetrics.of_leds(light),
     )

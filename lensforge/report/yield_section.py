@@ -104,7 +104,7 @@ def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePictu
         if led in lights
     ]
     top = top_of(image for *_, image in (designed or maps))
-    units = {led: light_unit(own.lumens_per_watt, far_field=section.is_far_field) for led, own in lights.items()}
+    units = {led: light_unit(light.lumens_per_watt, far_field=section.is_far_field) for led, light in lights.items()}
     found_units = [units.get(led, unit_of_light(results)) for led, *_ in (*designed, *maps)]
     return [
         picture(f"{stem}-worst{index}", irradiance_map(image, chart, top, unit=unit), title, caption)

@@ -68,11 +68,15 @@ def with_known_names(
 
 
 def _keywords_of(verb: Callable[..., object]) -> list[str]:
-    return [each.name for each in inspect.signature(verb).parameters.values() if each.kind is not each.VAR_KEYWORD]
+    return [
+        parameter.name
+        for parameter in inspect.signature(verb).parameters.values()
+        if parameter.kind is not parameter.VAR_KEYWORD
+    ]
 
 
 def _takes_any(verb: Callable[..., object]) -> bool:
-    return any(each.kind is each.VAR_KEYWORD for each in inspect.signature(verb).parameters.values())
+    return any(parameter.kind is parameter.VAR_KEYWORD for parameter in inspect.signature(verb).parameters.values())
 
 
 def count_of(name: str, value: object, least: int = 1, most: int = LARGEST_COUNT) -> int | None:

@@ -10,12 +10,13 @@ from functools import cached_property
 from html import escape
 from inspect import Parameter, Signature
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel
 
+from lensforge.results.field_help import class_help
 from lensforge.results.validation import shortened
 
 if TYPE_CHECKING:
@@ -81,16 +82,12 @@ _MEMBERS = (FunctionType, classmethod, staticmethod, property, cached_property)
 
 
 class Shown(_Metaclass):
-    """Lets ``help`` and completion show of a class the words of its fields, and the members that a script uses.
-
-    ``help_of``: those words with the class's own; a room above knows them.
-    """
-
-    help_of: ClassVar[Callable[[type], str | None]] = lambda cls: vars(cls)["__doc__"]
+    """Lets ``help`` and completion show of a class its fields with their descriptions, and the members for scripts."""
 
     @property
     def __doc__(cls) -> str | None:  # type: ignore[override]  # noqa: N805
-        return Shown.help_of(cls)
+        """Made when it is asked for: for all classes it would take a second of every start."""
+        return class_help(cls)
 
     @property
     def __signature__(cls) -> Signature:  # noqa: N805

@@ -266,7 +266,7 @@ def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
     marks = [each for each in field.metadata if isinstance(each, kind)]
     for part in get_args(field.annotation):
         if get_origin(part) is Annotated:
-            marks += [each for each in get_args(part)[1:] if isinstance(each, kind)]
+            marks += [argument for argument in get_args(part)[1:] if isinstance(argument, kind)]
     return marks[0] if marks else None
 
 

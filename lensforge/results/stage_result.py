@@ -439,9 +439,9 @@ def _keeps_arrays(cls: type[Record]) -> bool:
     """True for records with an array of their own, or in the entries of a list."""
     fields = cls.model_fields.values()
     own = any(marker(info, Array) is not None for info in fields)
-    entries = (each for info in fields for each in get_args(info.annotation))
+    entries = (argument for info in fields for argument in get_args(info.annotation))
     return own or any(
-        _keeps_arrays(each)
-        for each in entries
-        if isinstance(each, type) and issubclass(each, Record) and each is not cls
+        _keeps_arrays(entry)
+        for entry in entries
+        if isinstance(entry, type) and issubclass(entry, Record) and entry is not cls
     )

@@ -138,7 +138,7 @@ class Column:
         if callable(self.units):
             return self.units(unit)
         spellings = (_canonical(unit), _canonical(unit.removeprefix("/")))
-        return next((self.units[each] for each in spellings if each in self.units), nan)
+        return next((self.units[spelling] for spelling in spellings if spelling in self.units), nan)
 
 
 Places = dict[int, tuple[int, float]]  # by the number of a wanted column: its place in the table, and its factor

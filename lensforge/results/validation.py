@@ -70,7 +70,7 @@ def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions
     ``unions``: fields that hold one of several records by ``kind``; pydantic adds the kind to the path of a field.
     """
     errors = error.errors(include_url=False)
-    causes = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
+    causes = [error for error in errors if error["type"] != "too_short"] or errors  # a list whose only entry is wrong
     first = causes[0]
     location = first["loc"]
     before = zip((None, None, *location), (None, *location), location, strict=False)

@@ -70,10 +70,10 @@ class Chain:
     def packed(self, media: Media) -> FaceMedia:
         """Media before and behind the faces by number, and what mirrors reflect, as the kernels take them."""
         before, behind = (
-            np.array([MEDIA.index(each) for each in sides], dtype=np.int8) for sides in (self.before, self.behind)
+            np.array([MEDIA.index(side) for side in sides], dtype=np.int8) for sides in (self.before, self.behind)
         )
         coatings = [media.coating(name) for name in self.names]
-        mirrors = np.array([each.reflectance if isinstance(each, Mirror) else -1.0 for each in coatings])
+        mirrors = np.array([coating.reflectance if isinstance(coating, Mirror) else -1.0 for coating in coatings])
         return FaceMedia(before, behind, mirrors)
 
 

@@ -185,7 +185,7 @@ class RingView(EyeView):
         first = eyes[0]
         count = len(eyes)
         grid = replace(first.grid, height=count * first.grid.height, rows=count * first.grid.rows)
-        own = {each.name: getattr(first, each.name) for each in fields(first)}
+        own = {field.name: getattr(first, field.name) for field in fields(first)}
         return RingView(**{**own, "grid": grid, "label": label, "eyes": eyes})
 
     @property
@@ -261,7 +261,7 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
     ``searched``: as coarse as the few rays of a step need it. Raises :class:`InputError` for an eye within the space of
     the lens, and for spots too fine for a picture of it.
     """
-    limits = [(number, each) for number, each in enumerate(spec.limits) if isinstance(each, LuminanceLimit)]
+    limits = [(number, limit) for number, limit in enumerate(spec.limits) if isinstance(limit, LuminanceLimit)]
     if not limits:
         return ()
     reach = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies))

@@ -147,7 +147,7 @@ class LampPictures:
         period = self.receiver.lamps.period_mm
         count = len(self.receiver.lamps)
         if period is None:
-            return self.added([amounts(each) for each in self.receivers])
+            return self.added([amounts(receiver) for receiver in self.receivers])
         around = np.arange(-_CELLS, _CELLS + 1)
         pose = self.receiver.pose
         total = np.zeros((len(whole), *self.receiver.grid.shape))

@@ -69,18 +69,18 @@ class Lens:
     @property
     def kind(self) -> str:
         """Name of its kind, of several; empty where all lamps have the same lens."""
-        return next((each.name for each in self.spec.all_lamps.kinds if each.name not in self.others), "")
+        return next((kind.name for kind in self.spec.all_lamps.kinds if kind.name not in self.others), "")
 
     @property
     def kinds(self) -> "tuple[Lens, ...]":
         """Lens of each kind in the order of ``spec.all_lamps``, each with the others behind it; itself for one."""
-        return tuple(map(self.of_kind, (each.name for each in self.spec.all_lamps.kinds))) or (self,)
+        return tuple(map(self.of_kind, (kind.name for kind in self.spec.all_lamps.kinds))) or (self,)
 
     def of_kind(self, name: str) -> "Lens":
         """Select the lens of the kind ``name``, with the others behind it. Raises :class:`InputError` for no such."""
         every = {self.kind: self.surfaces, **self.others}
         if name not in every:
-            known = ", ".join(repr(each.name) for each in self.spec.all_lamps.kinds) or "none, all lamps have one lens"
+            known = ", ".join(repr(kind.name) for kind in self.spec.all_lamps.kinds) or "none, all lamps have one lens"
             raise InputError(f"kind = {name!r}: no lens of that name; known: {known}")
         return self if name == self.kind else replace(self, surfaces=every.pop(name), others=every)
 
@@ -95,7 +95,7 @@ class Lens:
     @property
     def first_lamp(self) -> int:
         """Number of the first of the lamps that have this lens."""
-        return next((each.numbers[0] for each in self.spec.all_lamps.kinds if each.name == self.kind), 0)
+        return next((kind.numbers[0] for kind in self.spec.all_lamps.kinds if kind.name == self.kind), 0)
 
     @property
     def lamp_words(self) -> str:
@@ -125,7 +125,7 @@ class Lens:
     @property
     def of_own_lamps(self) -> "Lens":
         """This lens with those lamps alone that have it: itself, where all have."""
-        own = next((each for each in self.spec.all_lamps.kinds if each.name == self.kind), None)
+        own = next((kind for kind in self.spec.all_lamps.kinds if kind.name == self.kind), None)
         if own is None or self.spec.lamps is None:
             return self
         apart = {"lamps": self.spec.lamps.of_numbers(own.numbers), "plate": None, "base": self.spec.base_made}
@@ -224,7 +224,7 @@ class Lens:
             "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
             "source": spec.source.title,
             "receiver": "; ".join(receiver.title for receiver in spec.all_receivers),
-            "surfaces": ", ".join(f"{name}: {_describe(each)}" for name, each in self.surfaces.items()),
+            "surfaces": ", ".join(f"{name}: {_describe(surface)}" for name, surface in self.surfaces.items()),
             "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
         }
 
@@ -242,7 +242,7 @@ class Lens:
 
 
 def _faces_record(surfaces: Mapping[str, Surface]) -> dict[str, JsonValue]:
-    return {name: surface_record(each).model_dump(mode="json") for name, each in surfaces.items()}
+    return {name: surface_record(surface).model_dump(mode="json") for name, surface in surfaces.items()}
 
 
 def _describe(surface: Surface) -> str:
@@ -282,7 +282,7 @@ def _lens_in(file: bytes, path: Path) -> Lens:
         raise InputError(f'{path}: spec.lens.levels = "auto", must be the numbers of its lens; {_REMEDY}')
     try:
         surfaces = _faces_in(record.faces, spec)
-        others = {k: _faces_in(each, spec) for k, each in record.others.items()}
+        others = {k: _faces_in(faces, spec) for k, faces in record.others.items()}
         _require_kinds(spec, surfaces, others)
     except InputError as error:
         raise InputError(f"{path}: {error}; {_REMEDY}") from None
@@ -299,7 +299,7 @@ def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surf
 
 
 def _require_kinds(spec: Spec, own: Mapping[str, Surface], others: Mapping[str, Mapping[str, Surface]]) -> None:
-    names = {each.name for each in spec.all_lamps.kinds}
+    names = {kind.name for kind in spec.all_lamps.kinds}
     if not (set(others) <= names and len(others) == max(0, len(names) - 1)):
         raise InputError(f"others: lenses {sorted(others)}, must be all but one of the kinds {sorted(names)}")
     if any(list(faces) != list(own) for faces in others.values()):

@@ -103,7 +103,8 @@ def at_temperature(lens: Lens, celsius: float) -> Lens:
     warm = LensAtTemperature(
         surfaces={name: scaled(surface, scale) for name, surface in lens.surfaces.items()},
         others={
-            kind: {name: scaled(surface, scale) for name, surface in own.items()} for kind, own in lens.others.items()
+            kind: {name: scaled(surface, scale) for name, surface in surfaces.items()}
+            for kind, surfaces in lens.others.items()
         },
         spec=lens.spec,
         seed=lens.seed,

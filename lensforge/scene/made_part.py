@@ -188,7 +188,7 @@ def displaced(face: FaceNodes, surface: Surface) -> dict[str, ErrorField]:
     normals = surface.normal(face.directions)
     turned = np.cross(face.points, normals)  # (w x p) . n = w . (p x n)
     fields = {"shift_mm": normals[:, :2], "gap_mm": normals[:, 2:], "tilt_deg": turned[:, :2]}
-    return {name: face.table(each) for name, each in fields.items()}
+    return {name: face.table(field) for name, field in fields.items()}
 
 
 _SEED = 5  # of the shapes of waviness: any number; those of two faces differ

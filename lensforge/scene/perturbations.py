@@ -141,7 +141,7 @@ class Draws:
     def mirrored(self) -> "Draws":
         """The parts whose deviations to both sides and form errors are the opposite."""
         signs = {factor.name: 1.0 if factor.kind == "one-sided" else -1.0 for factor in self.factors}
-        return replace(self, numbers={name: signs[name] * each for name, each in self.numbers.items()})
+        return replace(self, numbers={name: signs[name] * number for name, number in self.numbers.items()})
 
 
 def _sobol(dimensions: int, count: int, seed: int) -> Float[np.ndarray, "n d"]:

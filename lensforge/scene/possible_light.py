@@ -316,10 +316,10 @@ class PossibleLight:
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
             return LargestShare(held, most, by, estimated=estimated)
         regions = list(zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True))
-        refracted = float(self._lamps.mean([self._refracted(*each) for each in regions]))
+        refracted = float(self._lamps.mean([self._refracted(*region) for region in regions]))
         if self.light.round_by is None:
             return LargestShare(held, refracted, by, estimated=estimated)
-        images = [images_in_common(self.light.round_by, *self._arc(*each)) for each in regions]
+        images = [images_in_common(self.light.round_by, *self._arc(*region)) for region in regions]
         return LargestShare(held, refracted, by, most * float(self._lamps.mean(images)), estimated)
 
     def _refracted(
@@ -337,7 +337,7 @@ class PossibleLight:
         if self.light.round_by is None or self.receiver.lamps.period_mm is not None or not pixels.any():
             return False
         arcs = zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True)
-        return all(self._arc(*each)[1] < 0.5 * np.pi for each in arcs)
+        return all(self._arc(*arc)[1] < 0.5 * np.pi for arc in arcs)
 
     def _arc(
         self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]

@@ -182,7 +182,7 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
 def seen_by_lamp(spec: Spec, number: int) -> Spec:
     """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
     lamp = spec.all_lamps.lamps[number].pose
-    sections = tuple(_alone(each).posed(each.pose.seen_from(lamp)) for each in spec.all_receivers)
+    sections = tuple(_alone(section).posed(section.pose.seen_from(lamp)) for section in spec.all_receivers)
     return spec.of_one_lamp.changed(target=None, receivers=sections)
 
 

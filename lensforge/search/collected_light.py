@@ -122,7 +122,7 @@ def collected(
         )
 
     image, sums = summed(landings.flux)
-    colours = None if weights is None else torch.stack([summed(landings.flux * each)[0] for each in weights])
+    colours = None if weights is None else torch.stack([summed(landings.flux * weight)[0] for weight in weights])
     return Collected(image, sums[0], sums[1], sums[2], colours)
 
 
@@ -149,7 +149,9 @@ def collected_on_device(
         in_window=flux[in_window].sum(),
         outside_receiver=(emitted[landed] * _bounded(outside)).sum() + emitted[~landed].sum(),
         total_reflection=(emitted * _bounded(over)).sum(),
-        colours=None if weights is None else torch.stack([_splat(hits, flux * each[landed], grid) for each in weights]),
+        colours=None
+        if weights is None
+        else torch.stack([_splat(hits, flux * weight[landed], grid) for weight in weights]),
     )
 
 

@@ -86,13 +86,13 @@ def nearest_of(jets: Sequence[RadiusJet]) -> RadiusJet:
     """The nearest of some faces that bound one medium; itself where there is one. Of several, ``tables`` are kept."""
     if len(jets) == 1:
         return jets[0]
-    rho = torch.stack([each.rho for each in jets])
+    rho = torch.stack([jet.rho for jet in jets])
     first = rho.argmin(dim=0, keepdim=True)
-    derivatives = torch.stack([each.derivatives for each in jets])
+    derivatives = torch.stack([jet.derivatives for jet in jets])
     own = (
         derivatives.gather(0, first.expand(len(derivatives[0]), -1)[None])[0] if derivatives.numel() else derivatives[0]
     )
-    return RadiusJet(rho.gather(0, first)[0], own, tuple(table for each in jets for table in each.tables))
+    return RadiusJet(rho.gather(0, first)[0], own, tuple(table for jet in jets for table in jet.tables))
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class ChartOperator:
         """Radius and derivatives of each table; differentiable by its coefficients."""
         columns = tables.reshape(len(tables), -1).T
         values = (self.operator @ columns).T.reshape(len(tables), -1, len(self.points.x))
-        return [RadiusJet(each[0], each[1:], (table,)) for each, table in zip(values, tables, strict=True)]
+        return [RadiusJet(value[0], value[1:], (table,)) for value, table in zip(values, tables, strict=True)]
 
 
 def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None = None) -> Float[np.ndarray, "k 2"]:

@@ -209,7 +209,7 @@ def _edge_left(limit_deg: float, jets: Sequence[RadiusJet], points: ChartPoints)
     found = _BesideCrease.of(
         rho.gather(0, first), derivatives.gather(1, first.expand(len(derivatives), -1, -1)), points
     )
-    g_x, g_y = (each / (found.scale * found.radius) for each in found.slopes)
+    g_x, g_y = (slope / (found.scale * found.radius) for slope in found.slopes)
     cosine = (1.0 + g_x[0] * g_x[1] + g_y[0] * g_y[1]) * torch.rsqrt((1.0 + g_x**2 + g_y**2).prod(dim=0))
     angle = 180.0 - torch.rad2deg(torch.acos(torch.clamp(cosine, -1.0 + 1e-9, 1.0 - 1e-9)))
     return torch.where(found.here, angle - limit_deg, 180.0)
@@ -298,7 +298,7 @@ class AugmentedLagrangian:
 
     def tightened(self, by: Mapping[str, float]) -> "AugmentedLagrangian":
         """The constraints with limits that are stricter by what ``by`` has under their keys, in the unit of each."""
-        constraints = tuple(each.tightened(by.get(each.key, 0.0)) for each in self.constraints)
+        constraints = tuple(constraint.tightened(by.get(constraint.key, 0.0)) for constraint in self.constraints)
         return replace(self, constraints=constraints)
 
     def at_nearest(self, before: "AugmentedLagrangian", multipliers: Float[Tensor, "c j"]) -> Float[Tensor, "c k"]:
@@ -319,7 +319,7 @@ class AugmentedLagrangian:
         every = self.chart_operator.jets(tables)
         for first in range(0, len(every), len(self.names)):
             jets = dict(zip(self.names, every[first : first + len(self.names)], strict=True))
-            values += (each.of(jets, self.chart_operator.points) for each in self.constraints)
+            values += (constraint.of(jets, self.chart_operator.points) for constraint in self.constraints)
         return self._factor * torch.stack(values)
 
     def least(self, fields: Float[Tensor, "c k"]) -> dict[str, float]:

@@ -34,7 +34,7 @@ class SearchEnd:
 
     def is_no_worse(self, merits: tuple[float, ...]) -> bool:
         """True where any of its merits is as low: what is traded for evenness is no loss."""
-        return any(own <= other for own, other in zip(self.merits, merits, strict=True))
+        return any(merit <= other for merit, other in zip(self.merits, merits, strict=True))
 
 
 @dataclass(frozen=True)

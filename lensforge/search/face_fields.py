@@ -97,8 +97,8 @@ def wall_mm(inside: RadiusJet, outside: RadiusJet, points: ChartPoints, reach_mm
     """
     radial = outside.rho - inside.rho
     walls: list[Tensor] = [
-        _ToTable.apply(inside.rho, each, radial, points, reach_mm)  # type: ignore[no-untyped-call]  # as torch has it
-        for each in outside.tables
+        _ToTable.apply(inside.rho, table, radial, points, reach_mm)  # type: ignore[no-untyped-call]  # as torch has it
+        for table in outside.tables
     ]
     return walls[0] if len(walls) == 1 else torch.stack(walls).amin(dim=0)
 

@@ -48,8 +48,8 @@ class KindsParameters(Parametrisation):
     @staticmethod
     def of(members: dict[str, Parametrisation]) -> "KindsParameters":
         """The parametrisation of all kinds; ``members``: by their names."""
-        names = tuple(f"{kind}.{name}" for kind, own in members.items() for name in own.names)
-        fixed = tuple(each for own in members.values() for each in own.fixed)
+        names = tuple(f"{kind}.{name}" for kind, member in members.items() for name in member.names)
+        fixed = tuple(each for member in members.values() for each in member.fixed)
         each = tuple(members.values())
         return KindsParameters(tuple(members), each, each[0].grid, names, fixed)
 
@@ -63,13 +63,13 @@ class KindsParameters(Parametrisation):
         """The faces of all kinds from which a search starts."""
         return {
             f"{kind}.{name}": face
-            for kind, own in zip(self.kinds, self.members, strict=True)
-            for name, face in own.start_surfaces.items()
+            for kind, member in zip(self.kinds, self.members, strict=True)
+            for name, face in member.start_surfaces.items()
         }
 
     def refined(self) -> "KindsParameters":
         """Parametrisation whose tables have half the step, of the same splines."""
-        finer = tuple(own.refined() for own in self.members)
+        finer = tuple(member.refined() for member in self.members)
         return replace(self, members=finer, grid=finer[0].grid)
 
     def _of_each(
@@ -85,8 +85,8 @@ class KindsParameters(Parametrisation):
     def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
         """Relative weights and offsets that give the free faces of ``lens``; where it is one lens, for all kinds."""
         found = [
-            own.parameters_of(lens.of_kind(kind) if lens.others else lens)
-            for kind, own in zip(self.kinds, self.members, strict=True)
+            member.parameters_of(lens.of_kind(kind) if lens.others else lens)
+            for kind, member in zip(self.kinds, self.members, strict=True)
         ]
         weights, offsets = zip(*found, strict=True)
         return torch.cat(weights, dim=1), torch.cat(offsets)
@@ -122,9 +122,10 @@ class LightOfKinds:
     def of(path: LightPath, lamps: Lamps) -> "LightOfKinds":
         """The same ``path`` for the lens of each kind, to the receivers as its lamps see them."""
         receivers = [
-            tuple(replace(each, lamps=each.lamps.of_kind(kind)) for each in path.receivers) for kind in lamps.kinds
+            tuple(replace(receiver, lamps=receiver.lamps.of_kind(kind)) for receiver in path.receivers)
+            for kind in lamps.kinds
         ]
-        return LightOfKinds(tuple(replace(path, receivers=own) for own in receivers), lamps)
+        return LightOfKinds(tuple(replace(path, receivers=receiver) for receiver in receivers), lamps)
 
     def collect(self, tables: Float[Tensor, "f side side"], rays: RayBundle) -> tuple[Collected, ...]:
         """Trace ``rays`` through the tables of all kinds and collect the mean light of a lamp; differentiable."""
@@ -154,4 +155,4 @@ class LightOfKinds:
 
 def _sum(parts: Sequence[Collected]) -> Collected:
     fields = (name for name, value in vars(parts[0]).items() if value is not None)
-    return Collected(**{name: torch.stack([getattr(each, name) for each in parts]).sum(dim=0) for name in fields})
+    return Collected(**{name: torch.stack([getattr(part, name) for part in parts]).sum(dim=0) for name in fields})

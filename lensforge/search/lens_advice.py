@@ -65,7 +65,7 @@ class LensAdvice:
             kind: LensOption(type(spec.lens), _turned(light_requirements(spec, source)[0][0]))
             for kind, spec in specs.items()
         }
-        suitable = {kind: each for kind, each in options.items() if shape in each.kind.draws} or options
+        suitable = {kind: option for kind, option in options.items() if shape in option.kind.draws} or options
         most = max(each.possible for each in suitable.values())
         shares = {kind: each.possible / most if most > 0.0 else 1.0 for kind, each in suitable.items()}
         advised = next(kind for kind, share in shares.items() if share >= _NEAR)

@@ -67,7 +67,7 @@ class _AtCreases(torch.autograd.Function):
         ctx.source = source
         ctx.receivers = receivers
         ctx.flux = flux
-        return tuple(each.clone() for each in sums)
+        return tuple(sum.clone() for sum in sums)
 
     @staticmethod
     def backward(ctx: Any, *by: Tensor) -> Any:
@@ -119,7 +119,7 @@ class LightPath:
     @cached_property
     def seen(self) -> tuple[PosedReceiver, ...]:
         """The receivers of one lamp's light: of all pictures."""
-        return tuple(each for own in self.lamps for each in own.receivers)
+        return tuple(receiver for lamp in self.lamps for receiver in lamp.receivers)
 
     def through(self, tables: Float[Tensor, "f side side"], rays: RayBundle, part: MadePart) -> tuple[Collected, ...]:
         """Light through one part of the lens with these tables; its source has a flux of its own."""
@@ -148,7 +148,7 @@ class LightPath:
             sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
             each = len(sums) // len(self.seen)
             counted = {"colours": self.colour is not None, "losses": self.losses > 0}
-            names = [each.name for each in fields(Collected) if counted.get(each.name, True)]
+            names = [field.name for field in fields(Collected) if counted.get(field.name, True)]
             found = tuple(
                 Collected(**dict(zip(names, sums[first : first + each], strict=True)))
                 for first in range(0, len(sums), each)
@@ -161,7 +161,7 @@ class LightPath:
         """Pictures of eyes whose mean counts, over the area (mm²) of the outline of the lens, a constant; others as
         they are."""
         areas = [1.0] * len(images)
-        if any(isinstance(each, EyeView) and each.of_mean for each in self.receivers):
+        if any(isinstance(receiver, EyeView) and receiver.of_mean for receiver in self.receivers):
             exits = trace_tables(tables.detach().numpy(), self.scene, rays.take(slice(_RAYS_OF_OUTLINE)))
             for number, each in enumerate(self.receivers):
                 if isinstance(each, EyeView) and each.of_mean:
@@ -203,7 +203,7 @@ class LightPath:
                 places = (receiver.grid, receiver.window)
                 found = collected_on_device(landings, exit_rays.sin2_exit, emitted, *places, weights)
                 ended = EndedRays(exit_rays.sin2_exit, exit_rays.flux, cause_numbers(exit_rays, self.scene.chain))
-                sums += (each for each in vars(self._with_losses(found, ended)).values() if each is not None)
+                sums += (total for total in vars(self._with_losses(found, ended)).values() if total is not None)
             return tuple(sums)
 
         return checkpoint(light, use_reentrant=False, preserve_rng_state=False)
@@ -318,5 +318,5 @@ class SearchParts:
         return tuple(self._made((draws, draws.mirrored()), number) for number in range(count))
 
     def _made(self, draws: tuple[Draws, Draws], number: int) -> Pair:
-        first, second = (self.maker.part(each.deviations(number)) for each in draws)
+        first, second = (self.maker.part(draw.deviations(number)) for draw in draws)
         return first, second

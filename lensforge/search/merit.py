@@ -102,7 +102,7 @@ class SampledLight:
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
         share = emitted_w / sum(part.emitted_w for part in parts)
         images = tuple(share * torch.stack(same).sum(dim=0) for same in zip(*(p.images for p in parts), strict=True))
-        pairs = [each.times(emitted_w / part.emitted_w) for part in parts for each in part.pairs]
+        pairs = [pair.times(emitted_w / part.emitted_w) for part in parts for pair in part.pairs]
         terms = share * torch.stack([part.terms for part in parts]).sum()
         colours = [share * torch.stack(same).sum(dim=0) for same in zip(*(p.colours for p in parts), strict=True)]
         losses = [share * torch.stack(same).sum(dim=0) for same in zip(*(p.losses for p in parts), strict=True)]
@@ -218,7 +218,7 @@ class MeritFunction(Merit[SampledLight]):
         light = LightPath(scene, places, device, source=crossing, losses=losses)
         if colour is not None and colour.weight > 0.0:
             light = replace(light, colour=SourceColour.of(source))
-            wanted, shares = zip(*((each.wanted, each.share) for each in terms), strict=True)
+            wanted, shares = zip(*((term.wanted, term.share) for term in terms), strict=True)
             term = ColourTerm(colour.weight, wanted, shares)
         path = LightOfKinds.of(light, spec.all_lamps) if spec.all_lamps.kinds else light
         share = spec.optimise.share
@@ -295,7 +295,7 @@ class MeritFunction(Merit[SampledLight]):
     def _mirrored(self, images: Sequence[Tensor]) -> Images:
         """The images with the mirrors of the scene; behind those of receivers come the views of eyes, as they are."""
         own = len(self.terms)
-        return (*(terms.mirrored(each) for terms, each in zip(self.terms, images, strict=False)), *images[own:])
+        return (*(terms.mirrored(image) for terms, image in zip(self.terms, images, strict=False)), *images[own:])
 
     def _weighted(self, images: Images, value: Callable[[ImageTerms, Image], float]) -> float:
         """Mean of ``value`` over the receivers by their shares."""

@@ -58,8 +58,8 @@ class MeritOfSources(Merit[LightOfSources]):
         """The merit for all sources of ``spec``; each asks for the same targets and limits with its own flux."""
         pairs = zip(spec.of_each_source, source.sources, strict=True)
         members = tuple(MeritFunction.of(own, led, parametrisation, device, single) for own, led in pairs)
-        total = sum(each.share for each in spec.sources)
-        shares = tuple(each.share / total for each in spec.sources)
+        total = sum(source.share for source in spec.sources)
+        shares = tuple(source.share / total for source in spec.sources)
         return MeritOfSources(parametrisation, source, members, shares, spec.optimise.over_sources == "worst")
 
     def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pairs: Pairs = ()) -> LightOfSources:

@@ -151,7 +151,7 @@ class Descent:
             yield
 
     def _after_step(self, stage: Stage, step: int, problem: Problem, optimiser: Adam, result: Evaluated) -> SearchState:
-        weights, offsets = (each.detach() for each in optimiser.parameters)
+        weights, offsets = (parameter.detach() for parameter in optimiser.parameters)
         every_weight = self.state.weights.clone()
         every_weight[: stage.functions] = weights
         return replace(
@@ -406,7 +406,7 @@ def _design(
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions if lens.others else directions[first_images(directions, lens.symmetry)]
-    radius = np.max([radii(each.body.envelope, directions).min(axis=0) for each in lens.kinds], axis=0)
+    radius = np.max([radii(kind.body.envelope, directions).min(axis=0) for kind in lens.kinds], axis=0)
     across = np.hypot(directions[:, 0], directions[:, 1]) if lens.spec.lens.radius_about_axis else 1.0
     return Design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},

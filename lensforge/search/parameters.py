@@ -245,12 +245,12 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
     if name == "auto":
         symmetry = next(each for each in reversed(NAMES) if each != "diagonal" and _has_symmetry(spec, source, each))
         return spec.changed(lens=spec.lens.changed(symmetry=symmetry))
-    for own in _groups(spec, name):
-        if not contains(source.symmetry, own):
-            raise InputError(f"lens.symmetry = {own!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
-        lacking = _in_fixed(spec, own)
+    for group in _groups(spec, name):
+        if not contains(source.symmetry, group):
+            raise InputError(f"lens.symmetry = {group!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
+        lacking = _in_fixed(spec, group)
         if lacking is not None:
-            raise InputError(f"lens.symmetry = {own!r}: {lacking} is not symmetric in this way; use 'auto'")
+            raise InputError(f"lens.symmetry = {group!r}: {lacking} is not symmetric in this way; use 'auto'")
     if not _in_targets(spec, name):
         raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'auto'")
     return spec
@@ -262,7 +262,7 @@ def _groups(spec: Spec, name: str) -> list[str]:
 
 
 def _has_symmetry(spec: Spec, source: Source, name: str) -> bool:
-    own = all(contains(source.symmetry, each) and _in_fixed(spec, each) is None for each in _groups(spec, name))
+    own = all(contains(source.symmetry, group) and _in_fixed(spec, group) is None for group in _groups(spec, name))
     return own and _in_targets(spec, name)
 
 
@@ -281,7 +281,9 @@ def _in_targets(spec: Spec, name: str) -> bool:
     """True where the targets have the symmetry, and the places of each limit."""
     receivers = receivers_of(spec, spec.optimise.pixels)
     every = [chart_mirrors(receiver, name) for receiver in receivers]
-    wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
+    wanted = [
+        target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    ]
     pictures = list(enumerate(wanted))
     for limit in light_limits(spec, receivers, 1.0, 1.0):  # whatever the lumens: only the places count
         if limit.of_losses or limit.of_view:  # mirrored, a lens looks the same to a mirrored eye

@@ -161,7 +161,7 @@ class ValidationRays:
             parts = problem.parts  # of a robust search; the same for both samples
             pairs = [()] * SLICES if parts is None else [(each,) for each in parts.of_validation(self.seed, SLICES)]
             lights = [
-                [merit.light_of(tables, part, own) for part, own in zip(sample.divided(SLICES), pairs, strict=True)]
+                [merit.light_of(tables, part, pair) for part, pair in zip(sample.divided(SLICES), pairs, strict=True)]
                 for sample in self.samples
             ]
             judged = [_judgement(merit, lights, missing, uniform) for uniform in ([False, True] if even else [False])]

@@ -108,7 +108,7 @@ class Requirement:
 
 def angles_that_may_be_radians(spec: Spec) -> Iterator[str]:
     """Words on each width of a target in the far field that is so small that it may be in radians."""
-    targets = [each for receiver in spec.all_receivers for each in receiver.targets]
+    targets = [target for receiver in spec.all_receivers for target in receiver.targets]
     for name, value in (field for target in targets for field in _angular_widths(target)):
         if value < QUARTER_TURN_RAD:
             yield f"{name} = {value:g}: angles are in degrees, {value:g} rad are {np.degrees(value):.4g}"
@@ -131,15 +131,17 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
     receivers = receivers_of(spec, spec.evaluate.pixels)
     space = spec.lens.exit_space(spec.constraints)
     physics = [PossibleLight(light, receiver, space) for receiver in receivers]
-    wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
+    wanted = [
+        target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    ]
     targets = tuple(_of_target(pattern, each, spec) for pattern, each in zip(wanted, physics, strict=True))
     lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
     limited = [
-        _of_view(each, light, source.flux_w)
-        if each.of_view
-        else _of_limit(each, physics[each.receiver], source.flux_w, spec)
-        for each in limits
+        _of_view(limit, light, source.flux_w)
+        if limit.of_view
+        else _of_limit(limit, physics[limit.receiver], source.flux_w, spec)
+        for limit in limits
     ]
     return targets, tuple(each for each in limited if each is not None)
 
@@ -287,7 +289,7 @@ class SceneCheck:
         lines = lines or list(self._blur(stroke))
         return (
             *lines,
-            *(f"target: {words}" for words in angles_that_may_be_radians(self.spec) if lines),
+            *(f"target: {warning}" for warning in angles_that_may_be_radians(self.spec) if lines),
             *self._raster(stroke),
         )
 

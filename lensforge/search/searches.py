@@ -208,15 +208,15 @@ def _checked_scene(
         lenses = own.photometry.lenses * len(own.all_lamps)
         stated = (*scene.warnings(), *road_warnings(own.roads, own.all_receivers, lenses, summary.flux_lm))
         of_scene += tuple(f"{name}{words}" for words in stated)
-        remarks += [f"{name}{words}" for words in (*summary.warnings, *stated, *room)]
+        remarks += [f"{name}{remarkng}" for remarkng in (*summary.warnings, *stated, *room)]
     wanted = searched_source(spec)
     if isinstance(wanted, SeveralSources):
         remarks += _led_warnings(wanted, leds)
-    for words in remarks:
+    for remark in remarks:
         if warn is None:
-            warnings.warn(words, SourceWarning, stacklevel=3)
+            warnings.warn(remark, SourceWarning, stacklevel=3)
         else:
-            warn(words)
+            warn(remark)
     return wanted, of_scene
 
 
@@ -256,7 +256,7 @@ class SeededSearch:
         lights = _light_by_other_rays(design.lens, self.rays_seed)
         missed = sum(not criterion.holds for criterion in design.criteria)
         missed += sum(limit.state == "fail" for light in lights for limit in light.limits)
-        errors = [each.nmse.value for light in lights for each in light.receivers if each.nmse is not None]
+        errors = [receiver.nmse.value for light in lights for receiver in light.receivers if receiver.nmse is not None]
         return design, Start(
             seed=seed,
             nmse=lights[0].nmse,

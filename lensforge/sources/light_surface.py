@@ -135,13 +135,13 @@ class LightSurface:
         places = self.inward(rays.take(self.holds(rays)))[0][:, :2]
         middle = np.average(places, axis=0, weights=rays.flux[self.holds(rays)])
         half = np.maximum(self.high - middle, middle - self.low)
-        half = np.full(2, half.max()) if any(each[0, 0] == 0.0 for each in generators(mirrors)) else half
+        half = np.full(2, half.max()) if any(generator[0, 0] == 0.0 for generator in generators(mirrors)) else half
         return replace(self, low=middle - half, high=middle + half, mirrors=mirrors)
 
     @property
     def corner(self) -> Float[np.ndarray, " 2"]:
         """Lower corner (mm) of the part onto which all images fall; the upper one is ``high``."""
-        halved = [any(each[axis, axis] == -1.0 for each in generators(self.mirrors)) for axis in (0, 1)]
+        halved = [any(generator[axis, axis] == -1.0 for generator in generators(self.mirrors)) for axis in (0, 1)]
         return np.where(halved, 0.5 * (self.low + self.high), self.low)
 
     @property

@@ -316,7 +316,7 @@ def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
         images = middle + (points - middle) @ mirror
         for sides in _SIDES_OF_IMAGES:
             rows = wide.blocks(points, along, sides), wide.blocks(images, along @ mirror, sides)
-            sums = [[np.bincount(each, weights**power, sides[0] * prod(sides)) for power in (1, 2)] for each in rows]
+            sums = [[np.bincount(row, weights**power, sides[0] * prod(sides)) for power in (1, 2)] for row in rows]
             (own, noise), (image, other) = sums
             lit = noise + other > 0.0  # each difference is there twice, so that its sum has twice the variance
             found = float(((own - image)[lit] ** 2 / (noise + other)[lit]).sum())
@@ -328,7 +328,7 @@ def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
     names = (
         name
         for name in reversed(NAMES)
-        if all(any(np.array_equal(each, one) for one in same) for each in generators(name))
+        if all(any(np.array_equal(generator, one) for one in same) for generator in generators(name))
     )
     found = next(names)
     return surface if found == "none" else surface.mirrored(rays, found)

@@ -156,8 +156,8 @@ def read_radiance(path: Path) -> RadianceTable:
     table = RadianceTable(**arrays)
     if not _LEAST_W < table.flux() < _MOST_W:
         raise InputError(f"{path}: its flux is {table.flux():g} W: radiances must not be all dark, or huge")
-    for words in _doubts(table):
-        warnings.warn(f"{path}: {words}", FileWarning, stacklevel=1)
+    for doubt in _doubts(table):
+        warnings.warn(f"{path}: {doubt}", FileWarning, stacklevel=1)
     return table
 
 

@@ -73,7 +73,7 @@ def settled_flux(
     """
     ratio, warnings = _own_ratio(own)
     candidates = (stated.stated_lm_per_w, efficacy, spectral, ratio, own.spectral_lm_per_w)
-    known = next((each for each in candidates if each is not None), None)
+    known = next((candidate for candidate in candidates if candidate is not None), None)
     is_stated = stated.flux_w is not None or stated.flux_lm is not None
     power, lumens = (stated.flux_w, stated.flux_lm) if is_stated else (own.flux_w, own.flux_lm)
     in_lumens = not (stated.flux_lm is None and efficacy is None and own.flux_lm is None)
@@ -140,7 +140,9 @@ def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceF
         parts = chip_fluxes(spec)
         settled = joined_flux(spec, parts, spec.luminous_efficacy_lm_per_w, names)
         if settled.least_power:  # lumens are what data sheets of chips state: nothing to doubt
-            settled = replace(settled, warnings=tuple(each for each in settled.warnings if each != _LEAST_POWER))
+            settled = replace(
+                settled, warnings=tuple(warning for warning in settled.warnings if warning != _LEAST_POWER)
+            )
     else:
         settled = settled_flux(spec, spec.luminous_efficacy_lm_per_w, spectral, OwnFlux(own_w))
     return with_spectrum_compared(settled, spec, spectral, parts)
@@ -171,7 +173,7 @@ def with_spectrum_compared(
 def chip_fluxes(spec: ChipsSource) -> list[SourceFlux]:
     """Settle the flux of each chip, of 1 W if nothing is stated."""
     spectra = spec.spectra or [spec.spectrum] * len(spec.chips)
-    spectral = {each: spectral_efficacy(each) for each in dict.fromkeys(spectra)}
+    spectral = {spectrum: spectral_efficacy(spectrum) for spectrum in dict.fromkeys(spectra)}
     efficacy = None if spec.spectra else spec.luminous_efficacy_lm_per_w
     return [settled_flux(chip, efficacy, spectral[each]) for chip, each in zip(spec.chips, spectra, strict=True)]
 

@@ -58,12 +58,11 @@ _Rows = Annotated[
 class LayerSection(Section):
     """A layer that absorbs nothing: ``refractive_index`` at all wavelengths, or ``material`` of the catalogue."""
 
-    refractive_index: _Index | None = None
-    """Index at all wavelengths; or give ``material``."""
-    material: Label | None = None
-    """Material of the catalogue, its index by wavelength; or give ``refractive_index``."""
-    thickness_nm: Annotated[float, Field(gt=0.0, le=100_000.0)]
-    """Thickness of the layer."""
+    refractive_index: _Index | None = Field(None, description="Index at all wavelengths; or give `material`.")
+    material: Label | None = Field(
+        None, description="Material of the catalogue, its index by wavelength; or give `refractive_index`."
+    )
+    thickness_nm: Annotated[float, Field(gt=0.0, le=100_000.0)] = Field(description="Thickness of the layer.")
 
     @check
     def _one_index(self) -> None:
@@ -90,18 +89,25 @@ class CoatingSection(OfTableFile):
     One of ``reflectance``, ``file`` and ``layers``. Up to 90 degrees a table goes on to 1.
     """
 
-    reflectance: _Rows = ()
-    """Share of the light that is reflected: a number for all angles and wavelengths, a row of them at ``angle_deg``, or
-    such a row for each of ``wavelength_nm``.
-    """
-    angle_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=90.0)], ...], Field(max_length=_MOST_ANGLES)] = ()
-    """Angles of incidence of the table, rising from 0, in the less dense medium: the air."""
-    wavelength_nm: Annotated[tuple[_Wavelength, ...], Field(max_length=_MOST_WAVELENGTHS)] = ()
-    """Wavelengths of the table's rows, rising."""
-    layers: Annotated[tuple[LayerSection, ...], Field(max_length=_MOST_LAYERS)] = ()
-    """Thin layers, of which the first lies next to what surrounds the body."""
-    file: FilePath | None = None
-    """Table with columns angle_deg, wavelength_nm and reflectance, read into these fields as the spec is."""
+    reflectance: _Rows = Field(
+        (),
+        description="Share of the light that is reflected: a number for all angles and wavelengths, a row of them "
+        "at `angle_deg`, or such a row for each of `wavelength_nm`.",
+    )
+    angle_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=90.0)], ...], Field(max_length=_MOST_ANGLES)] = Field(
+        (), description="Angles of incidence of the table, rising from 0, in the less dense medium: the air."
+    )
+    wavelength_nm: Annotated[tuple[_Wavelength, ...], Field(max_length=_MOST_WAVELENGTHS)] = Field(
+        (), description="Wavelengths of the table's rows, rising."
+    )
+    layers: Annotated[tuple[LayerSection, ...], Field(max_length=_MOST_LAYERS)] = Field(
+        (), description="Thin layers, of which the first lies next to what surrounds the body."
+    )
+    file: FilePath | None = Field(
+        None,
+        description="Table with columns angle_deg, wavelength_nm and reflectance, read into these fields as the "
+        "spec is.",
+    )
 
     @classmethod
     def read(cls, path: Path) -> Mapping[str, object]:
@@ -186,16 +192,17 @@ class CoverGlassSection(Section):
     What its faces reflect goes back and is followed no further.
     """
 
-    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)]
-    """Index of the plate at all wavelengths."""
-    thickness_mm: Millimetres
-    """Thickness of the plate."""
-    distance_mm: Millimetres
-    """Height of its near face above z = 0, beyond the whole lens."""
-    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    """Absorption of the plate: light loses exp(-absorption times path) (Beer and Lambert)."""
-    coating: CoatingSection | None = None
-    """Coating of both faces, its ``layers`` counted from outside the glass."""
+    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = Field(
+        description="Index of the plate at all wavelengths."
+    )
+    thickness_mm: Millimetres = Field(description="Thickness of the plate.")
+    distance_mm: Millimetres = Field(description="Height of its near face above z = 0, beyond the whole lens.")
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        0.0, description="Absorption of the plate: light loses exp(-absorption times path) (Beer and Lambert)."
+    )
+    coating: CoatingSection | None = Field(
+        None, description="Coating of both faces, its `layers` counted from outside the glass."
+    )
 
     @property
     def glass(self) -> CoverGlass:

@@ -28,10 +28,11 @@ class LensSection(LensShape):
     roles = SHELL
     title = "double-freeform lens"
     kind: Literal["double"] = "double"
-    inner: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the source: it bounds the cavity, and the others are placed against it."""
-    outer: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the light that is wanted."""
+    inner: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face towards the source: it bounds the cavity, and the others are placed against it.",
+    )
+    outer: FaceSection = Field(default_factory=FaceSection, description="Face towards the light that is wanted.")
 
     @check
     def _no_mirror(self) -> None:

@@ -32,13 +32,15 @@ class BeamTarget(FarFieldTarget, SoftTarget):
     is_round: ClassVar[bool] = True
 
     kind: Literal["beam"] = "beam"
-    fwhm_deg: BeamAngle | tuple[BeamAngle, BeamAngle] | None = None
-    """Full width at half maximum, one for both directions or along x and along y."""
-    profile: Literal["gaussian", "cosine", "flat"] = "gaussian"
-    """Course of the intensity: "gaussian", "cosine" (a power of the cosine of the angle from the axis; between x and y
-    the width follows an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by
-    ``edge_deg``.
-    """
+    fwhm_deg: BeamAngle | tuple[BeamAngle, BeamAngle] | None = Field(
+        None, description="Full width at half maximum, one for both directions or along x and along y."
+    )
+    profile: Literal["gaussian", "cosine", "flat"] = Field(
+        "gaussian",
+        description='Course of the intensity: "gaussian", "cosine" (a power of the cosine of the angle from the '
+        'axis; between x and y the width follows an ellipse), or "flat" up to the half width and dark '
+        "beyond it, with soft edges by `edge_deg`.",
+    )
 
     def light(self, x: Places, y: Places) -> Places:
         """Intensity at angles: full widths at half maximum are those of the target, along x and along y."""
@@ -74,8 +76,9 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
     has_own_edge: ClassVar[bool] = True
 
     kind: Literal["batwing"] = "batwing"
-    to_deg: Annotated[float, Field(ge=0.1, le=85.0)] | None = None
-    """Angle from the axis up to which the light is even."""
+    to_deg: Annotated[float, Field(ge=0.1, le=85.0)] | None = Field(
+        None, description="Angle from the axis up to which the light is even."
+    )
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -102,5 +105,4 @@ class PhotometricTarget(FarFieldTarget):
     words: ClassVar[str] = "intensity of {0.file.name}"
 
     kind: Literal["photometric"] = "photometric"
-    file: FilePath
-    """IES LM-63 or EULUMDAT file."""
+    file: FilePath = Field(description="IES LM-63 or EULUMDAT file.")

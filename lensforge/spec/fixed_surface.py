@@ -77,10 +77,10 @@ class FixedSphere(_ByFormula):
     is_round: ClassVar[bool] = True
 
     kind: Literal["sphere"] = "sphere"
-    radius_mm: Millimetres
-    """Radius."""
-    centre_z_mm: Coordinate = 0.0
-    """Height of the centre above z = 0; the origin must lie inside the sphere."""
+    radius_mm: Millimetres = Field(description="Radius.")
+    centre_z_mm: Coordinate = Field(
+        0.0, description="Height of the centre above z = 0; the origin must lie inside the sphere."
+    )
 
     @property
     def surface(self) -> Surface:
@@ -94,14 +94,10 @@ class FixedAsphere(_ByFormula):
     is_round: ClassVar[bool] = True
 
     kind: Literal["asphere"] = "asphere"
-    vertex_z_mm: Millimetres
-    """Height of the vertex above z = 0."""
-    radius_mm: Coordinate
-    """Radius of curvature at the vertex, below 0 for a dome over the source."""
-    conic_constant: _Conic = 0.0
-    """Conic constant: 0 a sphere, -1 a paraboloid."""
-    coefficients: _Series = ()
-    """Coefficients A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ..."""
+    vertex_z_mm: Millimetres = Field(description="Height of the vertex above z = 0.")
+    radius_mm: Coordinate = Field(description="Radius of curvature at the vertex, below 0 for a dome over the source.")
+    conic_constant: _Conic = Field(0.0, description="Conic constant: 0 a sphere, -1 a paraboloid.")
+    coefficients: _Series = Field((), description="Coefficients A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ...")
 
     @property
     def surface(self) -> Surface:
@@ -113,16 +109,11 @@ class FixedBiconic(_ByFormula):
     """Biconic (ISO 10110-12): radii and conic constants in the x-z and in the y-z plane; below 0 for a dome."""
 
     kind: Literal["biconic"] = "biconic"
-    vertex_z_mm: Millimetres
-    """Height of the vertex above z = 0."""
-    radius_x_mm: Coordinate
-    """Radius of curvature in the x-z plane."""
-    radius_y_mm: Coordinate
-    """Radius of curvature in the y-z plane."""
-    conic_x: _Conic = 0.0
-    """Conic constant in the x-z plane."""
-    conic_y: _Conic = 0.0
-    """Conic constant in the y-z plane."""
+    vertex_z_mm: Millimetres = Field(description="Height of the vertex above z = 0.")
+    radius_x_mm: Coordinate = Field(description="Radius of curvature in the x-z plane.")
+    radius_y_mm: Coordinate = Field(description="Radius of curvature in the y-z plane.")
+    conic_x: _Conic = Field(0.0, description="Conic constant in the x-z plane.")
+    conic_y: _Conic = Field(0.0, description="Conic constant in the y-z plane.")
 
     @property
     def surface(self) -> Surface:
@@ -145,10 +136,13 @@ class FixedFocalConic(_ByFormula):
     is_round: ClassVar[bool] = True
 
     kind: Literal["focal_conic"] = "focal_conic"
-    vertex_mm: Millimetres
-    """Distance of the vertex below the focus: the focal length of a paraboloid, whose radius at z = 0 is twice that."""
-    second_focus_mm: Millimetres | None = None
-    """Height of the other focus of an ellipsoid; without it a paraboloid."""
+    vertex_mm: Millimetres = Field(
+        description="Distance of the vertex below the focus: the focal length of a paraboloid, whose radius at z "
+        "= 0 is twice that."
+    )
+    second_focus_mm: Millimetres | None = Field(
+        None, description="Height of the other focus of an ellipsoid; without it a paraboloid."
+    )
 
     @property
     def surface(self) -> Surface:
@@ -184,10 +178,10 @@ class FixedLensFace(_OfFile):
     """A face of another result. It is that face exactly."""
 
     kind: Literal["lens"] = "lens"
-    file: Annotated[FilePath, AfterValidator(lens_file)]
-    """Result folder, or its lens.json."""
-    face: Annotated[str, Field(min_length=1, max_length=200)]
-    """Face of that lens by its name, such as inner, outer, or exit."""
+    file: Annotated[FilePath, AfterValidator(lens_file)] = Field(description="Result folder, or its lens.json.")
+    face: Annotated[str, Field(min_length=1, max_length=200)] = Field(
+        description="Face of that lens by its name, such as inner, outer, or exit."
+    )
 
     def _read(self) -> GivenFace:
         return face_of_lens(self.file, self.face)
@@ -197,14 +191,13 @@ class FixedCadFace(_OfFile):
     """A face of a STEP or IGES file in the coordinates of the lens; any unit."""
 
     kind: Literal["cad"] = "cad"
-    file: FilePath
-    """STEP or IGES file."""
-    face: _FaceName | Annotated[tuple[_FaceName, ...], Field(min_length=1, max_length=100)] = "first"
-    """Face by its name, by its number in the file from 1, or "first": the face that the axis meets first above the
-    origin. Several where the face comes in parts.
-    """
-    shift_mm: _Shift = (0.0, 0.0, 0.0)
-    """Shift of the file's face along x, y and z."""
+    file: FilePath = Field(description="STEP or IGES file.")
+    face: _FaceName | Annotated[tuple[_FaceName, ...], Field(min_length=1, max_length=100)] = Field(
+        "first",
+        description='Face by its name, by its number in the file from 1, or "first": the face that the axis meets '
+        "first above the origin. Several where the face comes in parts.",
+    )
+    shift_mm: _Shift = Field((0.0, 0.0, 0.0), description="Shift of the file's face along x, y and z.")
 
     def _read(self) -> GivenFace:
         faces = self.face if isinstance(self.face, tuple) else (self.face,)
@@ -218,14 +211,13 @@ class FixedPoints(_OfFile):
     """
 
     kind: Literal["points"] = "points"
-    file: FilePath
-    """Text file of points, one in each line."""
-    coordinates: Literal["cartesian", "polar"] = "cartesian"
-    """Columns: "cartesian", x, y, z in mm, or "polar", the angle from the axis and the azimuth in degrees and the
-    distance from the origin in mm.
-    """
-    shift_mm: _Shift = (0.0, 0.0, 0.0)
-    """Shift of the points along x, y and z."""
+    file: FilePath = Field(description="Text file of points, one in each line.")
+    coordinates: Literal["cartesian", "polar"] = Field(
+        "cartesian",
+        description='Columns: "cartesian", x, y, z in mm, or "polar", the angle from the axis and the azimuth in '
+        "degrees and the distance from the origin in mm.",
+    )
+    shift_mm: _Shift = Field((0.0, 0.0, 0.0), description="Shift of the points along x, y and z.")
 
     def _read(self) -> GivenFace:
         return face_of_points(self.file, self.coordinates, self.shift_mm)
@@ -243,16 +235,15 @@ class GivenSurface(FixedFace):
     """
 
     kind: Literal["given"] = "given"
-    origin: Label = ""
-    """Origin of the face, in words."""
-    form_error_nm: Annotated[float, Field(ge=0.0)] = 0.0
-    """Largest distance of the surface from the face that was read."""
-    normal_error_urad: Annotated[float, Field(ge=0.0)] = 0.0
-    """Largest angle between the normals of both."""
-    unit: Label = "mm"
-    """Unit of the file that was read."""
-    face: SurfaceRecord
-    """The surface itself, as a record."""
+    origin: Label = Field("", description="Origin of the face, in words.")
+    form_error_nm: Annotated[float, Field(ge=0.0)] = Field(
+        0.0, description="Largest distance of the surface from the face that was read."
+    )
+    normal_error_urad: Annotated[float, Field(ge=0.0)] = Field(
+        0.0, description="Largest angle between the normals of both."
+    )
+    unit: Label = Field("mm", description="Unit of the file that was read.")
+    face: SurfaceRecord = Field(description="The surface itself, as a record.")
 
     @property
     def title(self) -> str:

@@ -25,8 +25,11 @@ _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones f
 class ExitFace(FaceSection):
     """A face that may be kept a plane."""
 
-    flat: bool = False
-    """Keep it a plane across the axis: the search moves its height alone, and the other faces carry the shape."""
+    flat: bool = Field(
+        False,
+        description="Keep it a plane across the axis: the search moves its height alone, and the other faces "
+        "carry the shape.",
+    )
 
     @check
     def _flat_is_not_fixed(self) -> None:
@@ -49,18 +52,24 @@ class TirSection(ProfiledShape):
     )
     title = "lens for total internal reflection"
     kind: Literal["tir"] = "tir"
-    cap: FaceSection = Field(default_factory=FaceSection)
-    """Face of the cavity over the source; ``offset_mm``: its height on the axis."""
-    side: FaceSection = Field(default_factory=FaceSection)
-    """Face of the cavity around the source: a cone with its draft, 2 degrees by default; ``offset_mm``: its radius at
-    z = 0.
-    """
-    wall: FaceSection = Field(default_factory=FaceSection)
-    """Face around the cavity, which reflects totally, or by a mirror; ``offset_mm``: its radius at z = 0."""
-    exit: ExitFace = Field(default_factory=ExitFace)
-    """Face towards the light that is wanted; ``offset_mm``: its height on the axis."""
-    flange: FlangeSection | None = None
-    """Flange at the exit's rim; by default there is none."""
+    cap: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face of the cavity over the source; `offset_mm`: its height on the axis.",
+    )
+    side: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face of the cavity around the source: a cone with its draft, 2 degrees by default; "
+        "`offset_mm`: its radius at z = 0.",
+    )
+    wall: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face around the cavity, which reflects totally, or by a mirror; `offset_mm`: its radius at z = 0.",
+    )
+    exit: ExitFace = Field(
+        default_factory=ExitFace,
+        description="Face towards the light that is wanted; `offset_mm`: its height on the axis.",
+    )
+    flange: FlangeSection | None = Field(None, description="Flange at the exit's rim; by default there is none.")
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:

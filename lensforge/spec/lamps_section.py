@@ -44,7 +44,7 @@ class Lamps:
         places = tuple(places_mm)
         turns = tuple(turns_deg) or (0.0,) * len(places)
         return Lamps(
-            tuple(Lamp((*each, 0.0), ALONG_Z, turn) for each, turn in zip(places, turns, strict=True)), period_mm
+            tuple(Lamp((*place, 0.0), ALONG_Z, turn) for place, turn in zip(places, turns, strict=True)), period_mm
         )
 
     def __len__(self) -> int:
@@ -216,22 +216,23 @@ def _pair(pitch: Side) -> tuple[float, float]:
 class LampsWithRim(LampsSection):
     """Lamps in an arrangement with a rim, along which they may have other lenses."""
 
-    kinds: _Kinds = "one"
-    """Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned to face outwards."""
-    rim_rings: _Rings = 1
-    """Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."""
+    kinds: _Kinds = Field(
+        "one",
+        description='Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned '
+        "to face outwards.",
+    )
+    rim_rings: _Rings = Field(
+        1, description="Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."
+    )
 
 
 class GridLamps(LampsWithRim):
     """Rows and columns about the origin."""
 
     kind: Literal["grid"] = "grid"
-    columns: _Number
-    """Lamps along x."""
-    rows: _Number
-    """Lamps along y."""
-    pitch_mm: Side
-    """Distance of neighbouring axes; one number, or along x and along y."""
+    columns: _Number = Field(description="Lamps along x.")
+    rows: _Number = Field(description="Lamps along y.")
+    pitch_mm: Side = Field(description="Distance of neighbouring axes; one number, or along x and along y.")
 
     @property
     def lamps(self) -> Lamps:
@@ -252,10 +253,8 @@ class HexagonLamps(LampsWithRim):
     """A lamp at the origin, and hexagons of them around it: 7 with one ring, 19 with two."""
 
     kind: Literal["hexagon"] = "hexagon"
-    rings: Annotated[int, Field(ge=1, le=25)]
-    """Hexagons around the middle lamp."""
-    pitch_mm: Millimetres
-    """Distance of neighbouring axes, along x and at 60 degrees to it."""
+    rings: Annotated[int, Field(ge=1, le=25)] = Field(description="Hexagons around the middle lamp.")
+    pitch_mm: Millimetres = Field(description="Distance of neighbouring axes, along x and at 60 degrees to it.")
 
     @property
     def lamps(self) -> Lamps:
@@ -273,19 +272,19 @@ class RingLamps(LampsSection):
     """A ring about the origin; its first lamp is on +x."""
 
     kind: Literal["ring"] = "ring"
-    count: _Number
-    """Lamps in the ring."""
-    diameter_mm: Millimetres
-    """Diameter of the circle of their axes."""
-    turned: bool = True
-    """Turn each lamp with its place, so that its +x points away from the origin."""
+    count: _Number = Field(description="Lamps in the ring.")
+    diameter_mm: Millimetres = Field(description="Diameter of the circle of their axes.")
+    turned: bool = Field(True, description="Turn each lamp with its place, so that its +x points away from the origin.")
 
     @property
     def lamps(self) -> Lamps:
         """Places and turns."""
         turns = [360.0 * number / self.count for number in range(self.count)]
         directions = [complex(np.exp(1j * pi * turn / 180.0)) for turn in turns]
-        places = [(0.5 * self.diameter_mm * each.real, 0.5 * self.diameter_mm * each.imag) for each in directions]
+        places = [
+            (0.5 * self.diameter_mm * direction.real, 0.5 * self.diameter_mm * direction.imag)
+            for direction in directions
+        ]
         return Lamps.level(places, turns if self.turned else ())
 
 
@@ -297,16 +296,20 @@ class TableLamps(LampsSection):
     """Places and turns one by one; also lamps on poles, each with its height and aim."""
 
     kind: Literal["table"] = "table"
-    places_mm: Annotated[tuple[_TablePlace, ...], Field(min_length=1, max_length=_MOST)]
-    """Place (x, y) or (x, y, z) of each lamp; z, along which lamps shine, is 0 where it is left out."""
-    aims_mm: Annotated[tuple[_Point, ...], Field(max_length=_MOST)] = ()
-    """Point (x, y, z) at which the axis of each lamp is aimed; by default all axes are along z. A tilted lamp is
-    turned so that its +x lies in the tilt direction.
-    """
-    turns_deg: Annotated[tuple[Turn, ...], Field(max_length=_MOST)] = ()
-    """Turn of each lamp about its axis, from x towards y, from there on; by default none is turned."""
-    kinds: Annotated[tuple[_KindName, ...], Field(max_length=_MOST)] = ()
-    """Lens of each lamp, by a name such as "wide"; by default all have one lens."""
+    places_mm: Annotated[tuple[_TablePlace, ...], Field(min_length=1, max_length=_MOST)] = Field(
+        description="Place (x, y) or (x, y, z) of each lamp; z, along which lamps shine, is 0 where it is left out."
+    )
+    aims_mm: Annotated[tuple[_Point, ...], Field(max_length=_MOST)] = Field(
+        (),
+        description="Point (x, y, z) at which the axis of each lamp is aimed; by default all axes are along z. A "
+        "tilted lamp is turned so that its +x lies in the tilt direction.",
+    )
+    turns_deg: Annotated[tuple[Turn, ...], Field(max_length=_MOST)] = Field(
+        (), description="Turn of each lamp about its axis, from x towards y, from there on; by default none is turned."
+    )
+    kinds: Annotated[tuple[_KindName, ...], Field(max_length=_MOST)] = Field(
+        (), description='Lens of each lamp, by a name such as "wide"; by default all have one lens.'
+    )
 
     @property
     def lamps(self) -> Lamps:
@@ -346,10 +349,12 @@ class EndlessLamps(LampsSection):
     """
 
     kind: Literal["endless"] = "endless"
-    lattice: Literal["rectangle", "hexagon"] = "rectangle"
-    """Lattice: rows and columns, or each lamp with six neighbours."""
-    pitch_mm: Side
-    """Distance of neighbouring axes; one number, or of a rectangle along x and along y."""
+    lattice: Literal["rectangle", "hexagon"] = Field(
+        "rectangle", description="Lattice: rows and columns, or each lamp with six neighbours."
+    )
+    pitch_mm: Side = Field(
+        description="Distance of neighbouring axes; one number, or of a rectangle along x and along y."
+    )
 
     @property
     def lamps(self) -> Lamps:

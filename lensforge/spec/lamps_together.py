@@ -87,7 +87,7 @@ def require_kinds(
     given = next((name for name, is_given in others.items() if is_given), None)
     if kinds and given is not None:
         raise ValueError(f"lamps.kinds: {given} goes with lamps of one lens; leave out one of the two")
-    if any(kind.mirrors for kind in kinds) and all(each.is_far_field for each in receivers):
+    if any(kind.mirrors for kind in kinds) and all(receiver.is_far_field for receiver in receivers):
         raise ValueError(
             f'lamps.kinds = "place": in the far field all {len(section.lamps)} lamps are at one place; take a near '
             "receiver, kinds by name in a table, or leave it out"

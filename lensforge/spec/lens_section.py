@@ -91,16 +91,24 @@ class LensShape(OfSeveralKinds, LensMaterial):
     may_be_round: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False
     kind: str
-    levels: Levels = "auto"
-    """Functions of each level, coarse to fine, that shape each free surface; "auto": as many as they gain."""
-    sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.75
-    """Factor of the width of every level's functions, Eq. (3)."""
-    symmetry: Symmetry = "auto"
-    """Mirror symmetry of both surfaces; "auto": the largest that source and target share, which the record of a lens
-    names.
-    """
-    start: Annotated[FilePath, AfterValidator(lens_file)] | None = None
-    """Result folder, or its lens.json, from whose lens the search goes on instead of from the hemispheres."""
+    levels: Levels = Field(
+        "auto",
+        description='Functions of each level, coarse to fine, that shape each free surface; "auto": as many as '
+        "they gain.",
+    )
+    sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        1.75, description="Factor of the width of every level's functions, Eq. (3)."
+    )
+    symmetry: Symmetry = Field(
+        "auto",
+        description='Mirror symmetry of both surfaces; "auto": the largest that source and target share, which '
+        "the record of a lens names.",
+    )
+    start: Annotated[FilePath, AfterValidator(lens_file)] | None = Field(
+        None,
+        description="Result folder, or its lens.json, from whose lens the search goes on instead of from the "
+        "hemispheres.",
+    )
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
@@ -119,7 +127,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
     def warnings(self) -> tuple[str, ...]:
         """Lines on fixed surfaces and on levels that a user should know of before the search."""
         fixed = {name: face.fixed for name, face in self.faces.items() if face.fixed is not None}
-        faces = tuple(f"lens.{name}.fixed: {words}" for name, face in fixed.items() for words in face.warnings)
+        faces = tuple(f"lens.{name}.fixed: {warning}" for name, face in fixed.items() for warning in face.warnings)
         if self.levels == "auto" or not self.levels or max(self.levels) >= _FEW_FUNCTIONS:
             return faces
         return (
@@ -235,14 +243,17 @@ class ProfiledShape(LensShape):
     may_be_round = radius_about_axis = True
     draws = frozenset({"round", "patch"})
 
-    levels: _Numbers = ()
-    """Functions of each level, coarse to fine, that shape the free faces beyond their profiles; none: faces of
-    revolution.
-    """
-    profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = 12
-    """Coefficients of the profile of each free face."""
-    events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = 6
-    """Largest number of faces that a ray meets; what goes on then is counted as its own fate."""
+    levels: _Numbers = Field(
+        (),
+        description="Functions of each level, coarse to fine, that shape the free faces beyond their profiles; "
+        "none: faces of revolution.",
+    )
+    profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = Field(
+        12, description="Coefficients of the profile of each free face."
+    )
+    events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = Field(
+        6, description="Largest number of faces that a ray meets; what goes on then is counted as its own fate."
+    )
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:

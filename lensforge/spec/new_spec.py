@@ -109,12 +109,12 @@ def receiver_beside(target: Mapping[str, Any], off_axis_deg: float = 0.0, tilt_d
 def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[str, float]:
     """Numbers of ``given``, separated by ``x``; one stands for a width and a height."""
     numbers = re.split("[xX×]", given)
-    if any(re.fullmatch(r"\d+,\d+", each.strip()) for each in numbers):
+    if any(re.fullmatch(r"\d+,\d+", number.strip()) for number in numbers):
         raise InputError(f"{option} {words}: a number has a decimal point; write {given.replace(',', '.')}")
     if len(numbers) == 1 and names in (("width_mm", "height_mm"), ("A", "B")):
         numbers *= 2
     try:
-        values = [float(each) for each in numbers]
+        values = [float(number) for number in numbers]
     except ValueError:
         values = []
     if len(values) != len(names) or not all(0.0 < value < 1e9 for value in values):

@@ -35,8 +35,11 @@ class PictureTarget(SizedTarget, SoftTarget):
     needs: ClassVar[tuple[str, ...]] = ("width",)
     takes: ClassVar[tuple[str, ...]] = (*SoftTarget.takes, "height")
 
-    mirrored: bool = False
-    """Turn left and right about, for eyes on the lens's side of a wall: without it, it is read from behind a screen."""
+    mirrored: bool = Field(
+        False,
+        description="Turn left and right about, for eyes on the lens's side of a wall: without it, it is read "
+        "from behind a screen.",
+    )
 
     @property
     def description(self) -> str:
@@ -67,8 +70,9 @@ class TextTarget(PictureTarget):
     words: ClassVar[str] = "“{0.text}”, {width} wide"
 
     kind: Literal["text"] = "text"
-    text: Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_visible)]
-    """One line of visible characters."""
+    text: Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_visible)] = Field(
+        description="One line of visible characters."
+    )
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -83,12 +87,13 @@ class ImageTarget(PictureTarget):
     words: ClassVar[str] = "{0.file.name}, {width} wide"
 
     kind: Literal["image"] = "image"
-    file: FilePath
-    """PNG, TIFF, JPEG or BMP file."""
-    luminance: Luminance = "as_stored"
-    """Light that a value stands for: "as_stored" takes the values themselves, half the value for half the light, and of
-    colours their luma; "srgb" what a screen would show, decoded by the sRGB curve.
-    """
+    file: FilePath = Field(description="PNG, TIFF, JPEG or BMP file.")
+    luminance: Luminance = Field(
+        "as_stored",
+        description='Light that a value stands for: "as_stored" takes the values themselves, half the value for '
+        'half the light, and of colours their luma; "srgb" what a screen would show, decoded by the '
+        "sRGB curve.",
+    )
 
 
 class ArrayTarget(PictureTarget):
@@ -98,8 +103,9 @@ class ArrayTarget(PictureTarget):
     words: ClassVar[str] = "given pattern, {width} wide"
 
     kind: Literal["array"] = "array"
-    values: Annotated[Float[np.ndarray, "h w"], Numbers(2)]
-    """Light (relative), row by row from the top."""
+    values: Annotated[Float[np.ndarray, "h w"], Numbers(2)] = Field(
+        description="Light (relative), row by row from the top."
+    )
 
     if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
@@ -124,5 +130,4 @@ class TableTarget(PictureTarget):
     words: ClassVar[str] = "{0.file.name}, {width} wide"
 
     kind: Literal["table"] = "table"
-    file: FilePath
-    """CSV, a line for each row from the top, or npz with one array."""
+    file: FilePath = Field(description="CSV, a line for each row from the top, or npz with one array.")

@@ -60,14 +60,12 @@ _Corners = Annotated[tuple[tuple[Coordinate, Coordinate, _Bulge], ...], Field(mi
 class DrawnOutline(Section):
     """An outline as it was read: a spec that names a file becomes this one, and needs the file no more."""
 
-    origin: Label = ""
-    """Name of its file."""
-    sha256: Label = ""
-    """SHA-256 of that file."""
-    loops_mm: Annotated[tuple[_Corners, ...], Field(min_length=1, max_length=plane_loop.MOST_LOOPS)]
-    """Outline, then the openings, each counter-clockwise: corners x and y in mm, and the bulge of the edge to the next
-    corner, the tangent of a quarter of its arc's angle, 0 for a line.
-    """
+    origin: Label = Field("", description="Name of its file.")
+    sha256: Label = Field("", description="SHA-256 of that file.")
+    loops_mm: Annotated[tuple[_Corners, ...], Field(min_length=1, max_length=plane_loop.MOST_LOOPS)] = Field(
+        description="Outline, then the openings, each counter-clockwise: corners x and y in mm, and the bulge of "
+        "the edge to the next corner, the tangent of a quarter of its arc's angle, 0 for a line."
+    )
 
     @check
     def _run_counter_clockwise(self) -> None:
@@ -119,14 +117,14 @@ def _read_outline(content: bytes, path: Path) -> DrawnOutline:
 class PlateMark(Section):
     """Common fields of holes and pins."""
 
-    place_mm: tuple[Coordinate, Coordinate]
-    """Place (x, y) of its axis."""
-    diameter_mm: Millimetres
-    """Diameter."""
-    tolerance_mm: Millimetres | None = None
-    """Tolerance of the diameter, either way; left out, the general one."""
-    place_tolerance_mm: Millimetres | None = None
-    """Diameter of the zone in which its axis must lie; left out, the general tolerances hold."""
+    place_mm: tuple[Coordinate, Coordinate] = Field(description="Place (x, y) of its axis.")
+    diameter_mm: Millimetres = Field(description="Diameter.")
+    tolerance_mm: Millimetres | None = Field(
+        None, description="Tolerance of the diameter, either way; left out, the general one."
+    )
+    place_tolerance_mm: Millimetres | None = Field(
+        None, description="Diameter of the zone in which its axis must lie; left out, the general tolerances hold."
+    )
 
     @property
     def radius_mm(self) -> float:
@@ -145,17 +143,14 @@ class PlateHole(PlateMark):
 class PlatePin(PlateMark):
     """A round pin below the plate, which finds its place on the board."""
 
-    height_mm: Millimetres
-    """Length below the plate."""
+    height_mm: Millimetres = Field(description="Length below the plate.")
 
 
 class PlateBoss(PlatePin):
     """A screw dome: a pin with a blind bore from its end. It keeps clear of the lenses, on which it would sink."""
 
-    bore_diameter_mm: Millimetres
-    """Diameter of its bore."""
-    bore_depth_mm: Millimetres
-    """Depth of its bore from its end, which may reach into the plate."""
+    bore_diameter_mm: Millimetres = Field(description="Diameter of its bore.")
+    bore_depth_mm: Millimetres = Field(description="Depth of its bore from its end, which may reach into the plate.")
 
     @check
     def _has_a_wall(self) -> None:
@@ -168,12 +163,13 @@ class PlateBoss(PlatePin):
 class PlateGate(Section):
     """Gate at the edge of the plate, where it is filled: a mark on the drawing, and no part of the solid."""
 
-    place_mm: tuple[Coordinate, Coordinate]
-    """Place (x, y) of its middle, on the outline."""
-    width_mm: Millimetres
-    """Width along the outline."""
-    clear_mm: MillimetresOrZero = 3.0
-    """Distance from its middle that lenses as wide as ``constraints.max_radius_mm``, holes, pins and bosses keep."""
+    place_mm: tuple[Coordinate, Coordinate] = Field(description="Place (x, y) of its middle, on the outline.")
+    width_mm: Millimetres = Field(description="Width along the outline.")
+    clear_mm: MillimetresOrZero = Field(
+        3.0,
+        description="Distance from its middle that lenses as wide as `constraints.max_radius_mm`, holes, pins and "
+        "bosses keep.",
+    )
 
 
 def _drawn(outline: Path | DrawnOutline | None) -> DrawnOutline | None:
@@ -187,43 +183,45 @@ class PlateSection(Section):
     internal reflection have a flange instead: no mould releases a wall that widens above a plate.
     """
 
-    kind: Literal["rectangle", "round", "step"] = "rectangle"
-    """Outline, about the origin; "step": as drawn in a file."""
-    outline: Annotated[FilePath | DrawnOutline | None, AfterValidator(_drawn)] = None
-    """STEP file of the outline, in the coordinates of the lamps: one face or wires of lines and arcs in a plane of one
-    z, or a flat body, whose top counts. Its openings become holes of the plate.
-    """
-    thickness_mm: Millimetres
-    """Thickness, from z = 0 downwards."""
-    draft_deg: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
-    """Draft of the lenses' bores, of sides, holes, pins and bosses, which the lower half of a mould makes: sides and
-    holes are as wide as stated in z = 0, a pin at its root, the bore of a boss at its closed end. A drawn outline and
-    its slots stand upright.
-    """
-    margin_mm: MillimetresOrZero | None = None
-    """Distance of the edge from lenses as wide as ``constraints.max_radius_mm``; 2 where neither it nor a size is
-    given.
-    """
-    width_mm: Millimetres | None = None
-    """Width of a rectangle along x; left out, by ``margin_mm``."""
-    height_mm: Millimetres | None = None
-    """Height of a rectangle along y; left out, by ``margin_mm``."""
-    diameter_mm: Millimetres | None = None
-    """Diameter of a round plate; left out, by ``margin_mm``."""
-    corner_radius_mm: MillimetresOrZero = 0.0
-    """Radius of the corners of a rectangle."""
-    columns: _Lines | None = None
-    """Lenses along x; of lamps of kind "endless", whose plate has so many."""
-    rows: _Lines | None = None
-    """Lenses along y; of lamps of kind "endless"."""
-    holes: Annotated[tuple[PlateHole, ...], Field(max_length=_MOST_MARKS)] = ()
-    """Holes through the plate, beside the lenses."""
-    pins: Annotated[tuple[PlatePin, ...], Field(max_length=_MOST_MARKS)] = ()
-    """Pins below the plate, beside the cavities."""
-    bosses: Annotated[tuple[PlateBoss, ...], Field(max_length=_MOST_MARKS)] = ()
-    """Screw domes below the plate, beside the lenses."""
-    gate: PlateGate | None = None
-    """The gate of the mould; by default none is drawn."""
+    kind: Literal["rectangle", "round", "step"] = Field(
+        "rectangle", description='Outline, about the origin; "step": as drawn in a file.'
+    )
+    outline: Annotated[FilePath | DrawnOutline | None, AfterValidator(_drawn)] = Field(
+        None,
+        description="STEP file of the outline, in the coordinates of the lamps: one face or wires of lines and "
+        "arcs in a plane of one z, or a flat body, whose top counts. Its openings become holes of the "
+        "plate.",
+    )
+    thickness_mm: Millimetres = Field(description="Thickness, from z = 0 downwards.")
+    draft_deg: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        1.0,
+        description="Draft of the lenses' bores, of sides, holes, pins and bosses, which the lower half of a "
+        "mould makes: sides and holes are as wide as stated in z = 0, a pin at its root, the bore of "
+        "a boss at its closed end. A drawn outline and its slots stand upright.",
+    )
+    margin_mm: MillimetresOrZero | None = Field(
+        None,
+        description="Distance of the edge from lenses as wide as `constraints.max_radius_mm`; 2 where neither it "
+        "nor a size is given.",
+    )
+    width_mm: Millimetres | None = Field(None, description="Width of a rectangle along x; left out, by `margin_mm`.")
+    height_mm: Millimetres | None = Field(None, description="Height of a rectangle along y; left out, by `margin_mm`.")
+    diameter_mm: Millimetres | None = Field(None, description="Diameter of a round plate; left out, by `margin_mm`.")
+    corner_radius_mm: MillimetresOrZero = Field(0.0, description="Radius of the corners of a rectangle.")
+    columns: _Lines | None = Field(
+        None, description='Lenses along x; of lamps of kind "endless", whose plate has so many.'
+    )
+    rows: _Lines | None = Field(None, description='Lenses along y; of lamps of kind "endless".')
+    holes: Annotated[tuple[PlateHole, ...], Field(max_length=_MOST_MARKS)] = Field(
+        (), description="Holes through the plate, beside the lenses."
+    )
+    pins: Annotated[tuple[PlatePin, ...], Field(max_length=_MOST_MARKS)] = Field(
+        (), description="Pins below the plate, beside the cavities."
+    )
+    bosses: Annotated[tuple[PlateBoss, ...], Field(max_length=_MOST_MARKS)] = Field(
+        (), description="Screw domes below the plate, beside the lenses."
+    )
+    gate: PlateGate | None = Field(None, description="The gate of the mould; by default none is drawn.")
 
     @check
     def _sizes_go_with_the_outline(self) -> None:

@@ -46,14 +46,16 @@ class ReceiverSection(OfSeveralKinds, Section):
             """Direction of its normal there, away from the lens."""
 
     kind: str
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = None
-    """Name of the receiver, by default its kind."""
-    targets: Annotated[tuple[TargetSection, ...], Field(min_length=1, max_length=_MOST_TARGETS)]
-    """Targets on it, which add up."""
-    share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
-    """Weight in the merit, relative to the other receivers."""
-    rotation_deg: Turn = 0.0
-    """Turn about the direction that the receiver faces, from x towards y."""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = Field(
+        None, description="Name of the receiver, by default its kind."
+    )
+    targets: Annotated[tuple[TargetSection, ...], Field(min_length=1, max_length=_MOST_TARGETS)] = Field(
+        description="Targets on it, which add up."
+    )
+    share: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        1.0, description="Weight in the merit, relative to the other receivers."
+    )
+    rotation_deg: Turn = Field(0.0, description="Turn about the direction that the receiver faces, from x towards y.")
 
     @property
     def size(self) -> tuple[float, float]:
@@ -191,7 +193,7 @@ def named(receivers: tuple[ReceiverSection, ...]) -> tuple[ReceiverSection, ...]
         alike = [each for each in receivers if each.kind == receiver.kind]
         number = next(k for k, each in enumerate(alike, start=1) if each is receiver)
         name = receiver.name or (receiver.kind if len(alike) == 1 else f"{receiver.kind}_{number}")
-        if any(name == each.name for each in with_names):
+        if any(name == receiver.name for receiver in with_names):
             raise ValueError(f"receivers: two are called {name!r}; give each a name of its own")
         with_names.append(receiver.changed(name=name))
     return tuple(with_names)

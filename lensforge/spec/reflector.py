@@ -32,8 +32,9 @@ _BESIDE = 0.5  # of the half width of light beside the axis: its middle is so fa
 class CupSection(FaceSection):
     """Mirror of a reflector."""
 
-    mirror: Annotated[float, Field(gt=0.0, le=1.0)] = _ALUMINISED
-    """Share of the light that it reflects at every angle; the rest is absorbed."""
+    mirror: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        _ALUMINISED, description="Share of the light that it reflects at every angle; the rest is absorbed."
+    )
 
 
 class ReflectorSection(ProfiledShape):
@@ -51,14 +52,18 @@ class ReflectorSection(ProfiledShape):
     title = "reflector"
     draws = frozenset()
     kind: Literal["reflector"] = "reflector"
-    material: Label = "metallised plastic"
-    """Material of the body, a label: no light enters it."""
-    cup: CupSection = Field(default_factory=CupSection)
-    """Mirror around the source; ``offset_mm``: its radius at z = 0."""
-    back: FaceSection = Field(default_factory=FaceSection)
-    """Face behind the mirror, at the minimum wall and a little more; it has no fields of its own."""
-    mouth: FaceSection = Field(default_factory=FaceSection)
-    """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
+    material: Label = Field("metallised plastic", description="Material of the body, a label: no light enters it.")
+    cup: CupSection = Field(
+        default_factory=CupSection, description="Mirror around the source; `offset_mm`: its radius at z = 0."
+    )
+    back: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face behind the mirror, at the minimum wall and a little more; it has no fields of its own.",
+    )
+    mouth: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Plane in which the reflector ends and light leaves; `offset_mm`, its height, is its only field.",
+    )
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:

@@ -27,10 +27,11 @@ class GaussianScatter(Section):
     """A frosted, etched or finely machined face: facets whose slopes are normally distributed."""
 
     kind: Literal["gaussian"] = "gaussian"
-    sigma_deg: Annotated[float, Field(ge=1e-4, le=45.0)]
-    """Rms angle, along any line, by which the face spreads light that comes along its normal: of the transmitted light
-    behind the face, of a mirror of the reflected light. An etched face has 1 to 10, a fine print 0.5 to 2.
-    """
+    sigma_deg: Annotated[float, Field(ge=1e-4, le=45.0)] = Field(
+        description="Rms angle, along any line, by which the face spreads light that comes along its normal: of "
+        "the transmitted light behind the face, of a mirror of the reflected light. An etched face "
+        "has 1 to 10, a fine print 0.5 to 2."
+    )
 
     def model(self, turn: FacetTurn) -> GaussianFacets:
         """Facets whose rms slope turns light by that angle."""
@@ -57,8 +58,11 @@ class LambertianScatter(Section):
     """A face that sends a share of its light to all sides alike, as opal material or white paint does."""
 
     kind: Literal["lambertian"]
-    share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    """Share of the light that passes, or that its mirror reflects; the rest goes on as from a polished face."""
+    share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        1.0,
+        description="Share of the light that passes, or that its mirror reflects; the rest goes on as from a "
+        "polished face.",
+    )
 
     def model(self, turn: FacetTurn) -> RingScatter:
         """The share, about the normal."""
@@ -76,12 +80,11 @@ class AbgScatter(Section):
     """
 
     kind: Literal["abg"]
-    a: Annotated[float, Field(gt=0.0, le=1e6)]
-    """Amplitude."""
-    b: Annotated[float, Field(ge=1e-15, le=1e6)]
-    """Roll-off: b^(1/g) is the distance from which the light falls."""
-    g: Annotated[float, Field(ge=0.0, le=10.0)]
-    """Slope: of polished glass 1 to 3."""
+    a: Annotated[float, Field(gt=0.0, le=1e6)] = Field(description="Amplitude.")
+    b: Annotated[float, Field(ge=1e-15, le=1e6)] = Field(
+        description="Roll-off: b^(1/g) is the distance from which the light falls."
+    )
+    g: Annotated[float, Field(ge=0.0, le=10.0)] = Field(description="Slope: of polished glass 1 to 3.")
 
     def model(self, turn: FacetTurn) -> RingScatter:
         """Rings whose shares are those of the model."""
@@ -120,14 +123,19 @@ class TableScatter(OfTableFile):
     """
 
     kind: Literal["table"]
-    incidence_deg: _Angles = ()
-    """Angles of incidence, before the face, rising from 0."""
-    scattering_deg: _Angles = ()
-    """Angles from the polished direction, rising from 0; their sine is the distance of the direction cosines."""
-    bsdf_per_sr: Annotated[tuple[_Row, ...], Field(max_length=_MOST_ROWS)] = ()
-    """Scatter function (1/sr), a row for each of ``incidence_deg``."""
-    file: FilePath | None = None
-    """Table with columns incidence_deg, scattering_deg and bsdf, read into these fields as the spec is."""
+    incidence_deg: _Angles = Field((), description="Angles of incidence, before the face, rising from 0.")
+    scattering_deg: _Angles = Field(
+        (),
+        description="Angles from the polished direction, rising from 0; their sine is the distance of the "
+        "direction cosines.",
+    )
+    bsdf_per_sr: Annotated[tuple[_Row, ...], Field(max_length=_MOST_ROWS)] = Field(
+        (), description="Scatter function (1/sr), a row for each of `incidence_deg`."
+    )
+    file: FilePath | None = Field(
+        None,
+        description="Table with columns incidence_deg, scattering_deg and bsdf, read into these fields as the spec is.",
+    )
 
     @classmethod
     def read(cls, path: Path) -> Mapping[str, object]:

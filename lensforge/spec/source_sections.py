@@ -30,8 +30,7 @@ class SquareSource(EmitterSection):
     in_a_word: ClassVar[tuple[str, ...]] = ("side_mm",)
 
     kind: Literal["square"] = "square"
-    side_mm: MillimetresOrZero
-    """Side of the square; 0 for a point source."""
+    side_mm: MillimetresOrZero = Field(description="Side of the square; 0 for a point source.")
 
     @property
     def extent_mm(self) -> float:
@@ -53,16 +52,21 @@ Model = Literal["rays", "radiance", "auto"]
 class Placement(EmitterSection):
     """Placement of a ray set in lens coordinates: its own fields in their order, then the fields of every source."""
 
-    origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = "file"
-    """Point that is put at the lens origin: the file's own origin, its virtual focus, or a point (mm) of the file."""
-    scale: Scale = 1.0
-    """Factor of all lengths."""
-    axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
-    """Direction in the file that becomes the lens axis +z."""
-    mirror: Literal["none", "x", "y"] = "none"
-    """Mirror image: "x" maps x to -x."""
-    model: Model = "rays"
-    """Rays of the design: those of the set, or as many as wanted by a radiance fitted to them, or what suits better."""
+    origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = Field(
+        "file",
+        description="Point that is put at the lens origin: the file's own origin, its virtual focus, or a point "
+        "(mm) of the file.",
+    )
+    scale: Scale = Field(1.0, description="Factor of all lengths.")
+    axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = Field(
+        "+z", description="Direction in the file that becomes the lens axis +z."
+    )
+    mirror: Literal["none", "x", "y"] = Field("none", description='Mirror image: "x" maps x to -x.')
+    model: Model = Field(
+        "rays",
+        description="Rays of the design: those of the set, or as many as wanted by a radiance fitted to them, or "
+        "what suits better.",
+    )
 
 
 class RayfileSource(Placement):
@@ -71,10 +75,12 @@ class RayfileSource(Placement):
     words: ClassVar[str] = "ray file {0.file.name}"
 
     kind: Literal["rayfile"] = "rayfile"
-    file: FilePath
-    """Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others."""
-    model: Model = "auto"
-    """Rays of the design: those of the file, or as many as wanted by a radiance fitted to them, or what is better."""
+    file: FilePath = Field(description="Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others.")
+    model: Model = Field(
+        "auto",
+        description="Rays of the design: those of the file, or as many as wanted by a radiance fitted to them, or "
+        "what is better.",
+    )
 
 
 class RayfilePart(FluxSection):
@@ -83,20 +89,22 @@ class RayfilePart(FluxSection):
     With ``source.flux_w`` or ``source.flux_lm`` only the ratio counts.
     """
 
-    file: FilePath
-    """Ray file."""
-    spectrum: SpectrumSpec | None = None
-    """Spectrum in place of the file's own."""
+    file: FilePath = Field(description="Ray file.")
+    spectrum: SpectrumSpec | None = Field(None, description="Spectrum in place of the file's own.")
 
 
 class RayfilesSource(Placement):
     """Several ray files in one coordinate system as one source, such as the blue and yellow light of a white LED."""
 
     kind: Literal["rayfiles"] = "rayfiles"
-    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1, max_length=100)]
-    """The ray files, in one coordinate system."""
-    model: Model = "auto"
-    """Rays of the design: those of the files, or as many as wanted by a radiance fitted to them, or what is better."""
+    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1, max_length=100)] = Field(
+        description="The ray files, in one coordinate system."
+    )
+    model: Model = Field(
+        "auto",
+        description="Rays of the design: those of the files, or as many as wanted by a radiance fitted to them, "
+        "or what is better.",
+    )
 
     @property
     def description(self) -> str:
@@ -107,8 +115,9 @@ class RayfilesSource(Placement):
 class PlanarSource(EmitterSection):
     """An emitting area, in the plane z = 0 unless placed, the same intensity profile at each of its points."""
 
-    intensity: IntensitySpec = Field(default_factory=CosineIntensity)
-    """Intensity by angle; by default Lambertian."""
+    intensity: IntensitySpec = Field(
+        default_factory=CosineIntensity, description="Intensity by angle; by default Lambertian."
+    )
 
 
 class RectangleSource(PlanarSource):
@@ -118,10 +127,8 @@ class RectangleSource(PlanarSource):
     in_a_word: ClassVar[tuple[str, ...]] = ("width_mm", "height_mm")
 
     kind: Literal["rectangle"] = "rectangle"
-    width_mm: Millimetres
-    """Width along x."""
-    height_mm: Millimetres
-    """Height along y."""
+    width_mm: Millimetres = Field(description="Width along x.")
+    height_mm: Millimetres = Field(description="Height along y.")
 
     @property
     def extent_mm(self) -> float:
@@ -136,8 +143,7 @@ class DiscSource(PlanarSource):
     in_a_word: ClassVar[tuple[str, ...]] = ("diameter_mm",)
 
     kind: Literal["disc"] = "disc"
-    diameter_mm: Millimetres
-    """Diameter."""
+    diameter_mm: Millimetres = Field(description="Diameter.")
 
     @property
     def extent_mm(self) -> float:
@@ -151,24 +157,20 @@ class Chip(FluxSection):
     With ``source.flux_w`` or ``source.flux_lm`` only the ratio of the chips' fluxes counts.
     """
 
-    x_mm: Coordinate
-    """Centre along x."""
-    y_mm: Coordinate
-    """Centre along y."""
-    width_mm: Millimetres
-    """Width along x."""
-    height_mm: Millimetres
-    """Height along y."""
-    spectrum: SpectrumSpec | None = None
-    """Spectrum of this chip, in place of the spectrum of ``source``: its colour."""
+    x_mm: Coordinate = Field(description="Centre along x.")
+    y_mm: Coordinate = Field(description="Centre along y.")
+    width_mm: Millimetres = Field(description="Width along x.")
+    height_mm: Millimetres = Field(description="Height along y.")
+    spectrum: SpectrumSpec | None = Field(
+        None, description="Spectrum of this chip, in place of the spectrum of `source`: its colour."
+    )
 
 
 class ChipsSource(PlanarSource):
     """Several chips, each with its position, size and flux; ``flux_w``, ``flux_lm``: of all of them together."""
 
     kind: Literal["chips"] = "chips"
-    chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)]
-    """The chips."""
+    chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)] = Field(description="The chips.")
 
     @property
     def description(self) -> str:
@@ -193,16 +195,11 @@ class ChipArraySource(PlanarSource):
     words: ClassVar[str] = "source of {0.columns} × {0.rows} chips"
 
     kind: Literal["chip_array"] = "chip_array"
-    columns: Annotated[int, Field(ge=1, le=100)]
-    """Chips along x."""
-    rows: Annotated[int, Field(ge=1, le=100)]
-    """Chips along y."""
-    width_mm: Millimetres
-    """Width of a chip."""
-    height_mm: Millimetres
-    """Height of a chip."""
-    pitch_mm: tuple[Millimetres, Millimetres]
-    """Distance of neighbouring centres, in x and y."""
+    columns: Annotated[int, Field(ge=1, le=100)] = Field(description="Chips along x.")
+    rows: Annotated[int, Field(ge=1, le=100)] = Field(description="Chips along y.")
+    width_mm: Millimetres = Field(description="Width of a chip.")
+    height_mm: Millimetres = Field(description="Height of a chip.")
+    pitch_mm: tuple[Millimetres, Millimetres] = Field(description="Distance of neighbouring centres, in x and y.")
 
     @property
     def extent_mm(self) -> float:
@@ -217,12 +214,9 @@ class LuminanceSource(PlanarSource):
     words: ClassVar[str] = "source of the luminance picture {0.file.name}"
 
     kind: Literal["luminance"] = "luminance"
-    file: FilePath
-    """PNG, TIFF, JPEG or BMP file."""
-    width_mm: Millimetres
-    """Width of the picture."""
-    luminance: Luminance = "as_stored"
-    """Light that its values stand for, as in a target's picture."""
+    file: FilePath = Field(description="PNG, TIFF, JPEG or BMP file.")
+    width_mm: Millimetres = Field(description="Width of the picture.")
+    luminance: Luminance = Field("as_stored", description="Light that its values stand for, as in a target's picture.")
 
 
 class RadianceSource(EmitterSection):
@@ -231,8 +225,7 @@ class RadianceSource(EmitterSection):
     words: ClassVar[str] = "source of the radiance table {0.file.name}"
 
     kind: Literal["radiance"] = "radiance"
-    file: FilePath
-    """NumPy archive (docs/sources.md)."""
+    file: FilePath = Field(description="NumPy archive (docs/sources.md).")
 
 
 class RaySource(Placement):
@@ -241,17 +234,20 @@ class RaySource(Placement):
     positional: ClassVar[str] = "rays"
 
     kind: Literal["rays"] = "rays"
-    positions_mm: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
-    """Start points (x, y, z)."""
-    directions: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
-    """Directions; they need not have length 1."""
-    ray_flux: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
-    """Flux of each ray in W, or relative where ``flux_w`` or ``flux_lm`` says how much all of them carry; without it
-    all rays have the same.
-    """
-    wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
-    """Wavelength of each ray, used where the lens material is dispersive, for colour, and for the luminous efficacy.
-    """
+    positions_mm: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)] = Field(description="Start points (x, y, z).")
+    directions: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)] = Field(
+        description="Directions; they need not have length 1."
+    )
+    ray_flux: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = Field(
+        None,
+        description="Flux of each ray in W, or relative where `flux_w` or `flux_lm` says how much all of them "
+        "carry; without it all rays have the same.",
+    )
+    wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = Field(
+        None,
+        description="Wavelength of each ray, used where the lens material is dispersive, for colour, and for the "
+        "luminous efficacy.",
+    )
 
     if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
@@ -301,9 +297,10 @@ RaySetSource = RayfileSource | RayfilesSource | RaySource
 class NamedSource(Section):
     """One of the LEDs that a lens is for."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
-    """Name of the LED, in tables, pictures and folders."""
-    share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
-    """Weight of its light in the mean over all, relative."""
-    source: EmitterSection
-    """Where its light starts, how much, and in which directions."""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")] = Field(
+        description="Name of the LED, in tables, pictures and folders."
+    )
+    share: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        1.0, description="Weight of its light in the mean over all, relative."
+    )
+    source: EmitterSection = Field(description="Where its light starts, how much, and in which directions.")

@@ -14,7 +14,7 @@ from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.design_spec import Spec
-from lensforge.spec.spec_fields import all_sections, range_words, sections_in, summary_of, words_of
+from lensforge.spec.spec_fields import all_sections, field_description, range_words, sections_in, summary_of
 
 SCHEMA_FILE = "lensforge.schema.json"
 
@@ -27,7 +27,7 @@ def spec_schema() -> dict[str, Any]:
         table = objects[section.__name__]
         table["description"] = summary_of(section)
         for name, field in table["properties"].items():
-            field["description"] = words_of(section, name)
+            field["description"] = field_description(section, name)
         usual = getattr(section, "usual_kind", None)
         if kind_of(section) not in (None, usual):  # it chooses among several, so a file has to name it
             table["required"] = ["kind", *(name for name in table.get("required", ()) if name != "kind")]
@@ -67,7 +67,7 @@ def allowed_words(schema: Mapping[str, Any]) -> str:
         return _either([f'"{each}"' for each in schema["enum"]])
     kinds = schema.get("anyOf") or schema.get("oneOf")
     if kinds:
-        words = list(dict.fromkeys(allowed_words(each) for each in kinds))
+        words = list(dict.fromkeys(allowed_words(kind) for kind in kinds))
         return "table of its kind" if len(words) == 1 and words[0] == "table" and len(kinds) > 1 else _either(words)
     match schema.get("type"):
         case "number":
@@ -131,7 +131,7 @@ def _tables(section: type[BaseModel], path: str) -> Iterator[tuple[str, tuple[ty
             inside = tuple(each for each in sections_in(field.annotation) if each not in seen)
             if inside:
                 seen |= set(inside)
-                alike = [key for key, each in holder.model_fields.items() if each.default_factory is inside[0]]
+                alike = [key for key, field in holder.model_fields.items() if field.default_factory is inside[0]]
                 yield _AND.join(f"{place}{each}" for each in alike or [name]), inside
                 nested += [(each, f"{place}{name}.") for each in inside]
         waiting = nested + waiting
@@ -145,7 +145,7 @@ def _section_words(title: str, sections: Sequence[type[BaseModel]]) -> Iterator[
         yield _field_table(sections[0], list(sections[0].model_fields), title)
         return
     shared = [name for name in sections[0].model_fields if name != "kind" and _is_shared(name, sections)]
-    yield f"One of the kinds {', '.join(f'`{kind_of(each)}`' for each in sections)}."
+    yield f"One of the kinds {', '.join(f'`{kind_of(section)}`' for section in sections)}."
     if shared:
         yield f"Every kind has these fields:\n\n{_field_table(sections[0], shared, title)}"
     for section in sections:
@@ -156,8 +156,8 @@ def _section_words(title: str, sections: Sequence[type[BaseModel]]) -> Iterator[
 
 
 def _is_shared(name: str, sections: Sequence[type[BaseModel]]) -> bool:
-    texts = {words_of(each, name) for each in sections if name in each.model_fields}
-    return len(texts) == 1 and all(name in each.model_fields for each in sections)
+    texts = {field_description(section, name) for section in sections if name in section.model_fields}
+    return len(texts) == 1 and all(name in section.model_fields for section in sections)
 
 
 def _field_table(section: type[BaseModel], names: Sequence[str], place: str = "") -> str:
@@ -173,7 +173,7 @@ def _row(section: type[BaseModel], name: str, schema: dict[str, Any], needed: bo
     default = f"`{json.dumps(schema['default'], ensure_ascii=False)}`" if "default" in schema else ""
     derived = "; ".join(WHY[key] for each in place.split(_AND) if (key := f"{each}.{name}") in WHY)
     default = f"derived: {derived}" if derived and not default else default
-    words = words_of(section, name).removesuffix(f" [{unit}]")
+    words = field_description(section, name).removesuffix(f" [{unit}]")
     cells = (f"`{name}`", unit, allowed_words(schema), "needed" if needed else default, words)
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 

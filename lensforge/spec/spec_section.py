@@ -33,7 +33,7 @@ from lensforge.results.notebook_html import Shown
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import same, with_changes
 from lensforge.spec.number_fields import with_numbers_only
-from lensforge.spec.spec_fields import signature_of
+from lensforge.spec.spec_fields import section_help, signature_of
 from lensforge.spec.spec_files import NamedFrom, full_path
 from lensforge.spec.wrong_fields import spec_error
 
@@ -46,7 +46,9 @@ class _Checked(Shown):
     # for a table within a table pydantic calls it, too, and what it raises has lost its place. Nor would a hook for
     # new classes, where a signature must be there at once.
 
-    __doc__ = vars(Shown)["__doc__"]
+    @property
+    def __doc__(cls: Any) -> str | None:  # type: ignore[override]  # noqa: N805
+        return section_help(cls)
 
     def __call__(cls: Any, *args: Any, **kwargs: Any) -> Any:  # noqa: N805
         name: str | None = getattr(cls, "positional", None)

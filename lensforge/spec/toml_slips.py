@@ -91,7 +91,7 @@ def tables_of(text: str, path: Path) -> dict[str, Any]:
 
 def _wrong(slips: list[_Slip], path: Path) -> WrongFields:
     places = (f"{path}: line {slip.number}, column {slip.column}: {slip.words}" for slip in slips)
-    error = WrongFields("\n".join(" ".join(each.split()) for each in places))
+    error = WrongFields("\n".join(" ".join(place.split()) for place in places))
     if path.suffix.lower() == ".toml":  # the content of a file that was given by mistake is nobody's business
         error.beneath = tuple(slip.marked for slip in slips)
         error.add_note("\n".join(error.beneath))
@@ -121,7 +121,7 @@ def _repeated(lines: list[str], number: int) -> _Slip:
     line = lines[number - 1]
     name = line.split("=")[0].strip() if not line.lstrip().startswith("[") else line.split("#")[0].strip()
     same = re.compile(rf"\s*{re.escape(name)}\s*(?:=|#|$)")
-    earlier = [k for k, each in enumerate(lines[: number - 1], start=1) if same.match(each)]
+    earlier = [k for k, line in enumerate(lines[: number - 1], start=1) if same.match(line)]
     where = f"stands in line {earlier[-1]}, too" if earlier else "is given twice"
     meant = None if name.startswith("[") else ""  # the fields of a second section would be read as another's
     return _Slip(number, len(line) - len(line.lstrip()) + 1, line, f"{shortened(name)} {where}; keep one", meant)
@@ -198,7 +198,7 @@ def cured_number(name: str, text: str) -> Cure | None:
     found = _NUMERAL.fullmatch(text)
     if found is None:
         return None
-    sign, digits, power, unit = (each or "" for each in found.groups())
+    sign, digits, power, unit = (group or "" for group in found.groups())
     digits = re.sub(r"['’\s]", "", digits)
     marks = [mark for mark in digits if mark in ".,"]
     words = "a number has a decimal point, and no other marks"

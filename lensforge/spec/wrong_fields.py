@@ -14,7 +14,7 @@ from lensforge.optics.face_roles import DOUBLE
 from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
 from lensforge.results.validation import given_words, plain, shortened
-from lensforge.spec.spec_fields import all_sections, sections_in, words_of
+from lensforge.spec.spec_fields import all_sections, field_description, sections_in
 from lensforge.spec.toml_slips import cured_number
 
 _MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause
@@ -65,15 +65,15 @@ class _FieldPlace:
     @property
     def known(self) -> list[str]:
         """Names of the fields beside it."""
-        return list(dict.fromkeys(name for each in self.holders for name in each.model_fields))
+        return list(dict.fromkeys(name for holder in self.holders for name in holder.model_fields))
 
 
 def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> WrongFields:
     """All wrong fields of what ``origin`` names, a table that ``root`` describes."""
     errors = error.errors(include_url=False)
-    every = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
+    every = [error for error in errors if error["type"] != "too_short"] or errors  # a list whose only entry is wrong
     entries = every[:_MOST_ERRORS]
-    unknown = [each for each in entries if each["type"] == "extra_forbidden"]
+    unknown = [entry for entry in entries if entry["type"] == "extra_forbidden"]
     meant = set[str]()
     lines = list[str]()
     for number, entry in enumerate(unknown):
@@ -118,8 +118,9 @@ def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
     """Words for what is wrong with a known field, with the value that was meant."""
     context = error.get("ctx", {})
     if error["type"] == "missing":
-        words = next((words_of(each, place.last) for each in place.holders if place.last in each.model_fields), "")
-        return f"missing: {words[0].lower()}{words[1:]}" if words else "missing"
+        holders = (holder for holder in place.holders if place.last in holder.model_fields)
+        description = next((field_description(holder, place.last) for holder in holders), "")
+        return f"missing: {description[0].lower()}{description[1:]}" if description else "missing"
     if error["type"] in _KINDS:
         kinds = re.findall(r"'([^']*)'", str(context.get("expected_tags", ""))) or _kinds_of(place)
         near = _nearest(str(context.get("tag", "")), kinds)
@@ -151,7 +152,7 @@ def _shape_wanted(error: ErrorDetails, place: _FieldPlace) -> str:
 def _takes_one(place: _FieldPlace) -> bool:
     """True where a list of the field may have a single entry."""
     lists = [each for holder in place.holders for each in _tuples_in(holder.model_fields.get(place.last))]
-    return any(Ellipsis in get_args(each) for each in lists)
+    return any(Ellipsis in get_args(kind) for kind in lists)
 
 
 def _tuples_in(annotation: Any) -> Iterator[Any]:
@@ -177,7 +178,7 @@ def _entries(count: int) -> str:
 
 
 def _kinds_of(place: _FieldPlace) -> list[str]:
-    fields = [each.model_fields[place.last] for each in place.holders if place.last in each.model_fields]
+    fields = [holder.model_fields[place.last] for holder in place.holders if place.last in holder.model_fields]
     return [kind for field in fields for each in sections_in(field.annotation) if (kind := kind_of(each))]
 
 
@@ -200,7 +201,7 @@ def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
     if own or others:
         ways = (f"goes with kind = {own}" if own else "", f"belongs to {others}" if others else "")
         return f"it {', or '.join(filter(None, ways))}", ""
-    names = [name for each in all_sections(root) for name in each.model_fields]
+    names = [name for section in all_sections(root) for name in section.model_fields]
     elsewhere = _nearest(place.last, names)
     known = f"{_NO_HINT}{', '.join(place.known)}"
     return (f"{known}; elsewhere there is {elsewhere}" if elsewhere and len(place.last) > 2 else known), ""
@@ -235,7 +236,7 @@ def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _FieldPlac
         elif not _is_branch(part) and ((inside and number == len(location) - 1) or _holds_names(annotation)):
             holders = inside
             parts.append(part)
-    return _FieldPlace(".".join(parts), holders, next((each for each in reversed(parts) if not each.isdigit()), ""))
+    return _FieldPlace(".".join(parts), holders, next((part for part in reversed(parts) if not part.isdigit()), ""))
 
 
 def _is_branch(part: str) -> bool:
@@ -244,4 +245,4 @@ def _is_branch(part: str) -> bool:
 
 
 def _holds_names(annotation: Any) -> bool:
-    return get_origin(annotation) is dict or any(get_origin(each) is dict for each in get_args(annotation))
+    return get_origin(annotation) is dict or any(get_origin(argument) is dict for argument in get_args(annotation))

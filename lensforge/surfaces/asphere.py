@@ -363,8 +363,8 @@ class SurfaceShape:
     def _moved(self, along: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Derivatives (per rad) of the points and of the normals."""
         ends = [np.cos(_STEP) * self._directions + sign * np.sin(_STEP) * along for sign in (1.0, -1.0)]
-        points = [self.surface.radius(each)[:, None] * each for each in ends]
-        normals = [self.surface.normal(each) for each in ends]
+        points = [self.surface.radius(direction)[:, None] * direction for direction in ends]
+        normals = [self.surface.normal(direction) for direction in ends]
         return (points[0] - points[1]) / (2.0 * _STEP), (normals[0] - normals[1]) / (2.0 * _STEP)
 
     @property

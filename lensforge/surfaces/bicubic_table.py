@@ -178,7 +178,7 @@ def dyadic_grid(details_rad: Sequence[float], nodes_per_sigma: float) -> tuple[T
     cells = [grid_for(sigma, nodes_per_sigma).nodes - 1 for sigma in details_rad]
     most = max(0, int(np.log2(max(cells) / min(cells))))
     finest = -(-max(cells) // 2**most) * 2**most
-    halvings = [max(k for k in range(most + 1) if k == 0 or finest >> k >= each) for each in cells]
+    halvings = [max(k for k in range(most + 1) if k == 0 or finest >> k >= needed) for needed in cells]
     return TableGrid(finest + 1), halvings
 
 

@@ -254,7 +254,7 @@ def _sample_face(folder: Path) -> None:
 def _selected(
     faces: list[NamedFace], wanted: list[str | int], origin: str, shift_mm: Float[np.ndarray, "3"]
 ) -> list[NamedFace]:
-    names = [each.name for each in faces if each.name]
+    names = [face.name for face in faces if face.name]
     chosen = []
     for each in wanted:
         if each == FIRST:
@@ -277,7 +277,7 @@ def _selected(
 def _first_on_axis(faces: list[NamedFace], origin: str, shift_mm: Float[np.ndarray, "3"]) -> NamedFace:
     """The face that the axis meets first above the origin; tried a little beside it, where no face has its pole."""
     beside = np.array([[1e-6, 1e-6, 1.0]])
-    met = [(min(FaceCast([each.face], shift_mm).all_mm(beside)[0], default=np.inf), each) for each in faces]
+    met = [(min(FaceCast([face.face], shift_mm).all_mm(beside)[0], default=np.inf), face) for face in faces]
     distance, first = min(met, key=lambda one: one[0])
     if not np.isfinite(distance):
         raise InputError(f"{origin}: the axis meets no face above z = 0; move the file by shift_mm, or name the face")

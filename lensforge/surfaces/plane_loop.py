@@ -134,7 +134,7 @@ def circle_at(place: Place, radius_mm: float) -> Loop:
 
 def loop_of(corners: Sequence[Corner]) -> Loop:
     """The loop through ``corners``."""
-    return tuple(_edge(one, other) for one, other in zip(corners, (*corners[1:], corners[0]), strict=True))
+    return tuple(_edge(corner, other) for corner, other in zip(corners, (*corners[1:], corners[0]), strict=True))
 
 
 def _edge(one: Corner, other: Corner) -> LoopEdge:

@@ -213,7 +213,7 @@ def shrunk(face: ReciprocalSurface, factor: float) -> ReciprocalSurface:
         case PlaneFace():
             return replace(face, height_mm=face.height_mm / factor)
     assert isinstance(face, ProfileFace)
-    return replace(face, coefficients=tuple(factor * each for each in face.coefficients))
+    return replace(face, coefficients=tuple(factor * coefficient for coefficient in face.coefficients))
 
 
 class SrbfFunctions(Record):

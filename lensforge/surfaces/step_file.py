@@ -123,7 +123,7 @@ def _tested(content: bytes, origin: str, remedy: str, to_be_joined: bool) -> lis
         write_json(folder / _JOB, {"origin": origin, "remedy": remedy, "to_be_joined": to_be_joined})
         work_in_child(Path(__file__).resolve(), folder, limits, origin=origin, remedy=remedy)
         entries = json.loads((folder / _PRODUCTS).read_text(encoding="utf-8"))
-        return [(each["name"], (folder / f"{k}.bin").read_bytes(), each["faces"]) for k, each in enumerate(entries)]
+        return [(entry["name"], (folder / f"{k}.bin").read_bytes(), entry["faces"]) for k, entry in enumerate(entries)]
 
 
 def shapes_in(reader: Any, path: Path, refusal: str) -> list[tuple[str, Any, dict[str, Any]]]:

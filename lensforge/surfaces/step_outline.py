@@ -78,8 +78,8 @@ def _is_simple(loops: list[list[Corner]]) -> bool:
     import manifold3d
 
     chords = [points_on(loop_of(corners), _CHORD_MM) for corners in loops]
-    chords = [chords[0], *(each[::-1] for each in chords[1:])]
-    own = [np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2.0 for x, y in (each.T for each in chords)]
+    chords = [chords[0], *(chord[::-1] for chord in chords[1:])]
+    own = [np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2.0 for x, y in (chord.T for chord in chords)]
     within = manifold3d.CrossSection(chords, manifold3d.FillRule.Positive).area()
     return bool(abs(within - sum(own)) <= _SHARE * within)
 

@@ -103,7 +103,7 @@ def _texts(photometric: PhotometricFile) -> dict[str, str]:
 
 def _comments(photometric: PhotometricFile) -> Iterator[tuple[str, str]]:
     """Statements that have no element of their own: keywords of LM-63 with their text, then remarks."""
-    labels = [(METHOD, photometric.method), *(each for each in photometric.others if "/" not in each[0])]
+    labels = [(METHOD, photometric.method), *(label for label in photometric.others if "/" not in label[0])]
     if photometric.generated not in (SIMULATED, UNDEFINED):
         labels.append((GENERATED, photometric.generated))
     if photometric.issued and not _date(photometric):
@@ -141,7 +141,7 @@ def _generation(words: str) -> dict[str, str]:
         "IntensityScaling": "scaled" in words,
         "AngleInterpolation": "interpolated" in words,
     }
-    return {f"Emitter/DataGeneration/{name}": _boolean(each) for name, each in says.items() if words != UNDEFINED}
+    return {f"Emitter/DataGeneration/{name}": _boolean(text) for name, text in says.items() if words != UNDEFINED}
 
 
 def _faces(opening: LuminousOpening) -> dict[str, str]:
