@@ -287,7 +287,7 @@ def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:
     return 2.0 * ball_mm * pixel_rad / (turn * spec.constraints.max_radius_mm) if turn > 0.0 else 0.0
 
 
-# Measured on pi, cross and flat_top (docs/results.md): further in the first steps than in given levels, which are to
+# Measured on pi, cross and flat_top: further in the first steps than in given levels, which are to
 # converge.
 _FIRST_RATE, _LEVEL_RATE = 1.5, 0.65  # of the usual one, and of a level's relative to that of the one before
 _AGAIN_RATE = 0.4  # of a level's, where that gained too little: its steps may have led astray
