@@ -3,7 +3,7 @@
 A vector register then holds twice as many rays. A number written in a kernel is float64 to numba, and one of them
 makes all that is computed with it float64, so :func:`in_single` compiles a copy of a kernel, and of the kernels that it
 calls, in which they are float32. Where arrays are float32, too, so is the rest. numba's own typing, by arguments, would
-ask for each of the 687 numbers in 161 kernels as an argument; this takes 0.55 of the time of float64 (docs/speed.md).
+ask for each of the 687 numbers in 161 kernels as an argument; this takes 0.55 of the time of float64.
 The number of a ray stays exact up to 2^24 of them in a chunk, as many as a search may have in all.
 """
 

@@ -23,7 +23,7 @@ from lensforge.spec.lens_section import LensShape, LightShape
 
 # Share of the largest bound with which a simpler lens is advised. Around a half angle of 30 degrees the bound of two
 # faces is 0.988 of that with total reflection, and designed lenses send 0.973; at 20 degrees 0.969 and 0.943
-# (docs/measured.md, "Which lens for which beam").
+# (docs/validation.md, "Which lens").
 _NEAR = 0.97
 _CONVEX = 0.9  # of the area of its hull: the pixels of a disc 10 pixels wide have 0.93 of it
 _UNEVEN = 0.05  # share of the light's variance within rings of equal angle: pixels of a round edge have less

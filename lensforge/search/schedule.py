@@ -295,7 +295,7 @@ def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:
     return 2.0 * ball_mm * pixel_rad / (turn * spec.constraints.max_radius_mm) if turn > 0.0 else 0.0
 
 
-# Measured on pi, cross and flat_top (docs/results.md): further in the first steps than in given levels, which are to
+# Measured on pi, cross and flat_top: further in the first steps than in given levels, which are to
 # converge.
 _FIRST_RATE = 1.5  # of the usual rate
 _LEVEL_RATE = 0.65  # of a level, relative to the level before

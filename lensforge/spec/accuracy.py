@@ -1,6 +1,6 @@
 """Accuracy presets in one table, so that every stage reads the same settings.
 
-The rule, measured by benchmarks/convergence_studies.py (docs/accuracy.md): the irradiance error of a preset's tables
+The rule, measured by benchmarks/convergence_studies.py (docs/validation.md): the irradiance error of a preset's tables
 stays below a hundredth of the noise of the rays that are traced with it. On the flat top, the cross and the pi it is
 0.0014 of that noise at most, so accuracy takes more rays: from one preset to the next the noise (NMSE) of the
 evaluation falls, first to 1/13, then to less than 1/2.
@@ -156,7 +156,7 @@ def _in_table(name: object) -> Accuracy | None:
 
 # The finest level: 289 functions serve a flat top, letters need 1,089, a source of 0.1 mm gains from 4,225. Steps, rays
 # and gains were chosen on pi, cross and flat_top: a standard search takes one to three times as long as one with
-# the given levels of version 0.1.0 on the same machine, the longer the more it still gains; docs/results.md.
+# the given levels of version 0.1.0 on the same machine, the longer the more it still gains; benchmarks/README.md.
 PRESETS["draft"] = Preset(
     name="draft", nodes_per_sigma=2.5, evaluate_nodes_per_sigma=6.0, design_rays=2**14, coarse_steps=60, fine_steps=120,
     evaluate_rays=2**20, photometry_rays=(2**20, 2**20), verify_rays=2**14, effort=SearchEffort(

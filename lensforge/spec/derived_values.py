@@ -1,7 +1,7 @@
 """Values that follow from the size of source, target and lens where a spec leaves them out.
 
 The rules are those of the shipped specs, rounded to three digits; what they cost against values that were chosen by
-hand is in docs/results.md. A value that is given is never touched.
+hand is in benchmarks/README.md. A value that is given is never touched.
 """
 
 from collections.abc import Sequence

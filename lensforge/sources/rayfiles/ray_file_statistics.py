@@ -129,7 +129,7 @@ class RaySums:
 
 FEWEST_EFFECTIVE_RAYS = 25_000
 """Below this a lens fits the noise of its rays: designed on 25,000 rays of a measured LED its NMSE is 16 % worse on
-other rays of that LED than on its own, on 16,000 of another 20 % (docs/measured.md, `benchmarks/overfit.py`)."""
+other rays of that LED than on its own, on 16,000 of another 20 % (`benchmarks/overfit.py`)."""
 _FLUX_TOLERANCE = 0.01  # header and rays that disagree by more than this get a warning
 _EFFICACY_TOLERANCE = 0.02  # V in steps of 5 nm and a table of 1 nm agree this well with a vendor's own figure
 _PLAUSIBLE_MM = (0.05, 100.0)  # largest side of an LED's bounding box; outside, the unit is probably wrong
