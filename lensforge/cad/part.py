@@ -31,6 +31,7 @@ from lensforge.cad.plate_result import (
     plate_facts,
 )
 from lensforge.errors import InputError
+from lensforge.public import public
 from lensforge.results import (
     BodySize,
     Box,
@@ -154,6 +155,7 @@ def _mesh_volume_limit(part: "Part") -> float:
 _RINGS = "change the number of rings"
 
 
+@public
 class Part(StageResult):
     """Lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 

@@ -8,6 +8,7 @@ from pydantic import Field
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.light.seen_lens import SeenLens
+from lensforge.public import public
 from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
@@ -71,6 +72,7 @@ class FittedLight(Record):
 MetricName = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
 
 
+@public
 class Light(ResultByLed):
     """Light of a lens on its receivers, simulated with independent replicates of rays.
 

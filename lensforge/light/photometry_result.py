@@ -17,6 +17,7 @@ from jaxtyping import Float
 from lensforge.light.angular_grid import FittedIntensity
 from lensforge.light.metrics import jackknife_error, largest_without_noise
 from lensforge.light.road_lighting import RoadFigures, RoadJudgement
+from lensforge.public import public
 from lensforge.results import (
     Array,
     Count,
@@ -191,6 +192,7 @@ class LostFlux(Record):
 _FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
 
 
+@public
 class Photometry(ResultByLed):
     """Light that leaves the lens upwards, in watts, lumens and candela; of several lamps that of the whole.
 

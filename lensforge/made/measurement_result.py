@@ -12,6 +12,7 @@ from lensforge.cad.face_tolerance import FINEST_MRAD, FINEST_NM
 from lensforge.cad.part import FileStamp, SplineNodes
 from lensforge.cad.part_limits import round_trip_limit, step_face_limit
 from lensforge.light.evaluation_result import LightMetrics
+from lensforge.public import public
 from lensforge.results import (
     Array,
     Count,
@@ -119,6 +120,7 @@ class Evenness(Record):
     rsd: Number | None
 
 
+@public
 class PhotoComparison(StageResult):
     """A photograph of the part's light against the simulation, both scaled to a mean of 1.
 
@@ -267,6 +269,7 @@ class MeasuredLight(Record):
 FaceMap = Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
 
 
+@public
 class MeasuredFace(SimulatedResult):
     """Result on a measured face: maps over its chart [Y, X], NaN outside.
 
@@ -320,6 +323,7 @@ class MeasuredFace(SimulatedResult):
         return plot_face(getattr(self, field).T, float(self.chart[-1]), f"{self.surface}: {words} (µm)", axes)
 
 
+@public
 class SurfaceComparison(MeasuredFace):
     """A measured surface against the design's, and the light of the lens with it.
 
@@ -399,6 +403,7 @@ class CutterLimit(Record):
     cut_back_um: Extent
 
 
+@public
 class Correction(MeasuredFace):
     """A face corrected by the mirrored deviation of a first cut, in a STEP file for the second one.
 

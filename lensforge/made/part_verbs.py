@@ -15,8 +15,17 @@ from lensforge.light.lens_light import judging_source, rays_of, unless_own
 from lensforge.made.measured_points import measured_points
 from lensforge.made.measurement_result import Correction, PhotoComparison, Registration, SurfaceComparison
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
+from lensforge.public import public
 from lensforge.results import Conditions
-from lensforge.results.arguments import count_of, number_of, path_of, require, require_choice, threads_of_torch
+from lensforge.results.arguments import (
+    count_of,
+    number_of,
+    path_of,
+    require,
+    require_choice,
+    threads_of_torch,
+    with_known_names,
+)
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
@@ -28,6 +37,8 @@ if TYPE_CHECKING:
     from jaxtyping import Bool
 
 
+@public
+@with_known_names
 @overload
 def compare(
     measured: Light,
@@ -42,12 +53,16 @@ def compare(
 ) -> PhotoComparison: ...
 
 
+@public
+@with_known_names
 @overload
 def compare(
     measured: Lens, *, points: Path | str, surface: str, registration: Registration = "rigid", rays: int | None = None
 ) -> SurfaceComparison: ...
 
 
+@public
+@with_known_names
 def compare(
     measured: Light | Lens,
     *,
@@ -161,6 +176,8 @@ def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None
     return uniform_region(lens.spec.all_receivers[0].targets, receivers_of(lens.spec, light.pixels)[0])
 
 
+@public
+@with_known_names
 def correct(
     lens: Lens,
     *,
@@ -216,6 +233,8 @@ def correct(
 _LEAST_PARTS = 40  # two in each block by which the shares of the variance have their errors
 
 
+@public
+@with_known_names
 def sensitivity(
     lens: Lens,
     *,
@@ -246,6 +265,8 @@ def sensitivity(
     return result.changed(conditions=conditions)
 
 
+@public
+@with_known_names
 def tolerance(
     lens: Lens,
     *,

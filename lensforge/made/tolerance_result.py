@@ -14,6 +14,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import LightMetrics
+from lensforge.public import public
 from lensforge.results import (
     Array,
     Count,
@@ -61,6 +62,7 @@ class ErrorRow(Record):
     limits: tuple[LimitChange, ...] = ()
 
 
+@public
 class Sensitivity(ResultByLed):
     """Tolerances of the spec, one at a time at its end, and the change of the light by each.
 
@@ -300,6 +302,7 @@ class ToleranceAmount(Record):
         )
 
 
+@public
 class Yield(SimulatedResult):
     """Parts drawn from the tolerances of the spec, and their light.
 

@@ -17,6 +17,7 @@ from lensforge.optics.material import Material
 from lensforge.optics.pose import IN_PLACE, Pose
 from lensforge.optics.scattering import GaussianFacets
 from lensforge.optics.scattering import RingScatter as RingScatter  # the proof reads it here
+from lensforge.public import public
 
 
 @dataclass(frozen=True)
@@ -198,6 +199,7 @@ class FaceScatter:
     model: GaussianFacets | RingScatter
 
 
+@public
 @runtime_checkable
 class Surface(Protocol):
     """A star-shaped surface about its own origin, by its radius and gradient alone: all else follows from them.

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.proof.file_form import FileForm
+from lensforge.public import public
 from lensforge.results import (
     Array,
     BodySize,
@@ -194,6 +195,7 @@ class LampsTogether(Record):
     noise_floor_nmse: NotNegative
 
 
+@public
 class Proof(ResultByLed):
     """Rays through the exported part, against the same rays through the design, on every receiver.
 
@@ -334,6 +336,7 @@ LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
 DIM_SHARE = 1e-2  # rays below the flux cut-off: the most that they could still change
 
 
+@public
 class StrayLight(ResultByLed):
     """Stray light, which the sequential design leaves out: reflections, the base, absorption; on every receiver.
 

@@ -24,13 +24,21 @@ from lensforge.light.lens_light import evaluate, photometry, searched_source
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
+from lensforge.public import public
 from lensforge.report.folder import Run, RunFolder, existing, folder_of, opened
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.report.variation import AnyVariation, sources_of, variation_of
 from lensforge.results import StageResult
-from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
+from lensforge.results.arguments import (
+    count_of,
+    number_of,
+    require,
+    threads_of_torch,
+    with_known_names,
+    with_options_of,
+)
 from lensforge.results.child_pool import ChildPool, child_pool
 from lensforge.results.file_bounds import remembered
 from lensforge.results.files import require_own
@@ -53,6 +61,8 @@ from lensforge.surfaces.imported_face import LENS_FILE
 _Result = TypeVar("_Result", bound=StageResult)
 
 
+@public
+@with_known_names
 def build(
     lens: Lens,
     *,
@@ -104,6 +114,8 @@ def build(
     )
 
 
+@public
+@with_known_names
 def check(part: Part | Lens, *, process: Process | None = None) -> Check:
     """Check whether a part can be made: best-fit sphere, curvature, cutter, wall, draft.
 
@@ -141,6 +153,8 @@ class Listener:
         self.ended(name, time.perf_counter() - started)
 
 
+@public
+@with_options_of(design)
 def run(
     spec: Spec,
     folder: Path | str,
@@ -314,6 +328,8 @@ def write_comparison(folders: Sequence[Path], page: Path) -> None:
     write_page(render_comparison([existing(folder).to_show() for folder in folders], names), page)
 
 
+@public
+@with_known_names
 def sweep(
     spec: Spec,
     field: str | None = None,
@@ -370,6 +386,8 @@ def _run_in_memory(made: Design, threads: int | None) -> Iterator[Results]:
         yield Results(lens, {result.stage: result for result in results})
 
 
+@public
+@with_known_names
 def tradeoff(
     spec: Spec,
     *,

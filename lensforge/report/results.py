@@ -17,8 +17,9 @@ from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.acceptance import deciding_criteria
 from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import Proof, StrayLight
+from lensforge.public import public
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
-from lensforge.results.arguments import require
+from lensforge.results.arguments import require, with_known_names
 from lensforge.results.criteria import criteria_of, missed
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
@@ -42,14 +43,19 @@ _OF_FACE: dict[type[StageResult], str] = {SurfaceComparison: "compare", Correcti
 _Result = TypeVar("_Result", bound=StageResult)
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Results:
     """A lens and the results of its stages.
 
-    ``lens``: the lens. ``found``: results by the stem of their files. ``outdated``: the reason for each stage whose
-    files belong to another lens, part or version; such a stage counts as not run. ``others``: results under other
-    conditions than the nominal, by the stem of their files; neither verdict nor any stage uses them. ``seconds``: of
-    the whole command that has made them, where one has, up to its report.
+    Fields:
+        lens (Lens): The lens.
+        found (mapping of str to StageResult): Results by the stem of their files.
+        outdated (mapping of str): The reason for each stage whose files belong to another lens, part or version;
+            such a stage counts as not run.
+        others (mapping of str to SimulatedResult): Results under other conditions than the nominal, by the stem
+            of their files; neither verdict nor any stage uses them.
+        seconds (float or None, s): Of the whole command that has made them, where one has, up to its report.
     """
 
     lens: Lens
@@ -246,6 +252,8 @@ def conditions_of(result: StageResult) -> Conditions | None:
     return result.conditions if isinstance(result, SimulatedResult) else None
 
 
+@public
+@with_known_names
 def handover(
     run: Results,
     *,

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from lensforge.light.evaluation_result import LightMetrics, MetricName
 from lensforge.light.receiver_light import METRICS
+from lensforge.public import public
 from lensforge.report.results import Results
 from lensforge.report.variation import ONE_FOR_ALL, AnyVariation, Variant, Variation
 from lensforge.results import (
@@ -63,6 +64,7 @@ class SweepRow(Record):
     by_led: dict[Text, LightMetrics] = Field(default_factory=dict)
 
 
+@public
 class Sweep(StageResult):
     """Designs by the value of a field, smallest first, or by the LED, in their order.
 

@@ -1,4 +1,4 @@
-"""What ``help`` shows of a class: its docstring, and a line for each field with type, unit and description.
+"""Help of a class: its docstring, and a line for each field with type, unit and description.
 
 A class describes a field in its docstring, as "``name``: description.".
 """

@@ -14,8 +14,10 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.errors import InputError
+from lensforge.public import public
 
 
+@public
 class OfSeveralKinds(BaseModel):
     """A class that has this one among its bases is the base of several kinds, ``kinds`` by their names.
 

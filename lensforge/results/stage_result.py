@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_serializer, model_validator
 
 from lensforge.errors import InputError, OutdatedResult, refused
+from lensforge.public import public
 from lensforge.results.conditions import Conditions
 from lensforge.results.fact import Fact
 from lensforge.results.figure import criteria_in, declare_criteria, with_told_by_criteria
@@ -127,6 +128,7 @@ _UNHASHED = ("seconds", "version")  # differ between runs with the same result
 _Content = MutableMapping[str, Any]  # of a file, or of a result within it
 
 
+@public
 class StageResult(Record):
     """Result of one stage.
 
@@ -377,6 +379,7 @@ def _judgement(fact: Fact | None) -> tuple[object, ...]:
     return fact.key, fact.place, fact.value, fact.standard_error, fact.sense, fact.limit, fact.unit, fact.tolerance
 
 
+@public
 class SimulatedResult(StageResult):
     """Result under nominal conditions, or others.
 
@@ -386,6 +389,7 @@ class SimulatedResult(StageResult):
     conditions: Conditions | None = None
 
 
+@public
 class ResultByLed(SimulatedResult):
     """Result with each of the LEDs that a lens is for.
 

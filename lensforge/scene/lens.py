@@ -20,7 +20,9 @@ from lensforge.errors import InputError, WrongFields
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.material import Material
 from lensforge.optics.media import Media
+from lensforge.public import public, with_shown_types
 from lensforge.results import Count, Record, Text
+from lensforge.results.arguments import with_known_names
 from lensforge.results.files import json_in, read_json_bytes, write_json
 from lensforge.results.notebook_html import section_html, table_text
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
@@ -40,16 +42,22 @@ _WORDS = {"Asphere": "asphere", "Biconic": "biconic"}
 _DIRECTIONS = 200
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Lens:
     """A body of named surfaces, freeform or fixed: of the double lens ``inner`` and ``outer``.
 
-    Of lamps with lenses of several kinds it is that of the first of ``kinds``; all else that takes one lens, takes that
-    one. The light is that of all.
+    Of lamps with lenses of several kinds it is that of the first of ``kinds``; all else that takes one lens, takes
+    that one. The light is that of all.
 
-    ``surfaces``: by name, in order from the source on; lengths in mm. ``spec``: by which it was designed. ``seed``: of
-    its search. ``accuracy``: preset of its search, and of the stages after it. ``version``: of the program that
-    designed it. ``others``: surfaces of the further kinds, by name.
+    Fields:
+        surfaces (mapping of str to Surface): By name, in order from the source on; lengths in mm.
+        spec (Spec): By which it was designed.
+        seed (int): Of its search.
+        accuracy ('draft' or 'standard' or 'reference' or Preset): Preset of its search, and of the stages after
+            it.
+        version (str): Of the program that designed it.
+        others (mapping of str to mapping of str to Surface): Surfaces of the further kinds, by name.
     """
 
     surfaces: Mapping[str, Surface]
@@ -60,6 +68,7 @@ class Lens:
     others: Mapping[str, Mapping[str, Surface]] = field(default_factory=dict)
 
     @staticmethod
+    @with_shown_types
     def double(
         inner: Surface, outer: Surface, spec: Spec, seed: int, accuracy: AnyAccuracy, version: str = __version__
     ) -> "Lens":
@@ -252,6 +261,8 @@ def _describe(surface: Surface) -> str:
     return f"fixed, {_WORDS.get(type(surface).__name__, 'given')}"
 
 
+@public
+@with_known_names
 def load_lens(path: Path | str) -> Lens:
     """Read what :meth:`Lens.save` wrote.
 

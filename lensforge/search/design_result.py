@@ -17,6 +17,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.optics.face_roles import BODY, CAVITY, FaceRole, bounding
+from lensforge.public import public
 from lensforge.results import (
     Count,
     Fact,
@@ -129,6 +130,7 @@ class Start(Record):
         return f"NMSE {self.nmse}, efficiency {self.efficiency}{missed}"
 
 
+@public
 class Design(StageResult):
     """A finished search.
 
@@ -214,17 +216,27 @@ class Design(StageResult):
         return plot_curves(curves, ("step", quantity), axes, (False, quantity == "nmse"))
 
 
+@public
 @dataclass(frozen=True)
 class Progress:
     """State of a search after a gradient step.
 
-    ``level``: number of the level, from 0. ``step``: number of the step in it. ``steps_done``: of all levels.
-    ``steps_total``: of all levels; of automatic ones until the end of this stage. ``nmse``, ``efficiency``: by the rays
-    of this step. ``functions``: number per face that move in this level. ``level_done``: this was its last step, and
-    the level is kept; ``lens()`` is then the best of it. ``seconds``: of the search so far, set-up included.
-    ``accuracy``: that of the search. ``lens``: a function that builds the lens of the current parameters. ``images``:
-    flux (W) on the pixels of each receiver by the rays of this step, [row y, column x]; of several LEDs the first's.
-    ``tables``: a function that makes the tables of the faces of ``lens()``, as the search traces them, and their grid.
+    Fields:
+        level (int): Number of the level, from 0.
+        step (int): Number of the step in it.
+        steps_done (int): Of all levels.
+        steps_total (int): Of all levels; of automatic ones until the end of this stage.
+        nmse (float): By the rays of this step.
+        efficiency (float): By the rays of this step.
+        functions (int): Number per face that move in this level.
+        level_done (bool): This was its last step, and the level is kept; ``lens()`` is then the best of it.
+        seconds (float, s): Of the search so far, set-up included.
+        accuracy ('draft' or 'standard' or 'reference' or Preset): That of the search.
+        lens (Callable): A function that builds the lens of the current parameters.
+        images (tuple of array [_, _]): Flux (W) on the pixels of each receiver by the rays of this step, [row y,
+            column x]; of several LEDs the first's.
+        tables (Callable or None): A function that makes the tables of the faces of ``lens()``, as the search traces
+            them, and their grid.
     """
 
     level: int

@@ -12,7 +12,8 @@ from lensforge.errors import InputError, SourceWarning, remedy
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import name_of_source, other_source, searched_source, source_of
 from lensforge.light.source_photometry import SourceLumens
-from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
+from lensforge.public import public
+from lensforge.results.arguments import count_of, path_of, require, threads_of_torch, with_known_names, with_options_of
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Observer, Start
@@ -53,6 +54,8 @@ class SearchOptions(TypedDict, total=False):
     preview: bool
 
 
+@public
+@with_known_names
 def design(
     spec: Spec,
     *,
@@ -128,6 +131,8 @@ def require_searchable(spec: Spec, *, accuracy: AnyAccuracy = "standard", force:
     require_start(first, source, accuracy, start)
 
 
+@public
+@with_options_of(design)
 def redesign(lens: Lens, source: EmitterSection | Path | str, **options: Unpack[SearchOptions]) -> Design:
     """Search for a lens for another LED, from a finished lens on, on automatic levels.
 
@@ -267,6 +272,8 @@ class SeededSearch:
         )
 
 
+@public
+@with_options_of(design)
 def best_design(
     spec: Spec,
     *,

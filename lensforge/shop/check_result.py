@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import ConfigDict, model_validator
 
+from lensforge.public import public
 from lensforge.results import Array, Fact, NotNegative, Number, Point, Positive, Record, Sense, Share, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria
@@ -320,6 +321,7 @@ class Mould(Record):
     cooling_s: NotNegative | None
 
 
+@public
 class Check(SimulatedResult):
     """Manufacturing check. Beside its fields it has one for each face, by its name.
 

@@ -15,6 +15,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, JsonValue, Tag
 
 from lensforge.errors import InputError
+from lensforge.public import public
+from lensforge.results.arguments import with_known_names
 from lensforge.spec.spec_section import Section, check, section_of
 
 Accuracy = Literal["draft", "standard", "reference"]
@@ -89,6 +91,7 @@ class StudyEffort(Section):
 PRESETS: "dict[Accuracy, Preset]" = {}
 
 
+@public
 class Preset(Section):
     """Settings of an accuracy.
 
@@ -222,6 +225,8 @@ def stated(accuracy: AnyAccuracy) -> JsonValue:
     return settled.model_dump(mode="json") if isinstance(settled, Preset) else settled
 
 
+@public
+@with_known_names
 def preset_of(accuracy: AnyAccuracy) -> Preset:
     """Settings of an accuracy.
 

@@ -18,6 +18,7 @@ from lensforge.optics.material import MATERIALS, Material, by_abbe_number
 from lensforge.optics.media import FaceCoating, FaceScatter, Media, Medium, SecondaryOptic
 from lensforge.optics.pose import Pose
 from lensforge.optics.scattering import FacetTurn
+from lensforge.public import public
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.fixed_surface import FixedSurface
@@ -35,6 +36,7 @@ _DIRECTIONS = 4000  # in which bodies are compared: 2 degrees apart
 _Points = Float[np.ndarray, "n 3"]
 
 
+@public
 class ShellFace(Section):
     """A face of a further body: its shape, about the origin of the body, and its coating."""
 
@@ -45,6 +47,7 @@ class ShellFace(Section):
     )
 
 
+@public
 class BodySection(OfMaterial):
     """A given body in the light behind the lens: a dome, a cover, a second optic.
 

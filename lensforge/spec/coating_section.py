@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, Field
 
 from lensforge.optics.material import MATERIALS, Material
 from lensforge.optics.media import CoatingLayer, CoverGlass, Film, IndexCurve, LayerStack, ReflectanceTable
+from lensforge.public import public
 from lensforge.results.files import MIB
 from lensforge.results.table_names import DEGREES, NANOMETRES, SHARE, Column, doubt_degrees
 from lensforge.results.text_table import TextTable
@@ -55,6 +56,7 @@ _Rows = Annotated[
 ]
 
 
+@public
 class LayerSection(Section):
     """A layer that absorbs nothing: ``refractive_index`` at all wavelengths, or ``material`` of the catalogue."""
 
@@ -83,6 +85,7 @@ class LayerSection(Section):
         return None if self.material is None else MATERIALS[self.material]
 
 
+@public
 class CoatingSection(OfTableFile):
     """Reflectance of a face below total reflection, in place of Fresnel's; what is not reflected passes.
 
@@ -186,6 +189,7 @@ def _curve(index: float | Material | None) -> IndexCurve:
     return IndexCurve((index,))
 
 
+@public
 class CoverGlassSection(Section):
     """A plate across the axis, as wide as the light, in what surrounds the lens.
 

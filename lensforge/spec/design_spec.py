@@ -12,6 +12,8 @@ from pydantic import Field, model_validator
 
 from lensforge.errors import InputError, refused
 from lensforge.optics.media import Media
+from lensforge.public import public
+from lensforge.results.arguments import with_known_names
 from lensforge.results.files import write_file
 from lensforge.results.validation import its_type
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
@@ -71,6 +73,7 @@ def _unless(_other: str, description: str) -> Any:
     return Field(description=description)
 
 
+@public
 class Spec(Section):
     """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
@@ -399,6 +402,8 @@ class Spec(Section):
         require_feasible(self.lens, self.constraints, self.manufacture)
 
 
+@public
+@with_known_names
 def load_spec(path: Path | str) -> Spec:
     """Read a spec from a TOML file.
 

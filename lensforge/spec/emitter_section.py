@@ -7,6 +7,7 @@ from pydantic import Field
 
 from lensforge.optics.colorimetry import LARGEST_LM_PER_W
 from lensforge.optics.pose import Pose
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.spec_section import Coordinate, FilePath, Lumens, Section, Watts, Weight, check
 
@@ -17,6 +18,7 @@ LEAST_PEAK = 1e-30  # of a table in any unit: what has less is dark
 Nanometres = Annotated[float, Field(ge=100.0, le=20_000.0)]
 
 
+@public
 class CosineIntensity(Section):
     """Intensity in proportion to ``cos(gamma)^power``; power 1 is Lambertian."""
 
@@ -33,6 +35,7 @@ def _require_function(
         raise ValueError(f"{of_values} must be {len(places)} numbers, one for each {name}, not all zero")
 
 
+@public
 class TableIntensity(Section):
     """Intensity (W/sr or relative) at angles ``gamma_deg`` from the axis, linear in between, none beyond them."""
 
@@ -49,6 +52,7 @@ class TableIntensity(Section):
         _require_function(self.gamma_deg, "gamma_deg", _FINEST_DEG, self.intensity, "intensity")
 
 
+@public
 class PhotometricIntensity(Section):
     """Far field in an IES LM-63 or EULUMDAT file; its gamma = 0 is the lens axis, C = 0 +x, C = 90 -y."""
 
@@ -59,6 +63,7 @@ class PhotometricIntensity(Section):
 IntensitySpec = Annotated[CosineIntensity | TableIntensity | PhotometricIntensity, Field(discriminator="kind")]
 
 
+@public
 class LineSpectrum(Section):
     """Light of one wavelength."""
 
@@ -66,6 +71,7 @@ class LineSpectrum(Section):
     wavelength_nm: Nanometres = Field(description="Wavelength of all light.")
 
 
+@public
 class TableSpectrum(Section):
     """Power density (relative, per nm) at each wavelength, linear in between, none beyond them."""
 
@@ -82,6 +88,7 @@ class TableSpectrum(Section):
         _require_function(self.wavelength_nm, "wavelength_nm", _FINEST_NM, self.weight, "weight")
 
 
+@public
 class FileSpectrum(Section):
     """Spectral table as a text file: wavelength (nm) and relative power density in two columns, OPTIS or LightTools."""
 
@@ -91,6 +98,7 @@ class FileSpectrum(Section):
     )
 
 
+@public
 class GaussianSpectrum(Section):
     """Normal distribution of power over wavelength, as of a chip without a phosphor."""
 
@@ -109,6 +117,7 @@ Turn = Annotated[float, Field(ge=-36_000.0, le=36_000.0)]  # degrees; beyond 100
 LumensPerWatt = Annotated[float, Field(ge=1e-9, le=LARGEST_LM_PER_W)]  # light of 830 nm, where V ends, has 3e-4
 
 
+@public
 class FluxSection(Section):
     """Flux of a source or of a part of it; both fluxes together state its lm/W."""
 
@@ -130,6 +139,7 @@ class FluxSection(Section):
         return None if self.flux_w is None or self.flux_lm is None else self.flux_lm / self.flux_w
 
 
+@public
 class EmitterSection(OfSeveralKinds, FluxSection):
     """Fields of every source. A kind of source is a class that extends this one: it registers itself.
 

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, OUTSIDE, RIM_FLANGE, FaceRole, bounding
+from lensforge.public import public
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.scatter_section import AnyScatter
@@ -14,6 +15,7 @@ from lensforge.spec.tolerances_section import FaceTolerances, lets_light_in, ref
 from lensforge.surfaces.surface import Surface
 
 
+@public
 class _DesignedFace(Section):
     offset_mm: Millimetres | None = Field(
         None,
@@ -57,6 +59,7 @@ class _DesignedFace(Section):
         return self.offset_mm if self.fixed is None else self.fixed.apex_mm
 
 
+@public
 class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stands before its errors
     """A face of the lens: the hemisphere from which its search starts, or the surface that it is; coating, limits that
     the search keeps, and tolerances.
@@ -69,6 +72,7 @@ class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stand
         return own
 
 
+@public
 class FlangeSection(Section):
     """Flange at the exit's rim of a lens for total internal reflection: a ring, by which a holder takes the lens.
 
@@ -101,6 +105,7 @@ class FlangeSection(Section):
         return self.thickness_mm + 2.0 * self.setback_mm
 
 
+@public
 class FacesSection(Section):
     """The faces of a lens by name, from the source on: each has a table, and one of the ``roles``."""
 

@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from lensforge.public import public
 from lensforge.spec.spec_section import FilePath, check
 from lensforge.spec.target_sections import Places, SoftTarget, TargetSection
 
@@ -12,6 +13,7 @@ BeamAngle = Annotated[float, Field(ge=0.1, le=170.0)]
 _HORIZON = 89.0  # degrees: no plane is lit beyond
 
 
+@public
 class FarFieldTarget(TargetSection):
     """Lengths are angles, whatever is given."""
 
@@ -23,6 +25,7 @@ class FarFieldTarget(TargetSection):
         return "deg"
 
 
+@public
 class BeamTarget(FarFieldTarget, SoftTarget):
     """A beam by its full width at half maximum."""
 
@@ -62,6 +65,7 @@ class BeamTarget(FarFieldTarget, SoftTarget):
             raise ValueError(f'edge_deg = {self.edge:g} goes with profile = "flat"; leave it out')
 
 
+@public
 class BatwingTarget(FarFieldTarget, SoftTarget):
     """Even illuminance on a plane at right angles to the axis: intensity as 1 / cos^3 of the angle.
 
@@ -96,6 +100,7 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
         return np.where(within, lit / np.cos(np.radians(np.where(within, gamma, 0.0))) ** 3, 0.0)
 
 
+@public
 class PhotometricTarget(FarFieldTarget):
     """Intensity in an IES LM-63 or EULUMDAT file; its gamma = 0 is the receiver's axis, C = 0 +x, C = 90 -y.
 

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, Section, check, fault_of
 from lensforge.surfaces.asphere import Asphere, Biconic, SurfaceShape
@@ -18,6 +19,7 @@ from lensforge.surfaces.reciprocal import ConicFace
 from lensforge.surfaces.surface import Surface, SurfaceRecord, surface_record
 
 
+@public
 class FixedFace(OfSeveralKinds, Section):
     """A surface that the search does not change. A kind of it is a class that extends this one: it registers itself."""
 
@@ -62,6 +64,7 @@ _Conic = Annotated[float, Field(ge=-1e3, le=1e3)]
 _Series = Annotated[tuple[Coordinate, ...], Field(max_length=10)]
 
 
+@public
 class _ByFormula(FixedFace):
     """A surface that a formula gives; it must be star-shaped about the origin."""
 
@@ -71,6 +74,7 @@ class _ByFormula(FixedFace):
             _ = self.surface
 
 
+@public
 class FixedSphere(_ByFormula):
     """Sphere with its centre on the axis; the origin, where the source is, must lie inside."""
 
@@ -88,6 +92,7 @@ class FixedSphere(_ByFormula):
         return Asphere(self.centre_z_mm + self.radius_mm, -self.radius_mm)
 
 
+@public
 class FixedAsphere(_ByFormula):
     """Even asphere by the sag of ISO 10110-12."""
 
@@ -105,6 +110,7 @@ class FixedAsphere(_ByFormula):
         return Asphere(self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
 
 
+@public
 class FixedBiconic(_ByFormula):
     """Biconic (ISO 10110-12): radii and conic constants in the x-z and in the y-z plane; below 0 for a dome."""
 
@@ -127,6 +133,7 @@ _FARTHEST = 64.0  # reach of a paraboloid over its vertex
 _ROOM = 1.1  # of an ellipsoid over its farthest point
 
 
+@public
 class FixedFocalConic(_ByFormula):
     """Conic of revolution with a focus at the origin, where the LED is, and its vertex below: a reflector's cup.
 
@@ -158,6 +165,7 @@ _Shift = tuple[Coordinate, Coordinate, Coordinate]
 _FaceName = Annotated[int, Field(ge=1, le=100_000)] | Annotated[str, Field(min_length=1, max_length=200)]
 
 
+@public
 class _OfFile(FixedFace):
     @property
     def surface(self) -> Surface:
@@ -174,6 +182,7 @@ class _OfFile(FixedFace):
         raise NotImplementedError
 
 
+@public
 class FixedLensFace(_OfFile):
     """A face of another result. It is that face exactly."""
 
@@ -187,6 +196,7 @@ class FixedLensFace(_OfFile):
         return face_of_lens(self.file, self.face)
 
 
+@public
 class FixedCadFace(_OfFile):
     """A face of a STEP or IGES file in the coordinates of the lens; any unit."""
 
@@ -204,6 +214,7 @@ class FixedCadFace(_OfFile):
         return face_of_cad(self.file, faces, self.shift_mm)
 
 
+@public
 class FixedPoints(_OfFile):
     """A face through the points of a text file, a grid or a cloud, in the coordinates of the lens.
 
@@ -228,6 +239,7 @@ _EXPORTED_NM = 1.0
 _EXPORTED_URAD = 20.0
 
 
+@public
 class GivenSurface(FixedFace):
     """A face as it was read: its ``surface``, where it comes from, and its largest errors against that.
 

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceRole
+from lensforge.public import public
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.spec_section import check
@@ -22,6 +23,7 @@ _DRAFT_DEG = 2.0  # of the side of a cavity, where the spec does not say
 _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them
 
 
+@public
 class ExitFace(FaceSection):
     """A face that may be kept a plane."""
 
@@ -37,6 +39,7 @@ class ExitFace(FaceSection):
             raise ValueError("give one of flat, a plane whose height the search finds, and fixed, a surface that stays")
 
 
+@public
 class TirSection(ProfiledShape):
     """A lens for total internal reflection: cap and side of the cavity, the reflecting wall, and the exit.
 

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.optics.pose import ALONG_Z, ORIGIN, Vector
+from lensforge.public import public
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.lamp_places import KindOfPlace, Lamp, LampKind, aimed_from, in_grid, in_hexagon, kinds_of
 from lensforge.spec.spec_section import Coordinate, Millimetres, Section, check
@@ -172,6 +173,7 @@ _Rings = Annotated[int, Field(ge=1, le=3)]
 _KindName = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,15}$")]
 
 
+@public
 class LampsSection(Section):
     """Fields of every arrangement."""
 
@@ -213,6 +215,7 @@ def _pair(pitch: Side) -> tuple[float, float]:
     return pitch if isinstance(pitch, tuple) else (pitch, pitch)
 
 
+@public
 class LampsWithRim(LampsSection):
     """Lamps in an arrangement with a rim, along which they may have other lenses."""
 
@@ -226,6 +229,7 @@ class LampsWithRim(LampsSection):
     )
 
 
+@public
 class GridLamps(LampsWithRim):
     """Rows and columns about the origin."""
 
@@ -249,6 +253,7 @@ class GridLamps(LampsWithRim):
         )
 
 
+@public
 class HexagonLamps(LampsWithRim):
     """A lamp at the origin, and hexagons of them around it: 7 with one ring, 19 with two."""
 
@@ -268,6 +273,7 @@ class HexagonLamps(LampsWithRim):
         return _by_place(places, [in_hexagon(i, j, rings, self.rim_rings) for i, j in steps])
 
 
+@public
 class RingLamps(LampsSection):
     """A ring about the origin; its first lamp is on +x."""
 
@@ -292,6 +298,7 @@ _TablePlace = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Coor
 _Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
+@public
 class TableLamps(LampsSection):
     """Places and turns one by one; also lamps on poles, each with its height and aim."""
 
@@ -341,6 +348,7 @@ class TableLamps(LampsSection):
             raise ValueError(f"kinds: {len(set(self.kinds))} names; give 2 to {_MOST_KINDS}, or leave them out for one")
 
 
+@public
 class EndlessLamps(LampsSection):
     """An infinite lattice, as of a large backlight; its receivers are planes above it of one period each.
 

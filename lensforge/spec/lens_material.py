@@ -34,6 +34,7 @@ from lensforge.optics.material import (
 from lensforge.optics.material_files import read_material
 from lensforge.optics.media import FaceCoating, FaceScatter, Media, Medium, Mirror
 from lensforge.optics.scattering import FacetTurn
+from lensforge.public import public
 from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
 from lensforge.spec.spec_files import full_path
@@ -51,6 +52,7 @@ _LARGEST_INDEX = 4.0
 _CHECKED = 400  # wavelengths of the range at which a formula is tried
 
 
+@public
 class OpticalData(Section):
     """Index of a material: ``formula`` with ``coefficients``, or ``refractive_index`` at ``wavelength_nm``."""
 
@@ -138,6 +140,7 @@ class OpticalData(Section):
         return Material(name, self._dispersion, self._span, self.source or "the spec", None, absorption, law)
 
 
+@public
 class OfMaterial(Section):
     """A section that may name the file of its material, whose data it has in place of that file: it needs it no more.
 
@@ -211,6 +214,7 @@ _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored be
 _Index = Annotated[float, Field(ge=1.0, le=4.0)]
 
 
+@public
 class LensMaterial(OfMaterial, FacesSection):
     """Material of the body, and what lies on its faces and around it.
 

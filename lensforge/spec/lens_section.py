@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitBall, ExitColumn, ExitSpace
 from lensforge.optics.face_roles import BODY, MOST_EVENTS
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_material import LensMaterial
@@ -74,6 +75,7 @@ class StartConditions:
         return half_mm * sqrt(2.0)
 
 
+@public
 class LensShape(OfSeveralKinds, LensMaterial):
     """Material of a lens of any kind, and the SRBFs that will shape the faces that are free.
 
@@ -236,6 +238,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
         return "none" if self.symmetry == "auto" else self.symmetry
 
 
+@public
 class ProfiledShape(LensShape):
     """A lens of faces of revolution, which meet in creases; with ``levels`` SRBFs shape them beyond that."""
 

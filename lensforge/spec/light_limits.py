@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Literal, get_args
 from pydantic import Field
 
 from lensforge.optics.pose import ORIGIN
+from lensforge.public import public
 from lensforge.spec.receiver_fields import ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
@@ -38,6 +39,7 @@ _OF_RECEIVERS = ("distance_mm", "receiver_mm", "half_angle_deg")
 _OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")
 
 
+@public
 class LimitSection(InOneUnit):
     """Fields of every limit.
 
@@ -94,6 +96,7 @@ class LimitSection(InOneUnit):
                 raise ValueError(f"at least {least:g} {name} is above at most {most:g}: no light is both")
 
 
+@public
 class PointsLimit(LimitSection):
     """Light at each of some points (x, y)."""
 
@@ -113,6 +116,7 @@ class PointsLimit(LimitSection):
         return self.length("at")
 
 
+@public
 class LineLimit(LimitSection):
     """Light everywhere on a line between two places."""
 
@@ -125,6 +129,7 @@ class LineLimit(LimitSection):
     to_deg: tuple[DegreesOff, DegreesOff] | None = None
 
 
+@public
 class ZoneLimit(LimitSection):
     """Light in a zone: everywhere in it, how even it is, and its share."""
 
@@ -164,6 +169,7 @@ class ZoneLimit(LimitSection):
                 raise ValueError(f"zone.{name}: a zone is a shape on the limit's receiver; leave it out")
 
 
+@public
 class GlareLimit(LimitSection):
     """Intensity in all directions of the far field at ``from_deg`` and more from its axis: at most so much."""
 
@@ -185,6 +191,7 @@ class GlareLimit(LimitSection):
             raise ValueError("glare has a largest intensity, no least one; give at_most")
 
 
+@public
 class BeamAngleLimit(LimitSection):
     """Full angle in the far field over which the intensity is above a level, in one plane.
 
@@ -207,6 +214,7 @@ class BeamAngleLimit(LimitSection):
             raise ValueError("a beam angle is bounded by at_least_deg and at_most_deg")
 
 
+@public
 class LossLimit(LimitSection):
     """Light of no use: the share of the flux of the source that ends by one cause."""
 
@@ -237,6 +245,7 @@ _RING_STEP_DEG = 15.0
 _MOST_RING_BLUR_DEG = 5.0
 
 
+@public
 class LuminanceLimit(LimitSection):
     """Luminance of the lens as eyes see it: at most so much over any spot, or its mean. Each eye is judged alone, those
     of a ring together.
@@ -331,6 +340,7 @@ LightLimitSpec = Annotated[
 ]
 
 
+@public
 class ColourSection(Section):
     """Colour of the beam, and limits on how far it is from its mean.
 
@@ -410,6 +420,7 @@ def require_limits_fit(
 _FAR = 5.0  # widths of a lamp: there 1/r^2 errs by less than 1 % (five-times rule, CIE S 025)
 
 
+@public
 class PhotometrySection(Section):
     """Lighting that a lens is for."""
 

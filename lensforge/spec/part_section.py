@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from lensforge.errors import InputError
+from lensforge.public import public
 from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import (
     CalendarDate,
@@ -27,6 +28,7 @@ _MOST_FEET = 32
 _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008
 
 
+@public
 class FeetSection(Section):
     """Round feet below a base, all alike, evenly on a circle about the axis: the part stands on them."""
 
@@ -56,6 +58,7 @@ class FeetSection(Section):
             )
 
 
+@public
 class BaseSection(Section):
     """Clamping base: the paper's one-inch cylinder, a square, your own STEP file, or none.
 
@@ -197,6 +200,7 @@ def usual_flat_mm(base: BaseSection) -> float:
     return round(_FLAT * base.diameter_mm / 2.0, 2)
 
 
+@public
 class Tool(Section):
     """A ball-end mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
 
@@ -212,6 +216,7 @@ class Tool(Section):
 _MOULDED_DRAFT_DEG = 1.0  # as of plate.draft_deg
 
 
+@public
 class ManufactureSection(Section):
     """Process by which the lens is made, and the equipment of the shop: a ball cutter, further mills with shank and
     holder, and a turning tool.
@@ -321,6 +326,7 @@ class ManufactureSection(Section):
         return 1.0 + self.shrinkage
 
 
+@public
 class DrawingSection(Section):
     """Title block and notes of the drawing that ``lensforge handover`` makes; author and date are of [manufacture].
 

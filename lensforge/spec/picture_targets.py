@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field
 
 from lensforge.optics.image import Luminance
+from lensforge.public import public
 from lensforge.spec.spec_section import FilePath, Numbers, check
 from lensforge.spec.target_sections import Places, SizedTarget, SoftTarget
 
@@ -29,6 +30,7 @@ def _visible(text: str) -> str:
     return text
 
 
+@public
 class PictureTarget(SizedTarget, SoftTarget):
     """A picture, by its width."""
 
@@ -64,6 +66,7 @@ class PictureTarget(SizedTarget, SoftTarget):
         return framed[row, column]
 
 
+@public
 class TextTarget(PictureTarget):
     """One line of glyphs, uniform on a dark ground, read from behind the screen unless it is ``mirrored``."""
 
@@ -81,6 +84,7 @@ class TextTarget(PictureTarget):
         return width, self.length("height") or _GLYPH * width / len(self.text)
 
 
+@public
 class ImageTarget(PictureTarget):
     """A PNG, TIFF, JPEG or BMP file; the light that it stands for is what is wanted. What is transparent is dark."""
 
@@ -96,6 +100,7 @@ class ImageTarget(PictureTarget):
     )
 
 
+@public
 class ArrayTarget(PictureTarget):
     """Light (relative) given as an array [row, column]; row 0 is the top, as in a picture."""
 
@@ -124,6 +129,7 @@ class ArrayTarget(PictureTarget):
             raise ValueError("values: must be 0 or above, and not 0 everywhere")
 
 
+@public
 class TableTarget(PictureTarget):
     """Light (relative) in a table: CSV, a line for each row from the top, or npz with one array [row, column]."""
 

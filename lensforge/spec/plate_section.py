@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
+from lensforge.public import public
 from lensforge.results.file_bounds import MOST_STEP_MIB, require_small_step
 from lensforge.results.files import MIB, read_file, temporary_folder, write_json
 from lensforge.results.sandbox import ChildLimits, work_in_child
@@ -57,6 +58,7 @@ _Bulge = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Corners = Annotated[tuple[tuple[Coordinate, Coordinate, _Bulge], ...], Field(min_length=2, max_length=MOST_CORNERS)]
 
 
+@public
 class DrawnOutline(Section):
     """An outline as it was read: a spec that names a file becomes this one, and needs the file no more."""
 
@@ -114,6 +116,7 @@ def _read_outline(content: bytes, path: Path) -> DrawnOutline:
     return DrawnOutline(origin=path.name[:200], sha256=hashlib.sha256(content).hexdigest(), loops_mm=loops)
 
 
+@public
 class PlateMark(Section):
     """Common fields of holes and pins."""
 
@@ -136,16 +139,19 @@ class PlateMark(Section):
         return hypot(self.place_mm[0] - place[0], self.place_mm[1] - place[1])
 
 
+@public
 class PlateHole(PlateMark):
     """A round hole through the plate, as for a screw."""
 
 
+@public
 class PlatePin(PlateMark):
     """A round pin below the plate, which finds its place on the board."""
 
     height_mm: Millimetres = Field(description="Length below the plate.")
 
 
+@public
 class PlateBoss(PlatePin):
     """A screw dome: a pin with a blind bore from its end. It keeps clear of the lenses, on which it would sink."""
 
@@ -160,6 +166,7 @@ class PlateBoss(PlatePin):
             )
 
 
+@public
 class PlateGate(Section):
     """Gate at the edge of the plate, where it is filled: a mark on the drawing, and no part of the solid."""
 
@@ -178,6 +185,7 @@ def _drawn(outline: Path | DrawnOutline | None) -> DrawnOutline | None:
         return read_outline(outline) if isinstance(outline, Path) else outline
 
 
+@public
 class PlateSection(Section):
     """One moulded plate for all lenses of [lamps], its top in z = 0; without [lamps] it has one lens. Lenses for total
     internal reflection have a flange instead: no mould releases a wall that widens above a plate.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field
 
 from lensforge.optics.pose import ORIGIN, Pose, Vector
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.lens_section import LensShape
@@ -24,6 +25,7 @@ _Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 Direction = tuple[_Number, _Number, _Number]
 
 
+@public
 class ReceiverSection(OfSeveralKinds, Section):
     """Fields of every receiver; receivers are transparent, each sees every ray that leaves the lens.
 

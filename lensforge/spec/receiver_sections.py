@@ -10,6 +10,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.pose import ORIGIN, Pose, Vector
+from lensforge.public import public
 from lensforge.spec.emitter_section import Degrees
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.receiver_fields import Direction, ReceiverSection, largest_of
@@ -20,6 +21,7 @@ from lensforge.spec.target_sections import HalfAngle, TargetSection, Unit
 _LEAST_ACROSS = 1e-3  # sine of the angle at which a plane may be seen from the lens: 0.06 degrees
 
 
+@public
 class PlaneReceiver(ReceiverSection):
     """A rectangle in a plane in any pose.
 
@@ -97,6 +99,7 @@ class PlaneReceiver(ReceiverSection):
         return f"centred at ({', '.join(f'{value:g}' for value in self.centre_mm)}) mm{tilt}"
 
 
+@public
 class FarFieldReceiver(ReceiverSection):
     """Intensity by direction, around an axis."""
 
@@ -139,6 +142,7 @@ class FarFieldReceiver(ReceiverSection):
         _require_ahead(self.facing, self.half_angle_deg, True)
 
 
+@public
 class _CurvedReceiver(ReceiverSection):
     """A screen around the lens, whose chart is centred on the direction ``facing``."""
 
@@ -159,6 +163,7 @@ class _CurvedReceiver(ReceiverSection):
         return self.radius_mm - dist(self.centre_mm, place_mm)
 
 
+@public
 class CylinderReceiver(_CurvedReceiver):
     """A cylindrical screen, unrolled.
 
@@ -186,6 +191,7 @@ class CylinderReceiver(_CurvedReceiver):
             )
 
 
+@public
 class SphereReceiver(_CurvedReceiver):
     """A spherical screen up to ``half_angle_deg`` from the direction that it faces, seen from its centre.
 

@@ -10,6 +10,7 @@ from pydantic import Field
 from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitColumn, ExitSpace
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, FaceRole
+from lensforge.public import public
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.search_section import ConstraintsSection
@@ -29,6 +30,7 @@ _THICKER = 1.15  # a back over the minimum wall: the wall varies as the cup move
 _BESIDE = 0.5  # of the half width of light beside the axis: its middle is so far off
 
 
+@public
 class CupSection(FaceSection):
     """Mirror of a reflector."""
 
@@ -37,6 +39,7 @@ class CupSection(FaceSection):
     )
 
 
+@public
 class ReflectorSection(ProfiledShape):
     """A reflector: a cup about the source, whose inside is a mirror, open at its mouth.
 

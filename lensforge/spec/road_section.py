@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from lensforge.public import public
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.receiver_sections import FarFieldReceiver, PlaneReceiver
 from lensforge.spec.spec_files import NamedFrom, read_toml
@@ -99,6 +100,7 @@ _OF_M = ("uniformity_along", "glare_percent", "wet_surface", "wet_surface_file",
 _BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "luminance_per_lux", *_OF_M)
 
 
+@public
 class RoadSection(Section):
     """A straight road, its lamps, and the class of EN 13201-2 or of RP-8 that it is to reach.
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian, shares_within
+from lensforge.public import public
 from lensforge.results.files import MIB
 from lensforge.results.table_names import DEGREES, Column, doubt_degrees
 from lensforge.results.text_table import TextTable
@@ -23,6 +24,7 @@ Values = Float[np.ndarray, " n"]
 _MOST_BACK = 0.5  # of the light along the normal: with more the face is no lens any more
 
 
+@public
 class GaussianScatter(Section):
     """A frosted, etched or finely machined face: facets whose slopes are normally distributed."""
 
@@ -54,6 +56,7 @@ def _turned_back(slope: float, turn: FacetTurn) -> float:
     return exp(-0.5 * (steepest / slope) ** 2)
 
 
+@public
 class LambertianScatter(Section):
     """A face that sends a share of its light to all sides alike, as opal material or white paint does."""
 
@@ -74,6 +77,7 @@ _FINEST = 1e-7  # a finer scatter is none
 _OF_INTERVAL = 16  # rings between two angles of a table
 
 
+@public
 class AbgScatter(Section):
     """A finely rough face by the ABg model (Harvey and Shack): a / (b + s^g) per steradian, where s is the distance of
     the direction cosines from the polished direction, up to 1. It scatters its integral; the rest goes on as polished.
@@ -115,6 +119,7 @@ def _density(angles_rad: Values, bsdf_per_sr: Values, radii: Values) -> Values:
     return density
 
 
+@public
 class TableScatter(OfTableFile):
     """A face whose scatter function (BSDF) was measured, the same all around the polished direction.
 

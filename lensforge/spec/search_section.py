@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
+from lensforge.public import public
 from lensforge.spec.spec_section import (
     LEFT_OUT,
     DerivedMillimetres,
@@ -23,6 +24,7 @@ LARGEST = 10.0  # over the largest radius: a lens may miss that, but not by far;
 KEEP_OUT_MARGIN_MM = 0.1  # a placed package may be off by 0.05 mm, and so may a lens on its board
 
 
+@public
 class ConstraintsSection(Section):
     """Feasible lenses, Eqs. (10) to (14). Optional limits, of each face too, are for manufacture and assembly."""
 
@@ -129,6 +131,7 @@ def _share_of_parts(value: object) -> object:
     )
 
 
+@public
 class OptimiseSection(Section):
     """Settings of the search; omitted ones come from the accuracy preset.
 
@@ -181,6 +184,7 @@ class OptimiseSection(Section):
             )
 
 
+@public
 class EvaluateSection(Section):
     """Settings of the evaluation."""
 

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool
 from pydantic import Field
 
+from lensforge.public import public
 from lensforge.spec.spec_section import Coordinate, Millimetres, check
 from lensforge.spec.target_sections import DegreesOff, DegreesWide, Places, SizedTarget, SoftTarget, TargetSection
 
@@ -15,6 +16,7 @@ _MOST_SPOTS = 1000
 _LEAST_SPREAD = 1e-12  # of a polygon's corners about a line, squared: below, they lie on it
 
 
+@public
 class ShapeTarget(SoftTarget):
     """A shape: one level of light inside, none outside."""
 
@@ -27,6 +29,7 @@ class ShapeTarget(SoftTarget):
         return self.contains(x, y).astype(np.float64)
 
 
+@public
 class FlatTopTarget(SizedTarget):
     """A rectangular super-Gaussian, ``exp(-|2 x / width|^p - |2 y / height|^p)``; square without a height."""
 
@@ -53,6 +56,7 @@ class FlatTopTarget(SizedTarget):
         return along_y * along_x
 
 
+@public
 class RectangleTarget(SizedTarget, ShapeTarget):
     """A rectangle."""
 
@@ -66,6 +70,7 @@ class RectangleTarget(SizedTarget, ShapeTarget):
         return _in_rectangle(x, y, self.size("width"), self.size("height"))
 
 
+@public
 class DiscTarget(ShapeTarget):
     """A disc."""
 
@@ -84,6 +89,7 @@ class DiscTarget(ShapeTarget):
         return _in_ellipse(x, y, self.size("diameter"), self.size("diameter"))
 
 
+@public
 class EllipseTarget(SizedTarget, ShapeTarget):
     """An ellipse with its axes along x and y."""
 
@@ -98,6 +104,7 @@ class EllipseTarget(SizedTarget, ShapeTarget):
         return _in_ellipse(x, y, self.size("width"), self.size("height"))
 
 
+@public
 class RingTarget(ShapeTarget):
     """A ring between two circles."""
 
@@ -128,6 +135,7 @@ class RingTarget(ShapeTarget):
             )
 
 
+@public
 class PolygonTarget(ShapeTarget):
     """A closed polygon; where it crosses itself, by even and odd."""
 
@@ -175,6 +183,7 @@ class PolygonTarget(ShapeTarget):
             raise ValueError(f"corners_{self.unit}: all lie on a line; a polygon has an area")
 
 
+@public
 class CrossTarget(ShapeTarget):
     """An upright cross of equal arms."""
 
@@ -196,6 +205,7 @@ class CrossTarget(ShapeTarget):
         return np.asarray(_in_rectangle(x, y, length, stroke) | _in_rectangle(x, y, stroke, length))
 
 
+@public
 class SpotsTarget(ShapeTarget):
     """A line or a grid of discs."""
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from lensforge.optics.image import Luminance
+from lensforge.public import public
 from lensforge.spec.emitter_section import CosineIntensity, EmitterSection, FluxSection, IntensitySpec, SpectrumSpec
 from lensforge.spec.spec_section import (
     Coordinate,
@@ -24,6 +25,7 @@ from lensforge.spec.spec_section import (
 )
 
 
+@public
 class SquareSource(EmitterSection):
     """A square Lambertian emitter, centred on the axis in the plane z = 0 and emitting towards +z unless placed."""
 
@@ -49,6 +51,7 @@ Scale = Annotated[float, Field(ge=1e-9, le=1e9)]  # from a file in nm or km to m
 Model = Literal["rays", "radiance", "auto"]
 
 
+@public
 class Placement(EmitterSection):
     """Placement of a ray set in lens coordinates: its own fields in their order, then the fields of every source."""
 
@@ -69,6 +72,7 @@ class Placement(EmitterSection):
     )
 
 
+@public
 class RayfileSource(Placement):
     """Ray file of a vendor."""
 
@@ -83,6 +87,7 @@ class RayfileSource(Placement):
     )
 
 
+@public
 class RayfilePart(FluxSection):
     """One of several ray files: its flux, else the flux of the file.
 
@@ -93,6 +98,7 @@ class RayfilePart(FluxSection):
     spectrum: SpectrumSpec | None = Field(None, description="Spectrum in place of the file's own.")
 
 
+@public
 class RayfilesSource(Placement):
     """Several ray files in one coordinate system as one source, such as the blue and yellow light of a white LED."""
 
@@ -112,6 +118,7 @@ class RayfilesSource(Placement):
         return f"ray files {', '.join(part.file.name for part in self.files)}"
 
 
+@public
 class PlanarSource(EmitterSection):
     """An emitting area, in the plane z = 0 unless placed, the same intensity profile at each of its points."""
 
@@ -120,6 +127,7 @@ class PlanarSource(EmitterSection):
     )
 
 
+@public
 class RectangleSource(PlanarSource):
     """A uniform rectangle, centred on the axis."""
 
@@ -136,6 +144,7 @@ class RectangleSource(PlanarSource):
         return 0.5 * hypot(self.width_mm, self.height_mm)
 
 
+@public
 class DiscSource(PlanarSource):
     """A uniform disc, centred on the axis."""
 
@@ -151,6 +160,7 @@ class DiscSource(PlanarSource):
         return 0.5 * self.diameter_mm
 
 
+@public
 class Chip(FluxSection):
     """A uniform rectangle with its centre at (x, y), of 1 W unless its flux is given.
 
@@ -166,6 +176,7 @@ class Chip(FluxSection):
     )
 
 
+@public
 class ChipsSource(PlanarSource):
     """Several chips, each with its position, size and flux; ``flux_w``, ``flux_lm``: of all of them together."""
 
@@ -189,6 +200,7 @@ class ChipsSource(PlanarSource):
         return tuple(each or self.spectrum for each in own) if any(own) else ()
 
 
+@public
 class ChipArraySource(PlanarSource):
     """Equal chips in rows and columns, centred on the axis."""
 
@@ -208,6 +220,7 @@ class ChipArraySource(PlanarSource):
         return 0.5 * hypot((self.columns - 1) * across + self.width_mm, (self.rows - 1) * up + self.height_mm)
 
 
+@public
 class LuminanceSource(PlanarSource):
     """A picture of the lit source, centred on the axis: a pixel's flux follows its light."""
 
@@ -219,6 +232,7 @@ class LuminanceSource(PlanarSource):
     luminance: Luminance = Field("as_stored", description="Light that its values stand for, as in a target's picture.")
 
 
+@public
 class RadianceSource(EmitterSection):
     """Radiance by position and direction, from a NumPy archive (docs/sources.md); a given flux replaces its own."""
 
@@ -228,6 +242,7 @@ class RadianceSource(EmitterSection):
     file: FilePath = Field(description="NumPy archive (docs/sources.md).")
 
 
+@public
 class RaySource(Placement):
     """Ray set given as arrays, for example from another program."""
 
@@ -294,6 +309,7 @@ class RaySource(Placement):
 RaySetSource = RayfileSource | RayfilesSource | RaySource
 
 
+@public
 class NamedSource(Section):
     """One of the LEDs that a lens is for."""
 

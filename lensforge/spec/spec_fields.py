@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from lensforge.results.arguments import ShownType
+from lensforge.public import ShownType
 from lensforge.results.field_help import described_fields, field_line, plain_paragraphs, private_fields, short_type
 from lensforge.results.numerals import unit_in
 from lensforge.results.record import Record

@@ -29,6 +29,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.errors import InputError, refused
+from lensforge.public import public
 from lensforge.results.notebook_html import Shown
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import same, with_changes
@@ -78,7 +79,7 @@ class _Checked(Shown):
 if TYPE_CHECKING:  # a type checker knows no metaclass without a name, and of this one it needs nothing
     _Model = BaseModel
 else:
-    _Model = _Checked("_Model", (BaseModel,), {"__module__": __name__})
+    _Model = public(_Checked("_Model", (BaseModel,), {"__module__": __name__}))
 
 
 _Section = TypeVar("_Section", bound=BaseModel)
@@ -103,6 +104,7 @@ def fault_of(field: str = "") -> Iterator[None]:
         raise ValueError(": ".join(filter(None, (field, str(error))))) from None
 
 
+@public
 class Section(_Model):
     """Immutable; a field that is not known, or a number that is not finite, is refused: :class:`InputError`."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.spec_section import Coordinate, Millimetres, Section, check
@@ -29,6 +30,7 @@ Side = Millimetres | tuple[Millimetres, Millimetres]
 SideDegrees = DegreesWide | tuple[DegreesWide, DegreesWide]
 
 
+@public
 class InOneUnit(Section):
     """Lengths, each with a field in mm and one in degrees: ``diameter_mm``, ``diameter_deg``; all are in one unit."""
 
@@ -62,6 +64,7 @@ class InOneUnit(Section):
                 raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
 
 
+@public
 class TargetSection(OfSeveralKinds, InOneUnit):
     """Light wanted on a receiver: a pattern of irradiance, or of intensity on the far field.
 
@@ -204,6 +207,7 @@ class TargetSection(OfSeveralKinds, InOneUnit):
         return self.pair("centre") or (0.0, 0.0)
 
 
+@public
 class SoftTarget(TargetSection):
     """A target with sharp edges that a Gaussian softens."""
 
@@ -222,6 +226,7 @@ class SoftTarget(TargetSection):
         return value if isinstance(value, float) else 0.0
 
 
+@public
 class SizedTarget(TargetSection):
     """A target by its width and height."""
 

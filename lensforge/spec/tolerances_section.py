@@ -21,6 +21,7 @@ from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, mode
 
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, SHELL, FaceRole
+from lensforge.public import public
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import Section, check, section_of
@@ -103,6 +104,7 @@ _PRESETS: tuple[TolerancePreset, ...] = get_args(TolerancePreset)
 Distribution = Literal["uniform", "normal", "truncated"]
 
 
+@public
 class ToleranceSpec(Section):
     """One tolerance, and how parts are spread over it."""
 
@@ -160,6 +162,7 @@ def amount_words(name: str, value: float, unit: str) -> str:
     return percent(value) if name in _IN_PER_CENT else quantity(value, _SYMBOLS.get(unit, unit), digits=3)
 
 
+@public
 class _Amounts(Section):
     @check
     def _are_small(self) -> None:
@@ -173,6 +176,7 @@ class _Amounts(Section):
                 raise ValueError(f"{name}: {words}")
 
 
+@public
 class FaceTolerances(_Amounts):
     """Tolerances of a face, and of its place against the first face: those left out come from the preset."""
 
@@ -208,6 +212,7 @@ def refuse_placement(roles: Sequence[FaceRole], faces: Mapping[str, FaceToleranc
                 raise ValueError(f"{role.name}.{name}: this face is {other}")
 
 
+@public
 class TolerancesSection(_Amounts):
     """Tolerances: a number, or ``{ amount = 0.05, distribution = "normal" }``; 0 for none.
 
@@ -252,6 +257,7 @@ class TolerancesSection(_Amounts):
             )
 
 
+@public
 class PartTolerances(TolerancesSection):
     """All tolerances of a part: the ``[tolerances]`` of a spec, and those of its ``faces`` by their names."""
 

@@ -13,7 +13,9 @@ from jaxtyping import Float
 from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
+from lensforge.public import public
 from lensforge.results import Count, NotNegative, Number, Record, Share, StageResult, Text
+from lensforge.results.arguments import with_known_names
 from lensforge.results.plots import Axes, new_axes
 from lensforge.sources.intensity import PlaneBeam, TabulatedIntensity, beam_in_plane, plane_profile
 from lensforge.sources.photometric.photometric_file import far_field_warnings
@@ -69,6 +71,7 @@ class FarFieldPeak(Record):
     gamma_deg: Number
 
 
+@public
 class PhotometricSummary(StageResult):
     """Summary of a photometric file. What its format does not have is None, 0 or empty.
 
@@ -192,6 +195,8 @@ def holds_far_field(path: Path) -> bool:
     return photometric_format(path) is not None or path.suffix.lower() in _SUFFIXES
 
 
+@public
+@with_known_names
 def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
     """Summarise a file of light: statistics of a ray file, or beam and flux of a photometric file.
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
+from lensforge.public import public
 from lensforge.results import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.files import replacing
@@ -169,6 +170,7 @@ class Box(Record):
     max: Point
 
 
+@public
 class RayFileSummary(StageResult):
     """Summary of a ray file. What only the rays can say is None where the header alone was read.
 
