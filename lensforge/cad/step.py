@@ -54,8 +54,8 @@ from lensforge.version import __version__
 def sign(model: Any, product: str, header: Signature) -> None:
     """Fill in the header of a STEP ``model``: product, time stamp, author, organisation, program and version."""
 
-    def text(words: str) -> Any:
-        return TCollection_HAsciiString(step_text(words))
+    def text(content: str) -> Any:
+        return TCollection_HAsciiString(step_text(content))
 
     made = APIHeaderSection_MakeHeader(model)
     made.SetName(text(product))
@@ -66,8 +66,8 @@ def sign(model: Any, product: str, header: Signature) -> None:
     made.SetDescriptionValue(1, text(product))
 
 
-def step_text(words: str) -> str:
-    """``words`` as ISO 10303-21 writes them: ASCII, all other characters by their code; the kernel doubles quotes."""
+def step_text(content: str) -> str:
+    """``content`` as ISO 10303-21 writes them: ASCII, all other characters by their code; the kernel doubles quotes."""
 
     def coded(character: str) -> str:
         code = ord(character)
@@ -75,7 +75,7 @@ def step_text(words: str) -> str:
             return character
         return f"\\X2\\{code:04X}\\X0\\" if code < 0x10000 else f"\\X4\\{code:08X}\\X0\\"
 
-    return "".join(map(coded, words))
+    return "".join(map(coded, content))
 
 
 _DATUM = "A"

@@ -158,9 +158,10 @@ def _tell_conditions(result: StageResult) -> None:
         return
     for warning in conditions.warnings:
         click.echo(warning_line(warning), err=True)
-    own = stem_of(result.changed(conditions=None))
+    nominal_stem = stem_of(result.changed(conditions=None))
     click.echo(
-        f"{stem_of(result)}.json: not at nominal conditions ({conditions}), so {own}.json and the verdict stay as "
+        f"{stem_of(result)}.json: not at nominal conditions ({conditions}), "
+        f"so {nominal_stem}.json and the verdict stay as "
         "they are",
         err=True,
     )
@@ -239,10 +240,10 @@ def _title(part: str, state: State, groups: Sequence[Group] = (), under: str = "
 def _kinds(run: Run) -> Iterator[Row]:
     """The kind of this lens, of several, and the folders of the others."""
     every = kinds(run, linked=False)
-    here = [f"{each.name}, of {each.lamps} lamps" for each in every if each.here]
-    others = [f"{each.name} of {each.lamps}" for each in every if not each.here]
+    here = [f"{kind.name}, of {kind.lamps} lamps" for kind in every if kind.here]
+    elsewhere = [f"{kind.name} of {kind.lamps}" for kind in every if not kind.here]
     if here:
-        yield "Kind", f"{here[0]}; in folders of their names: {', '.join(others)}"
+        yield "Kind", f"{here[0]}; in folders of their names: {', '.join(elsewhere)}"
 
 
 def preview_rows(run: Run) -> list[Row]:
@@ -256,12 +257,12 @@ def _row(fact: Fact) -> Row:
 
 
 def _limit_rows(group: Group) -> Iterator[Row]:
-    others = [fact for fact in group.facts if not fact.holds]
-    yield "Limits", f"{len(group.facts) - len(others)} of {len(group.facts)} met"
-    for fact in others[:_MOST_LIMITS]:
+    missed = [fact for fact in group.facts if not fact.holds]
+    yield "Limits", f"{len(group.facts) - len(missed)} of {len(group.facts)} met"
+    for fact in missed[:_MOST_LIMITS]:
         yield f"  {fact.outcome}", "; ".join(filter(None, (f"{fact.label}: {fact.sentence}", fact.advice)))
-    if len(others) > _MOST_LIMITS:
-        yield "", f"and {len(others) - _MOST_LIMITS} more, in evaluate.json"
+    if len(missed) > _MOST_LIMITS:
+        yield "", f"and {len(missed) - _MOST_LIMITS} more, in evaluate.json"
 
 
 def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
@@ -271,7 +272,7 @@ def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
     judged = run.verdict
     under = ""
     if conditions_of(result) is not None:
-        part = {stem: each for stem, each in run.found.items() if stem == Part.stage}
+        part = {stem: result for stem, result in run.found.items() if stem == Part.stage}
         judged = Results(run.lens, {**part, result.stage: result}).verdict
         under = " under other conditions"
     if isinstance(result, Light):
@@ -326,11 +327,11 @@ def _manufacture(run: Run) -> Iterator[Row]:
         if fact.state == "fail" and fact.key not in ("cutter", "nose")
     ]
     of_kinds = [(kind.name, why) for kind in kinds(run, linked=False) for why in run.verdict.reasons_of("cutting")]
-    others = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
-    if missed or others:
-        yield "Not met", "; ".join((*missed, *(why for _, why in others)))
+    further = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
+    if missed or further:
+        yield "Not met", "; ".join((*missed, *(why for _, why in further)))
     if run.verdict.cutting != "pass":
-        at = "" if missed or not others else f" {run.folder / others[0][0]}"
+        at = "" if missed or not further else f" {run.folder / further[0][0]}"
         yield "Remedy", f"see `lensforge check{at}`"
 
 

@@ -77,8 +77,8 @@ class Precision:
         if isinstance(values, np.ndarray):
             return values.astype(self.kind) if values.dtype == np.float64 else values
         if isinstance(values, tuple):
-            found = map(self.of, values)
-            return type(values)(*found) if hasattr(values, "_fields") else tuple(found)
+            converted = map(self.of, values)
+            return type(values)(*converted) if hasattr(values, "_fields") else tuple(converted)
         return self.kind(values) if isinstance(values, float) else values
 
 

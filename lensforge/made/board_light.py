@@ -115,12 +115,12 @@ def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int])
     if limit.of_losses or limit.region is not None:
         return limit
     (height, width), (columns, rows) = grid, periods
-    own = sparse.coo_array(limit.readings)
-    values = columns * rows * own.data
-    y, x = np.divmod(own.col, width)
-    shape = own.shape[0], columns * rows * height * width
+    readings = sparse.coo_array(limit.readings)
+    values = columns * rows * readings.data
+    y, x = np.divmod(readings.col, width)
+    shape = readings.shape[0], columns * rows * height * width
     each = [
-        sparse.csr_array((values, (own.row, (y + j * height) * columns * width + x + i * width)), shape=shape)
+        sparse.csr_array((values, (readings.row, (y + j * height) * columns * width + x + i * width)), shape=shape)
         for j in range(rows)
         for i in range(columns)
     ]
@@ -251,14 +251,14 @@ class BoardLight(PartLight):
         ]
 
 
-def in_plate(found: Deviations, lamp: Lamp) -> Deviations:
+def in_plate(deviations: Deviations, lamp: Lamp) -> Deviations:
     """Deviations of one lens of a plate, in its own frame, from those of the plate about its middle.
 
     A plate that shrinks or tilts moves its lenses, each as far as it stands from the middle.
     """
     none, (x, y, _) = np.zeros(2), lamp.place_mm
-    about_x, about_y = found.get("lens_tilt_deg", none).tolist()
-    moved = found.get("lens_shift_mm", none) + float(found.get("shrinkage", none)[0]) * np.array([x, y])
-    raised = float(found.get("lens_height_mm", none)[0]) + about_x * y - about_y * x
+    about_x, about_y = deviations.get("lens_tilt_deg", none).tolist()
+    moved = deviations.get("lens_shift_mm", none) + float(deviations.get("shrinkage", none)[0]) * np.array([x, y])
+    raised = float(deviations.get("lens_height_mm", none)[0]) + about_x * y - about_y * x
     shift, tilt = lamp.pose.own_directions(np.array([[*moved, raised], [about_x, about_y, 0.0]]))
-    return {**found, "lens_shift_mm": shift[:2], "lens_height_mm": shift[2:], "lens_tilt_deg": tilt[:2]}
+    return {**deviations, "lens_shift_mm": shift[:2], "lens_height_mm": shift[2:], "lens_tilt_deg": tilt[:2]}

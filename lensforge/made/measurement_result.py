@@ -319,8 +319,8 @@ class MeasuredFace(SimulatedResult):
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot the form deviation, or the correction, over the chart of the surface."""
-        field, words = self.plotted
-        return plot_face(getattr(self, field).T, float(self.chart[-1]), f"{self.surface}: {words} (µm)", axes)
+        field, title = self.plotted
+        return plot_face(getattr(self, field).T, float(self.chart[-1]), f"{self.surface}: {title} (µm)", axes)
 
 
 @public

@@ -126,9 +126,9 @@ def compare(
     )
 
 
-def _refuse_unused(measurement: str, others: Mapping[str, object]) -> None:
-    """Raise :class:`InputError` for those of ``others``, by name, that are not None and no part of ``measurement``."""
-    given = [name for name, value in others.items() if value is not None]
+def _refuse_unused(measurement: str, options: Mapping[str, object]) -> None:
+    """Raise :class:`InputError` for those of ``options``, by name, that are not None and no part of ``measurement``."""
+    given = [name for name, value in options.items() if value is not None]
     if given:
         raise InputError(f"compare: {', '.join(given)}: of no use in a comparison with {measurement}; leave it out")
 
@@ -314,8 +314,8 @@ def tolerance(
         tolerances = PartTolerances.of(tolerances, faces, lens.spec.lens.roles)
     parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
-    other = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
-    drawn = lens if other is None else replace(lens, spec=lens.spec.with_tolerances(other))
+    own_tolerances = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
+    drawn = lens if own_tolerances is None else replace(lens, spec=lens.spec.with_tolerances(own_tolerances))
     with threads_of_torch(threads), connected(scheduler) as workers:
         study = measure_yield(
             drawn,
@@ -329,8 +329,8 @@ def tolerance(
             announce=announce,
         )
     conditions = Conditions.of(
-        tolerances=None if other is None else _name_of(other),
-        tolerances_sha256=None if other is None else section_sha256(other),
+        tolerances=None if own_tolerances is None else _name_of(own_tolerances),
+        tolerances_sha256=None if own_tolerances is None else section_sha256(own_tolerances),
         seed=unless_own(seed, 0),
     )
     return study.changed(inputs={"lens": lens.sha256}, conditions=conditions)

@@ -89,8 +89,8 @@ class Sensitivity(ResultByLed):
             raise InputError(f"metric = {metric!r}: the spec names no region of uniform light; plot nmse or efficiency")
         changes = {
             f"{row.name} {row.amount:g} {row.unit}{f', {led}' if led else ''}": getattr(row.change, metric)
-            for led, own in self.by_led.items()
-            for row in own.rows
+            for led, sensitivity in self.by_led.items()
+            for row in sensitivity.rows
         }
         values = {name: 0.0 if change is None else change.value for name, change in changes.items()}
         errors = [0.0 if change is None else change.standard_error or 0.0 for change in changes.values()]

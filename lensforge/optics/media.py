@@ -163,9 +163,9 @@ class Medium:
     def absorption(self, waves: Wavelengths | None) -> Float[np.ndarray, " k"]:
         """Absorption (1/mm) for each ray, or one for all; empty where the medium is clear."""
         if waves is not None and self.material is not None:
-            own = waves.values_of(self.material)[1]
-            if own is not None:
-                return own
+            of_material = waves.values_of(self.material)[1]
+            if of_material is not None:
+                return of_material
         return np.full(int(self.absorption_per_mm > 0.0), self.absorption_per_mm)
 
     def indices(self, waves: Wavelengths | None, count: int) -> Float[np.ndarray, " n"]:
@@ -301,23 +301,23 @@ class Media:
 
     def scattering_of(self, faces: Sequence[str]) -> tuple[GaussianFacets | RingScatter | None, ...] | None:
         """Scatter of each of these faces; None where all are polished."""
-        known = {each.face: each.model for each in self.scatter}
+        known = {scatter.face: scatter.model for scatter in self.scatter}
         return tuple(map(known.get, faces)) if known else None
 
     @property
     def has_rings(self) -> bool:
         """True where a face of the body scatters by rings."""
-        return any(isinstance(each.model, RingScatter) for each in self.scatter)
+        return any(isinstance(scatter.model, RingScatter) for scatter in self.scatter)
 
     @property
     def spreads(self) -> bool:
         """True where rings turn light that passes a face of the body, farther than it can be refracted."""
         mirrors = {coating.face for coating in self.coatings if isinstance(coating.coating, Mirror)}
-        return any(isinstance(each.model, RingScatter) and each.face not in mirrors for each in self.scatter)
+        return any(isinstance(scatter.model, RingScatter) and scatter.face not in mirrors for scatter in self.scatter)
 
     def scattering_before(self, body: int) -> int:
         """Number of faces that scatter on the lens and on the bodies before that of this number."""
-        return len(self.scatter) + sum(len(each.scatter) for each in self.bodies[:body])
+        return len(self.scatter) + sum(len(optic.scatter) for optic in self.bodies[:body])
 
     @property
     def scattering(self) -> int:
@@ -362,7 +362,7 @@ class Media:
     @property
     def spread_rad(self) -> float:
         """Angle, rms along a line, by which the lens spreads light by its roughest face; 0 where all are polished."""
-        models = [each.model for each in self.scatter]
+        models = [scatter.model for scatter in self.scatter]
         power = self.largest_turning_power
         spreads = (model.rms if isinstance(model, RingScatter) else power * model.slope for model in models)
         return max(spreads, default=0.0)

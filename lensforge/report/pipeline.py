@@ -379,10 +379,10 @@ def _run_in_memory(made: Design, threads: int | None) -> Iterator[Results]:
     """Evaluate, build, check and verify the lens of each kind: the stages of a run, without a folder."""
     evaluated = evaluate(made.lens, threads=threads)
     for lens in made.lens.kinds:
-        found = _of_lens(made, lens).changed(lens=lens)
+        result = _of_lens(made, lens).changed(lens=lens)
         light = _of_lens(evaluated, lens)
         part = build(lens)
-        results: tuple[StageResult, ...] = (found, light, part, check(part), verify(part, light, threads=threads))
+        results: tuple[StageResult, ...] = (result, light, part, check(part), verify(part, light, threads=threads))
         yield Results(lens, {result.stage: result for result in results})
 
 

@@ -120,12 +120,12 @@ class Results:
     @property
     def surfaces(self) -> dict[str, SurfaceComparison]:
         """Comparisons with measured surfaces, by the name of the face."""
-        return {each.surface: each for each in self.found.values() if isinstance(each, SurfaceComparison)}
+        return {result.surface: result for result in self.found.values() if isinstance(result, SurfaceComparison)}
 
     @property
     def corrections(self) -> dict[str, Correction]:
         """Corrections for a second cut, by the name of the face."""
-        return {each.surface: each for each in self.found.values() if isinstance(each, Correction)}
+        return {result.surface: result for result in self.found.values() if isinstance(result, Correction)}
 
     @property
     def verdict(self) -> Verdict:
@@ -175,7 +175,7 @@ class Results:
                 light = self.find(Light)
                 by_led = {} if light is None else light.by_led
                 pairs = [(led, receiver) for led, of_led in by_led.items() for receiver in of_led.receivers]
-                designed = {(led, each.name): each.efficiency.value for led, each in pairs}
+                designed = {(led, receiver.name): receiver.efficiency.value for led, receiver in pairs}
                 on_plate = self.lens.lamps_on_plate
                 own = self.lens.own_lamps_words
                 lamps = self.spec.all_lamps.whole if on_plate else own
@@ -284,10 +284,10 @@ def handover(
     from lensforge.shop.shop_files import made_by, make_handover
 
     require(run, Results, "handover")
-    words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
+    section = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
     request = GridRequest(spacing_mm, error_nm, interpolation)
     part = run.part
     check = run.check
     if process is not None and process != part.lens.spec.manufacture.process:
         part, check = made_by(part, process), check_made_by(part.lens, process)
-    return make_handover(part, check, run.yield_facts, request, words)
+    return make_handover(part, check, run.yield_facts, request, section)

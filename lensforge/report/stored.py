@@ -112,10 +112,10 @@ def _files_in(folder: Path, kind_by_stem: Mapping[str, type[StageResult]]) -> It
             yield stem, kind
     for stem, kind in kind_by_stem.items():
         if issubclass(kind, SimulatedResult):
-            others = nsmallest(_MOST_OTHERS + 1, folder.glob(f"{stem}_*.json"))
-            if len(others) > _MOST_OTHERS:
+            files = nsmallest(_MOST_OTHERS + 1, folder.glob(f"{stem}_*.json"))
+            if len(files) > _MOST_OTHERS:
                 raise InputError(f"{folder}: more than {_MOST_OTHERS} files {stem}_*.json are not read; move some away")
-            yield from ((path.stem, kind) for path in others)
+            yield from ((path.stem, kind) for path in files)
 
 
 def _foreign_conditions(result: StageResult, stem: str, is_own: bool) -> str:

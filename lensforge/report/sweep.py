@@ -106,8 +106,8 @@ class Sweep(StageResult):
         """The varied field in words, with its unit: ``roads.0: pole spacing (m)``."""
         section, _, field = self.vary.rpartition(".")
         unit = unit_in(field)
-        words = field.removesuffix(unit_suffix(unit)).replace("_", " ") if unit else field.replace("_", " ")
-        return f"{section}: " * bool(section) + words + f" ({unit})" * bool(unit)
+        title = field.removesuffix(unit_suffix(unit)).replace("_", " ") if unit else field.replace("_", " ")
+        return f"{section}: " * bool(section) + title + f" ({unit})" * bool(unit)
 
     @property
     def criteria(self) -> Criteria:
@@ -125,14 +125,14 @@ class Sweep(StageResult):
         for name, with_all in ({} if common is None else common.by_led).items():
             if name not in rows:
                 continue
-            own = rows[name]
-            lost = 1.0 - with_all.efficiency.value / own.efficiency.value
-            more = with_all.nmse.value / own.nmse.value
+            row = rows[name]
+            lost = 1.0 - with_all.efficiency.value / row.efficiency.value
+            more = with_all.nmse.value / row.nmse.value
             facts = (
-                Fact.share("own_efficiency", "Efficiency, own lens", own.efficiency),
+                Fact.share("own_efficiency", "Efficiency, own lens", row.efficiency),
                 Fact.share("efficiency", "With one for all", with_all.efficiency),
                 Fact("lost", "Lost", 100.0 * lost, "%", digits=2),
-                Fact.measured("own_nmse", "NMSE, own lens", own.nmse),
+                Fact.measured("own_nmse", "NMSE, own lens", row.nmse),
                 Fact.measured("nmse", "NMSE with one for all", with_all.nmse),
                 Fact("more", "Ratio", more, digits=3),
             )
@@ -230,11 +230,11 @@ def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Varia
 
 
 def _row(variant: Variant, kinds: Sequence[Results]) -> SweepRow:
-    first, *others = kinds
+    first, *further = kinds
     light = first.light
     design = first.design
-    own = [criterion for _, criterion in first.criteria()]
-    others_own = [under(merit.lens.kind, criterion) for merit in others for _, criterion in merit.criteria()]
+    criteria = [criterion for _, criterion in first.criteria()]
+    others_own = [under(merit.lens.kind, criterion) for merit in further for _, criterion in merit.criteria()]
     return SweepRow(
         value=variant.value,
         folder=variant.spec.name,
@@ -245,7 +245,7 @@ def _row(variant: Variant, kinds: Sequence[Results]) -> SweepRow:
         steps=design.steps,
         seconds=design.seconds,
         constraints=design.constraints,
-        criteria=(*own, *others_own),
-        cutting=first.verdict.with_parts({other.lens.kind: other.verdict for other in others}).cutting,
+        criteria=(*criteria, *others_own),
+        cutting=first.verdict.with_parts({design.lens.kind: design.verdict for design in further}).cutting,
         by_led=LightMetrics.of_leds(light),
     )

@@ -55,7 +55,11 @@ class Row:
         limit = entry_at(spec, self.limit.format_map(words)) if self.limit else None
         if limit is None and self.limit:
             return replace(fact, sense=self.sense)
-        why = [each.note for each in judged if each.key == self.by and each.value is None and each.state == "fail"]
+        why = [
+            criterion.note
+            for criterion in judged
+            if criterion.key == self.by and criterion.value is None and criterion.state == "fail"
+        ]
         state = state_of(judged, self.by)  # for another reason than this value where the judgement has none
         return replace(fact, sense=self.sense, limit=limit, state=state, note="; ".join(filter(None, [note, *why])))
 

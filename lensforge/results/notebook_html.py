@@ -100,7 +100,7 @@ class Shown(_Metaclass):
     def __dir__(cls) -> list[str]:  # noqa: N805
         of_all = frozenset(dir(BaseModel))
         members = (item for base in cls.__mro__ for item in vars(base).items() if item[0] not in of_all)
-        return [name for name, each in members if isinstance(each, _MEMBERS) and not _MACHINERY.fullmatch(name)]
+        return [name for name, member in members if isinstance(member, _MEMBERS) and not _MACHINERY.fullmatch(name)]
 
 
 def section_html(title: str, outline: Float[np.ndarray, "n 2"], facts: Mapping[str, str]) -> str:

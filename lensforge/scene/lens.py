@@ -134,10 +134,10 @@ class Lens:
     @property
     def of_own_lamps(self) -> "Lens":
         """This lens with those lamps alone that have it: itself, where all have."""
-        own = next((kind for kind in self.spec.all_lamps.kinds if kind.name == self.kind), None)
-        if own is None or self.spec.lamps is None:
+        kind = next((kind for kind in self.spec.all_lamps.kinds if kind.name == self.kind), None)
+        if kind is None or self.spec.lamps is None:
             return self
-        apart = {"lamps": self.spec.lamps.of_numbers(own.numbers), "plate": None, "base": self.spec.base_made}
+        apart = {"lamps": self.spec.lamps.of_numbers(kind.numbers), "plate": None, "base": self.spec.base_made}
         return replace(self, spec=self.spec.changed(**apart), others={})
 
     @cached_property
@@ -194,9 +194,9 @@ class Lens:
     @property
     def symmetry(self) -> str:
         """Largest mirror group of all surfaces and of the bodies behind them, a name of ``surfaces.mirror_group``."""
-        own = [surface.symmetry for surface in self.surfaces.values()]
+        symmetries = [surface.symmetry for surface in self.surfaces.values()]
         bodies = self.media.bodies
-        return shared_symmetry(own, lambda name: all(has_mirrors(body, name) for body in bodies))
+        return shared_symmetry(symmetries, lambda name: all(has_mirrors(body, name) for body in bodies))
 
     def to_json(self) -> dict[str, JsonValue]:
         """Content of ``lens.json``, all digits of every weight."""
@@ -293,13 +293,13 @@ def _lens_in(file: bytes, path: Path) -> Lens:
         raise InputError(f'{path}: spec.lens.levels = "auto", must be the numbers of its lens; {_REMEDY}')
     try:
         surfaces = _faces_in(record.faces, spec)
-        others = {k: _faces_in(faces, spec) for k, faces in record.others.items()}
-        _require_kinds(spec, surfaces, others)
+        further = {k: _faces_in(faces, spec) for k, faces in record.others.items()}
+        _require_kinds(spec, surfaces, further)
     except InputError as error:
         raise InputError(f"{path}: {error}; {_REMEDY}") from None
     if hashed is not None:
         require_checksum(hashed, path, _REMEDY)
-    return Lens(surfaces, spec, record.seed, record.accuracy, record.version, others)
+    return Lens(surfaces, spec, record.seed, record.accuracy, record.version, further)
 
 
 def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surface]:
@@ -309,12 +309,12 @@ def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surf
     return surfaces
 
 
-def _require_kinds(spec: Spec, own: Mapping[str, Surface], others: Mapping[str, Mapping[str, Surface]]) -> None:
+def _require_kinds(spec: Spec, first: Mapping[str, Surface], further: Mapping[str, Mapping[str, Surface]]) -> None:
     names = {kind.name for kind in spec.all_lamps.kinds}
-    if not (set(others) <= names and len(others) == max(0, len(names) - 1)):
-        raise InputError(f"others: lenses {sorted(others)}, must be all but one of the kinds {sorted(names)}")
-    if any(list(faces) != list(own) for faces in others.values()):
-        raise InputError(f"others: the lens of each kind must have the faces {', '.join(own)}")
+    if not (set(further) <= names and len(further) == max(0, len(names) - 1)):
+        raise InputError(f"others: lenses {sorted(further)}, must be all but one of the kinds {sorted(names)}")
+    if any(list(faces) != list(first) for faces in further.values()):
+        raise InputError(f"others: the lens of each kind must have the faces {', '.join(first)}")
 
 
 def _require_size(name: str, surface: Surface, most_mm: float) -> None:

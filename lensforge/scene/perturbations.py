@@ -44,8 +44,8 @@ def orthonormal(factor: Factor, values: Float[np.ndarray, "*n"], degree: int) ->
     nodes, weights = _quadrature(factor)
     _, triangle = np.linalg.qr(np.vander(nodes, degree + 1, increasing=True) * np.sqrt(weights)[:, None])
     powers = values[..., None] ** np.arange(degree + 1)
-    found: Float[np.ndarray, "*n d"] = np.linalg.solve(triangle.T, powers.reshape(-1, degree + 1).T).T
-    return found.reshape(*values.shape, degree + 1)[..., 1:]
+    polynomials: Float[np.ndarray, "*n d"] = np.linalg.solve(triangle.T, powers.reshape(-1, degree + 1).T).T
+    return polynomials.reshape(*values.shape, degree + 1)[..., 1:]
 
 
 def _quadrature(factor: Factor) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:

@@ -170,7 +170,7 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     """The receivers of ``spec``, with ``pixels`` along the longer side of each."""
     built = [build_receiver(section, pixels) for section in spec.all_receivers]
     if not spec.all_lamps.is_single:
-        built = [with_all_lamps(each, spec.all_lamps) for each in built]
+        built = [with_all_lamps(receiver, spec.all_lamps) for receiver in built]
     side = spec.evaluate.window_mm
     if side is not None and spec.target is not None:
         built = [replace(built[0], window=Window(side, side))]

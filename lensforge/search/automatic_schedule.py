@@ -261,7 +261,9 @@ def preset_for(spec: Spec, accuracy: AnyAccuracy, *, preview: bool = False) -> P
     """Settings of a search for ``spec``; one of the table takes rays enough for limits that read places."""
     preset = preset_of(accuracy)
     read = (limit for limit in spec.limits if not isinstance(limit, LossLimit | LuminanceLimit))
-    if isinstance(accuracy, str) and (spec.roads or {kind for each in read for kind in each.quantities()} - {"share"}):
+    if isinstance(accuracy, str) and (
+        spec.roads or {kind for limit in read for kind in limit.quantities()} - {"share"}
+    ):
         preset = for_places(preset, spec.optimise.pixels)
     return for_preview(preset) if preview else preset
 

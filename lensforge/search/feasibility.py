@@ -60,28 +60,28 @@ def _measured(lens: Lens, directions: int) -> dict[Limit, float]:
 
     constraints = constraints_of(lens.spec)
     points, exact = _exact_radii(lens, directions)
-    found: dict[Limit, float] = {}
+    least: dict[Limit, float] = {}
     for constraint in constraints:
         if constraint.kind == WALL:
             wall = thinnest_of(lens)
-            found[constraint] = wall.thickness_mm - constraint.given
+            least[constraint] = wall.thickness_mm - constraint.given
         elif constraint.kind == EDGE:
             edges = (edge for side in lens_boundaries(lens) for edge in sharpest_edges(side))
-            found[constraint] = (
+            least[constraint] = (
                 min(edge.angle_deg for edge in edges if set(edge.faces) <= set(constraint.names)) - constraint.given
             )
         elif constraint.kind == FLANGE_ROOM:
             low, high = flange_heights_mm(lens_boundaries(lens)[1])
-            found[constraint] = high - low - constraint.given
+            least[constraint] = high - low - constraint.given
         elif not constraint.derivatives:
-            found[constraint] = float(constraint.of(exact, points).min())
-    of_shape = [constraint for constraint in constraints if constraint not in found]
+            least[constraint] = float(constraint.of(exact, points).min())
+    of_shape = [constraint for constraint in constraints if constraint not in least]
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
         tables = {name: torch.from_numpy(tabulate(grid, surface)) for name, surface in lens.surfaces.items()}
         everywhere = ChartOperator.of(grid, constraint_points(grid, lens.symmetry), derivatives=True)
-        found |= {each: _least(each, grid, everywhere, tables) for each in of_shape}
-    return found
+        least |= {limit: _least(limit, grid, everywhere, tables) for limit in of_shape}
+    return least
 
 
 def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, dict[str, RadiusJet]]:
@@ -135,7 +135,7 @@ def feasible_lens(
         if not missed:
             break
         seen = constraints.least(constraints.fields(parametrisation.tables(*parameters)))
-        stricter |= {each.key: seen[each.key] - margins.at(each) for each in missed}
+        stricter |= {limit.key: seen[limit.key] - margins.at(limit) for limit in missed}
     return min(tried, key=itemgetter(0))[1]
 
 
@@ -180,8 +180,8 @@ def require_feasible_start(problems: Iterable[Problem]) -> None:
     least = constraints.least(constraints.fields(parametrisation.tables(weights + moved[1:], offsets + moved[0])))
     given = ", ".join(f"{name} = {value}" for name, value in _given(spec).items())
     missed = [constraint for constraint in constraints.constraints if least[constraint.key] < -constraint.tolerance]
-    words = "; ".join(f"{each.name} {least[each.key]:.3g} {each.unit}: {each.remedy}" for each in missed)
-    raise InputError(f"constraints: no lens meets all of {given}; the closest has {words}")
+    missed_limits = "; ".join(f"{limit.name} {least[limit.key]:.3g} {limit.unit}: {limit.remedy}" for limit in missed)
+    raise InputError(f"constraints: no lens meets all of {given}; the closest has {missed_limits}")
 
 
 def _given(spec: Spec) -> dict[str, str]:
@@ -189,8 +189,8 @@ def _given(spec: Spec) -> dict[str, str]:
     limits = spec.constraints
     values = limits.model_dump(exclude_none=True, exclude={"keep_out_margin_mm"} if limits.keep_out is None else None)
     for name, face in spec.lens.faces.items():
-        own = face.model_dump(exclude_none=True, include={"concave_radius_mm", "draft_deg"})
-        values |= {f"lens.{name}.{field}": value for field, value in own.items()}
+        fields = face.model_dump(exclude_none=True, include={"concave_radius_mm", "draft_deg"})
+        values |= {f"lens.{name}.{field}": value for field, value in fields.items()}
     return {name: f"{value:g}" if isinstance(value, float) else str(value) for name, value in values.items()}
 
 

@@ -53,7 +53,7 @@ class Adam:
         self.steps = steps
         self._betas = betas
         self._least_gradient = least_gradient
-        fresh = (torch.zeros_like(each).detach() for each in (weights, weights, offsets, offsets))
+        fresh = (torch.zeros_like(parameter).detach() for parameter in (weights, weights, offsets, offsets))
         self._moments = Moments(*(fresh if moments is None else (moment.clone() for moment in moments)))
 
     @property
@@ -254,11 +254,11 @@ class _Past:
         steps = self.steps_of_moments + head.step
         if head.steps_of_moments != steps:
             raise ValueError(f"steps_of_moments = {head.steps_of_moments}, must be {steps}")
-        found = tuple((own.level, own.functions, len(own.loss)) for own in head.history)
-        if found != _with_steps(self.steps, self.last, head.step):
+        stages = tuple((level.level, level.functions, len(level.loss)) for level in head.history)
+        if stages != _with_steps(self.steps, self.last, head.step):
             raise ValueError("its history is not that of its stages")
         for level in head.history:
-            counts = {len(each) for each in (level.loss, level.nmse, level.efficiency, *level.constraints.values())}
+            counts = {len(series) for series in (level.loss, level.nmse, level.efficiency, *level.constraints.values())}
             if len(counts) != 1 or set(level.constraints) != set(constraints.keys):
                 raise ValueError(f"the history of level {level.level} lacks values, or has other constraints")
 

@@ -89,12 +89,12 @@ class BodySection(OfMaterial):
 
     @check
     def _has_one_index(self) -> None:
-        own = self.optical_data is not None
-        if own and (self.refractive_index is not None or self.abbe_number is not None):
+        has_data = self.optical_data is not None
+        if has_data and (self.refractive_index is not None or self.abbe_number is not None):
             raise ValueError("refractive_index, abbe_number: the optical_data have their own; leave them out")
         if self.abbe_number is not None and self.refractive_index is None:
             raise ValueError("abbe_number needs refractive_index, the n_d of the same material")
-        if not own and self.refractive_index is None and self.material not in MATERIALS:
+        if not has_data and self.refractive_index is None and self.material not in MATERIALS:
             given = "missing" if self.material is None else f"{self.material!r} is unknown"
             raise ValueError(f"material: {given}; one of {', '.join(MATERIALS)}, or give refractive_index")
         material = self._material
@@ -185,8 +185,8 @@ def require_bodies(sections: Sequence[BodySection], lens: LensShape, limits: Con
     with fault_of("bodies"):
         bodies = media_with(sections, lens).bodies
     _require_within(bodies[0], _largest_lens(lens, limits), "the lens", "lower constraints.max_radius_mm")
-    for one, other in pairwise(bodies):
-        _require_within(other, outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
+    for one, next_body in pairwise(bodies):
+        _require_within(next_body, outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
     for body in bodies:
         _require_before_glass(body, lens)
         _require_beside_others(body, lamps)
@@ -214,14 +214,15 @@ def _require_beside_others(body: SecondaryOptic, lamps: Lamps) -> None:
         )
 
 
-def _require_within(body: SecondaryOptic, points: _Points, what: str, remedy: str) -> None:
+def _require_within(body: SecondaryOptic, points: _Points, object_name: str, remedy: str) -> None:
     """Raise ``ValueError`` where a point beyond the plane in which the body ends lies out of its cavity."""
     depth = depths(body, points, inner=True)
     worst = int(np.argmin(depth))
     if depth[worst] < 0.0:
         x, y, z = points[worst]
         raise ValueError(
-            f"body {body.name!r}: {what} may reach {-depth[worst]:.3g} mm out of its cavity, at ({x:.3g}, {y:.3g}, "
+            f"body {body.name!r}: {object_name} may reach {-depth[worst]:.3g} mm out of its cavity, "
+            f"at ({x:.3g}, {y:.3g}, "
             f"{z:.3g}) mm; make it larger, move it, or {remedy}"
         )
 

@@ -43,7 +43,7 @@ _Wavelength = Annotated[float, Field(ge=_LIGHT_NM[0], le=_LIGHT_NM[1])]
 def _as_rows(value: Any) -> Any:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [[value]]
-    if isinstance(value, list | tuple) and value and not any(isinstance(each, list | tuple) for each in value):
+    if isinstance(value, list | tuple) and value and not any(isinstance(row, list | tuple) for row in value):
         return [value]
     return value
 
@@ -76,8 +76,8 @@ class LayerSection(Section):
     @property
     def title(self) -> str:
         """Its index or material, and its thickness."""
-        what = self.material or f"n = {self.refractive_index:g}"
-        return f"{what}, {self.thickness_nm:g} nm"
+        material = self.material or f"n = {self.refractive_index:g}"
+        return f"{material}, {self.thickness_nm:g} nm"
 
     @property
     def dispersion(self) -> Material | None:

@@ -150,8 +150,8 @@ class Spec(Section):
     def _sources_are_told_apart(self) -> None:
         if not self.sources:
             return
-        if (words := alike(source.name for source in self.sources)) is not None:
-            raise ValueError(f"sources: {words}; give each its own")
+        if (duplicate := alike(source.name for source in self.sources)) is not None:
+            raise ValueError(f"sources: {duplicate}; give each its own")
         if self.source != self.sources[0].source:
             raise ValueError("source and sources: both are given; give the one LED, or all of them as sources")
 
@@ -235,7 +235,7 @@ class Spec(Section):
         missing = " and ".join(f"constraints.{name}" for name in self.constraints.missing)
         if not missing:
             return
-        kind = next(each.kind for each in self.each_source if each.extent_mm is None)
+        kind = next(source.kind for source in self.each_source if source.extent_mm is None)
         needed = f"{missing}: missing: room for the LED, which a source of kind {kind!r} does not state; give it"
         raise ValueError(f"{needed} (`lensforge new` measures it in a ray file)")
 
@@ -291,8 +291,8 @@ class Spec(Section):
             lenses = self.photometry.lenses
             receivers = self.all_receivers
             require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
-            others = {"sources": bool(self.sources), "optimise.robust": bool(self.optimise.robust)}
-            require_kinds(self.lamps, receivers, others, self.limits)
+            unfit = {"sources": bool(self.sources), "optimise.robust": bool(self.optimise.robust)}
+            require_kinds(self.lamps, receivers, unfit, self.limits)
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
 
@@ -332,13 +332,13 @@ class Spec(Section):
         """All tolerances: ``[tolerances]``, and those of the faces."""
         return PartTolerances.of(self.tolerances, self.lens.faces, self.lens.roles)
 
-    def with_tolerances(self, other: PartTolerances) -> "Spec":
-        """The spec with the tolerances of ``other``. Raises :class:`InputError` for those of another lens's faces."""
-        given = PartTolerances.of(other, other.faces, self.lens.roles)
+    def with_tolerances(self, tolerances: PartTolerances) -> "Spec":
+        """The spec with these ``tolerances``. Raises :class:`InputError` for those of another lens's faces."""
+        given = PartTolerances.of(tolerances, tolerances.faces, self.lens.roles)
         none = FaceTolerances()
         faces = {name: face.with_tolerances(given.faces.get(name, none)) for name, face in self.lens.faces.items()}
-        own = TolerancesSection(**given.model_dump(exclude_unset=True, exclude={"faces"}))
-        return self.changed(lens=self.lens.changed(**faces), tolerances=own)
+        section = TolerancesSection(**given.model_dump(exclude_unset=True, exclude={"faces"}))
+        return self.changed(lens=self.lens.changed(**faces), tolerances=section)
 
     def is_cut(self, face: str) -> bool:
         """True for a face that is designed for the cutter of ``[manufacture]``: the base gives it room there.

@@ -65,11 +65,11 @@ class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stand
     the search keeps, and tolerances.
     """
 
-    def with_tolerances(self, other: FaceTolerances) -> "FaceSection":
-        """The face with the tolerances of ``other`` in place of its own."""
-        own = self.changed(**{name: getattr(other, name) for name in FaceTolerances.model_fields})
-        own.model_fields_set.difference_update(FaceTolerances.model_fields.keys() - other.model_fields_set)
-        return own
+    def with_tolerances(self, tolerances: FaceTolerances) -> "FaceSection":
+        """The face with the tolerances of ``tolerances`` in place of its own."""
+        face = self.changed(**{name: getattr(tolerances, name) for name in FaceTolerances.model_fields})
+        face.model_fields_set.difference_update(FaceTolerances.model_fields.keys() - tolerances.model_fields_set)
+        return face
 
 
 @public

@@ -124,13 +124,13 @@ class Lamps:
         return all(self._is_mirrored(kind, group) for kind in self.kinds or (LampKind("", tuple(range(len(self)))),))
 
     def _is_mirrored(self, kind: LampKind, group: str) -> bool:
-        own = self.of_kind(kind).lamps
-        places = np.array([lamp.place_mm for lamp in own])
-        axes = np.array([lamp.axis for lamp in own])
-        as_it_is = self._as_rows(places, axes, [lamp.turn_deg for lamp in own])
+        lamps = self.of_kind(kind).lamps
+        places = np.array([lamp.place_mm for lamp in lamps])
+        axes = np.array([lamp.axis for lamp in lamps])
+        as_it_is = self._as_rows(places, axes, [lamp.turn_deg for lamp in lamps])
         for mirror in generators(group):
             axis_deg = 0.5 * degrees(atan2(mirror[1, 0], mirror[0, 0]))
-            turns = [kind.mirrored_deg(lamp.turn_deg, axis_deg) for lamp in own]
+            turns = [kind.mirrored_deg(lamp.turn_deg, axis_deg) for lamp in lamps]
             if not np.array_equal(self._as_rows(places @ mirror.T, axes @ mirror.T, turns), as_it_is):
                 return False
         return True
@@ -203,9 +203,9 @@ class LampsSection(Section):
         return TableLamps(places_mm=places, aims_mm=aims, turns_deg=tuple(np.subtract(turns, sides).tolist()))
 
 
-def _by_place(places: Sequence[Place], found: Sequence[KindOfPlace]) -> Lamps:
+def _by_place(places: Sequence[Place], kinds_of_places: Sequence[KindOfPlace]) -> Lamps:
     """Lamps whose lenses differ by place. Raises ``ValueError`` where all places are of one kind."""
-    names, turns, mirrors = (tuple(each) for each in zip(*found, strict=True))
+    names, turns, mirrors = (tuple(values) for values in zip(*kinds_of_places, strict=True))
     if len(set(names)) == 1:
         raise ValueError(f'kinds = "place": all {len(places)} lamps are of the kind {names[0]!r}; leave it out')
     return replace(Lamps.level(places, turns), kinds=kinds_of(places, names, mirrors))
@@ -244,7 +244,7 @@ class GridLamps(LampsWithRim):
         across, up = _pair(self.pitch_mm)
         x = [across * (number - 0.5 * (self.columns - 1)) for number in range(self.columns)]
         y = [up * (number - 0.5 * (self.rows - 1)) for number in range(self.rows)]
-        places = [(each, other) for other in y for each in x]
+        places = [(column_x, row_y) for row_y in y for column_x in x]
         if self.kinds == "one":
             return Lamps.level(places)
         size = self.columns, self.rows
@@ -338,9 +338,9 @@ class TableLamps(LampsSection):
             ("aims_mm", self.aims_mm, "points"),
             ("kinds", self.kinds, "names"),
         )
-        for field, given, words in lists:
+        for field, given, description in lists:
             if given and len(given) != len(self.places_mm):
-                raise ValueError(f"{field} has {len(given)} {words}, places_mm {len(self.places_mm)} places")
+                raise ValueError(f"{field} has {len(given)} {description}, places_mm {len(self.places_mm)} places")
         for number, (aim, place) in enumerate(zip(self.aims_mm, self.places_mm, strict=False)):
             if aim == (*place, 0.0)[:3]:
                 raise ValueError(f"aims_mm.{number} = {aim}: is the place of the lamp; give a point that it shines at")

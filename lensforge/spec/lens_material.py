@@ -204,7 +204,7 @@ _PUBLISHED = {  # densities by source: grades of one plastic differ by 2 %, of s
     "SCHOTT data sheet": {"N-BK7": 2.51, "B270": 2.56, "borosilicate 3.3": 2.23},
     "Corning HPFS 7980 data sheet": {"fused silica": 2.2},
 }
-DENSITIES = {name: Density(each, source) for source, table in _PUBLISHED.items() for name, each in table.items()}
+DENSITIES = {name: Density(density, source) for source, table in _PUBLISHED.items() for name, density in table.items()}
 
 # Wavelengths of any light.
 _SHORTEST_NM = 1.0
@@ -304,12 +304,12 @@ class LensMaterial(OfMaterial, FacesSection):
     @check
     def _one_source_of_the_change_with_temperature(self) -> None:
         known = UNKNOWN if self.dispersion is None else self.dispersion.temperature
-        for name, own in (
+        for name, value in (
             ("index_per_k", known.knows_index),
             ("reference_temperature_c", known.knows_index),
             ("expansion_per_k", known.expansion_per_k is not None),
         ):
-            if own and getattr(self, name) is not None:
+            if value and getattr(self, name) is not None:
                 raise ValueError(f"{name}: {self.material} has its own; leave it out, or name the material otherwise")
 
     @property

@@ -287,7 +287,7 @@ class LuminanceLimit(LimitSection):
         """Words for each eye, and its place (mm), or its direction (degrees)."""
         unit = "°" if self.eyes_mm is None else "mm"
         for eye in self.eyes_mm or self.eyes_deg or self._ring():
-            yield f"({', '.join(f'{each:g}' for each in eye)}) {unit}".replace(" °", "°"), eye
+            yield f"({', '.join(f'{coordinate:g}' for coordinate in eye)}) {unit}".replace(" °", "°"), eye
 
     def _ring(self) -> Iterator[tuple[float, float]]:
         """Directions (degrees) all around, about as far apart as angles from the axis: multiples of eight of each."""
@@ -301,7 +301,7 @@ class LuminanceLimit(LimitSection):
 
     def eye_labels(self, number: int) -> list[str]:
         """Name with the place of each eye."""
-        return [f"{self.name or f'limits.{number}'}, seen from {words}" for words, _ in self.eyes()]
+        return [f"{self.name or f'limits.{number}'}, seen from {place}" for place, _ in self.eyes()]
 
     def labels(self, number: int) -> list[str]:
         """Name with the place of each eye, or with the angle of a ring of them."""
@@ -311,7 +311,7 @@ class LuminanceLimit(LimitSection):
 
     @check
     def _is_seen(self) -> None:
-        if sum(each is not None for each in (self.eyes_mm, self.eyes_deg, self.from_deg)) != 1:
+        if sum(eyes is not None for eyes in (self.eyes_mm, self.eyes_deg, self.from_deg)) != 1:
             raise ValueError(
                 "give one of eyes_mm, places (x, y, z), eyes_deg, directions (x, y) of eyes far away, and from_deg, "
                 "the angle from which on they look from all around"
@@ -407,7 +407,7 @@ def require_limits_fit(
     for number, limit in enumerate(limits):
         name = limit.receiver or next(iter(by_name))
         if name not in by_name:
-            known = ", ".join(str(each) for each in by_name)
+            known = ", ".join(str(name) for name in by_name)
             raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
         if isinstance(limit, LuminanceLimit):
             continue

@@ -135,10 +135,10 @@ class BaseSection(Section):
         for width, length in (("pocket_diameter_mm", "pocket_depth_mm"), ("flange_diameter_mm", "flange_height_mm")):
             if getattr(self, width) is None and self._given(length):
                 raise ValueError(f"{length} = {getattr(self, length):g} goes with {width}; give both, or neither")
-        for kind, other, width in (("cylinder", "square", "side_mm"), ("square", "cylinder", "diameter_mm")):
+        for kind, other_kind, width in (("cylinder", "square", "side_mm"), ("square", "cylinder", "diameter_mm")):
             if self.kind == kind and self._given(width):
                 stated = f"{width} = {getattr(self, width):g}"
-                raise ValueError(f'{stated} goes with kind = "{other}", not "{kind}"; leave it out')
+                raise ValueError(f'{stated} goes with kind = "{other_kind}", not "{kind}"; leave it out')
 
     def _given(self, *names: str) -> list[str]:
         return [name for name in names if getattr(self, name) != type(self).model_fields[name].default]

@@ -83,8 +83,8 @@ class DrawnOutline(Section):
     @property
     def circles(self) -> tuple[tuple[Place, float], ...]:
         """Centres (mm) and radii (mm) of the round openings."""
-        found = map(circle_of, self.loops_mm[1:])
-        return tuple(circle for circle in found if circle is not None)
+        circles = map(circle_of, self.loops_mm[1:])
+        return tuple(circle for circle in circles if circle is not None)
 
     @property
     def slots(self) -> tuple[Loop, ...]:
@@ -271,9 +271,9 @@ class PlateSection(Section):
     @property
     def marks(self) -> tuple[tuple[str, PlateMark], ...]:
         """Holes, pins and bosses, each with its name in the spec."""
-        own: dict[str, tuple[PlateMark, ...]] = {"holes": self.holes, "pins": self.pins, "bosses": self.bosses}
+        marks: dict[str, tuple[PlateMark, ...]] = {"holes": self.holes, "pins": self.pins, "bosses": self.bosses}
         drawn = ((f"hole {number} of plate.outline", hole) for number, hole in enumerate(self._drawn_holes, 1))
-        return *drawn, *((f"plate.{kind}.{number}", each) for kind in own for number, each in enumerate(own[kind]))
+        return *drawn, *((f"plate.{kind}.{number}", mark) for kind in marks for number, mark in enumerate(marks[kind]))
 
     @property
     def _drawn_holes(self) -> tuple[PlateHole, ...]:
@@ -339,8 +339,8 @@ def require_plate(plate: PlateSection, lamps: LampsSection | None, limits: Const
     """
     endless = isinstance(lamps, EndlessLamps)
     if endless != (plate.columns is not None):
-        words = "an infinite lattice needs them" if endless else 'they go with lamps of kind = "endless"'
-        raise ValueError(f"plate.columns and plate.rows: {words}; {'give both' if endless else 'leave them out'}")
+        reason = "an infinite lattice needs them" if endless else 'they go with lamps of kind = "endless"'
+        raise ValueError(f"plate.columns and plate.rows: {reason}; {'give both' if endless else 'leave them out'}")
     lenses = plate.lenses(lamps)
     lens_mm = limits.max_radius_mm
     if lenses.posed:
@@ -381,16 +381,18 @@ def _require_clear(plate: PlateSection, size: tuple[float, float], lenses: Lamps
     """Raise ``ValueError`` for a hole or a pin across the edge, another one, a lens, or a cavity."""
     for number, (name, mark) in enumerate(plate.marks):
         beside = isinstance(mark, PlateHole | PlateBoss)  # a boss is so thick that the face above it would sink
-        around, what = (limits.max_radius_mm, "a lens") if beside else (limits.cavity_radius_mm, "a cavity")
+        around, neighbour = (limits.max_radius_mm, "a lens") if beside else (limits.cavity_radius_mm, "a cavity")
         stated = f"{name}: a diameter of {mark.diameter_mm:g} mm at ({mark.place_mm[0]:g}, {mark.place_mm[1]:g}) mm"
         if plate.to_edge_mm(mark.place_mm, size) <= mark.radius_mm:
             raise ValueError(f"{stated} crosses the edge of the plate; move it inwards, or make the plate larger")
         away = min(mark.away_mm(place) for place in lenses.places_mm)
         if away <= mark.radius_mm + around:
-            raise ValueError(f"{stated} meets {what} of {around:g} mm radius, {away:.4g} mm away; move it between them")
-        for other, one in plate.marks[:number]:
-            if mark.away_mm(one.place_mm) <= mark.radius_mm + one.radius_mm:
-                raise ValueError(f"{stated} meets {other}; move one of the two")
+            raise ValueError(
+                f"{stated} meets {neighbour} of {around:g} mm radius, {away:.4g} mm away; move it between them"
+            )
+        for mark_name, mark_before in plate.marks[:number]:
+            if mark.away_mm(mark_before.place_mm) <= mark.radius_mm + mark_before.radius_mm:
+                raise ValueError(f"{stated} meets {mark_name}; move one of the two")
 
 
 def _require_gate(
@@ -403,8 +405,8 @@ def _require_gate(
         raise ValueError(f"plate.gate.place_mm = ({x:g}, {y:g}): {off:.4g} mm inside the outline; move it onto that")
     near = [(hypot(at[0] - x, at[1] - y) - lens_mm, "a lens") for at in lenses.places_mm]
     near += [(mark.away_mm(gate.place_mm) - mark.radius_mm, name) for name, mark in plate.marks]
-    away, what = min(near)
+    away, neighbour = min(near)
     if away < gate.clear_mm:
         raise ValueError(
-            f"plate.gate: {away:.4g} mm from {what}, but clear_mm = {gate.clear_mm:g}; move it along the edge"
+            f"plate.gate: {away:.4g} mm from {neighbour}, but clear_mm = {gate.clear_mm:g}; move it along the edge"
         )

@@ -159,12 +159,14 @@ def require_target_fits(receiver: ReceiverSection, endless: bool) -> None:
         turn = rect(1.0 - _SAME, radians(target.rotation_deg))
         for place in () if endless else target.outline:
             at = complex(*target.centre) + place * turn
-            what = f"target: {target.description}: its edge at"
-            require_on(what, (at.real, at.imag), unit, receiver.extent, "the receiver")
+            subject = f"target: {target.description}: its edge at"
+            require_on(subject, (at.real, at.imag), unit, receiver.extent, "the receiver")
 
 
-def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str) -> None:
-    """Raise ``ValueError`` for a place off a receiver, whose ``extent`` is in the same unit; ``what``: its words."""
+def require_on(
+    subject: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str
+) -> None:
+    """Raise ``ValueError`` for a place off a receiver, whose ``extent`` is in the same unit; ``subject``: its words."""
     (x, y) = place
     half_width = 0.5 * extent[0]
     half_height = 0.5 * extent[1]
@@ -172,7 +174,7 @@ def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[
     if off:
         reach = f"{half_width:g} deg" if unit == "deg" else f"{half_width:g} in x and {half_height:g} in y"
         raise ValueError(
-            f"{what} ({x:g}, {y:g}) is off {receiver}, which reaches {reach}; move it, or make {receiver} larger"
+            f"{subject} ({x:g}, {y:g}) is off {receiver}, which reaches {reach}; move it, or make {receiver} larger"
         )
 
 
@@ -188,12 +190,12 @@ def named(receivers: tuple[ReceiverSection, ...]) -> tuple[ReceiverSection, ...]
     with_names: list[ReceiverSection] = []
     for receiver in receivers:
         for target in receiver.targets:
-            own = next((name for name in OF_RECEIVER if getattr(target, name) is not None), None)
-            if own is not None:
-                words = "a target in [[receivers]] lies on that receiver; leave it out"
-                raise ValueError(f"receivers.targets.{own}: {words}")
-        alike = [each for each in receivers if each.kind == receiver.kind]
-        number = next(k for k, each in enumerate(alike, start=1) if each is receiver)
+            field = next((name for name in OF_RECEIVER if getattr(target, name) is not None), None)
+            if field is not None:
+                advice = "a target in [[receivers]] lies on that receiver; leave it out"
+                raise ValueError(f"receivers.targets.{field}: {advice}")
+        alike = [candidate for candidate in receivers if candidate.kind == receiver.kind]
+        number = next(k for k, candidate in enumerate(alike, start=1) if candidate is receiver)
         name = receiver.name or (receiver.kind if len(alike) == 1 else f"{receiver.kind}_{number}")
         if any(name == receiver.name for receiver in with_names):
             raise ValueError(f"receivers: two are called {name!r}; give each a name of its own")

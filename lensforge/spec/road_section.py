@@ -317,10 +317,10 @@ def require_all_below(roads: Sequence[RoadSection], receivers: Sequence[Receiver
     """Raise ``ValueError`` for roads without a far field that has all light below a lamp."""
     far = next((receiver for receiver in receivers if isinstance(receiver, FarFieldReceiver)), None)
     if roads and (far is None or far.half_angle_deg < _ALL_BELOW):
-        found = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
+        far_fields = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
         raise ValueError(
             f"roads: their far lamps and their glare are light at up to {_ALL_BELOW:g} degrees from the axis, on a "
-            f"receiver of kind far_field; {found}; give it half_angle_deg = {_ALL_BELOW:g}"
+            f"receiver of kind far_field; {far_fields}; give it half_angle_deg = {_ALL_BELOW:g}"
         )
 
 
@@ -350,7 +350,7 @@ def road_warnings(
         return
     height = max(heights)
     away = [1e-3 * plane.distance_mm for plane in planes]
-    if all(abs(each / height - 1.0) > _SAME for each in away):
+    if all(abs(distance / height - 1.0) > _SAME for distance in away):
         yield (
             f"receivers: {planes[0].name} lies {away[0]:g} m below the lamps, pole_height_m of roads is {height:g}; "
             f"give it centre_mm with z = {1e3 * height:g}, unless another plane is meant"

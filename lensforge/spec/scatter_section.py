@@ -38,14 +38,14 @@ class GaussianScatter(Section):
     def model(self, turn: FacetTurn) -> GaussianFacets:
         """Facets whose rms slope turns light by that angle."""
         sigma = radians(self.sigma_deg)
-        found = gaussian(sigma, turn) if sigma < turn.most_rad else None
-        back = 1.0 if found is None else _turned_back(found.slope, turn)
-        if found is None or back > _MOST_BACK:
+        facets = gaussian(sigma, turn) if sigma < turn.most_rad else None
+        back = 1.0 if facets is None else _turned_back(facets.slope, turn)
+        if facets is None or back > _MOST_BACK:
             raise ValueError(
                 f"sigma_deg = {self.sigma_deg:g}: {100.0 * back:.0f} % of the light along the normal would be turned "
                 "back; take a smaller angle, on both faces if need be"
             )
-        return found
+        return facets
 
 
 def _turned_back(slope: float, turn: FacetTurn) -> float:

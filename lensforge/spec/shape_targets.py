@@ -175,7 +175,7 @@ class PolygonTarget(ShapeTarget):
     def _has_an_area(self) -> None:
         if len(self.corners) < 3:
             raise ValueError(f"corners_{self.unit}: {len(self.corners)} corners, a polygon has three at least")
-        x, y = (np.array(each) - np.mean(each) for each in zip(*self.corners, strict=True))
+        x, y = (np.array(coordinates) - np.mean(coordinates) for coordinates in zip(*self.corners, strict=True))
         xx = float(x @ x)
         yy = float(y @ y)
         xy = float(x @ y)

@@ -196,8 +196,8 @@ class ChipsSource(PlanarSource):
     @property
     def spectra(self) -> tuple[SpectrumSpec | None, ...]:
         """Spectrum of each chip, its own or that of all; empty where none has one of its own."""
-        own = [chip.spectrum for chip in self.chips]
-        return tuple(each or self.spectrum for each in own) if any(own) else ()
+        spectra = [chip.spectrum for chip in self.chips]
+        return tuple(spectrum or self.spectrum for spectrum in spectra) if any(spectra) else ()
 
 
 @public

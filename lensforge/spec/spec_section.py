@@ -170,10 +170,10 @@ def rounded_up(value: float, digits: int = 4) -> str:
     return f"{ceil(value / unit * (1.0 - 1e-12)) * unit:.{digits}g}"
 
 
-def _printable(words: str) -> str:
-    if not words.isprintable():
+def _printable(text: str) -> str:
+    if not text.isprintable():
         raise ValueError("holds a character that cannot be printed, such as a line break; leave it out")
-    return words
+    return text
 
 
 def iso_date(value: Any) -> str:

@@ -65,10 +65,10 @@ def factor_name(roles: Sequence[FaceRole], face: str, field: str) -> str:
 def _causes(roles: tuple[FaceRole, ...]) -> dict[str, _Cause]:
     """The tolerances of a lens with these faces in the order in which parts are drawn: their numbers depend on it."""
 
-    def of_faces(names: Sequence[str], words: str, field: str, cause: _Cause) -> dict[str, _Cause]:
+    def of_faces(names: Sequence[str], description: str, field: str, cause: _Cause) -> dict[str, _Cause]:
         return {
             factor_name(roles, face, field): cause._replace(
-                words=words.format(cause=cause.words, face=face), face=face, field=field
+                words=description.format(cause=cause.words, face=face), face=face, field=field
             )
             for face in names
         }
@@ -124,7 +124,7 @@ class ToleranceSpec(Section):
     @model_serializer(mode="wrap")
     def _as_given(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
         """The record without a distribution that was not given: an amount of 0 and a face's error may have none."""
-        return {name: each for name, each in write(self).items() if name in self.model_fields_set}
+        return {name: value for name, value in write(self).items() if name in self.model_fields_set}
 
 
 def _from_number(value: Any) -> Any:
@@ -172,8 +172,8 @@ class _Amounts(Section):
             if tolerance.amount > (most := _unit_of(name)[2]):
                 raise ValueError(f"{name} = {tolerance.amount:g}: must be at most {most:g}")
             if name.endswith("_um") and "distribution" in tolerance.model_fields_set:
-                words = "a face's error is Gaussian, and its amount the rms over all parts; leave out distribution"
-                raise ValueError(f"{name}: {words}")
+                advice = "a face's error is Gaussian, and its amount the rms over all parts; leave out distribution"
+                raise ValueError(f"{name}: {advice}")
 
 
 @public
@@ -208,8 +208,10 @@ def refuse_placement(roles: Sequence[FaceRole], faces: Mapping[str, FaceToleranc
     for role in roles:
         for name in PLACEMENT if role.name in faces and not role.is_placed else ():
             if getattr(faces[role.name], name) is not None:
-                other = f"what the next is placed against; give {placed[0]}.{name}" if placed else "alone; leave it out"
-                raise ValueError(f"{role.name}.{name}: this face is {other}")
+                advice = (
+                    f"what the next is placed against; give {placed[0]}.{name}" if placed else "alone; leave it out"
+                )
+                raise ValueError(f"{role.name}.{name}: this face is {advice}")
 
 
 @public
@@ -285,14 +287,15 @@ class PartTolerances(TolerancesSection):
             name: FaceTolerances(**{field: value for field in fields if (value := getattr(face, field)) is not None})
             for name, face in faces.items()
         }
-        own = {name: face for name, face in given.items() if face.model_fields_set}
+        of_faces = {name: face for name, face in given.items() if face.model_fields_set}
         names = [role.name for role in roles]
-        if not set(own) <= set(names):
+        if not set(of_faces) <= set(names):
             raise InputError(
-                f"tolerances of the faces {', '.join(own)}: this lens has {', '.join(names)}; give those of its faces"
+                f"tolerances of the faces {', '.join(of_faces)}: this lens has {', '.join(names)}; "
+                "give those of its faces"
             )
         kept = section.model_dump(exclude_unset=True, exclude={"faces"})
-        return PartTolerances(**kept, faces=own, roles=roles)
+        return PartTolerances(**kept, faces=of_faces, roles=roles)
 
     def given(self, name: str) -> ToleranceSpec | None:
         """The tolerance of the factor ``name`` where it is given; None for that of the preset."""
@@ -335,15 +338,15 @@ class Factor:
 
 def factors_of(tolerances: PartTolerances) -> tuple[Factor, ...]:
     """All ``tolerances`` that are not 0. Raises :class:`InputError` where all are 0."""
-    found = []
+    factors = []
     for name, cause in _causes(tolerances.roles).items():
-        own = tolerances.tolerance(name)
+        tolerance = tolerances.tolerance(name)
         (unit, to_internal, _) = _unit_of(name)
-        stated = (cause.words, unit, to_internal, own.amount, cause.kind, own.distribution, cause.numbers)
-        found += [Factor(name, *stated)] if own.amount > 0.0 else []
-    if not found:
+        stated = (cause.words, unit, to_internal, tolerance.amount, cause.kind, tolerance.distribution, cause.numbers)
+        factors += [Factor(name, *stated)] if tolerance.amount > 0.0 else []
+    if not factors:
         raise InputError("tolerances: all of them are 0: every part is as designed; raise one, or leave out the zeros")
-    return tuple(found)
+    return tuple(factors)
 
 
 def read_tolerances(name: str, roles: tuple[FaceRole, ...] = SHELL) -> PartTolerances:
@@ -361,10 +364,10 @@ def read_tolerances(name: str, roles: tuple[FaceRole, ...] = SHELL) -> PartToler
             raise InputError(f"{name}: lens.{face}: the faces of this lens are {', '.join(names)}; give these")
     if not isinstance(section := content.get("tolerances", {} if any(faces.values()) else None), dict):
         raise InputError(f"{name}: has no [tolerances]; give {', '.join(_PRESETS)}, or a file that has")
-    found = section_of(TolerancesSection, section, f"{name}: tolerances")
-    own = {face: section_of(FaceTolerances, table, f"{name}: lens.{face}") for face, table in faces.items()}
+    section_read = section_of(TolerancesSection, section, f"{name}: tolerances")
+    of_faces = {face: section_of(FaceTolerances, table, f"{name}: lens.{face}") for face, table in faces.items()}
     try:
-        return PartTolerances.of(found, own, roles)
+        return PartTolerances.of(section_read, of_faces, roles)
     except InputError as error:
         raise InputError(str(error).replace(PartTolerances.__name__, f"{name}: lens", 1)) from None
 

@@ -86,7 +86,7 @@ def decode(text: str, name: str) -> PhotometricFile:
     intensity, more = _intensity(emitter, name)
     lamp, absolute, of_lamp = _lamp(root, emitter, name)
     labels, remarks = _labels(root)
-    own = dict(reversed(labels))
+    keywords = dict(reversed(labels))
     issued = _text(root, "Header/ReportDate")
     simulated = _is_true(emitter, "DataGeneration/Simulation")
     return PhotometricFile(
@@ -98,9 +98,9 @@ def decode(text: str, name: str) -> PhotometricFile:
         catalogue=_text(root, "Header/CatalogNumber"),
         test=_text(root, "Header/ReportNumber"),
         laboratory=_text(root, "Header/Laboratory"),
-        issued=own.get(ISSUED, "") if issued == NO_DATE else issued,
-        generated=own.get(GENERATED, SIMULATED if simulated else UNDEFINED),
-        method=own.get(METHOD, ""),
+        issued=keywords.get(ISSUED, "") if issued == NO_DATE else issued,
+        generated=keywords.get(GENERATED, SIMULATED if simulated else UNDEFINED),
+        method=keywords.get(METHOD, ""),
         edition=_EDITIONS.get(root.tag, root.tag),
         opening=_opening(emitter, name),
         housing_mm=_housing_mm(root, name),
@@ -251,7 +251,7 @@ def _of_symmetry(emitter: ElementTree.Element, intensity: TabulatedIntensity) ->
     """Words on a symmetry that the file states, and its intensities or its angles h do not have."""
     stated = _text(emitter, f"{_INTENSITY}/Symm")
     word = stated.lower().removeprefix("symm").strip("_ ")
-    h_deg = np.unique([float(each.get("h", "nan")) for each in emitter.findall(f"{_INTENSITY}/IntData")])
+    h_deg = np.unique([float(element.get("h", "nan")) for element in emitter.findall(f"{_INTENSITY}/IntData")])
     first = float(h_deg[0])
     last = float(h_deg[-1])
     if word not in (*_SYMMETRIES, _REVOLUTION):
