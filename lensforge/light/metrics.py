@@ -113,7 +113,7 @@ class PairEstimate:
 
     def metric(self) -> Metric:
         """Value and standard error."""
-        error = None if self.deviations is None else _error_over_pairs(self.deviations)
+        error = None if self.deviations is None else error_over_pairs(self.deviations)
         return Metric(value=self.value, standard_error=error)
 
     def change_from(self, before: "PairEstimate") -> Metric:
@@ -179,7 +179,7 @@ def root_estimate(errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " 
         mean = float(np.linalg.norm(errors.mean(axis=0)))
         return RootEstimate(mean / float(scales.mean()) if mean > 0.0 else 0.0)
     squared, apart = _ratio_of_squares(errors, scales)
-    value, error = np.sqrt(max(squared, 0.0)), _error_over_pairs(apart)
+    value, error = np.sqrt(max(squared, 0.0)), error_over_pairs(apart)
     # the slope of the root where the square is as large as its own error: half of such squares are below 0, and
     # count as 0, so that the root scatters by half of that of the error, whatever it is
     slopes = apart / (2.0 * max(value, np.sqrt(error) or 1.0))
@@ -205,8 +205,8 @@ def _over_pairs(products: Float[np.ndarray, "r r"]) -> float:
     return float((products.sum() - np.trace(products)) / (count * (count - 1)))
 
 
-def _error_over_pairs(products: Float[np.ndarray, "r r"]) -> float:
-    """Standard error of :func:`_over_pairs`.
+def error_over_pairs(products: Float[np.ndarray, "r r"]) -> float:
+    """Standard error of the mean of ``products`` over all pairs of different replicates.
 
     A product is the mean, an effect of either replicate, and an interaction of the two, whose variance is z. The
     jackknife gives 4 z / (r (r - 2)) for the interactions, of which it is 2 z / (r (r - 1)): twice too much where noise
