@@ -19,7 +19,7 @@ QUICK := $(addprefix tests/,definitions light optics kernels spec test_architect
 quick: setup  ## between edits: the tests that see most, in under 90 seconds
 	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(QUICK)
 
-nightly: setup  ## what takes longer than the suite, step by step; the outcomes go to docs/nightly.md: hours
+nightly: setup  ## what takes longer than the suite, step by step; the outcomes go to build/nightly: hours
 	$(BIN)/python .ci/nightly.py
 
 lowest:  ## a draft and all stages with the lowest version of each dependency that pyproject.toml declares

@@ -5,7 +5,7 @@
 The machine errs by about 5 um: low orders, and a wave of ``--wave`` mm over the whole face, the same at both cuts. Its
 part is measured at points on a spiral, in a pose of its own. The error of the second cut is read from the STEP file by
 the CAD kernel, not from the result; its light, and that of the design, are traced with the same rays. Designs the spec
-at draft accuracy, unless it is a lens.json. Prints a row of docs/results.md for each face.
+at draft accuracy, unless it is a lens.json. Prints a row of docs/validation.md for each face.
 """
 
 import argparse

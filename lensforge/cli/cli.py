@@ -174,7 +174,8 @@ def main(interrupts: Interrupts | None = None, arguments: Sequence[str] | None =
 
 
 def _show_own_warnings_in_a_line() -> None:
-    others, said = warnings.showwarning, set[str]()
+    others = warnings.showwarning
+    said = set[str]()
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if issubclass(category, FileWarning):

@@ -18,7 +18,7 @@ single dark spot under little noise. u, v at two levels of noise give h: both li
 The levels are means over 8 and over 4 of 16 replicates, read on those left: over the 30 halves and 140 quarters that
 are affine subspaces of the 16 numbers of the replicates, taken as vectors of 4 bits, so that no replicate counts more
 than another. The least of the mean of all replicates is too dark, and the least of the light is no more than its mean:
-both bound the estimate. Chosen by experiment (docs/accuracy.md).
+both bound the estimate. Chosen by experiment, on known pictures with noise.
 """
 
 from collections.abc import Callable
@@ -248,7 +248,7 @@ class LeastEstimate:
 
         The jackknife is too large where many places are nearly as dark: without a replicate half of the blocks are
         gone. The sum of the influences is too small there, as it holds the places that were chosen. Their mean is
-        right to a fifth (docs/accuracy.md).
+        right to a fifth.
         """
         if self.left_out is None or self.influences is None:
             return Metric(value=self.value)

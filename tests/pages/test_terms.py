@@ -14,7 +14,7 @@ from lensforge.results.figure import figures_of
 from lensforge.verbs import public_names
 
 TERMS, BANNED = (ROOT / "docs" / "terms.md").read_text(encoding="utf-8").split("## Words not used")
-RECORDS = {"terms", "results", "speed", "accuracy", "published", "nightly", "mutants", "changelog"}
+RECORDS = {"terms", "validation", "changelog"}
 PAGES = [ROOT / "README.md", *(path for path in ROOT.glob("docs/*.md") if path.stem not in RECORDS)]
 BOLD = set(re.findall(r"\*\*(.+?)\*\*", TERMS)) - {"bold"}
 SCREEN = {*conclusion._LIGHT, *conclusion._FAR_FIELD, *conclusion._LENS, *conclusion._FILES, "thinnest"}

@@ -81,7 +81,9 @@ def compare(
         >>> comparison = lf.compare(run.lens, points="cloud.csv", surface="inner", rays=2**12)
         >>> print(comparison.form_deviation_um.rms, comparison.nmse_between)
     """
-    on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
+    on = path_of("on", on)
+    off = path_of("off", off)
+    points = path_of("points", points)
     of_points = {"surface": surface, "registration": unless_own(registration, "rigid"), "rays": rays}
     of_photo: dict[str, object] = {"off": off, "corners": corners, "target_mm": target_mm, "lens": lens, "led": led}
     of_photo |= {"gamma": unless_own(gamma, 1.0)}
@@ -134,7 +136,8 @@ def _compare_photo(
         given = np.empty(0)
     if given is not None and given.shape != (4, 2):
         raise InputError(f"corners = {corners!r}: must be four pixels (column, row), clockwise from the top left")
-    side, camera = number_of("target_mm", target_mm), number_of("gamma", gamma)
+    side = number_of("target_mm", target_mm)
+    camera = number_of("gamma", gamma)
     shot = Shot(on, off, given, side, 1.0 if camera is None else camera)
     first, (rows, columns) = light.first, light.map.shape
     if first.kind != "plane":
@@ -201,7 +204,8 @@ def correct(
     optical = [face.name for face in lens.body.faces if face.is_optical]
     side = require_choice("surface", surface, optical)
     require_choice("registration", registration, get_args(Registration))
-    rays, factor = count_of("rays", rays), number_of("gain", gain)
+    rays = count_of("rays", rays)
+    factor = number_of("gain", gain)
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
     cuts, conditions = ChangedLens.of(lens, side, rays)
     with threads_of_torch(threads):

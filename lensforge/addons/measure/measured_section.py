@@ -22,7 +22,8 @@ MEASURED = Place("measured", "Measured part", "The measured part")
 
 @shown_on_page.register
 def _photo_on_page(photo: PhotoComparison, results: Results) -> Shown:
-    lit, labels = (photo.simulated, photo.measured), ("simulated", "photographed")
+    lit = (photo.simulated, photo.measured)
+    labels = ("simulated", "photographed")
     lines = line_pictures(lambda name: f"photo-{name}", lit, photo.chart, RELATIVE, labels)
     return Shown(MEASURED, [photo_pictures(photo), lines])
 
@@ -39,7 +40,8 @@ def _correction_on_page(made: Correction, results: Results) -> Shown:
 
 def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:
     """Simulation, photograph and their difference on one scale."""
-    chart, top = photo.chart, top_of([photo.measured, photo.simulated])
+    chart = photo.chart
+    top = top_of([photo.measured, photo.simulated])
     draw = light_figures.irradiance_map
     difference = light_figures.difference_map(photo.measured - photo.simulated, chart, RELATIVE)
     return [
@@ -67,8 +69,11 @@ def correction_pictures(made: Correction) -> list[PagePicture]:
 
 def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:
     """The form deviation, the light with the measured surface, and its change."""
-    side, chart, unit = surface.surface, surface.light_chart, unit_of_light(results, far_field=surface.far_field)
-    before, after = surface.irradiance_design, surface.irradiance_measured
+    side = surface.surface
+    chart = surface.light_chart
+    unit = unit_of_light(results, far_field=surface.far_field)
+    before = surface.irradiance_design
+    after = surface.irradiance_measured
     lit = light_figures.irradiance_map(after, chart, top_of([before, after]), unit=unit)
     change = light_figures.difference_map(after - before, chart, unit)
     much = "little" if results.lens.body.face(side).before == CAVITY else "much"
