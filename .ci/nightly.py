@@ -32,6 +32,7 @@ _RANDOM = (
 STEPS = {
     "lowest": "make lowest",
     "wheel": "make wheel",
+    "addons": ".venv/bin/python .ci/without_addons.py",
     "docs": "make docs",
     "notebooks": "make notebooks",
     "verdicts": ".venv/bin/python benchmarks/verdicts.py",

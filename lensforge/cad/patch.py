@@ -79,7 +79,8 @@ def principal_curvatures(jet: Jet, normal: Float[np.ndarray, "n 3"]) -> Principa
     along = form_xx / length_x**2
     cross = (form_xy / length_x - along * skew) / height
     across = (form_yy - 2.0 * cross * height * skew - along * skew**2) / height**2
-    mean, deviator = (along + across) / 2.0, np.hypot((along - across) / 2.0, cross)
+    mean = (along + across) / 2.0
+    deviator = np.hypot((along - across) / 2.0, cross)
     return PrincipalCurvatures(mean - deviator, mean + deviator)
 
 
@@ -87,11 +88,14 @@ DEGREE = 7
 LEAST_NODES = 72  # resolve what fills the hole of a ring, too
 # Measured on the 14 mm dome of the quickstart: 3 nodes per sigma at the apex leave 0.3 nm and 3 urad, 2 leave 30 nm and
 # 0.2 mrad.
-NODES_PER_SIGMA, FIRST_PER_SIGMA = 3.0, 1.7
+NODES_PER_SIGMA = 3.0
+FIRST_PER_SIGMA = 1.7
 _APRON = 8  # nodes beyond each edge: the ends' error decays by 0.43 a node
 _ANGLE_SPAN = 4.0 * np.arctan(HALF_WIDTH)  # rad, from edge to edge of the chart's square along an axis
 _JET_ORDERS = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
-_FILLED, _SMOOTH, _AROUND = 0.8, 6.0, 64  # of the hole in a ring: the part that is filled, and how smoothly
+_FILLED = 0.8  # share of the hole in a ring that is filled
+_SMOOTH = 6.0  # how smoothly
+_AROUND = 64
 _WHOLE = (0.0, 1.0)
 Extent = tuple[float, float]
 _MAX_REACH_DEG = 110.0  # along an axis; the corners are then at 127 degrees
@@ -151,7 +155,8 @@ class Patch:
         CAD programs take the bounding box of a face from all control points. Those that no point of the disc depends
         on are raised to the lowest one on which the disc does.
         """
-        first, last = self.knots[: -DEGREE - 1], self.knots[DEGREE + 1 :]
+        first = self.knots[: -DEGREE - 1]
+        last = self.knots[DEGREE + 1 :]
         nearest = np.clip(0.0, first, last)  # of each function's support to the axis
         bound = np.add.outer(nearest**2, nearest**2) < reach**2
         control = self.control.copy()
@@ -161,8 +166,10 @@ class Patch:
     def _derivatives(self, chart: Float[np.ndarray, "*n 2"], chosen: slice) -> Float[np.ndarray, "k *n 3"]:
         from lensforge.kernels.spline_patch import spline_points
 
-        orders, places = _JET_ORDERS[chosen], np.ascontiguousarray(chart, dtype=np.float64).reshape(-1, 2)
-        basis, found = np.empty((2, 1 + orders.max(), DEGREE + 1)), np.empty((len(orders), len(places), 3))
+        orders = _JET_ORDERS[chosen]
+        places = np.ascontiguousarray(chart, dtype=np.float64).reshape(-1, 2)
+        basis = np.empty((2, 1 + orders.max(), DEGREE + 1))
+        found = np.empty((len(orders), len(places), 3))
         spline_points(self.knots, np.ascontiguousarray(self.control), DEGREE, orders, places, basis, found)
         return found.reshape(len(orders), *chart.shape[:-1], 3)
 
@@ -185,7 +192,8 @@ def fit_patch(surface: Surface, nodes: int | None = None, extent: Extent = _WHOL
     the hole within a ring is filled smoothly. Raises :class:`InputError` if ``nodes`` is out of range or the radius is
     not positive over the chart.
     """
-    count, half_width = default_nodes(surface.detail_rad) if nodes is None else nodes, HALF_WIDTH * extent[1]
+    count = default_nodes(surface.detail_rad) if nodes is None else nodes
+    half_width = HALF_WIDTH * extent[1]
     fewest = _fewest_nodes(half_width)
     if not fewest <= count <= MAX_NODES:
         raise InputError(f"nodes = {count}: from {fewest} to {MAX_NODES}; leave it out to have it set by the lens")

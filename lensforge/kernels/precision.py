@@ -35,7 +35,8 @@ class ByPrecision(float):
 def in_single(function: Function) -> Function:
     """The kernel ``function`` in single precision."""
     plain = cast(Dispatcher, function).py_func
-    code, name = _code_in_single(plain.__code__), f"{plain.__qualname__}_in_single"
+    code = _code_in_single(plain.__code__)
+    name = f"{plain.__qualname__}_in_single"
     known = {**vars(builtins), "float": np.float32, **plain.__globals__}
     names = {each: _in_single(known[each]) for each in (*code.co_names, "__name__") if each in known}
     copy = FunctionType(code, names, name)
@@ -81,4 +82,5 @@ class Precision:
         return self.kind(values) if isinstance(values, float) else values
 
 
-DOUBLE_PRECISION, SINGLE_PRECISION = Precision(np.float64), Precision(np.float32)
+DOUBLE_PRECISION = Precision(np.float64)
+SINGLE_PRECISION = Precision(np.float32)

@@ -69,7 +69,8 @@ def history_pictures(results: Results) -> list[PagePicture]:
     design = results.find(Design)
     if design is None or not any(level.nmse for level in design.history):
         return []
-    levels, draw = design.history, lens_figures.history
+    levels = design.history
+    draw = lens_figures.history
     total = "Minimised by the optimiser: pattern error plus penalties for constraints and limits."
     free = "Numbers above: free basis functions of each surface."
     least = "Minimum margin over the lens of clearance, thickness and radius. Below 0 (red) a constraint is violated."
@@ -84,7 +85,10 @@ def history_pictures(results: Results) -> list[PagePicture]:
 
 def section_pictures(results: Results) -> list[PagePicture]:
     """The lens in two sections."""
-    lens, outline, traced, part = results.lens, source_outline(results), fan_tables(results.lens), results.find(Part)
+    lens = results.lens
+    outline = source_outline(results)
+    traced = fan_tables(results.lens)
+    part = results.find(Part)
     if part is not None:
         remember_fit(lens, part.nodes)
     reach = lens_figures.reach_mm(lens)
@@ -94,7 +98,8 @@ def section_pictures(results: Results) -> list[PagePicture]:
 
 def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
     """A polygon (mm) around the emitting area: from the design's record, or from the spec where that says it."""
-    source, design = results.spec.source, results.find(Design)
+    source = results.spec.source
+    design = results.find(Design)
     if design is not None and design.source_outline_mm:
         return np.array(design.source_outline_mm, dtype=np.float64)
     return build_source(source).outline() if isinstance(source, SquareSource) else None
@@ -109,8 +114,11 @@ def surface_pictures(results: Results) -> list[list[PagePicture]]:
 
 
 def _face_pictures(name: str, face: FaceResult) -> list[PagePicture]:
-    face_name, pictures = face_title(name), []
-    sag, kappa, left = face.sag_mm, face.kappa_min, face.residual_mm
+    face_name = face_title(name)
+    pictures = []
+    sag = face.sag_mm
+    kappa = face.kappa_min
+    left = face.residual_mm
     if np.isfinite(sag).any():
         title = f"{face_name}: departure from a sphere"
         pictures.append(picture(f"sag-{name}", surface_figures.sag_map(sag), title, "From the best-fit sphere."))
@@ -129,17 +137,22 @@ def _face_pictures(name: str, face: FaceResult) -> list[PagePicture]:
 
 def verification_pictures(results: Results) -> list[list[PagePicture]]:
     """Light of the design, of the part, and their difference, for each receiver."""
-    proof, rows = results.find(Proof), list[list[PagePicture]]()
+    proof = results.find(Proof)
+    rows = list[list[PagePicture]]()
     if proof is None:
         return rows
     for index, lit in enumerate(lit_receivers(proof)):
-        receiver, on = lit.receiver, lit.ending
-        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
-        design, part = receiver.design_irradiance, receiver.irradiance
+        receiver = lit.receiver
+        on = lit.ending
+        chart = receiver.chart
+        unit = unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
+        design = receiver.design_irradiance
+        part = receiver.irradiance
         top = top_of([design, part])
         rays = f"{number(lit.result.rays)} rays cast through the exported mesh."
         noise = "Where the two agree, only ray noise is left."
-        draw, difference = light_figures.irradiance_map, light_figures.difference_map(part - design, chart, unit)
+        draw = light_figures.irradiance_map
+        difference = light_figures.difference_map(part - design, chart, unit)
         rows.append(
             [
                 picture(numbered("design", index), draw(design, chart, top, unit=unit), f"Design{on}"),
@@ -180,17 +193,21 @@ def _quantiles(receiver: ReceiverProof) -> dict[str, Float[np.ndarray, " q"]]:
 
 def stray_pictures(results: Results) -> list[list[PagePicture]]:
     """Flux budget with all reflections, stray light, and all light minus the design's model, for each receiver."""
-    stray, rows = results.find(StrayLight), list[list[PagePicture]]()
+    stray = results.find(StrayLight)
+    rows = list[list[PagePicture]]()
     if stray is None:
         return rows
     for index, lit in enumerate(lit_receivers(stray)):
-        receiver, on = lit.receiver, lit.ending
-        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
+        receiver = lit.receiver
+        on = lit.ending
+        chart = receiver.chart
+        unit = unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
         scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
         change = light_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
         budget = light_figures.waterfall(*stray_budget(receiver))
         scale = "No stray light lands on the receiver." if not receiver.stray.any() else "On its own scale."
-        detected, less = "Green: detected in the window.", "Red: the design predicts too little."
+        detected = "Green: detected in the window."
+        less = "Red: the design predicts too little."
         rows.append(
             [
                 picture(numbered("stray-budget", index), budget, f"Flux budget with all reflections{on}", detected),
@@ -228,7 +245,8 @@ def _file_row(path: Path, own: bool, linked: bool) -> FileRow:
     if path.is_symlink():
         return FileRow(name, "a link", "", "")
     with refused(path, "cannot be read (…)", OSError):
-        length, digest = path.stat(follow_symlinks=False).st_size, ""
+        length = path.stat(follow_symlinks=False).st_size
+        digest = ""
         if own and length <= _MOST_HASHED_BYTES:
             with path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -253,9 +271,11 @@ class MeasuredSection:
 
 def measured_sections(results: Results) -> list[MeasuredSection]:
     """Every measurement of the part; empty where there is none."""
-    sections, photo = [], results.find(PhotoComparison)
+    sections = []
+    photo = results.find(PhotoComparison)
     if photo is not None:
-        lit, labels = (photo.simulated, photo.measured), ("simulated", "photographed")
+        lit = (photo.simulated, photo.measured)
+        labels = ("simulated", "photographed")
         lines = line_pictures(lambda name: f"photo-{name}", lit, photo.chart, RELATIVE, labels)
         sections.append(_section(results, photo, photo_pictures(photo), lines))
     for surface in results.surfaces.values():
@@ -274,7 +294,8 @@ def _section(
 
 def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:
     """Simulation, photograph and their difference on one scale."""
-    chart, top = photo.chart, top_of([photo.measured, photo.simulated])
+    chart = photo.chart
+    top = top_of([photo.measured, photo.simulated])
     draw = light_figures.irradiance_map
     difference = light_figures.difference_map(photo.measured - photo.simulated, chart, RELATIVE)
     return [
@@ -302,8 +323,11 @@ def correction_pictures(made: Correction) -> list[PagePicture]:
 
 def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:
     """The form deviation, the light with the measured surface, and its change."""
-    side, chart, unit = surface.surface, surface.light_chart, unit_of_light(results, far_field=surface.far_field)
-    before, after = surface.irradiance_design, surface.irradiance_measured
+    side = surface.surface
+    chart = surface.light_chart
+    unit = unit_of_light(results, far_field=surface.far_field)
+    before = surface.irradiance_design
+    after = surface.irradiance_measured
     lit = light_figures.irradiance_map(after, chart, top_of([before, after]), unit=unit)
     change = light_figures.difference_map(after - before, chart, unit)
     much = "little" if results.lens.body.face(side).before == CAVITY else "much"

@@ -122,7 +122,8 @@ def _on_criteria(results: Results) -> str:
     of = "on simulation and files"
     if failed:
         names = ", ".join(criterion.note for criterion in failed)
-        noun, verb = "criterion" if len(criteria) == 1 else "criteria", "is" if len(failed) == 1 else "are"
+        noun = "criterion" if len(criteria) == 1 else "criteria"
+        verb = "is" if len(failed) == 1 else "are"
         proof = results.find(Proof)
         facets = () if proof is None else facet_misses(proof)
         alone = " (of the mesh alone, the STEP file decides)" if all(each in facets for each in failed) else ""
@@ -176,7 +177,8 @@ class KindLink:
 
 def kinds(results: Results, linked: bool) -> list[KindLink]:
     """The kinds of lens of the lamps, the first of which has its page above those of the others; none for one."""
-    own, every = results.lens.kind, results.spec.all_lamps.kinds
+    own = results.lens.kind
+    every = results.spec.all_lamps.kinds
     up = "" if not every or own == every[0].name else "../"
     pages = [f"{up}{REPORT_FILE}" if kind is every[0] else f"{up}{kind.name}/{REPORT_FILE}" for kind in every]
     return [

@@ -124,7 +124,8 @@ class Results:
     @property
     def verdict(self) -> Verdict:
         """Verdict on light, files and cutting; a stage that has not run leaves its part undecided."""
-        light, check = self.find(Light), self.find(Check)
+        light = self.find(Light)
+        check = self.find(Check)
         unseen: list[Reason] = [("undecided", "the light has not been evaluated")]
         unchecked: list[Reason] = [("undecided", "the part has not been checked")]
         return Verdict.of(
@@ -134,7 +135,8 @@ class Results:
         )
 
     def _files_reasons(self) -> Iterator[Reason]:
-        part, proof = self.find(Part), self.find(Proof)
+        part = self.find(Part)
+        proof = self.find(Proof)
         for result in (self.find(Design), part, self.find(Check), proof):
             if result is not None:
                 yield from missed(deciding_criteria(result))
@@ -168,7 +170,8 @@ class Results:
                 by_led = {} if light is None else light.by_led
                 pairs = [(led, each) for led, of_led in by_led.items() for each in of_led.receivers]
                 designed = {(led, each.name): each.efficiency.value for led, each in pairs}
-                on_plate, own = self.lens.lamps_on_plate, self.lens.own_lamps_words
+                on_plate = self.lens.lamps_on_plate
+                own = self.lens.own_lamps_words
                 lamps = self.spec.all_lamps.whole if on_plate else own
                 return proof_facts(result, designed, self.lens.lamp_words, lamps, on_plate=on_plate)
             case StrayLight():
@@ -221,7 +224,8 @@ def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:
 
 def own_stems(faces: Iterable[str]) -> dict[str, type[StageResult]]:
     """The class of each result under the own conditions of a lens with these ``faces``, by the stem of its file."""
-    names, kind_by_stem = tuple(faces), dict[str, type[StageResult]]()
+    names = tuple(faces)
+    kind_by_stem = dict[str, type[StageResult]]()
     for kind in (*STAGES, *EXTRAS):
         of_faces = [f"{_OF_FACE[kind]}_{face}" for face in names] if kind in _OF_FACE else [kind.stage]
         kind_by_stem |= dict.fromkeys(of_faces, kind)
@@ -274,7 +278,8 @@ def handover(
     require(run, Results, "handover")
     words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
     request = GridRequest(spacing_mm, error_nm, interpolation)
-    part, check = run.part, run.check
+    part = run.part
+    check = run.check
     if process is not None and process != part.lens.spec.manufacture.process:
         part, check = made_by(part, process), check_made_by(part.lens, process)
     return make_handover(part, check, run.yield_facts, request, words)

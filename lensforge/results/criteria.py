@@ -9,7 +9,8 @@ from lensforge.errors import CriterionMissed
 from lensforge.results.fact import Fact, FactState, StoredAs
 from lensforge.results.verdict import Reason, worst
 
-_STL, _STEP = "mesh (lens.stl)", "STEP file"
+_STL = "mesh (lens.stl)"
+_STEP = "STEP file"
 _YES = " (1: yes)"  # ends the words of a question
 _WORDS = {
     "cavity clearance": "cavity clearance over the LED",

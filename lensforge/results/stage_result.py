@@ -270,7 +270,8 @@ class StageResult(Record):
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
-        name, arrays = stem or self.stage, dict(arrays_of(self))
+        name = stem or self.stage
+        arrays = dict(arrays_of(self))
         files = {
             file: value
             for result, own_stem in self._stems(name)
@@ -311,7 +312,9 @@ class StageResult(Record):
         files that it holds, such as ``.step`` or ``.ies``. Raises :class:`InputError` for any other suffix.
         """
         path = Path(path)
-        products, draw, suffix = self.products(), getattr(self, "plot", None), path.suffix.lower()
+        products = self.products()
+        draw = getattr(self, "plot", None)
+        suffix = path.suffix.lower()
         if suffix == ".json":
             kept = {f"{path.stem}.json", f"{path.stem}.npz"}
             files = {name: content for name, content in self.contents(path.stem).items() if name in kept}
@@ -329,7 +332,8 @@ class StageResult(Record):
     @classmethod
     def read(cls, folder: Path, stem: str | None = None, **given: object) -> Self:
         """Read what :meth:`write` wrote; ``given``: the fields marked :class:`Given`. Raises :class:`InputError`."""
-        folder, name = Path(folder), stem or cls.stage
+        folder = Path(folder)
+        name = stem or cls.stage
         path = folder / f"{name}.json"
         first = f"run `lensforge {cls.command or cls.stage}` first"
         content = read_object(path, cls.schema_name(), cls.rebuild_command(), first) | given

@@ -30,7 +30,8 @@ _UNEVEN = 0.05  # share of the light's variance within rings of equal angle: pix
 _RINGS = 32
 # Total reflection with levels lights an oval of 2.4 to 1 to an NMSE of 0.002, a line of 20 to 1 to 0.47, and a field
 # whose middle lies 15 degrees off the axis, half of its width, to 0.10.
-_LINE, _BESIDE = 4.0, 0.25  # a line is so much longer than wide; off the axis by so much of the width
+_LINE = 4.0  # a line is so much longer than wide
+_BESIDE = 0.25  # off the axis by so much of the width
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,7 @@ def _is_round(light: Float[np.ndarray, "h w"], receiver: PosedReceiver) -> bool:
     """True where the light depends on the angle from the axis of the lens alone."""
     angles = pixel_angles_rad(receiver).ravel()
     rings = np.minimum((angles / angles.max() * _RINGS).astype(int), _RINGS - 1)
-    values, counts = light.ravel(), np.maximum(np.bincount(rings, minlength=_RINGS), 1)
+    values = light.ravel()
+    counts = np.maximum(np.bincount(rings, minlength=_RINGS), 1)
     means = np.bincount(rings, values, minlength=_RINGS) / counts
     return float(np.var(values - means[rings])) < _UNEVEN * float(np.var(values))

@@ -179,13 +179,15 @@ PRESETS["reference"] = Preset(
 
 # By 8,192 rays a step sees lit places of a far field of 256 x 256 pixels dark: drafts of road_m3, and of it as a road
 # of class M4, held 9 and 8 of 10 limits. By one ray for a pixel they hold all, by two with a twentieth more light.
-_RAYS_PER_PIXEL, _MOST_FOR_PIXELS = 2, 2**17
+_RAYS_PER_PIXEL = 2
+_MOST_FOR_PIXELS = 2**17
 
 
 def for_places(preset: Preset, pixels: int) -> Preset:
     """The ``preset`` with rays enough where limits read places on pictures of ``pixels`` along a side."""
     least = min(1 << (_RAYS_PER_PIXEL * pixels**2 - 1).bit_length(), _MOST_FOR_PIXELS)  # as sequences are even
-    effort, rays = preset.effort, tuple(max(each, least) for each in preset.effort.rays)
+    effort = preset.effort
+    rays = tuple(max(each, least) for each in preset.effort.rays)
     seen = effort.changed(rays=rays, validation_rays=max(effort.validation_rays, least))
     return preset.changed(design_rays=max(preset.design_rays, least), effort=seen)
 

@@ -107,7 +107,9 @@ class ConstraintsSection(Section):
             )
 
 
-_YIELD, _LEAST_SHARE, _MOST_SHARE = 0.95, 0.5, 0.999  # of the parts: where none is given, and that may be given
+_YIELD = 0.95  # default share of the parts that hold the limits
+_LEAST_SHARE = 0.5
+_MOST_SHARE = 0.999
 _Robust = bool | Literal["yield"] | Annotated[float, Field(ge=_LEAST_SHARE, le=_MOST_SHARE)]
 
 

@@ -11,7 +11,7 @@ from lensforge.cli import conclusion
 from lensforge.light.receiver_light import METRICS
 from lensforge.report.results import EXTRAS, STAGES
 from lensforge.results.figure import figures_of
-from lensforge.verbs import NAMES
+from lensforge.verbs import public_names
 
 TERMS, BANNED = (ROOT / "docs" / "terms.md").read_text(encoding="utf-8").split("## Words not used")
 RECORDS = {"terms", "validation", "changelog"}
@@ -61,7 +61,7 @@ def texts() -> Iterator[tuple[str, str]]:
     for node in nodes():
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             of = documented.get(id(node))
-            if of is None or getattr(of, "name", "") in NAMES:
+            if of is None or getattr(of, "name", "") in public_names():
                 yield getattr(of, "name", "a text"), node.value
 
 

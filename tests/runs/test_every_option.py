@@ -10,15 +10,15 @@ from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import patch
 
 import click
 import pytest
+from addon_rows import addon_rows
 from click.testing import CliRunner, Result
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.cli.cli import cli
+from lensforge.cli.cli import all_commands, cli
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.verbs import FolderStage
 
@@ -138,7 +138,7 @@ def invoked(*arguments: object) -> Result:
 
 
 def options_of(name: str) -> set[str]:
-    return {flag for each in cli.commands[name].params if isinstance(each, click.Option) for flag in each.opts}
+    return {flag for each in all_commands()[name].params if isinstance(each, click.Option) for flag in each.opts}
 
 
 @pytest.fixture
@@ -294,25 +294,13 @@ def of_new(flag: str, here: Path) -> bool:
     return any(word in line for line in lines[1] - lines[0])
 
 
-def of_studio(flag: str, _here: Path) -> bool:
-    """The verb hears of the port, and of the browser."""
-    words, changed = {
-        "--port": (["--port", "8123"], {"port": 8123}),
-        "--browser": (["--no-browser"], {"browser": False}),
-    }[flag]
-    with patch("lensforge.cli.studio_page.open_studio") as opened:
-        invoked("studio", "lens.toml", *words)
-    return bool(opened.call_args.kwargs == {"port": 0, "browser": True} | changed)
-
-
 SHOWN = {
     "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", "--model", "--rays", *OUTPUT)),
     "road": (of_road, ("--road", "--street-c", "--spacing", *OUTPUT)),
     "new": (of_new, (*LAMP, "--off-axis", "--tilt", "--lens", "--material", "--cutter", *FORCE)),
     "schema": (lambda *_: printed("schema", "--page").startswith("#") and printed("schema")[0] == "{", ("--page",)),
     "examples": (None, ()),
-    "studio": (of_studio, ("--port", "--browser")),
-}
+} | addon_rows("SHOWN")
 
 
 @pytest.mark.parametrize(("name", "flag"), [(name, flag) for name, (_, flags) in SHOWN.items() for flag in flags])
@@ -320,6 +308,6 @@ def test_an_option_is_seen(name: str, flag: str, tmp_path: Path) -> None:
     assert SHOWN[name][0](flag, tmp_path)
 
 
-@pytest.mark.parametrize("name", sorted(cli.commands))
+@pytest.mark.parametrize("name", sorted(all_commands()))
 def test_every_option_has_a_row(name: str) -> None:
     assert options_of(name) == ({*HEARD[name], *OUTPUT} if name in HEARD else set(SHOWN[name][1]))

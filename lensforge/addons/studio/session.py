@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from lensforge import seeds
+from lensforge.addons.studio.dropped_files import DROPPED, DroppedFile, Use
+from lensforge.addons.studio.folder_files import files_to_take
+from lensforge.addons.studio.page_frames import Fields, head_of
+from lensforge.addons.studio.search_job import SearchJob
+from lensforge.addons.studio.spec_text import SpecText
 from lensforge.errors import InputError, LensforgeError
-from lensforge.live.dropped_files import DROPPED, DroppedFile, Use
-from lensforge.live.folder_files import files_to_take
-from lensforge.live.page_frames import Fields, head_of
-from lensforge.live.search_job import SearchJob
-from lensforge.live.spec_text import SpecText
 from lensforge.results.arguments import count_of
 from lensforge.results.files import write_file
 from lensforge.results.folder_lock import locked
@@ -29,7 +29,7 @@ from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.imported_face import LENS_FILE
 
-_PROCESS, _PACKAGES = Path(__file__).with_name("search_process.py"), Path(__file__).resolve().parents[2]
+_PROCESS, _PACKAGES = Path(__file__).with_name("search_process.py"), Path(__file__).resolve().parents[3]
 _SETTLED_S, _ENDING_S = 0.35, 20.0  # after a change, before a search goes on with it; for the process to end
 _READING_S = 10.0  # for the text of a spec; the bounds of its reader let it take a second
 FIGURES = ("sag", "slope", "curvature", "wall", "ball")
@@ -384,6 +384,6 @@ def _accuracy(given: object) -> str | None:
 
 
 def _physics_of(name: str, spec: Any) -> object:
-    from lensforge.live import physics
+    from lensforge.addons.studio import physics
 
     return getattr(physics, name)(spec)

@@ -30,16 +30,16 @@ if __name__ == "__main__":
 import numpy as np
 import torch
 
+from lensforge.addons.studio.cures import cure_of
+from lensforge.addons.studio.folder_files import DOWNLOADS
+from lensforge.addons.studio.lens_view import as_tabulated, drawn
+from lensforge.addons.studio.page_frames import Fields, packed
+from lensforge.addons.studio.physics import chart_head
+from lensforge.addons.studio.search_job import SearchJob
+from lensforge.addons.studio.spec_text import SpecText, lines_of
 from lensforge.errors import Cancelled, FileWarning, InputError, LensforgeError, SourceWarning
 from lensforge.kernels.fate import Fate
 from lensforge.light.lens_light import evaluate, source_of
-from lensforge.live.cures import cure_of
-from lensforge.live.folder_files import DOWNLOADS
-from lensforge.live.lens_view import as_tabulated, drawn
-from lensforge.live.page_frames import Fields, packed
-from lensforge.live.physics import chart_head
-from lensforge.live.search_job import SearchJob
-from lensforge.live.spec_text import SpecText, lines_of
 from lensforge.proof.casts import verify
 from lensforge.report.folder import Run, RunFolder, load, opened
 from lensforge.report.headline import headline, required_facts

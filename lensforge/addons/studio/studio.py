@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lensforge.addon import require_libraries
+from lensforge.addons.studio.door import Door
+from lensforge.addons.studio.search_job import SearchJob
 from lensforge.errors import InputError
-from lensforge.live.door import Door
-from lensforge.live.search_job import SearchJob
 from lensforge.results.validation import its_type
 from lensforge.scene.lens import load_lens
 from lensforge.spec import Spec
@@ -16,7 +17,7 @@ from lensforge.spec.spec_files import toml_text
 from lensforge.surfaces.imported_face import LENS_FILE
 
 if TYPE_CHECKING:
-    from lensforge.live.server import Server
+    from lensforge.addons.studio.server import Server
 
 _TEXT_FILE, _EXAMPLE = "studio.toml", "quickstart"  # the text of a folder that is opened; of a new one
 
@@ -106,17 +107,19 @@ def studio(spec: Spec | Path | str | None = None, *, port: int = 0, browser: boo
         port: of the page on this machine, 0 to 65535; 0: any that is free.
         browser: open the page in the desktop's browser.
     Returns: The studio: the ``address`` of its page, its ``folder``, and ``close``.
-    Raises: :class:`InputError` for a file that is not there, a folder or a port that is in use.
+    Raises: :class:`InputError` for a file that is not there, a folder or a port that is in use, a library that is not
+        installed.
     Example:
         >>> page = lf.studio("examples/quickstart.toml", browser=False)
         >>> page.close()
     """
     if not isinstance(port, int) or not 0 <= port <= 65535:
         raise InputError(f"port = {port!r}: a whole number from 0 to 65535")
+    require_libraries("studio", "aiohttp", "tomlkit")
     opened = _opened(spec)
-    from lensforge.live.server import Server
-    from lensforge.live.session import Session
-    from lensforge.live.spec_text import SpecText
+    from lensforge.addons.studio.server import Server
+    from lensforge.addons.studio.session import Session
+    from lensforge.addons.studio.spec_text import SpecText
 
     text = SpecText.of(opened.text, opened.path)
     text = text if opened.text else text.from_example(_EXAMPLE)
@@ -144,7 +147,7 @@ def _opened(spec: Any) -> _Opened:
 
 def _of_folder(folder: Path) -> _Opened:
     """The text that was saved in a result folder, that of its last search, that of its lens, or none."""
-    from lensforge.live.spec_text import SpecText
+    from lensforge.addons.studio.spec_text import SpecText
 
     path = folder / _TEXT_FILE
     if path.is_file():

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
+from lensforge.addons.studio.cures import cure_of
 from lensforge.cad.part import Part
-from lensforge.live.cures import cure_of
 from lensforge.proof.remedies import FINER, form_of_mesh
 from lensforge.results.figure import Criterion, marks_of
 

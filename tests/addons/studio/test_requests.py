@@ -15,7 +15,7 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.live.connections import MOST_STRANGERS
+from lensforge.addons.studio.connections import MOST_STRANGERS
 from lensforge.results.folder_lock import locked
 
 Asked = tuple[int, dict[str, str], bytes]
@@ -48,7 +48,7 @@ def test_the_page_is_served_with_a_policy_that_loads_nothing_from_elsewhere(page
         assert status == 200 and content
         policy = headers["Content-Security-Policy"]
         assert policy.startswith("default-src 'none'") and "http" not in policy and "*" not in policy
-    names = {path.name for path in (Path(lf.__file__).parent / "live" / "page").iterdir()}
+    names = {path.name for path in (Path(lf.__file__).parent / "addons" / "studio" / "page").iterdir()}
     texts = [ask(page, f"page/{name}")[2].decode() for name in names]
     assert not [text for text in texts if "//" in text.replace("// ", "") and "http" in text]
 
@@ -238,8 +238,8 @@ def test_connections_without_the_secret_make_room_for_the_page(page: lf.Studio) 
 
 
 def test_half_of_a_request_has_a_time(page: lf.Studio, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lensforge.live.connections.STRANGER_S", 0.5)
-    monkeypatch.setattr("lensforge.live.server._BODY_S", 0.5)
+    monkeypatch.setattr("lensforge.addons.studio.connections.STRANGER_S", 0.5)
+    monkeypatch.setattr("lensforge.addons.studio.server._BODY_S", 0.5)
     for sent in (b"", b"GET /", b"POST /x/spec HTTP/1.1\r\nContent-Length: 9\r\n"):
         assert half_open(page, sent).recv(1) == b"", "closed without a word"
     place = urlsplit(page.address)
@@ -251,7 +251,7 @@ def test_half_of_a_request_has_a_time(page: lf.Studio, monkeypatch: pytest.Monke
 
 
 def test_a_page_that_is_open_stays_longer_than_a_stranger(page: lf.Studio, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lensforge.live.connections.STRANGER_S", 0.3)
+    monkeypatch.setattr("lensforge.addons.studio.connections.STRANGER_S", 0.3)
     place = urlsplit(page.address)
     with half_open(page, f"GET {place.path}events HTTP/1.1\r\nHost: {place.netloc}\r\n\r\n".encode()) as stream:
         assert b"200 OK" in stream.recv(2**20)

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from lensforge.addons.studio.page_frames import packed
 from lensforge.light.lens_light import source_of
-from lensforge.live.page_frames import packed
 from lensforge.report.new_scene import NewScene
 from lensforge.results.chart import light_unit
 from lensforge.scene.receiver_shapes import receivers_of

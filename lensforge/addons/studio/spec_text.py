@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from lensforge.addons.studio.page_frames import Fields
+from lensforge.addons.studio.toml_edit import Place, edited
 from lensforge.errors import InputError, LensforgeError
-from lensforge.live.page_frames import Fields
-from lensforge.live.toml_edit import Place, edited
 from lensforge.spec import Spec
 from lensforge.spec.shipped_specs import named_files, shipped_specs
 from lensforge.spec.spec_files import NamedFrom

@@ -17,11 +17,10 @@ from typing import Any, BinaryIO
 
 from aiohttp import web
 
-from lensforge.errors import InputError, LensforgeError
-from lensforge.live.connections import STRANGER_S, Connections
-from lensforge.live.dropped_files import plain_name, receiving
-from lensforge.live.folder_files import files_to_take, regular_files
-from lensforge.live.page_json import (
+from lensforge.addons.studio.connections import STRANGER_S, Connections
+from lensforge.addons.studio.dropped_files import plain_name, receiving
+from lensforge.addons.studio.folder_files import files_to_take, regular_files
+from lensforge.addons.studio.page_json import (
     BadRequest,
     Change,
     DroppedUse,
@@ -35,8 +34,9 @@ from lensforge.live.page_json import (
     json_text,
     request_of,
 )
-from lensforge.live.session import Session
-from lensforge.live.spec_text import SpecText
+from lensforge.addons.studio.session import Session
+from lensforge.addons.studio.spec_text import SpecText
+from lensforge.errors import InputError, LensforgeError
 from lensforge.spec.light_limits import LineLimit, PointsLimit
 from lensforge.spec.shipped_specs import first_sentence, shipped_specs
 from lensforge.spec.spec_reference import spec_schema

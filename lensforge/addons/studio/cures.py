@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterator
 
+from lensforge.addons.studio.page_frames import Fields
 from lensforge.cad.part import Part
-from lensforge.live.page_frames import Fields
 from lensforge.report.folder import Run
 from lensforge.results.verdict import TITLES
 from lensforge.shop.check_result import Check

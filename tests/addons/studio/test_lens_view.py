@@ -7,7 +7,7 @@ import pytest
 from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.live.lens_view import Side, drawn
+from lensforge.addons.studio.lens_view import Side, drawn
 from lensforge.scene.body import Body
 
 OUTER_MM, INNER_MM = 10.0, 4.0

@@ -11,10 +11,10 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.live.search_job import JOB_FILE, SearchJob
-from lensforge.live.session import Session
-from lensforge.live.spec_text import SpecText
-from lensforge.live.studio import _opened
+from lensforge.addons.studio.search_job import JOB_FILE, SearchJob
+from lensforge.addons.studio.session import Session
+from lensforge.addons.studio.spec_text import SpecText
+from lensforge.addons.studio.studio import _opened
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.surfaces.imported_face import LENS_FILE
 
@@ -209,7 +209,7 @@ def test_a_text_that_takes_too_long_to_read_is_refused_and_the_next_one_is_read(
 ) -> None:
     import time
 
-    monkeypatch.setattr("lensforge.live.session._READING_S", 0.2)
+    monkeypatch.setattr("lensforge.addons.studio.session._READING_S", 0.2)
 
     def slow(text: SpecText) -> SpecText:
         time.sleep(1.0)
@@ -220,7 +220,7 @@ def test_a_text_that_takes_too_long_to_read_is_refused_and_the_next_one_is_read(
         with pytest.raises(lf.InputError, match=r"^the text takes more than 0\.2 s to read; shorten it$"):
             await session.change(slow)
         assert session.text.text == TEXT
-        monkeypatch.setattr("lensforge.live.session._READING_S", 20.0)
+        monkeypatch.setattr("lensforge.addons.studio.session._READING_S", 20.0)
         await session.change(lambda text: text.with_text("# other\n" + TEXT))
         assert session.text.text.startswith("# other\n")
 

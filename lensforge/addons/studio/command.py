@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from lensforge.live.studio import studio as open_studio
+from lensforge.addons.studio.studio import studio as open_studio
 
 
 @click.command()

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from nightly import scaled
-from test_hostile_files import require_line
+from one_line import require_line
 
-from lensforge.live.spec_text import SpecText
+from lensforge.addons.studio.spec_text import SpecText
 from lensforge.search.start_faces import TargetStroke, beam_of
 from lensforge.spec import Spec
 from lensforge.spec.shipped_specs import shipped_specs

@@ -1,4 +1,4 @@
-// Frames as live/page_frames.py packs them: a head of JSON, and arrays of float32 behind it.
+// Frames as page_frames.py packs them: a head of JSON, and arrays of float32 behind it.
 const base = new URL("./", location.href);
 
 export async function frame(place) {

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 import lensforge as lf
-from lensforge.live.toml_edit import Place, edited
+from lensforge.addons.studio.toml_edit import Place, edited
 from lensforge.spec.shipped_specs import shipped_specs
 
 SPECS = shipped_specs()

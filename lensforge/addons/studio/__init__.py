@@ -1,6 +1,7 @@
 """How does one write a spec and see its light at once? The studio: a page, its server, and the process that searches.
 
 - ``studio.studio``: the verb
+- ``command``: the command
 - ``door``: a file for the browser, which leads to the page
 - ``server``: requests of the page, and of nobody else
 - ``connections``: how many there are, and how long they wait
@@ -16,3 +17,26 @@
 - ``lens_view``: a lens to look at
 - ``page_frames``: pictures as bytes
 """
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from lensforge.addon import Addon
+
+if TYPE_CHECKING:
+    import click
+
+
+def _names() -> Mapping[str, object]:
+    from lensforge.addons.studio.studio import Studio, studio
+
+    return {"Studio": Studio, "studio": studio}
+
+
+def _commands() -> "Sequence[click.Command]":
+    from lensforge.addons.studio.command import studio
+
+    return (studio,)
+
+
+ADDON = Addon("studio", names=_names, commands=_commands, heading="Design")
