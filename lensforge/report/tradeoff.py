@@ -76,6 +76,7 @@ class Tradeoff(StageResult):
     """
 
     stage: ClassVar[str] = "tradeoff"
+    in_folder: ClassVar[bool] = False
 
     name: Text
     accuracy: AnyAccuracy
