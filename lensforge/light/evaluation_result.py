@@ -92,7 +92,7 @@ class Light(ResultByLed):
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
-    told_if_any: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: JudgedLimits = ()

@@ -336,7 +336,7 @@ class Check(SimulatedResult):
     __pydantic_extra__: dict[str, FaceResult]
     model_config = ConfigDict(extra="allow")
     stage: ClassVar[str] = "check"
-    told_if_any: ClassVar[tuple[str, ...]] = ("edges", "mould", "conditions")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("edges", "mould", "conditions")
 
     process: Process
     scale: Positive
