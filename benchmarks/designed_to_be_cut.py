@@ -12,7 +12,7 @@ from pathlib import Path
 from lensforge.light.evaluation import evaluate_lens
 from lensforge.search.optimiser import search
 from lensforge.shop.check import check_lens
-from lensforge.shop.check_result import FaceResult
+from lensforge.shop.check_measures import FaceResult
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, load_spec, parse_spec
 from lensforge.spec.accuracy import PRESETS

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 import numpy as np
 
 import lensforge as lf
-from lensforge.proof.acceptance import deciding_criteria
 from lensforge.search.start_faces import start_faces
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.accuracy import preset_of
@@ -70,7 +69,7 @@ def main() -> None:
     failed = 0
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     for lens, part, proof in verified(count):
-        facts = [*part.criteria, *deciding_criteria(proof)]
+        facts = [*part.criteria, *proof.deciding_criteria()]
         missed = [fact.key for fact in facts if fact.state == "fail"]
         light = [fact for fact in proof.criteria if "deviation_rms" in fact.key and fact.limit]
         most = max(light, key=lambda fact: float(fact.value or np.inf) / fact.bound)

@@ -6,8 +6,9 @@ loses, of their fates.
 
 from dataclasses import dataclass
 
-from lensforge.proof.proof_result import FINER, Agreement, FatePair
+from lensforge.proof.cast_results import Agreement, FatePair
 
+FINER = "export with a finer mesh: without --rings it is as fine as the light asks"
 _NAMED = 2  # pairs of fates in one line: the rest is in ``pairs``
 _START = "light that starts there meets no cavity: move the source into it; if it stays, report"
 _BY_DESIGN = {

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from lensforge.results.numerals import NOTHING, anything, limit_text, quantity, square
+from lensforge.results.numerals import NOTHING, anything, converted, limit_text, quantity, square
 from lensforge.results.record import Metric, NotNegative, Number, Sense, State, Text, agree
 from lensforge.results.verdict import judge
 
@@ -85,6 +85,12 @@ class Fact:
         numbers = ("value", "standard_error", "limit", "possible", "tolerance")
         shares = {name: share for name in numbers if (share := getattr(self, name)) is not None}
         return replace(self, unit="%", **{name: 100.0 * share for name, share in shares.items()})
+
+    def told_in(self, unit: str) -> "Fact":
+        """The fact in another unit of length, or in per cent."""
+        if unit == "%" or self.limit is None:
+            return self.in_percent if unit == "%" else self
+        return replace(self, limit=converted(self.limit, self.unit, unit))
 
     @property
     def answered(self) -> "Fact":

@@ -6,37 +6,71 @@ All follow from the measurements of the check and the spec alone.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import ceil, floor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
-from lensforge.results import Fact
-from lensforge.results.criteria import Criteria, at_least, at_most
+from lensforge.results import Fact, Sense
+from lensforge.results.fact import StoredAs
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
-from lensforge.shop.check_result import (
-    BODY,
-    FINDINGS,
+from lensforge.shop.check_measures import (
     AnyClearance,
     BallClearance,
     BoreClearance,
     CustomBaseClearance,
     Cutter,
-    Edge,
     FaceResult,
-    FindingName,
     Mould,
     MouldedFace,
     StepClearance,
     ToolReach,
     ToolResult,
-    Wall,
-    Walls,
-    as_finding,
 )
 from lensforge.spec import BaseSection, Spec
 
 if TYPE_CHECKING:
     from lensforge.cad.plate_layout import PlateWall
+
+OfMill = Literal["cutter", "relief", "tilt", "tool", "gap"]
+OfLathe = Literal["nose", "slope", "turning", "corner"]
+FindingName = OfMill | OfLathe | Literal["layer", "wall", "draft", "undercut", "plate"]
+BODY = "body"  # the place of a finding on none of the faces
+# Question, sense and unit of each finding.
+FINDINGS: dict[str, tuple[str, Sense, str]] = {
+    "cutter": ("Ball reaches the face", "<=", "mm"),
+    "nose": ("Nose fits the face", "<=", "mm"),
+    "slope": ("Flanks clear the face", "<=", "deg"),
+    "turning": ("Tool reaches the face", ">=", "of the face"),
+    "corner": ("Fillets small enough", "<=", "of the face"),
+    "layer": ("Layers fine enough", "<=", "µm"),
+    "relief": ("Base clears the ball", "<=", "mm"),
+    "tilt": ("Tool tilt within limit", "<=", "deg"),
+    "wall": ("Wall thick enough", ">=", "mm"),
+    "draft": ("Draft large enough", ">=", "deg"),
+    "undercut": ("Mould releases the face", "<=", "of the face"),
+    "tool": ("Tool reaches the face", ">=", "of the face"),
+    "gap": ("Ball fits between lenses", "<=", "mm"),
+    "plate": ("Plate walls thick enough", ">=", "mm"),
+}
+
+
+def as_finding(fact: Fact) -> Fact:
+    """The fact as a statement on what the shop can do with this lens, whose note says why.
+
+    Its key is a :data:`FindingName`, its place a face or :data:`BODY`. Without a value the ball reaches nothing;
+    without a limit there is none, as for a face that any ball reaches.
+    """
+    if fact.key not in FINDINGS:
+        raise ValueError(f"name: must be one of {', '.join(FINDINGS)}")
+    question, _, _ = FINDINGS[fact.key]
+    return replace(fact, label=question).judged()
+
+
+_NAMES = {name: name for name in ("value", "sense", "limit", "unit", "tolerance")}
+_STORED = StoredAs(
+    _NAMES | {"name": "key", "surface": "place", "reason": "note", "remedy": "remedy", "holds": "holds"}, as_finding
+)
+Findings = tuple[Annotated[Fact, _STORED], ...]
 
 GOOD_DRAFT_DEG = 2.0
 SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
@@ -96,35 +130,6 @@ def finding_on(
     fact = Fact(name, "", value, unit, sense=sense, limit=limit, note=reason, tolerance=tolerance, place=surface)
     finding = as_finding(fact)
     return finding if finding.holds else replace(finding, remedy=", or ".join(filter(None, changes)))
-
-
-def wall_criteria(spec: Spec, walls: Walls) -> Criteria:
-    """The thinnest wall, and the thickest where the spec limits it; both within the tolerance of the search."""
-    limits, again = spec.constraints, "or give the last level more steps; the wall is"
-    remedy = f"raise lens.{spec.lens.outward}.offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
-    least = at_least(
-        "thinnest wall", walls.thinnest.thickness_mm, limits.min_thickness_mm, "mm", remedy, limits.tolerance_mm
-    )
-    if limits.max_wall_mm is None:
-        return (least,)
-    remedy = f"raise lens.{spec.lens.names[0]}.offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
-    thickest_mm, most_mm = walls.thickest.thickness_mm, limits.max_wall_mm
-    return least, at_most("largest radial wall", thickest_mm, most_mm, "mm", remedy, limits.tolerance_mm)
-
-
-def edge_criteria(spec: Spec, edges: Sequence[Edge]) -> Criteria:
-    """The sharpest place of each edge, where the spec limits it."""
-    least_deg = spec.constraints.min_edge_angle_deg
-    if least_deg is None:
-        return ()
-    remedy = "lower constraints.min_edge_angle_deg, or give the last level more steps"
-    return tuple(
-        at_least(edge.criterion, edge.angle_deg, least_deg, "deg", remedy, ANGLE_TOLERANCE_DEG) for edge in edges
-    )
-
-
-def _place(wall: Wall) -> str:
-    return ", ".join(quantity(round(value, 6) + 0.0, digits=4) for value in wall.cavity_point_mm)  # no "-0"
 
 
 def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Spec) -> Fact:

@@ -7,7 +7,7 @@ from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
 from lensforge.results import Fact
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
-from lensforge.shop.check_result import FaceResult, TurningTool
+from lensforge.shop.check_measures import FaceResult, TurningTool
 from lensforge.shop.findings import SHARE_TOLERANCE, design_again, finding_on, rounded_down_mm
 from lensforge.spec import Spec
 

@@ -23,7 +23,8 @@ from lensforge.made.measurement_result import (
     PhotoComparison,
     SurfaceComparison,
 )
-from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast, ReceiverStray, StrayFlux, StrayLight
+from lensforge.proof.cast_results import Agreement, BrepCast, MitsubaCast
+from lensforge.proof.proof_result import ReceiverStray, StrayFlux, StrayLight
 from lensforge.results import Extent, Metric
 from lensforge.scene.receiver_shapes import build_receiver
 
