@@ -24,9 +24,11 @@ from lensforge.scene.body import Body, Face
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
-_AZIMUTHS, _STEPS = 360, 181  # of the directions in which faces are compared, and of the table of a crease
+_AZIMUTHS = 360  # of the directions in which faces are compared
+_STEPS = 181  # of the table of a crease
 _REACH = 1e-3  # relative: a crease of fitted faces is sought this close to that of the exact ones
-_SLOPE_STEP, _LEAST_SLOPE = 1e-5, 1e-2  # of the chart, and relative to the radius: faces that meet at 0.3 degrees
+_SLOPE_STEP = 1e-5  # of the chart
+_LEAST_SLOPE = 1e-2  # relative to the radius: faces that meet at 0.3 degrees
 
 RIM_CYLINDER = "RIM_CYLINDER"  # where a flange begins: no optical face
 
@@ -277,7 +279,8 @@ def of_shapes(pair: Pair[Shape], shapes: Mapping[str, Other]) -> Pair[Other]:
 
 def _around_opening(cavity: Boundary[Shape], envelope: Boundary[Shape]) -> Pair[Shape]:
     """Boundaries whose first face is the same opening, which is a ring of the body between their creases."""
-    (first, *inside), (other, *outside) = cavity.faces, envelope.faces
+    (first, *inside) = cavity.faces
+    (other, *outside) = envelope.faces
     rims = [face.domain.outside for face in (first, other)]
     if first.name != other.name or None in rims:
         raise InputError(f"faces {first.name} and {other.name}: an opening must be met by the axis, and be one alone")
@@ -300,7 +303,8 @@ def lens_boundaries(lens: Lens) -> Pair[Surface]:
 def _boundary(faces: tuple[Face, ...]) -> Boundary[Surface]:
     if len(faces) == 1:
         return Boundary((TrimmedFace(faces[0].name, faces[0].surface),))
-    azimuths, steps = _azimuths(), np.linspace(0.0, 1.0, _STEPS)
+    azimuths = _azimuths()
+    steps = np.linspace(0.0, 1.0, _STEPS)
     turns, radii = (each.ravel() for each in np.meshgrid(azimuths, steps, indexing="ij"))
     directions = to_sphere(_on_chart(turns, radii))
     lengths = np.stack([face.surface.radius(directions) for face in faces])

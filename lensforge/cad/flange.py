@@ -48,7 +48,9 @@ class FlangeRing:
     @property
     def corners(self) -> Curve:
         """Distance from the axis and height of the corners of its section, from the top at the lens on."""
-        inner, low, high = self.inner_mm, self.low_mm, self.high_mm
+        inner = self.inner_mm
+        low = self.low_mm
+        high = self.high_mm
         return np.array([(inner, high), (self.outer_mm, high), (self.foot_mm, low), (inner, low)])
 
     def around(self, profile: Curve) -> Float[np.ndarray, "m 2"]:

@@ -63,7 +63,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _CONTENT = Field(strict=True, repr=False)
-STEP_FILE, STL_FILE, THREEMF_FILE, SURFACES_FILE = "lens.step", "lens.stl", "lens.3mf", "lens_surfaces.step"
+STEP_FILE = "lens.step"
+STL_FILE = "lens.stl"
+THREEMF_FILE = "lens.3mf"
+SURFACES_FILE = "lens_surfaces.step"
 
 
 class FileStamp(Record):
@@ -372,7 +375,8 @@ def _plate_elsewhere(lens: Lens) -> Iterator[Fact]:
 
 def _mould(part: Part) -> Iterator[Fact]:
     """The scale that a mould insert asks for, and the untrimmed faces that have it."""
-    scale, untrimmed = part.lens.spec.manufacture.scale, part.untrimmed_surfaces
+    scale = part.lens.spec.manufacture.scale
+    untrimmed = part.untrimmed_surfaces
     if untrimmed is not None:
         errors = f"form error {quantity(untrimmed.form_error_nm, 'nm', digits=2)}"
         normals = f"normals {quantity(untrimmed.normal_error_mrad, 'mrad', digits=2)}"

@@ -71,7 +71,8 @@ def build_part(
     name = lens.spec.name
     signed = signed_step(body.solid, lens.spec, name, schema, date)
     step = signed.content
-    untrimmed, surfaces_step = None, None
+    untrimmed = None
+    surfaces_step = None
     if extension_deg is not None:
         untrimmed, surfaces_step = _untrimmed(lens, body.plan, tolerance, extension_deg, schema, signed.signature)
     stl = stl_bytes(body.mesh)
@@ -132,7 +133,8 @@ def build_part(
 def _build(lens: Lens, pair: Pair[Patch], rings: int | None, chord_mm: float, least_rings: int) -> BuiltBody:
     """Build mesh and solid of the fitted faces, and join the base where it comes from a file."""
     custom = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
-    base, ring = base_with_room(lens), ring_of(lens, pair[1])
+    base = base_with_room(lens)
+    ring = ring_of(lens, pair[1])
     return on_base(lens.surfaces, pair, base, rings, chord_mm, custom, ring, least_rings)
 
 

@@ -102,9 +102,13 @@ def keep_out_remedy(spec: Spec, measured: KeepOutDistance | None) -> str:
 
 
 def _fields(spec: Spec, measured: KeepOutDistance) -> str:
-    base, margin = spec.base_made, spec.constraints.keep_out_margin_mm
-    (x, y, z), other = measured.body_point_mm, measured.keep_out_point_mm
-    overlap, across, below = measured.distance_mm < 0.0, float(np.hypot(*other[:2])), z - other[2]
+    base = spec.base_made
+    margin = spec.constraints.keep_out_margin_mm
+    (x, y, z) = measured.body_point_mm
+    other = measured.keep_out_point_mm
+    overlap = measured.distance_mm < 0.0
+    across = float(np.hypot(*other[:2]))
+    below = z - other[2]
     outwards = across - float(np.hypot(x, y))
     at_bottom = base.kind != "none" and z <= _RIM_MM - base.height_mm
     stands = at_bottom and measured.distance_mm <= _RIM_MM  # the base stands on it

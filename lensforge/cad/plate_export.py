@@ -95,11 +95,13 @@ def build_plate(
     ``own``: ``lens`` as exported by itself; ``nodes``, ``tolerance``: of its faces and of those of further kinds.
     Raises :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
     """
-    start, layout = time.perf_counter(), layout_of(lens)
+    start = time.perf_counter()
+    layout = layout_of(lens)
     if layout is None or not lens.makes_plate:
         return None
     kinds = [own, *(LensOfPlate.fitted(each, nodes, tolerance) for each in lens.kinds[1:])]
-    plans, volumes = [each.plan for each in kinds], [each.volume_mm3 for each in kinds]
+    plans = [each.plan for each in kinds]
+    volumes = [each.volume_mm3 for each in kinds]
     product = f"{lens.spec.name} plate"
     openings = [rim_points(plan.cavity) for plan in plans]
     _require_walls(layout, openings)
@@ -109,10 +111,12 @@ def build_plate(
     step = signed_step(solid, lens.spec, product, schema, date).content
     _require_readable(step, len(layout.lenses))
     mesh = build_plate_mesh(plans, layout, facets, chord_mm)
-    stl, threemf = stl_bytes(mesh), threemf_bytes(mesh, product)
+    stl = stl_bytes(mesh)
+    threemf = threemf_bytes(mesh, product)
     files = dict(zip(PLATE_FILES, (step, stl, threemf), strict=True))
     volume = layout.volume_mm3(volumes, openings)
-    read, closed = parse_step(step), check_closed(*parse_stl(stl, PLATE_FILES[1]))
+    read = parse_step(step)
+    closed = check_closed(*parse_stl(stl, PLATE_FILES[1]))
     in_3mf = check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
     form_nm = max(each.form_error_nm for each in kinds) + copies_off_mm(read.faces, plans, layout) * _NM_PER_MM
     figures = Plate(
@@ -189,7 +193,8 @@ def _to_origin_mm3(wall: Any) -> float:
 
     The plain formula without a bound of its error would take too few points, and what it lacks grows with the distance.
     """
-    faced, trim = BRepGProp_Face(wall), BRepGProp_Domain(wall)
+    faced = BRepGProp_Face(wall)
+    trim = BRepGProp_Domain(wall)
     return float(BRepGProp_Vinert(faced, trim, gp_Pnt(0.0, 0.0, 0.0), _WALL_ERROR).Mass())
 
 
@@ -205,7 +210,8 @@ def copies_off_mm(faces: Shapes, plans: Sequence[Plan[Patch]], layout: PlateLayo
 
     Infinite where a face is missing, or is no spline of as many poles.
     """
-    count, off = len(layout.lenses), 0.0
+    count = len(layout.lenses)
+    off = 0.0
     for number, plan in enumerate(layout.of_each(plans)):
         for face in plan.faces:
             poles = face.shape.bounded(face.domain.extent[1]).control
@@ -229,7 +235,8 @@ def least_gap_mm(kinds: Sequence[BodyMesh], layout: PlateLayout) -> float | None
 
     ``kinds``: a lens of each. Raises :class:`InputError` where two overlap.
     """
-    bodies, gaps = [manifold_of(lens.vertices, lens.triangles) for lens in kinds], list[float]()
+    bodies = [manifold_of(lens.vertices, lens.triangles) for lens in kinds]
+    gaps = list[float]()
     for way, turn, (own, other) in _neighbours(layout):
         beside = replace(layout, lenses=Lamps.level([way], [turn]))
         vertices = beside.placed(kinds[other].vertices, 0)
@@ -259,9 +266,11 @@ def _neighbours(layout: PlateLayout) -> Iterator[tuple[Place, float, tuple[int, 
 
     With the kinds of both, that of the near one first.
     """
-    lenses, kinds = layout.lenses, layout.lenses.kind_of_each
+    lenses = layout.lenses
+    kinds = layout.lenses.kind_of_each
     seen = set[tuple[float, float, float, int, int]]()
-    places, turns = np.array([lens.place_mm for lens in lenses.lamps]), np.array(lenses.turns_deg)
+    places = np.array([lens.place_mm for lens in lenses.lamps])
+    turns = np.array(lenses.turns_deg)
     for one, lens in enumerate(lenses.lamps):
         ways = lens.pose.own_points(places)
         near = np.flatnonzero(np.hypot(*ways.T[:2]) <= _NEIGHBOURS * lenses.nearest_mm())

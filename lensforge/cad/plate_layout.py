@@ -17,8 +17,15 @@ from lensforge.spec.lamps_section import Lamps, Place
 from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateHole, PlateMark, PlatePin, PlateSection
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, area_mm2, box_of_loop, circle_at, drafted_scale
 
-PLATE_TOP, PLATE_BOTTOM, PLATE_SIDE, PLATE_BORE = "PLATE_TOP", "PLATE_BOTTOM", "PLATE_SIDE", "PLATE_BORE"
-PLATE_HOLE, PIN_SIDE, PIN_END, BOSS_BORE, BOSS_ROOF = "PLATE_HOLE", "PIN_SIDE", "PIN_END", "BOSS_BORE", "BOSS_ROOF"
+PLATE_TOP = "PLATE_TOP"
+PLATE_BOTTOM = "PLATE_BOTTOM"
+PLATE_SIDE = "PLATE_SIDE"
+PLATE_BORE = "PLATE_BORE"
+PLATE_HOLE = "PLATE_HOLE"
+PIN_SIDE = "PIN_SIDE"
+PIN_END = "PIN_END"
+BOSS_BORE = "BOSS_BORE"
+BOSS_ROOF = "BOSS_ROOF"
 _SAME_MM = 1e-9
 _Around = Float[np.ndarray, "n 2"]
 _Value = TypeVar("_Value")
@@ -50,7 +57,9 @@ class RoundWall:
     @property
     def corners(self) -> Float[np.ndarray, "4 2"]:
         """Its corners seen along +y, x and z: top and foot on the left, foot and top on the right."""
-        x, top, foot = self.place[0], -self.depth_mm, -self.depth_mm - self.length_mm
+        x = self.place[0]
+        top = -self.depth_mm
+        foot = -self.depth_mm - self.length_mm
         left = [(x - self.radius_mm, top), (x - self.foot_mm, foot)]
         return np.array([*left, (x + self.foot_mm, foot), (x + self.radius_mm, top)])
 
@@ -95,7 +104,8 @@ class PlateLayout:
         arcs = list[LoopEdge]()
         for x, y in ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
             centre = (x * (half[0] - corner), y * (half[1] - corner))
-            on_side, on_end = (x * half[0], centre[1]), (centre[0], y * half[1])
+            on_side = (x * half[0], centre[1])
+            on_end = (centre[0], y * half[1])
             arcs.append(LoopEdge(*((on_side, on_end) if x * y > 0.0 else (on_end, on_side)), centre))
         lines = [LoopEdge(one.end, other.start) for one, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
         chain = [edge for pair in zip(arcs, lines, strict=True) for edge in pair]
@@ -171,7 +181,8 @@ class PlateLayout:
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
         """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
-        pose, width = self.lenses.lamps[number].pose, points.shape[1]
+        pose = self.lenses.lamps[number].pose
+        width = points.shape[1]
         return np.asarray(points @ pose.rotation[:width, :width].T + pose.origin_mm[:width])
 
     def thinnest_wall(self, openings: Sequence[_Around]) -> PlateWall | None:
@@ -180,7 +191,8 @@ class PlateLayout:
         None where it has none of them.
         """
         bores = self.of_each([self.bore_scale(each) * each for each in openings])  # at the bottom, where all is widest
-        plate, axes = self.plate, np.array(self.lenses.places_mm)
+        plate = self.plate
+        axes = np.array(self.lenses.places_mm)
         largest = max(float(np.hypot(*each.T).max()) for each in bores)
         widened = {name: self._at_bottom_mm(mark) for name, mark in plate.marks}
         found = list[PlateWall]()
@@ -213,7 +225,8 @@ class PlateLayout:
 
 def layout_of(lens: Lens) -> PlateLayout | None:
     """The plate of the spec of ``lens``; None where it has none."""
-    plate, spec = lens.spec.plate, lens.spec
+    plate = lens.spec.plate
+    spec = lens.spec
     if plate is None:
         return None
     lenses = plate.lenses(spec.lamps)

@@ -58,7 +58,8 @@ class MeshParts:
 
     def add_wall(self, name: str, top: _Ids, foot: _Ids) -> None:
         """Add the wall between two loops of as many vertices; it faces outwards where they run counter-clockwise."""
-        ahead, below = np.roll(top, -1), np.roll(foot, -1)
+        ahead = np.roll(top, -1)
+        below = np.roll(foot, -1)
         self.add_facets(name, np.concatenate([np.stack(c, axis=1) for c in ((top, foot, below), (top, below, ahead))]))
 
     def add_plane(self, name: str, outline: _Ids, openings: Sequence[Int[np.ndarray, " _"]], *, up: bool) -> None:
@@ -66,7 +67,8 @@ class MeshParts:
         import manifold3d
 
         loops = [outline, *(each[::-1] for each in openings)]
-        ids, places = np.concatenate(loops), np.concatenate(self.vertices)[:, :2]
+        ids = np.concatenate(loops)
+        places = np.concatenate(self.vertices)[:, :2]
         found = ids[np.asarray(manifold3d.triangulate([np.ascontiguousarray(places[loop]) for loop in loops]))]
         self.add_facets(name, found if up else found[:, ::-1])
 
@@ -96,14 +98,17 @@ def build_plate_mesh(
     plans: Sequence[Plan[Patch]], layout: PlateLayout, meshes: Sequence[BodyMesh], chord_mm: float
 ) -> BodyMesh:
     """Mesh the plate; ``meshes``: of a lens of each kind without a base, ``chord_mm``: of the plate's round edges."""
-    parts, thickness = MeshParts(), layout.plate.thickness_mm
+    parts = MeshParts()
+    thickness = layout.plate.thickness_mm
     each = [
         (mesh, layout.bore_scale(rim_points(plan.cavity)), _rim_of(mesh, plan.envelope), _rim_of(mesh, plan.cavity))
         for plan, mesh in zip(plans, meshes, strict=True)
     ]
-    deep, sides = (0.0, thickness), (layout.outline, layout.foot)
+    deep = (0.0, thickness)
+    sides = (layout.outline, layout.foot)
     outline, foot = _wall(parts, PLATE_SIDE, sides, chord_mm, deep, outwards=True)
-    tops, bottoms = [], []
+    tops = []
+    bottoms = []
     for number, (lens, bore_scale, rim, mouth) in enumerate(layout.of_each(each)):
         ids = parts.add_points(layout.placed(lens.vertices, number))
         for name in lens.names:

@@ -30,7 +30,8 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     azimuth = np.radians(azimuth_deg)
     across = rim_directions(np.array([azimuth]))[0]
     plan = lens_plan(lens)
-    base, of_file = plan.base, [] if plan.base.file is None else _cut_of_file(plan.base, across)
+    base = plan.base
+    of_file = [] if plan.base.file is None else _cut_of_file(plan.base, across)
     corners = [] if base.file is not None else base_corners(plan)[1:]  # the first is the outer rim itself
     if plan.cavity.opening is not None:
         return [*_around_opening(plan, corners, azimuth), *of_file]
@@ -47,10 +48,12 @@ def _cut_feet(base: BaseSection, azimuth_deg: float) -> list[Float[np.ndarray, "
     """The feet in the section through the axis at ``azimuth_deg``: (position across, z) in mm of their corners."""
     if base.feet is None:
         return []
-    turn, found = np.radians(azimuth_deg), list[np.ndarray]()
+    turn = np.radians(azimuth_deg)
+    found = list[np.ndarray]()
     ends = [(-base.height_mm, base.foot_radii_mm[0]), (-base.seat_mm, base.foot_radii_mm[1])]
     for x, y in base.feet.places_mm:
-        across, away = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+        across = x * np.cos(turn) + y * np.sin(turn)
+        away = y * np.cos(turn) - x * np.sin(turn)
         if abs(away) < base.foot_radii_mm[0]:
             halves = [(z, sqrt(max(radius**2 - away**2, 0.0))) for z, radius in ends]
             left, right = ([(across + sign * half, z) for z, half in halves] for sign in (-1.0, 1.0))

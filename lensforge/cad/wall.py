@@ -22,16 +22,22 @@ from lensforge.scene.lens import Lens
 from lensforge.surfaces import surface
 from lensforge.surfaces.surface import to_sphere
 
-_NODES, _RIM = 101, 512  # samples of each face: across the chart's square, and around the rim
+_NODES = 101  # samples of each face: across the chart's square
+_RIM = 512  # around the rim
 _STEP = 2.0 / (_NODES - 1)  # of the chart, from one to the next
-_STARTS, _APART = 12, 3.0  # pairs of points to start from, this many steps of the samples apart
-_FIRST, _ROUNDING = 16, 1e-9  # of the samples, every so many bound the least distance; relative
+_STARTS = 12  # pairs of points to start from
+_APART = 3.0  # this many steps of the samples apart
+_FIRST = 16  # of the samples, every so many bound the least distance
+_ROUNDING = 1e-9  # relative
 _SAME = 1e-12  # of the chart
 _FAR = 1e9  # mm: in the directions of an opening
 _PRECISION = 1e-14  # of the squared distance, relative
 _SPACINGS = (0.02, 0.003)  # of the points by which a ball grows, over the width of the part
-_NEAREST, _GROWTHS, _GROWN_MM = 1000, 40, 1e-6  # points that limit it in each round
-_TRIED, _ACROSS = 12, 48  # sections in which a ball is looked for, and places along and across each
+_NEAREST = 1000  # points that limit the ball in each round
+_GROWTHS = 40
+_GROWN_MM = 1e-6
+_TRIED = 12  # sections in which a ball is looked for
+_ACROSS = 48  # places along and across each
 _Point = Float[np.ndarray, "3"]
 _Sections = Float[np.ndarray, "a m 3"]
 
@@ -119,7 +125,9 @@ def _shorter(
     both of its ends, which are beside it by their reach, and across it, since the shortest is normal to both faces, or
     to the edges on which it ends: where a line would be longer than the shortest so far even so, none is sought.
     """
-    best, places, far = int(distance.argmin()), one.places, other.places[nearest]
+    best = int(distance.argmin())
+    places = one.places
+    far = other.places[nearest]
     least = distance**2 - (one.reach_mm + other.reach_mm[nearest]) ** 2
     found = min(known, Span(float(distance[best]), one.points[best], other.points[nearest[best]]), key=_thickness)
     for _ in range(_STARTS):
@@ -169,14 +177,17 @@ def _shortest_near(one: TrimmedFace[Patch], other: TrimmedFace[Patch], start: Fl
     size = float(np.sum((other.shape.points(start[2:]) - one.shape.points(start[:2])) ** 2))
 
     def squared(at: Float[np.ndarray, "4"]) -> tuple[float, Float[np.ndarray, "4"]]:
-        (near, *back), (far, *ahead) = one.shape.tangents(at[:2]), other.shape.tangents(at[2:])
-        line, along = far - near, np.stack([-back[0], -back[1], *ahead])
+        (near, *back) = one.shape.tangents(at[:2])
+        (far, *ahead) = other.shape.tangents(at[2:])
+        line = far - near
+        along = np.stack([-back[0], -back[1], *ahead])
         return float(line @ line) / size, 2.0 * along @ line / size
 
     options = {"ftol": _PRECISION, "maxiter": 100}
     within = {"type": "ineq", **_inside(one.domain, other.domain)}
     best = minimize(squared, start, jac=True, bounds=[(-1.0, 1.0)] * 4, constraints=within, options=options).x
-    near, far = one.shape.points(one.domain.within(best[:2])), other.shape.points(other.domain.within(best[2:]))
+    near = one.shape.points(one.domain.within(best[:2]))
+    far = other.shape.points(other.domain.within(best[2:]))
     return Span(float(np.linalg.norm(far - near)), near, far)
 
 
@@ -189,7 +200,8 @@ def _inside(one: Domain, other: Domain) -> dict[str, Callable[[Float[np.ndarray,
     def room(at: Float[np.ndarray, "4"]) -> Float[np.ndarray, " k"]:
         found = []
         for domain, place in ((one, at[:2]), (other, at[2:])):
-            azimuth, squared = np.arctan2(place[1:], place[:1]), place @ place
+            azimuth = np.arctan2(place[1:], place[:1])
+            squared = place @ place
             found.append((domain.outside.tabulated(azimuth) ** 2 if domain.outside else 1.0) - squared)
             found.append(squared - (domain.inside.tabulated(azimuth) ** 2 if domain.inside else 0.0))
         return np.concatenate([np.atleast_1d(each) for each in found])
@@ -205,7 +217,8 @@ def largest_ball(sections: _Sections) -> tuple[float, _Point]:
     """
     from scipy.spatial import cKDTree
 
-    points, starts = sections.reshape(-1, 3), _places_within(sections)
+    points = sections.reshape(-1, 3)
+    starts = _places_within(sections)
     cells = [np.round(points / (share * np.ptp(points[:, 0]))).astype(int) for share in _SPACINGS]
     trees = [cKDTree(points[np.unique(each, axis=0, return_index=True)[1]]) for each in cells]
     centre = starts[np.argmax(trees[0].query(starts)[0])]
@@ -217,7 +230,8 @@ def largest_ball(sections: _Sections) -> tuple[float, _Point]:
 def _places_within(sections: _Sections) -> Float[np.ndarray, "n 3"]:
     places = []
     for section in sections[:: max(len(sections) // _TRIED, 1)]:
-        across, height = np.hypot(section[:, 0], section[:, 1]), section[:, 2]
+        across = np.hypot(section[:, 0], section[:, 1])
+        height = section[:, 2]
         around = section[np.argmax(across)] / across.max()
         r, z = np.meshgrid(*(np.linspace(line.min(), line.max(), _ACROSS) for line in (across, height)))
         crossed = (height[:-1] > z[..., None]) != (height[1:] > z[..., None])
@@ -237,7 +251,8 @@ def _grown(tree: Any, centre: _Point) -> _Point:
 
     for _ in range(_GROWTHS):
         distance, nearest = tree.query(centre, k=min(_NEAREST, tree.n))
-        away, reach = centre - tree.data[nearest], 0.5 / 3.0**0.5 * (distance[-1] - distance[0])
+        away = centre - tree.data[nearest]
+        reach = 0.5 / 3.0**0.5 * (distance[-1] - distance[0])
         rows = np.column_stack([-away / distance[:, None], np.ones(len(away))])
         best = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=distance, bounds=[(-reach, reach)] * 3 + [(0.0, None)])
         if best.x is None or best.x[3] < distance[0] + _GROWN_MM:

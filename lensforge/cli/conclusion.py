@@ -34,9 +34,12 @@ if TYPE_CHECKING:
     from lensforge.shop.handover import Handover
 
 _STEM = "lens"  # of the files
-_MOST_ROWS, _MOST_LIMITS = 10, 3
-_WIDEST_CELL, _WIDEST_TABLE = 24, 120
-_DESIGN, _VERDICTS = "design", ("criteria", "cutting")  # of a study: its groups, and columns of all of them
+_MOST_ROWS = 10
+_MOST_LIMITS = 3
+_WIDEST_CELL = 24
+_WIDEST_TABLE = 120
+_DESIGN = "design"  # group of a study
+_VERDICTS = ("criteria", "cutting")  # columns of every group
 _WHOLE = ("ways", "of_roads", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
 _LINES = ("ways", "place", "road_yield", "bound", "spread", "causes", "budget", "error", "failed", "preset")
@@ -125,12 +128,14 @@ def table_of(groups: Sequence[Group]) -> Iterator[str]:
         for (key, label), *cells in zip(columns.items(), *rows, strict=True)
         if key in _VERDICTS or len({*cells}) != 1 or len(groups) == 1
     ]
-    first, room = ["", *(group.title for group in groups)], 0
+    first = ["", *(group.title for group in groups)]
+    room = 0
     parts: list[list[list[str]]] = []
     for column in told:
         wide = max(map(len, column)) + 2
         if not parts or wide > room:
-            parts, room = [*parts, [first]], _WIDEST_TABLE - max(map(len, first)) - 4
+            parts = [*parts, [first]]
+            room = _WIDEST_TABLE - max(map(len, first)) - 4
         parts[-1].append(column)
         room -= wide
     for part in parts:
@@ -170,7 +175,8 @@ def _require_pass(run: Run, *parts: str) -> None:
 
 def blocks_of(result: StageResult, run: Run) -> list[Block]:
     """Blocks for ``result``, one of those in the folder of ``run``, and the file that holds it."""
-    groups, light = run.facts(result), run.find(Light)
+    groups = run.facts(result)
+    light = run.find(Light)
     if light is not None and isinstance(result, ResultByLed):  # of the same LEDs
         groups = [*groups, *place_groups(light)]
     title, reasons = _judged(result, run)
@@ -185,7 +191,8 @@ def blocks_of(result: StageResult, run: Run) -> list[Block]:
 
 def rows_of(groups: Sequence[Group]) -> Iterator[Row]:
     """A line for each fact; for each group where several are of one kind, of many the first ones."""
-    counted, shown = Counter(group.key for group in groups), Counter[str]()
+    counted = Counter(group.key for group in groups)
+    shown = Counter[str]()
     for group in groups:
         if group.key == "limits":
             yield from _limit_rows(group)
@@ -201,12 +208,15 @@ def rows_of(groups: Sequence[Group]) -> Iterator[Row]:
 
 def summary(run: Run) -> list[Block]:
     """The end of a whole run: verdict, light, lens, files, manufacture, and the folder, in 30 lines at most."""
-    head, verdict = headline(run), run.verdict
-    light, lens = _selected(run, _LIGHT, Light), _selected(run, _LENS, Design)
+    head = headline(run)
+    verdict = run.verdict
+    light = _selected(run, _LIGHT, Light)
+    lens = _selected(run, _LENS, Design)
     design = run.find(Design)
     search = "" if design is None else f": {_search(run, design)}"
     kept = [key for key in _FAR_FIELD if not (run.spec.roads and key.startswith("beam_"))]  # which no road asks for
-    far_field, files = _selected(run, tuple(kept), Photometry), _selected(run, _FILES, Part, Proof)
+    far_field = _selected(run, tuple(kept), Photometry)
+    files = _selected(run, _FILES, Part, Proof)
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
     return [
         Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
@@ -257,10 +267,12 @@ def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
     """Title with the verdict, and reasons, of light and files; under other than nominal conditions by itself."""
     if not isinstance(result, Light | Part | Proof):
         return "", []
-    judged, under = run.verdict, ""
+    judged = run.verdict
+    under = ""
     if conditions_of(result) is not None:
         part = {stem: each for stem, each in run.found.items() if stem == Part.stage}
-        judged, under = Results(run.lens, {**part, result.stage: result}).verdict, " under other conditions"
+        judged = Results(run.lens, {**part, result.stage: result}).verdict
+        under = " under other conditions"
     if isinstance(result, Light):
         return _title("light", judged.light, run.facts(result), under), _because(judged, "light")
     return _title("files", judged.files, run.facts(result), under), _because(judged, "files")
@@ -322,7 +334,8 @@ def _manufacture(run: Run) -> Iterator[Row]:
 
 
 def _written(run: Run) -> str:
-    part, photometry = run.find(Part), run.find(Photometry)
+    part = run.find(Part)
+    photometry = run.find(Photometry)
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
     names += [*LUMINAIRE_FILES.values()] if photometry is not None and photometry.luminaire else []

@@ -104,7 +104,8 @@ class Interrupts:
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
         if self.received is None:
-            self.received, self._at = signal.Signals(number), now
+            self.received = signal.Signals(number)
+            self._at = now
             self._raise_or_wait(frame)
         elif now - self._at > _PATIENCE_SECONDS:
             os._exit(self.exit_code)

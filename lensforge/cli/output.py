@@ -14,7 +14,8 @@ from typing import Any
 
 import click
 
-_WIDTH, _LEAST_WIDTH = 80, 40  # columns; a narrower terminal wraps the lines at its own width
+_WIDTH = 80  # columns
+_LEAST_WIDTH = 40  # a narrower terminal wraps the lines at its own width
 _UNBOUNDED = 1_000_000  # of a pipe, in which programs look for lines
 _WIDEST_LABEL = 24
 

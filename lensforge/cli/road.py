@@ -46,7 +46,8 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
     """
     from lensforge.light.road_judgement import held_spacing, judge_road, of_file
 
-    lamp, wanted = read_photometric(file), load_roads(roads)
+    lamp = read_photometric(file)
+    wanted = load_roads(roads)
     if (words := cut_below(lamp)) is not None:
         raise InputError(f"{file}: {words}: too narrow for the row and its glare; export it up to gamma = 90 degrees")
     lights = [of_file(lamp, street_c, each.lamp_lm) for each in wanted]

@@ -37,7 +37,8 @@ class KernelCache:
     """The place of a compiled kernel, in the terms of numba's locators: a folder, a stamp of its source, a name."""
 
     def __init__(self, folder: Path, line: int) -> None:
-        self._folder, self._line = folder, line
+        self._folder = folder
+        self._line = line
 
     @classmethod
     def from_function(cls, function: Function, source: str) -> "KernelCache":

@@ -80,7 +80,8 @@ def in_parallel(work: Callable[[int], Any], count: int, *, shared: bool = True) 
 
     What is not ``shared`` this thread does alone.
     """
-    threads, numbers = thread_count() if shared else 1, iter(range(count))
+    threads = thread_count() if shared else 1
+    numbers = iter(range(count))
 
     def take_turns() -> None:
         for number in numbers:  # each is given to one thread

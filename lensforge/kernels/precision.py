@@ -3,7 +3,7 @@
 A vector register then holds twice as many rays. A number written in a kernel is float64 to numba, and one of them
 makes all that is computed with it float64, so :func:`in_single` compiles a copy of a kernel, and of the kernels that it
 calls, in which they are float32. Where arrays are float32, too, so is the rest. numba's own typing, by arguments, would
-ask for each of the 687 numbers in 161 kernels as an argument; this takes 0.55 of the time of float64 (docs/speed.md).
+ask for each of the 687 numbers in 161 kernels as an argument; this takes 0.55 of the time of float64.
 The number of a ray stays exact up to 2^24 of them in a chunk, as many as a search may have in all.
 """
 
@@ -35,7 +35,8 @@ class ByPrecision(float):
 def in_single(function: Function) -> Function:
     """The kernel ``function`` in single precision."""
     plain = cast(Dispatcher, function).py_func
-    code, name = _code_in_single(plain.__code__), f"{plain.__qualname__}_in_single"
+    code = _code_in_single(plain.__code__)
+    name = f"{plain.__qualname__}_in_single"
     known = {**vars(builtins), "float": np.float32, **plain.__globals__}
     names = {each: _in_single(known[each]) for each in (*code.co_names, "__name__") if each in known}
     copy = FunctionType(code, names, name)
@@ -81,4 +82,5 @@ class Precision:
         return self.kind(values) if isinstance(values, float) else values
 
 
-DOUBLE_PRECISION, SINGLE_PRECISION = Precision(np.float64), Precision(np.float32)
+DOUBLE_PRECISION = Precision(np.float64)
+SINGLE_PRECISION = Precision(np.float32)

@@ -36,13 +36,16 @@ def spline_points(knots, control, degree, orders, places, basis, found):
                     x += near[i, j, 0] * weight
                     y += near[i, j, 1] * weight
                     z += near[i, j, 2] * weight
-            found[k, row, 0], found[k, row, 1], found[k, row, 2] = x, y, z
+            found[k, row, 0] = x
+            found[k, row, 1] = y
+            found[k, row, 2] = z
 
 
 @as_written
 def _interval(knots, degree, last, place):
     """Number of the last knot that is not beyond ``place``, from ``degree`` to ``last``."""
-    low, high = degree, last + 1
+    low = degree
+    high = last + 1
     while high - low > 1:
         middle = (low + high) // 2
         if knots[middle] <= place:
@@ -59,11 +62,14 @@ def _functions(knots, place, degree, interval, order, found):
     for rising in range(1, degree + 1):
         carried = 0.0
         for n in range(rising):
-            above, below = knots[interval + n + 1], knots[interval + n + 1 - rising]
+            above = knots[interval + n + 1]
+            below = knots[interval + n + 1 - rising]
             share = 0.0 if above == below else found[n] / (above - below)
             if rising > degree - order:
                 share = 0.0 if above == below else rising * found[n] / (above - below)
-                found[n], carried = carried - share, share
+                found[n] = carried - share
+                carried = share
             else:
-                found[n], carried = carried + share * (above - place), share * (place - below)
+                found[n] = carried + share * (above - place)
+                carried = share * (place - below)
         found[rising] = carried

@@ -13,8 +13,13 @@ from lensforge.kernels.compiled import inline
 from lensforge.kernels.face_records import FaceMedia, FacePlacement, RingShifts
 from lensforge.kernels.parallel import part_of
 
-CAVITY, BODY, OUTSIDE = 0, 1, 2  # the media
-REFLECTED, FROM_BEHIND = 2, 1  # more than four times the number of the face, in what a ray met
+# Media, from the source on.
+CAVITY = 0
+BODY = 1
+OUTSIDE = 2
+# Added to four times the number of the face that a ray met.
+REFLECTED = 2
+FROM_BEHIND = 1
 
 
 _Record = TypeVar("_Record", bound=NamedTuple)

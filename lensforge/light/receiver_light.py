@@ -2,7 +2,7 @@
 
 Figures of a region are its mean light, its evenness and the peak, without the noise of the rays.
 
-A spec that sets no limits is judged by two bounds. ``benchmarks/verdicts.py`` calibrates both (docs/results.md): the
+A spec that sets no limits is judged by two bounds. ``benchmarks/verdicts.py`` calibrates both: the
 worst of the shipped specs has an NMSE of 0.08 as a draft, and puts 0.8 of what two faces transmit into its target;
 useless lenses (a 6 mm source in an 8 mm lens, a word finer than the image of its source, a lens of hardly more than
 cavity and wall, a target beyond the étendue of its source) have an NMSE from 0.2 to 0.75, and put 0.07 to 0.66 of it

@@ -34,7 +34,8 @@ from lensforge.results.text_dialect import Line, decoded_text, lines_of, number_
 
 _TAGS = ("NM", "CD", "LD", "TD", "ED")
 _MOST_AGF_BYTES = 4 * MIB  # the largest catalogue of a glass maker has 1 MiB
-_MOST_GLASSES, _LONGEST_NAME = 5000, 60  # all makers together have 3,000; a search for a name like it takes a second
+_MOST_GLASSES = 5000  # all makers together have 3,000; a search for a similar name takes a second
+_LONGEST_NAME = 60
 # Catalogues write 0 for light that they could not measure; what is left of 25 mm then is lost in any lens.
 _LEAST_TRANSMITTANCE = 1e-6
 
@@ -50,7 +51,8 @@ def read_agf(path: Path, glass: str) -> Material:
     missing = [tag for tag in ("CD", "LD") if tag not in words]
     if missing or len(words["NM"]) < 2:
         raise InputError(f"{path}: {glass} has no line {missing[0] if missing else 'NM that names its formula'}")
-    number, (low, high) = int(_number(words["NM"][1], path, glass)), _two(words["LD"], path, glass)
+    number = int(_number(words["NM"][1], path, glass))
+    (low, high) = _two(words["LD"], path, glass)
     if f"agf {number}" not in COEFFICIENTS:
         raise InputError(f"{path}: {glass} has the dispersion formula {number}, known are 1 to 13")
     material = Material(
@@ -68,7 +70,8 @@ def read_agf(path: Path, glass: str) -> Material:
 
 
 _LINES_NM = np.array([587.5618, 486.1327, 656.2725])  # d of helium, F and C of hydrogen
-_SAME_INDEX, _SAME_DISPERSION = 1e-4, 2e-5  # n_d has 5 digits in catalogues, n_F - n_C by v_d of 2 decimals 7
+_SAME_INDEX = 1e-4  # n_d has 5 digits in catalogues
+_SAME_DISPERSION = 2e-5  # n_F - n_C by an Abbe number of 2 decimals has 7
 
 
 def _contradictions(material: Material, stated: Sequence[str]) -> Iterator[str]:
@@ -91,7 +94,8 @@ def _number_or_0(word: str) -> float:
 
 def _formula(number: int, coefficients: tuple[float, ...], path: Path, glass: str) -> Formula:
     name = f"agf {number}"
-    found, expected = len(coefficients), COEFFICIENTS[name]
+    found = len(coefficients)
+    expected = COEFFICIENTS[name]
     if any(coefficients[expected:]):
         words = f"{found} coefficients in its line CD, formula {number} has {expected}"
         raise InputError(f"{path}: {glass} has {words}: is one cut in two? Export the catalogue again")

@@ -63,7 +63,8 @@ class Pose:
     def displaced(shift_mm: _Three = ORIGIN, rotation_rad: _Three = ORIGIN, centre_mm: Vector = ORIGIN) -> "Pose":
         """The frame turned about ``centre_mm`` by the rotation vector, and then shifted (Rodrigues' formula)."""
         x, y, z = rotation_rad
-        angle, cross = hypot(x, y, z), np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        angle = hypot(x, y, z)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         half = np.sinc(0.5 * angle / pi)
         rotation = np.eye(3) + np.sinc(angle / pi) * cross + 0.5 * half**2 * cross @ cross
         centre = np.array(centre_mm)
@@ -171,13 +172,17 @@ def _vector(values: Any) -> Vector:
 
 
 def _about(axis: int, angle_deg: float) -> _Matrix:
-    cosine, sine = cos(radians(angle_deg)), sin(radians(angle_deg))
+    cosine = cos(radians(angle_deg))
+    sine = sin(radians(angle_deg))
     if angle_deg % 90.0 == 0.0:
-        cosine, sine = round(cosine), round(sine)
-    one, other = (axis + 1) % 3, (axis + 2) % 3
+        cosine = round(cosine)
+        sine = round(sine)
+    one = (axis + 1) % 3
+    other = (axis + 2) % 3
     rotation = np.eye(3)
     rotation[one, one] = rotation[other, other] = cosine
-    rotation[other, one], rotation[one, other] = sine, -sine
+    rotation[other, one] = sine
+    rotation[one, other] = -sine
     return rotation
 
 

@@ -31,7 +31,8 @@ from lensforge.results.text_table import TextTable
 
 _MOST_BYTES = 4 * MIB  # the largest table of the database has 1 MiB
 _LEAST_UM = 1e-3  # no light of a lens is shorter
-_MOST_EVENTS, _DEEPEST = 10_000, 16  # of YAML: a file of the database has a few hundred, four levels deep
+_MOST_EVENTS = 10_000  # of YAML: a file of the database has a few hundred
+_DEEPEST = 16  # a file of the database is four levels deep
 
 
 def read_refractive_index_info(path: Path, name: str) -> Material:
@@ -102,7 +103,8 @@ def _require_plain(events: Iterable[Any]) -> None:
 
 
 _Index = tuple[Formula | IndexTable, tuple[float, float]]  # and its range in nm
-_SAME_INDEX, _SAME_ABSORPTION = 1e-4, 0.01  # the latter relative
+_SAME_INDEX = 1e-4
+_SAME_ABSORPTION = 0.01  # relative
 _COMPARED = 50  # wavelengths
 
 
@@ -135,7 +137,8 @@ def _index_of(kind: str, block: dict[str, Any], path: Path) -> _Index | None:
 
 def _largest_difference(first: _Index, other: _Index) -> float:
     """Largest difference of two indices where both are known; 0 where none of their wavelengths is common."""
-    low, high = max(first[1][0], other[1][0]), min(first[1][1], other[1][1])
+    low = max(first[1][0], other[1][0])
+    high = min(first[1][1], other[1][1])
     if not low <= high:
         return 0.0
     waves = np.linspace(low, high, _COMPARED)

@@ -63,6 +63,7 @@ from lensforge.results.criteria import Criteria, criteria_of, under
 from lensforge.results.figure import Criterion, Figure, criteria_in, figure
 from lensforge.results.numerals import number, percent, quantity
 from lensforge.results.plots import Axes, plot_curves, plot_map
+from lensforge.results.stage_result import OnPage
 
 
 class IndependentRays(Record):
@@ -566,6 +567,7 @@ class StrayLight(ResultByLed):
 
     stage: ClassVar[str] = "stray"
     command: ClassVar[str] = "verify --stray"
+    on_page: ClassVar[OnPage] = OnPage("stray light")
     made_from: ClassVar[tuple[str, ...]] = ("lens", "export")
 
     others: "tuple[StrayLight, ...]" = ()

@@ -122,7 +122,8 @@ def folder_of(folder: object) -> Path:
     path = Path(folder)
     # A name may be too long, or a folder one that the user may not search: what is in it can be asked for.
     with refused(str(path)[:60], "cannot be read (…); give a result folder", OSError):
-        is_file, _ = path.is_file(), (path / RUN_FILE).exists()
+        is_file = path.is_file()
+        _ = (path / RUN_FILE).exists()
     if is_file:
         raise InputError(f"{path}: a file, must be a result folder, such as cad_out/NAME that `lensforge design` wrote")
     return path
@@ -216,7 +217,8 @@ class RunFolder:
 
     def _require_free(self, stem: str, result: StageResult) -> None:
         """Refuse to write over the record of other conditions that have the same name."""
-        there, conditions = self._stored.records.get(stem), conditions_of(result)
+        there = self._stored.records.get(stem)
+        conditions = conditions_of(result)
         known = None if there is None else conditions_of(there)
         if there is None or known is None or conditions is None or known.same_as(conditions):
             return

@@ -109,7 +109,8 @@ def _draw_fan(
     traced: TracedLens | None,
 ) -> None:
     """Rays from the centre of the source that start in the section, on the side to which its axis points."""
-    theta, axis = np.radians(_FAN_DEG), np.array(lens.spec.source.pose.axis)
+    theta = np.radians(_FAN_DEG)
+    axis = np.array(lens.spec.source.pose.axis)
     directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
     directions = directions[directions @ axis > 0.0]
     centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))
@@ -140,7 +141,8 @@ def _draw_source(axes: Axes, position: Float[np.ndarray, " k"], height: Float[np
         corners = np.column_stack([position, height])
         axes.add_patch(Polygon(corners, facecolor=RED, edgecolor=RED, linewidth=3.0, joinstyle="bevel", label="source"))
         return
-    ends, level = [position.min(), position.max()], [height[0], height[0]]
+    ends = [position.min(), position.max()]
+    level = [height[0], height[0]]
     axes.plot(ends, level, color=RED, linewidth=3.0, solid_capstyle="butt", label="source")
 
 
@@ -206,7 +208,8 @@ def _steps(start: int, values: np.ndarray) -> np.ndarray:
 
 
 def _draw_levels(axes: Axes, levels: Sequence[Level]) -> list[tuple[int, Level]]:
-    starts, start = [], 0
+    starts = []
+    start = 0
     for index, level in enumerate(levels):
         end = start + len(level.nmse)
         if index % 2:

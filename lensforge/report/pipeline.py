@@ -86,8 +86,10 @@ def build(
     from lensforge.proof.export_trial import fineness
 
     require(lens, Lens, "build")
-    nodes, rings = count_of("nodes", nodes), count_of("rings", rings) or preset_of(lens.accuracy).part.mesh_rings
-    extension_deg, date = number_of("extension_deg", extension_deg), date_of("date", date)
+    nodes = count_of("nodes", nodes)
+    rings = count_of("rings", rings) or preset_of(lens.accuracy).part.mesh_rings
+    extension_deg = number_of("extension_deg", extension_deg)
+    date = date_of("date", date)
     tolerance = face_tolerance(lens, number_of("form_nm", form_nm), number_of("normal_mrad", normal_mrad))
     fine = fineness(lens, tolerance, nodes, rings)
     return build_part(
@@ -172,7 +174,8 @@ def run(
     began = time.perf_counter()
     require_spec(spec, "run")
     require_base_around_cavity(spec.lens, spec.constraints, spec.base_made)  # before a long search
-    folder, heard = folder_of(folder), Listener(announce or Listener.begins, ended or Listener.ended)
+    folder = folder_of(folder)
+    heard = Listener(announce or Listener.begins, ended or Listener.ended)
     if spec.lens.start is not None and spec.lens.start.resolve() == (folder / LENS_FILE).resolve():
         raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
     with opened(folder, create=True) as here, threads_of_torch(options.get("threads")):
@@ -249,7 +252,8 @@ def _side_by_side(here: RunFolder, heard: Listener, second: ChildPool, threads: 
     It takes one of the ``threads`` while it is busy: a light of many rays takes longer than the part.
     """
     lens = here.run.lens
-    made, checked = second.call(build, lens), second.call(check, lens)
+    made = second.call(build, lens)
+    checked = second.call(check, lens)
     heard.begins(Part.stage)
     with kernel_threads(lambda: max(1, threads - second.busy)):
         with heard.timed(Light.stage):
@@ -359,7 +363,9 @@ def _run_in_memory(made: Design, threads: int | None) -> Iterator[Results]:
     """Evaluate, build, check and verify the lens of each kind: the stages of a run, without a folder."""
     evaluated = evaluate(made.lens, threads=threads)
     for lens in made.lens.kinds:
-        found, light, part = _of_lens(made, lens).changed(lens=lens), _of_lens(evaluated, lens), build(lens)
+        found = _of_lens(made, lens).changed(lens=lens)
+        light = _of_lens(evaluated, lens)
+        part = build(lens)
         results: tuple[StageResult, ...] = (found, light, part, check(part), verify(part, light, threads=threads))
         yield Results(lens, {result.stage: result for result in results})
 

@@ -43,7 +43,9 @@ def trace_fan(
     scene = replace(traced.scene, media=traced.scene.media.polished)
     bundle = TracedBundle.of(traced.tables, scene, RayBundle(start_mm, directions, np.ones(len(start_mm))))
     in_order = np.where(bundle.lengths > 0.0, 4 * np.arange(bundle.lengths.shape[1]), -1)  # a double lens: both faces
-    points, along, places = start_mm.copy(), directions.copy(), [start_mm]
+    points = start_mm.copy()
+    along = directions.copy()
+    places = [start_mm]
     for lengths, met in zip(bundle.lengths.T, (in_order if bundle.met is None else bundle.met).T, strict=True):
         rows = met >= 0
         points[rows] += lengths[rows, None] * along[rows]
@@ -54,10 +56,12 @@ def trace_fan(
     left = bundle.exits.left_lens
     if bundle.met is None:
         back = _returns(lens.inner, places[1], places[2])
-        left, places[2][back] = left & ~back, np.nan
+        left = left & ~back
+        places[2][back] = np.nan
     if bundle.optics:
         places += _in_optics(bundle)
-        points, along = bundle.exits.points, bundle.exits.directions
+        points = bundle.exits.points
+        along = bundle.exits.directions
     ends = np.where(left[:, None], _at_distance(points, along, reach_mm), np.nan)
     return np.stack([*_without_gaps(places), ends], axis=1)
 

@@ -53,7 +53,8 @@ class Stored:
 
     def with_result(self, result: StageResult) -> "Stored":
         """Records of the folder after ``result`` was written; a design brings another lens."""
-        lens, stem = result.lens if isinstance(result, Design) else self.lens, stem_of(result)
+        lens = result.lens if isinstance(result, Design) else self.lens
+        stem = stem_of(result)
         unreadable = {name: error for name, error in self.unreadable.items() if name != stem}
         return Stored(lens, {**self.records, stem: result}, unreadable)
 
@@ -70,7 +71,8 @@ class Stored:
         outdated = {stem: str(error) for stem, error in self.unreadable.items()}
         stems = list(own_stems(self.lens.surfaces))  # each after those that it is made from
         for stem in sorted(self.records, key=lambda stem: (stems.index(stem) if stem in stems else len(stems), stem)):
-            result, is_own = self.records[stem], stem in stems
+            result = self.records[stem]
+            is_own = stem in stems
             why = _mismatch(result, self.lens, accepted, outdated) or _foreign_conditions(result, stem, is_own)
             why = why or doubt(stem, result)
             if why:
@@ -137,7 +139,8 @@ def _mismatch(result: StageResult, lens: Lens, accepted: Mapping[str, StageResul
     return ""
 
 
-RUN_FILE, RUN_SCHEMA = "run.json", f"lensforge-run-{SCHEMA_VERSION}"
+RUN_FILE = "run.json"
+RUN_SCHEMA = f"lensforge-run-{SCHEMA_VERSION}"
 _RENEW = "delete it, and run `lensforge report` again"
 
 
@@ -252,7 +255,8 @@ def require_stated(results: Results, record: RunRecord | None, folder: Path) -> 
     """
     if record is None or record.version != __version__ or not results.found:
         return
-    lens, path = results.lens, folder / RUN_FILE
+    lens = results.lens
+    path = folder / RUN_FILE
     for name, stated, there in (
         ("name", record.name, results.spec.name),
         ("seed", record.seed, lens.seed),

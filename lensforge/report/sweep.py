@@ -124,7 +124,8 @@ class Sweep(StageResult):
             if name not in rows:
                 continue
             own = rows[name]
-            lost, more = 1.0 - with_all.efficiency.value / own.efficiency.value, with_all.nmse.value / own.nmse.value
+            lost = 1.0 - with_all.efficiency.value / own.efficiency.value
+            more = with_all.nmse.value / own.nmse.value
             facts = (
                 Fact.share("own_efficiency", "Efficiency, own lens", own.efficiency),
                 Fact.share("efficiency", "With one for all", with_all.efficiency),
@@ -159,7 +160,8 @@ class Sweep(StageResult):
         own = {row.value: row for row in self.designs}
         rows = own | {row.value: row for row in other.designs if row.value not in own}
         content = {name: getattr(self, name) for name in type(self).model_fields}
-        designs, lenses = tuple(_in_order(rows)), other.inputs | self.inputs
+        designs = tuple(_in_order(rows))
+        lenses = other.inputs | self.inputs
         content |= {"inputs": {row.folder: lenses[row.folder] for row in designs}, "designs": designs}
         return type(self).model_validate(content)
 
@@ -227,7 +229,8 @@ def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Varia
 
 def _row(variant: Variant, kinds: Sequence[Results]) -> SweepRow:
     first, *others = kinds
-    light, design = first.light, first.design
+    light = first.light
+    design = first.design
     own = [criterion for _, criterion in first.criteria()]
     others_own = [under(each.lens.kind, criterion) for each in others for _, criterion in each.criteria()]
     return SweepRow(

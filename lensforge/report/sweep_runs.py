@@ -60,7 +60,8 @@ def write_run(files: Files, folder: Path) -> None:
             write_file(folder / name, files[name])
 
 
-PAGE, TABLE = "sweep.html", "sweep.csv"
+PAGE = "sweep.html"
+TABLE = "sweep.csv"
 
 
 # A run of every stage: of a spec, into a folder, and True to continue from the checkpoint there.
@@ -102,7 +103,8 @@ def run_sweep(
         if scheduler is None:
             made = _one_by_one(wanted, directory, run_design, resume, tell)
             return _joined(spec, variation, made, directory, sweep)
-        options, specs = {**further, "accuracy": accuracy, "seed": seed}, [variant.spec for variant in wanted]
+        options = {**further, "accuracy": accuracy, "seed": seed}
+        specs = [variant.spec for variant in wanted]
         with connected(scheduler) as workers:
             made = _written(wanted, directory, workers.map(files_of_run, options, specs), tell)
             return _joined(spec, variation, made, directory, sweep)
@@ -137,7 +139,8 @@ def _one_by_one(
     """Make every design here; each as soon as its folder is finished, or as it fails."""
     for number, variant in enumerate(wanted, start=1):
         tell(number, variant)
-        folder, why = directory / variant.spec.name, ""
+        folder = directory / variant.spec.name
+        why = ""
         try:
             run_design(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
         except InputError as error:

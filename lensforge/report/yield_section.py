@@ -74,7 +74,8 @@ def _section(stem: str, found: Yield, results: Results) -> YieldSection:
 
 def _distribution(found: Yield, name: str, on_page: str) -> PagePicture:
     """The parts by one metric; a bound far from all of them is said, not drawn."""
-    values, spread = found.without_noise(name), found.metrics[name]
+    values = found.without_noise(name)
+    spread = found.metrics[name]
     bounds = [bound for bound in found.bounds if bound.metric == name]
     label = with_unit(metric_words(name), f"({spread.unit})" if spread.unit else "")
     figure = distribution(values, spread.designed.value, bounds, label, share=is_share(name))
@@ -90,10 +91,13 @@ def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePictu
 
     Of a lens for several LEDs that of each with which a part is worst.
     """
-    section, (columns, rows), light = results.spec.all_receivers[0], periods_of(results.spec), results.find(Light)
+    section = results.spec.all_receivers[0]
+    (columns, rows) = periods_of(results.spec)
+    light = results.find(Light)
     width, height = section.size
     chart = Chart(columns * width, rows * height, section.is_far_field)
-    lights, maps = {} if light is None else light.by_led, list(_worst_maps(found))
+    lights = {} if light is None else light.by_led
+    maps = list(_worst_maps(found))
     designed = [
         (led, f"As designed{f', {led}' if led else ''}", "", np.tile(lights[led].first.map, (rows, columns)))
         for led in dict.fromkeys(found.worst_leds or ("",))

@@ -44,7 +44,8 @@ class Cluster:
     """Workers that a client of Dask reaches; ``address``: of their scheduler, for messages."""
 
     def __init__(self, client: "Client", address: str) -> None:
-        self._client, self._address = client, address
+        self._client = client
+        self._address = address
         self._sent: tuple[object, Future[Any]] | None = None
 
     def map(

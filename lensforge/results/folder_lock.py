@@ -25,7 +25,8 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)  # of s
 _TRIES_SECONDS = 0.2  # without locks: one try finds that the holder has ended, the next takes its place
 _OTHERS = "wait until it has ended, or give another folder"
 _NOT_WRITTEN = "cannot be written (…); give another folder"
-_MOST_BYTES, _SHOWN = 4096, 160  # of a holder's text; of each of its lines, in characters
+_MOST_BYTES = 4096  # of a holder's text
+_SHOWN = 160  # characters of each of its lines
 
 
 @contextmanager
@@ -72,7 +73,8 @@ def _held(folder: Path) -> Iterator[None]:
             if error.errno not in _NO_LOCKS:
                 raise
             path.unlink(missing_ok=True)
-            lock, path = SoftFileLock(marker, timeout=_TRIES_SECONDS, is_singleton=True), marker
+            lock = SoftFileLock(marker, timeout=_TRIES_SECONDS, is_singleton=True)
+            path = marker
             already = lock.is_locked
             lock.acquire()
     except Timeout:

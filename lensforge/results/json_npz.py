@@ -72,7 +72,8 @@ def require_forms(arrays: Mapping[str, np.ndarray], forms: Mapping[str, Form]) -
     for name in dict.fromkeys((*forms, *arrays)):
         if name not in arrays or name not in forms:
             raise ValueError(f"array {name[:40]!r} {'is missing' if name in forms else 'is none of it'}")
-        array, form = arrays[name], forms[name]
+        array = arrays[name]
+        form = forms[name]
         if array.dtype != np.dtype(form.kind):
             raise ValueError(f"array {name!r} is of type {array.dtype}, must be {form.kind}")
         known = [axis if isinstance(axis, int) else sizes.get(axis, -1) for axis in form.axes]

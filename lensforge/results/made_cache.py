@@ -41,7 +41,8 @@ def made_once(
     """
     if not _homes:
         return make()
-    key, adapter = _key(of), TypeAdapter(kind)
+    key = _key(of)
+    adapter = TypeAdapter(kind)
     path = _homes[0] / f"{key}.json"
     with suppress(InputError, OSError, ValueError):  # none yet, or a damaged one
         kept: _Made = adapter.validate_json(_content(path, key))
@@ -60,7 +61,8 @@ def _content(path: Path, key: str) -> bytes:
     if not stat.S_ISREG(path.lstat().st_mode):  # a link may lead anywhere
         raise ValueError("no regular file")
     whole = read_file(path, missing="it is made anew", most_bytes=_MOST_BYTES)
-    digest, content = whole[:_DIGEST_CHARACTERS], whole[_DIGEST_CHARACTERS + 1 :]
+    digest = whole[:_DIGEST_CHARACTERS]
+    content = whole[_DIGEST_CHARACTERS + 1 :]
     if digest != _digest(key, content):
         raise ValueError("damaged")
     return content

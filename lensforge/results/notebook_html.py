@@ -23,8 +23,11 @@ if TYPE_CHECKING:
 else:
     _Metaclass = type(BaseModel)  # which has no public name
 
-MOST_LINES, _MOST_CHARACTERS = 40, 100  # of a text: a result fits on a screen
-_LONG_TEXT, _LONG_LIST = 200, 8  # characters and entries that a terminal shows of one field
+# A text of a result fits on a screen.
+MOST_LINES = 40
+_MOST_CHARACTERS = 100
+_LONG_TEXT = 200  # characters that a terminal shows of a field
+_LONG_LIST = 8  # entries
 PLOT_KINDS = ("png", "svg", "pdf")
 _DATE = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # metadata that would differ from file to file
 
@@ -122,7 +125,8 @@ def plot_file(draw: Callable[..., Any], kind: str) -> bytes:
     style = {"svg.hashsalt": "lensforge"}  # else each file has ids of its own
     with matplotlib.style.context(["default", style]):  # whatever a matplotlibrc says
         # "constrained" takes axes of a fixed aspect for wider than they become, and cuts the label beside them
-        figure, file = Figure(figsize=(5.0, 4.0), layout="compressed"), io.BytesIO()
+        figure = Figure(figsize=(5.0, 4.0), layout="compressed")
+        file = io.BytesIO()
         draw(axes=figure.add_subplot())
         figure.savefig(file, format=kind, dpi=150, metadata={_DATE[kind]: None})
         return file.getvalue()

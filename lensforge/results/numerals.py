@@ -10,10 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 NOTHING = "–"  # in the place of a value that is not known
-_THIN_SPACE, _MINUS = "\u2009", "\u2212"
+_THIN_SPACE = "\u2009"
+_MINUS = "\u2212"
 _SIGNS = {"<=": "≤", ">=": "≥"}
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_LARGEST_PLAIN, _MOST_DECIMALS = 1e6, 7  # beyond them a number is written with an exponent
+# Beyond these a number is written with an exponent.
+_LARGEST_PLAIN = 1e6
+_MOST_DECIMALS = 7
 
 # Units by the end of a name, the longest end first: `_per_mm` ends in `_mm` too, `_lm_per_w` in `_w`.
 _SUFFIXES = {

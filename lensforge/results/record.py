@@ -59,7 +59,8 @@ class InFile:
 
     def beside(self, stage: str, stem: str) -> str:
         """Name of the file that belongs to ``stem``.json: ``lens_x.ies`` to ``photometry_x.json``."""
-        path, end = Path(self.name), stem.removeprefix(stage) if stem.startswith(f"{stage}_") else ""
+        path = Path(self.name)
+        end = stem.removeprefix(stage) if stem.startswith(f"{stage}_") else ""
         return f"{path.stem}{end}{path.suffix}"
 
 
@@ -82,7 +83,9 @@ class Array:
     """
 
     def __init__(self, *axes: str | int, gaps: bool = False, least: float = -LARGEST) -> None:
-        self.axes, self.gaps, self.least = axes, gaps, least
+        self.axes = axes
+        self.gaps = gaps
+        self.least = least
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
         """Validate by :meth:`checked`; serialise to nested lists."""
@@ -194,7 +197,8 @@ class Record(BaseModel, metaclass=Shown):
     def _axes_agree(self) -> "Record":
         sizes: dict[str, int] = {}
         for name, info in type(self).model_fields.items():
-            mark, value = marker(info, Array), getattr(self, name)
+            mark = marker(info, Array)
+            value = getattr(self, name)
             if mark is not None and value is not None:
                 try:
                     mark.bind(value.shape, sizes)
@@ -309,7 +313,8 @@ def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> 
 
 def stored_beside(record: Record) -> dict[str, IncEx | bool]:
     """Fields that are stored beside a record or in its criteria, as pydantic takes those to leave out of a dump."""
-    fields, marks = type(record).model_fields.items(), (Array, InFile, InCriterion)
+    fields = type(record).model_fields.items()
+    marks = (Array, InFile, InCriterion)
     excluded: dict[str, IncEx | bool] = {
         name: True for name, info in fields if any(marker(info, mark) is not None for mark in marks)
     }

@@ -37,7 +37,8 @@ class OfSeveralKinds(BaseModel):
     def __pydantic_init_subclass__(cls, **settings: Any) -> None:
         super().__pydantic_init_subclass__(**settings)
         if OfSeveralKinds in cls.__bases__:
-            cls.kinds, cls.has_schema = {}, False
+            cls.kinds = {}
+            cls.has_schema = False
         elif (kind := kind_of(cls)) is not None and "kind" in get_annotations(cls):
             known = cls.kinds.setdefault(kind, cls)
             written_in = vars(known).get("_written_in", known.__module__)  # a public class names the library itself

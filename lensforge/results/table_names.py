@@ -251,8 +251,10 @@ class Heading:
         Where blanks separate, it may be a title of as many words: a :class:`FileWarning` says that it is taken for one.
         """
         for line in self.words[-1:]:
-            cells, mark = header_cells(line, self.dialect, self.name), self.dialect.separator
-            where, there = f"{self.name}, line {line.number}", ", ".join(map(shown, cells[:_MOST_SHOWN]))
+            cells = header_cells(line, self.dialect, self.name)
+            mark = self.dialect.separator
+            where = f"{self.name}, line {line.number}"
+            there = ", ".join(map(shown, cells[:_MOST_SHOWN]))
             titles = ", ".join(column.title for column in wanted if column.by_place)
             if len(cells) != self.width and any(_fits_one(cell, wanted) for cell in cells if len(cells) > 1):
                 raise InputError(f"{where}: {len(cells)} names for {self.width} columns: {there}; give each its name")

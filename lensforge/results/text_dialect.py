@@ -87,7 +87,8 @@ def remarks_above(text: str, row: Line) -> list[Line]:
 
 
 # Numbers that tell what a mark in them is, by that mark (m) and the other one (o); behind them no part of a number.
-_BEFORE, _BEHIND = r"(?<![\w.,])", r"(?![\d.,])"
+_BEFORE = r"(?<![\w.,])"
+_BEHIND = r"(?![\d.,])"
 _GROUPS = _BEFORE + r"[-+]?[1-9]\d{0,2}(?:m\d{3})"
 _DECIMAL = (
     rf"(?:{_BEFORE}[-+]?(?:\d*m(?:\d\d?|\d{{4,}})|(?:0\d*|\d{{4,}})?m\d{{3}}|\d+m){_BEHIND}"

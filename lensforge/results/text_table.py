@@ -122,7 +122,8 @@ class TextTable:
         return len(set(counts)) == 1
 
     def _row(self, place: int, used: Sequence[int] | None, blank: float | None, further: bool) -> list[float]:
-        cells, width = self.cells[place], self.width
+        cells = self.cells[place]
+        width = self.width
         if blank is not None:
             width = self._longest
             cells = cells + [""] * (width - len(cells))
@@ -212,7 +213,8 @@ class TextTable:
 
     def _by_place(self, wanted: Sequence[Column], further: bool) -> Places:
         by_place = [column for column in wanted if column.by_place]
-        least, width = sum(column.needed for column in by_place), self.width
+        least = sum(column.needed for column in by_place)
+        width = self.width
         if not least <= width or (width > len(by_place) and not further):
             titles = ", ".join(column.title for column in by_place)
             raise self.refuse(0, None, f"{width} cells, must be {titles}{self.advice}")
@@ -292,7 +294,9 @@ def read_list(path: Path, wanted: Sequence[Column], *, missing: str, most_bytes:
     marks = (separator or "", ";", "\t", ",")
     dialect = Dialect(next((mark for mark in marks if mark and mark in lines[0].text), " "))
     names = Names(name, lines[0], dialect.cells(lines[0], name))
-    where, cells, places = names.where, names.cells, names.places(wanted)
+    where = names.where
+    cells = names.cells
+    places = names.places(wanted)
     wrong = [shown(cell) for place, cell in enumerate(cells) if place not in {at for at, _ in places.values()} and cell]
     wrong += [f"no column {column.title}" for at, column in enumerate(wanted) if column.needed and at not in places]
     if wrong:

@@ -40,7 +40,8 @@ def _validated(kind: type[BaseModel], name: str, value: object) -> object:
 
 @cache
 def _alone(kind: type[BaseModel], name: str) -> type[BaseModel]:
-    field, config = kind.model_fields[name], ConfigDict(**{**kind.model_config, "frozen": False})
+    field = kind.model_fields[name]
+    config = ConfigDict(**{**kind.model_config, "frozen": False})
     definition: Any = (field.annotation, field)
     return create_model(kind.__name__, __base__=_base_of(kind, config), **{name: definition})
 

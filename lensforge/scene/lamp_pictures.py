@@ -70,9 +70,11 @@ class Raster:
     def overlaps(self, shape: tuple[int, int]) -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
         """Rows and columns of the raster, and of the receiver of ``shape``, that are the same, for each corner."""
         for corner in self.corners:
-            there, here = [], []
+            there = []
+            here = []
             for start, side, size in zip(corner, self.receiver.grid.shape, shape, strict=True):
-                first, last = max(start, 0), min(start + size, side)
+                first = max(start, 0)
+                last = min(start + size, side)
                 there.append(slice(first, last))
                 here.append(slice(first - start, last - start))
             yield (there[0], there[1]), (here[0], here[1])
@@ -112,7 +114,8 @@ class LampPictures:
         """
         if self.is_single:
             return pictures[0] if fluxes is None else float(fluxes[0]) * pictures[0]
-        shape, weights = self.receiver.grid.shape, np.ones(len(self.receiver.lamps)) if fluxes is None else fluxes
+        shape = self.receiver.grid.shape
+        weights = np.ones(len(self.receiver.lamps)) if fluxes is None else fluxes
         total = np.zeros((*pictures[0].shape[:-2], *shape))
         for raster, picture in zip(self.rasters, pictures, strict=True):
             for (there, here), number in zip(raster.overlaps(shape), raster.numbers, strict=True):
@@ -121,7 +124,8 @@ class LampPictures:
 
     def spread(self, by_picture: _Image) -> list[_Image]:
         """Sensitivities to the pictures of one lamp from those to :meth:`added`: its adjoint."""
-        shape, found = self.receiver.grid.shape, []
+        shape = self.receiver.grid.shape
+        found = []
         for raster in self.rasters:
             by_raster = np.zeros(raster.receiver.grid.shape)
             for there, here in raster.overlaps(shape):
@@ -140,10 +144,12 @@ class LampPictures:
         Of a lattice that of all its periods. Those farther than a few are spread over the pixels evenly: all together
         are the ``whole``, on an endless plane.
         """
-        period, count = self.receiver.lamps.period_mm, len(self.receiver.lamps)
+        period = self.receiver.lamps.period_mm
+        count = len(self.receiver.lamps)
         if period is None:
             return self.added([amounts(each) for each in self.receivers])
-        around, pose = np.arange(-_CELLS, _CELLS + 1), self.receiver.pose
+        around = np.arange(-_CELLS, _CELLS + 1)
+        pose = self.receiver.pose
         total = np.zeros((len(whole), *self.receiver.grid.shape))
         for (x, y), i, j in product(self.receiver.lamps.places_mm, around.tolist(), around.tolist()):
             place = x - i * period[0], y - j * period[1], 0.0
@@ -158,7 +164,8 @@ class LampPictures:
 
 @lru_cache(maxsize=32)
 def _pictures(receiver: PosedReceiver) -> LampPictures:
-    lamps, rasters = receiver.lamps, list[Raster]()
+    lamps = receiver.lamps
+    rasters = list[Raster]()
     if lamps.is_single:
         return LampPictures(receiver, (Raster(receiver, 1),))
     moves = np.array(lamps.places_mm) @ receiver.pose.rotation[:2, :2] / receiver.grid.pixel
@@ -177,7 +184,8 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
 
 def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool) -> list[list[int]]:
     """Numbers of lamps whose views of the receiver differ by whole pixels, or not at all, together."""
-    lamps, groups = receiver.lamps, dict[object, list[int]]()
+    lamps = receiver.lamps
+    groups = dict[object, list[int]]()
     for number, turn in enumerate(lamps.turns_deg):
         key: object = number
         if receiver.is_far:
@@ -191,8 +199,10 @@ def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool
 
 def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 2"]) -> Raster:
     """The plane so wide that it holds the receiver as each of the lamps ``own`` sees it; ``moves`` in pixels."""
-    low, high = moves.min(axis=0), moves.max(axis=0)
-    grid, pixel = receiver.grid, np.array(receiver.grid.pixel)
+    low = moves.min(axis=0)
+    high = moves.max(axis=0)
+    grid = receiver.grid
+    pixel = np.array(receiver.grid.pixel)
     columns, rows = np.round(high - low + [grid.columns, grid.rows]).astype(int).tolist()
     if columns * rows > _MOST_PIXELS:
         raise InputError(
@@ -214,7 +224,8 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
 
 def _period(receiver: PosedReceiver, number: int) -> Raster:
     """One period as lamp ``number`` of it sees it, and a pixel around it for the splat of rays near its edge."""
-    grid, (width, height) = receiver.grid, receiver.grid.pixel
+    grid = receiver.grid
+    (width, height) = receiver.grid.pixel
     pose = receiver.pose.seen_from(receiver.lamps.lamps[number]._replace(turn_deg=0.0).pose)
     rows, columns = grid.shape
     around = PixelGrid(grid.width + 2.0 * width, grid.height + 2.0 * height, columns + 2, rows + 2)
@@ -227,9 +238,11 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
 
     ``receiver``: one period. Its lamps stand in each of them, those of one period after those of the one on its left.
     """
-    (across, up), (height, width) = receiver.lamps.period_mm or (0.0, 0.0), receiver.grid.shape
+    (across, up) = receiver.lamps.period_mm or (0.0, 0.0)
+    (height, width) = receiver.grid.shape
     each = [(i, j) for j in range(rows) for i in range(columns)]
-    first, kind = np.array([-0.5 * (columns - 1) * across, -0.5 * (rows - 1) * up]), len(receiver.lamps)
+    first = np.array([-0.5 * (columns - 1) * across, -0.5 * (rows - 1) * up])
+    kind = len(receiver.lamps)
     starts = [tuple((first + place).tolist()) for place in receiver.lamps.places_mm]
     places = tuple((x + i * across, y + j * up) for i, j in each for x, y in starts)
     lamps = Lamps.level(places, receiver.lamps.turns_deg * len(each), (columns * across, rows * up))

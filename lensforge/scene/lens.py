@@ -100,7 +100,8 @@ class Lens:
     @property
     def lamp_words(self) -> str:
         """Words on the one of several lamps whose rays are followed one by one; empty where there is one alone."""
-        lamps, kind = self.spec.all_lamps, f" with the lens {self.kind}" if self.kind else ""
+        lamps = self.spec.all_lamps
+        kind = f" with the lens {self.kind}" if self.kind else ""
         if not lamps.posed:
             return "" if lamps.is_single else f"of one lamp{kind}, at the origin"
         return f"of lamp {self.first_lamp + 1} of {len(lamps)}{kind}, with the receivers as it sees them"
@@ -184,7 +185,8 @@ class Lens:
     @property
     def symmetry(self) -> str:
         """Largest mirror group of all surfaces and of the bodies behind them, a name of ``surfaces.mirror_group``."""
-        own, bodies = [surface.symmetry for surface in self.surfaces.values()], self.media.bodies
+        own = [surface.symmetry for surface in self.surfaces.values()]
+        bodies = self.media.bodies
         return shared_symmetry(own, lambda name: all(has_mirrors(body, name) for body in bodies))
 
     def to_json(self) -> dict[str, JsonValue]:
@@ -279,10 +281,8 @@ def _lens_in(file: bytes, path: Path) -> Lens:
     if spec.lens.levels == "auto":
         raise InputError(f'{path}: spec.lens.levels = "auto", must be the numbers of its lens; {_REMEDY}')
     try:
-        surfaces, others = (
-            _faces_in(record.faces, spec),
-            {k: _faces_in(each, spec) for k, each in record.others.items()},
-        )
+        surfaces = _faces_in(record.faces, spec)
+        others = {k: _faces_in(each, spec) for k, each in record.others.items()}
         _require_kinds(spec, surfaces, others)
     except InputError as error:
         raise InputError(f"{path}: {error}; {_REMEDY}") from None

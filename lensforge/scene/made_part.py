@@ -66,13 +66,15 @@ class AsMade:
         stays: an origin ``seat_mm`` above it comes to lie ``seat_mm (scale - 1)`` higher.
         """
         # source: o' = R (c + k (o - c)) + shift; lens: p' = R (s p + up) + shift
-        centre, up = np.array(self.source_centre_mm), np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
+        centre = np.array(self.source_centre_mm)
+        up = np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
         emitted = self.source.directions(centre) * (1.0 - self.source_size) + np.array(self.source.origin_mm)
         source = self.source.seen_from(self.lens).at((self.lens.own_points(emitted) - up) / self.scale)
         faces = [self.faces.get(name, IN_PLACE) for name in self.names]
         last = faces[-1].at(self.scale * np.array(faces[-1].origin_mm) + up)
         between = tuple(one.seen_from(other) for one, other in pairwise(faces))
-        into, back = source.seen_from(faces[0]), self.lens.after(last)
+        into = source.seen_from(faces[0])
+        back = self.lens.after(last)
         return FacePoses(into, between, back, self.source_size / self.scale, self.scale)
 
     @property
@@ -237,7 +239,9 @@ class PartMaker:
     @staticmethod
     def of(spec: Spec, surfaces: Mapping[str, Surface], grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
         """Prepare the form errors of ``surfaces``, by name from the source on, on tables of ``grid``."""
-        roles, section, wanted = spec.lens.roles, spec.tolerances, {factor.name for factor in factors}
+        roles = spec.lens.roles
+        section = spec.tolerances
+        wanted = {factor.name for factor in factors}
         in_chain = Chain.of_lens(spec.lens) is not None
         band = section.waviness_shortest_mm, section.waviness_longest_mm
         errors: dict[str, ErrorField] = {}

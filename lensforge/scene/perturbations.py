@@ -99,7 +99,8 @@ class Draws:
         apart = {factor.name for factor in factors if lamps > 1 and factor.name not in common}
         spread = [factor for factor in factors if factor.kind != "field" and factor.name not in apart]
         points = _sobol(sum(factor.numbers for factor in spread), parts, own_seed)
-        numbers, first = {}, 0
+        numbers = {}
+        first = 0
         for factor in spread:
             numbers[factor.name] = quantiles(factor, points[:, first : first + factor.numbers])
             first += factor.numbers

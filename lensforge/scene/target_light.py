@@ -89,12 +89,16 @@ def _(target: TableTarget) -> Float[np.ndarray, "h w"]:
 
 def photometric(intensity: TabulatedIntensity, x: Places, y: Places) -> Places:
     """A table of intensities, bilinear over C and gamma, 0 beyond its last gamma."""
-    gamma, azimuth = np.hypot(x, y), np.degrees(np.arctan2(y, x)) % 360.0
-    angles, planes = intensity.gamma_deg, intensity.c_deg
+    gamma = np.hypot(x, y)
+    azimuth = np.degrees(np.arctan2(y, x)) % 360.0
+    angles = intensity.gamma_deg
+    planes = intensity.c_deg
     row = np.interp(gamma, angles, np.arange(len(angles)))
     column = np.interp(azimuth, planes, np.arange(len(planes))) if len(planes) > 1 else np.zeros_like(gamma)
-    low, left = np.minimum(row.astype(int), len(angles) - 2), np.minimum(column.astype(int), max(len(planes) - 2, 0))
-    up, right = row - low, column - left
+    low = np.minimum(row.astype(int), len(angles) - 2)
+    left = np.minimum(column.astype(int), max(len(planes) - 2, 0))
+    up = row - low
+    right = column - left
     beside = np.minimum(left + 1, len(planes) - 1)
     values = intensity.values
     light = (1.0 - right) * ((1.0 - up) * values[left, low] + up * values[left, low + 1])

@@ -190,7 +190,8 @@ _FEWEST_MERIDIANS = 48
 PER_NODE = 8  # points of a meridian: a rim of 8 mm is then met to some micrometres
 # Directions at which the outline is looked for around the points of a search, and their distance on the chart: a bond
 # wire with its margin is 0.2 mm across, 0.1 rad at 2 mm.
-_DIRECTIONS, _SPACING = 60_000, 0.01
+_DIRECTIONS = 60_000
+_SPACING = 0.01
 _GROUP = 32  # neighbouring triangles that a ray passes by in one test: a ball of 10,000 takes 0.9 s of one core
 
 
@@ -227,7 +228,8 @@ class KeepOutExtent:
         corners, balls, groups = _in_groups(self._corners_inside(), self.growth_mm)
         found = np.zeros(len(directions))
         for image in group(self.symmetry):
-            turned, extents = np.ascontiguousarray(directions @ image), np.zeros(len(directions))
+            turned = np.ascontiguousarray(directions @ image)
+            extents = np.zeros(len(directions))
 
             def work(_: int, rows: slice, turned: np.ndarray = turned, extents: np.ndarray = extents) -> None:
                 grown_extents(turned[rows], corners, balls, groups, _GROUP, self.growth_mm, extents[rows])

@@ -105,7 +105,8 @@ def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
 
 
 def _constraint(spec: Spec, limit: Limit) -> Constraint:
-    largest_mm, sigma = spec.constraints.max_radius_mm, spec.lens.basis.detail_rad
+    largest_mm = spec.constraints.max_radius_mm
+    sigma = spec.lens.basis.detail_rad
     field: Field
     if limit.kind == CURVATURE:
         # the cutter touches a lens from the air side, a mould insert from the side of the lens body
@@ -113,14 +114,20 @@ def _constraint(spec: Spec, limit: Limit) -> Constraint:
         turned = spec.cutting(limit.faces[0].name) == "turned"
         curvature = meridian_curvature if turned else least_curvature
         field = partial(_curvature_left, curvature, air, 1.0 / limit.given)
-        factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
+        factor = 0.5 * sigma**2 * largest_mm
+        margin = _CURVATURE_MARGIN / limit.given
     elif limit.kind == DRAFT:
         field = partial(_draft_left, limit.given, -1 if limit.faces[0].widens else 1)
-        factor, margin = radians(sigma), _ANGLE_MARGIN_DEG
+        factor = radians(sigma)
+        margin = _ANGLE_MARGIN_DEG
     elif limit.kind == EDGE:
-        field, factor, margin = partial(_edge_left, limit.given), radians(sigma), _ANGLE_MARGIN_DEG
+        field = partial(_edge_left, limit.given)
+        factor = radians(sigma)
+        margin = _ANGLE_MARGIN_DEG
     else:
-        field, factor, margin = _length_left(spec, limit), 1.0 / largest_mm, spec.constraints.margin_mm
+        field = _length_left(spec, limit)
+        factor = 1.0 / largest_mm
+        margin = spec.constraints.margin_mm
     return Constraint(**vars(limit), field=field, factor=factor, margin=margin)
 
 
@@ -196,7 +203,8 @@ class _BesideCrease:
 
 def _edge_left(limit_deg: float, jets: Sequence[RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
     """Angle (deg) beyond the limit of the edge of the two nearest faces; constant where points are beside none."""
-    rho, derivatives = torch.stack([jet.rho for jet in jets]), torch.stack([jet.derivatives for jet in jets], dim=1)
+    rho = torch.stack([jet.rho for jet in jets])
+    derivatives = torch.stack([jet.derivatives for jet in jets], dim=1)
     first = rho.detach().topk(2, dim=0, largest=False).indices
     found = _BesideCrease.of(
         rho.gather(0, first), derivatives.gather(1, first.expand(len(derivatives), -1, -1)), points
@@ -220,8 +228,10 @@ def _room_left(needed_mm: float, jets: Sequence[RadiusJet], points: ChartPoints)
         nearer_inside = (points.x * outwards[0] + points.y * outwards[1]).detach() > 0.0
         return found.here & nearer_inside, found.radius[0] * (found.scale - 1.0)
 
-    (at_exit, top), (at_wall, foot) = height(flange, above), height(wall, flange)
-    lowest, highest = top[at_exit].min(), foot[at_wall].max()
+    (at_exit, top) = height(flange, above)
+    (at_wall, foot) = height(wall, flange)
+    lowest = top[at_exit].min()
+    highest = foot[at_wall].max()
     at_foot = torch.where(at_wall, lowest - foot - needed_mm, needed_mm)
     return torch.where(at_exit, top - highest - needed_mm, at_foot)
 
@@ -250,7 +260,8 @@ class AugmentedLagrangian:
 
         ``sparse``: at a quarter of its nodes; at all for curvatures, and for a keep-out, whose outline is sharp.
         """
-        constraints, kinds = constraints_of(spec), spec.all_lamps.kinds
+        constraints = constraints_of(spec)
+        kinds = spec.all_lamps.kinds
         symmetry = "none" if any(kind.mirrors for kind in kinds) else spec.lens.basis.symmetry  # for all lenses
         derivatives = any(constraint.derivatives for constraint in constraints)
         detailed = derivatives or spec.constraints.keep_out is not None
@@ -304,7 +315,8 @@ class AugmentedLagrangian:
 
     def fields(self, tables: Float[Tensor, "f side side"]) -> Float[Tensor, "c k"]:
         """Fields of the constraints at the points of the faces' tables, each times its factor."""
-        values, every = list[Tensor](), self.chart_operator.jets(tables)
+        values = list[Tensor]()
+        every = self.chart_operator.jets(tables)
         for first in range(0, len(every), len(self.names)):
             jets = dict(zip(self.names, every[first : first + len(self.names)], strict=True))
             values += (each.of(jets, self.chart_operator.points) for each in self.constraints)

@@ -204,9 +204,11 @@ class Design(StageResult):
         Raises :class:`InputError` for an unknown one.
         """
         require_choice("quantity", quantity, get_args(Quantity))
-        curves, start = {}, 1
+        curves = {}
+        start = 1
         for level in self.history:
-            values, label = getattr(level, quantity), f"{level.functions} functions"
+            values = getattr(level, quantity)
+            label = f"{level.functions} functions"
             curves[f"{label} again" if label in curves else label] = (range(start, start + len(values)), values)
             start += len(values)
         return plot_curves(curves, ("step", quantity), axes, (False, quantity == "nmse"))
@@ -287,9 +289,13 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
-FLANGE_ROOM, OPENING_ROOM = "flange_margin_mm", "opening_margin_mm"
+FLANGE_ROOM = "flange_margin_mm"
+OPENING_ROOM = "opening_margin_mm"
 CURVATURE, DRAFT, EDGE = _OF_ONE_FACE = ("curvature_margin_per_mm", "draft_margin_deg", "edge_margin_deg")
-ON_CAVITY, ON_ENVELOPE, ON_BOTH = (CAVITY,), (BODY,), (CAVITY, BODY)  # media whose faces a limit concerns
+# Media whose faces a limit concerns.
+ON_CAVITY = (CAVITY,)
+ON_ENVELOPE = (BODY,)
+ON_BOTH = (CAVITY, BODY)
 _SHARP = "lower {field} or take more steps"
 # The kind of a margin, the media whose faces it concerns, the field that sets its limit, and what to do where it is
 # missed, with the first face of each medium.
@@ -315,15 +321,19 @@ _LIMITS = (
 
 def limits_of(spec: Spec) -> tuple[Limit, ...]:
     """The limits of ``spec``: the paper's three, and the optional ones that it has."""
-    limits, own = [], spec.constraints
+    limits = []
+    own = spec.constraints
     for kind, faces, field, remedy in _limits_of_faces(spec.lens):
         if (given := attrgetter(field)(spec)) is None:
             continue
-        unit, tolerance = "mm", own.tolerance_mm
+        unit = "mm"
+        tolerance = own.tolerance_mm
         if kind == CURVATURE:
-            unit, tolerance = "1/mm", _CURVATURE_TOLERANCE / given
+            unit = "1/mm"
+            tolerance = _CURVATURE_TOLERANCE / given
         elif kind in (DRAFT, EDGE):
-            unit, tolerance = "deg", _ANGLE_TOLERANCE_DEG
+            unit = "deg"
+            tolerance = _ANGLE_TOLERANCE_DEG
         value = own.keep_out_margin_mm if field.endswith("keep_out") else given
         limits.append(Limit(kind, faces, unit, tolerance, remedy, value))
     return tuple(limits)
@@ -383,7 +393,8 @@ def _widest(spec: Spec) -> str:
 
 def _dome(spec: Spec) -> str:
     limits = spec.constraints
-    high, wide = quantity(limits.cavity_height_mm, "mm"), quantity(2.0 * limits.cavity_radius_mm, "mm")
+    high = quantity(limits.cavity_height_mm, "mm")
+    wide = quantity(2.0 * limits.cavity_radius_mm, "mm")
     return f"to a dome over the LED, {high} high, {wide} wide"
 
 

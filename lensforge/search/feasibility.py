@@ -32,7 +32,9 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 # narrowest function its curvature is off by less than 1e-4, and a window of 21 x 21 points looks between the nodes.
 _NODES_PER_SIGMA = 8.0
 _ZOOM_POINTS = 21
-_ROUNDS, _ITERATIONS, _PENALTY = 12, 40, 1e6
+_ROUNDS = 12
+_ITERATIONS = 40
+_PENALTY = 1e6
 _CORRECTIONS = 3  # of the limits, by what the measured lens misses: a milled quickstart needs one
 _ACCEPTED = 0.7  # of the margin may be missing: the rest covers peaks between the points
 _STALLED = 0.8  # of the shortfall left by a round: more, and further rounds do not help
@@ -98,7 +100,8 @@ def _least(
 
     def least_of(operator: ChartOperator) -> tuple[float, Float[np.ndarray, "2"]]:
         jets = dict(zip(constraint.names, operator.jets(stacked), strict=True))
-        field, points = constraint.of(jets, operator.points), operator.points
+        field = constraint.of(jets, operator.points)
+        points = operator.points
         k = int(field.argmin())
         return float(field[k]), np.array([points.x[k], points.y[k]])
 
@@ -118,7 +121,8 @@ def feasible_lens(
     parameters are projected again. Of all lenses that were tried the one that misses least is kept.
     """
     parametrisation, constraints = problem.in_full()
-    limits, stricter = constraints.constraints, dict[str, float]()
+    limits = constraints.constraints
+    stricter = dict[str, float]()
     tried: list[tuple[float, tuple[Lens, Margins, Parameters]]] = []
     for _ in range(_CORRECTIONS + 1):
         parameters = Parameters(*project_to_feasible(parametrisation, constraints.tightened(stricter), *found))
@@ -161,7 +165,9 @@ def require_feasible_start(problems: Iterable[Problem]) -> None:
     first by the functions of the first level of the first of ``problems``, at last by all functions of the last one.
     """
     for problem in problems:
-        spec, parametrisation, constraints = problem.spec, problem.parametrisation, problem.constraints
+        spec = problem.spec
+        parametrisation = problem.parametrisation
+        constraints = problem.constraints
         if not any(spec.lens.fixed.values()) and len(constraints.constraints) == _OF_PAPER:
             return
         for functions in sorted({parametrisation.levels[0], parametrisation.size}):
@@ -204,7 +210,8 @@ def _least_move(
         return constraints.fields(parametrisation.tables(weights + moved[1:], offsets + moved[0]))
 
     shortfall = constraints.shortfall(fields())
-    best, least = moved.detach().clone(), shortfall
+    best = moved.detach().clone()
+    least = shortfall
     for _ in range(_ROUNDS):
         if shortfall <= accepted:
             break
@@ -222,7 +229,8 @@ def _least_move(
         constraints.update(now)
         before, shortfall = shortfall, constraints.shortfall(now)
         if shortfall < least:
-            best, least = moved.detach().clone(), shortfall
+            best = moved.detach().clone()
+            least = shortfall
         if shortfall > _STALLED * before:
             break
     return best, least

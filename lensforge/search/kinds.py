@@ -143,7 +143,8 @@ class LightOfKinds:
         strips = np.arange(len(rays)) * _STRIPS // len(rays)
         shares = np.cumsum(self.lamps.shares_of_rays)
         number = np.searchsorted(shares / shares[-1], (strips + 0.5) * _GOLDEN % 1.0, side="right")
-        emitted_w, found = float(rays.flux.sum()), []
+        emitted_w = float(rays.flux.sum())
+        found = []
         for k, kind in enumerate(self.lamps.kinds):
             some = rays.take(number == k)
             own_w = emitted_w * len(kind.numbers) / len(self.lamps)

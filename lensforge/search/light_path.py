@@ -42,7 +42,9 @@ from lensforge.spec.tolerances_section import Factor, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid
 
 _RAYS_OF_OUTLINE = 2**12  # the hull of so many places lacks some hundredths of its area
-_FANS, _RAYS_OF_FAN = 128, 32  # 2 % of noise in the part of later creases
+# Noise of 2 % in the part of later creases.
+_FANS = 128
+_RAYS_OF_FAN = 32
 # Light of a receiver that creases change, the picture first; names of :class:`Collected`.
 _OF_CREASES = "image", "in_window", "outside_receiver", "total_reflection"
 
@@ -60,7 +62,10 @@ class _AtCreases(torch.autograd.Function):
         flux: float,
         *sums: Tensor,
     ) -> Any:
-        ctx.tables, ctx.scene, ctx.source, ctx.receivers = tables.detach().numpy(), scene, source, receivers
+        ctx.tables = tables.detach().numpy()
+        ctx.scene = scene
+        ctx.source = source
+        ctx.receivers = receivers
         ctx.flux = flux
         return tuple(each.clone() for each in sums)
 
@@ -186,14 +191,16 @@ class LightPath:
         def on_device(array: np.ndarray) -> Tensor:
             return torch.as_tensor(array).to(device, torch.float64)
 
-        emitted, memory = on_device(rays.flux), HitMemory()
+        emitted = on_device(rays.flux)
+        memory = HitMemory()
         weights = None if self.colour is None else on_device(self.colour.weights(rays))
 
         def light() -> tuple[Tensor, ...]:
             exit_rays = trace_reference(bodies, rays, self.scene.fresnel, device, memory, start)
             sums: list[Tensor] = []
             for receiver in self.seen:
-                landings, places = receiver.land_by_arrays(exit_rays), (receiver.grid, receiver.window)
+                landings = receiver.land_by_arrays(exit_rays)
+                places = (receiver.grid, receiver.window)
                 found = collected_on_device(landings, exit_rays.sin2_exit, emitted, *places, weights)
                 ended = EndedRays(exit_rays.sin2_exit, exit_rays.flux, cause_numbers(exit_rays, self.scene.chain))
                 sums += (each for each in vars(self._with_losses(found, ended)).values() if each is not None)
@@ -221,25 +228,30 @@ class _Landing(torch.autograd.Function):
     def forward(ctx: Any, tables: Tensor, scene: Scene, rays: RayBundle, receivers: tuple[PosedReceiver, ...]) -> Any:
         traced = TracedBundle.of(tables.detach().numpy(), scene, rays)
         landed = [receiver.land(traced.exits) for receiver in receivers]
-        ctx.traced, ctx.receivers, ctx.missed = traced, receivers, [each.missed_receiver for each in landed]
+        ctx.traced = traced
+        ctx.receivers = receivers
+        ctx.missed = [each.missed_receiver for each in landed]
         parts = [
             torch.from_numpy(field)
             for each in landed
             for field in (each.hits, each.flux, each.landed, each.missed_receiver)
         ]
-        flux, causes = torch.from_numpy(traced.exits.flux), torch.from_numpy(cause_numbers(traced.exits, scene.chain))
+        flux = torch.from_numpy(traced.exits.flux)
+        causes = torch.from_numpy(cause_numbers(traced.exits, scene.chain))
         ctx.mark_non_differentiable(flux, causes, *(field for field in parts if field.dtype == torch.bool))
         return torch.from_numpy(traced.exits.sin2_exit), flux, causes, *parts
 
     @staticmethod
     def backward(ctx: Any, by_sin2: Tensor, _by_flux: Tensor, _by_causes: Tensor, *by_fields: Tensor) -> Any:
-        exits, total_flux = ctx.traced.exits, np.zeros(len(by_sin2))
+        exits = ctx.traced.exits
+        total_flux = np.zeros(len(by_sin2))
         total: Sensitivities | None = None
         for k, (receiver, missed) in enumerate(zip(ctx.receivers, ctx.missed, strict=True)):
             by_hits, by_flux = by_fields[4 * k : 4 * k + 2]
             if missed.any():  # their hit and flux are constants; those of rays lost in the lens never count
                 own = torch.from_numpy(missed)
-                by_hits, by_flux = by_hits.masked_fill(own[:, None], 0.0), by_flux.masked_fill(own, 0.0)
+                by_hits = by_hits.masked_fill(own[:, None], 0.0)
+                by_flux = by_flux.masked_fill(own, 0.0)
             by, of_flux = receiver.adjoint(exits, by_hits.contiguous().numpy(), by_flux.contiguous().numpy())
             total = by if total is None else Sensitivities(*(a + b for a, b in zip(total, by, strict=True)))
             total_flux = total_flux + of_flux
@@ -272,12 +284,15 @@ class SearchParts:
     @staticmethod
     def of(spec: Spec, parametrisation: Parametrisation) -> "SearchParts":
         """Prepare the parts. Raises :class:`InputError` where all tolerances are 0."""
-        factors, section = factors_of(spec.part_tolerances), spec.tolerances
+        factors = factors_of(spec.part_tolerances)
+        section = spec.tolerances
         surfaces = parametrisation.start_surfaces
         smooth = tuple(factor for factor in factors if "waviness" not in factor.name)
         maker = PartMaker.of(spec, surfaces, parametrisation.grid, smooth)
-        errors, side = dict(maker.errors), parametrisation.grid.side
-        names, band = {factor.name for factor in factors}, (section.waviness_shortest_mm, section.waviness_longest_mm)
+        errors = dict(maker.errors)
+        side = parametrisation.grid.side
+        names = {factor.name for factor in factors}
+        band = (section.waviness_shortest_mm, section.waviness_longest_mm)
         for face, surface in surfaces.items():
             if (name := f"{face}_waviness_um") in names:
                 slope = waviness(FaceNodes.of(_NO_DETAIL, surface), *band, 0).slope

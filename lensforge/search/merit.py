@@ -33,7 +33,8 @@ from lensforge.sources.ray_bundle import RayBundle, Source, aims
 from lensforge.spec import Spec
 from lensforge.spec.lamps_section import EndlessLamps
 
-_TOTAL_REFLECTION, _UNIFORM_TOTAL_REFLECTION = 0.3, 0.1  # factors, the second in scenes with a region of uniform light
+_TOTAL_REFLECTION = 0.3  # factor of the flux near total reflection in the loss
+_UNIFORM_TOTAL_REFLECTION = 0.1  # the same in scenes with a region of uniform light
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,8 @@ class MeritFunction(Merit[SampledLight]):
         Rays are traced on ``device``, or by the compiled kernels for None; all else stays on the CPU. ``single``: the
         kernels trace a double-freeform lens in single precision.
         """
-        receivers, sections = receivers_of(spec, spec.optimise.pixels), spec.all_receivers
+        receivers = receivers_of(spec, spec.optimise.pixels)
+        sections = spec.all_receivers
         fresnel = spec.optimise.fresnel
         limit = (transmittance_of(spec.media) if fresnel else 1.0) * source.flux_w
         total = sum(section.share for section in sections)
@@ -210,7 +212,9 @@ class MeritFunction(Merit[SampledLight]):
         asked = light_limits(spec, receivers, efficacy, source.flux_w, views)
         crossing = source if scene.chain is not None and aims(source) else None
         losses = max((limit.readings.shape[1] for limit in asked if limit.of_losses), default=0)
-        places, term, colour = (*receivers, *views), None, spec.colour
+        places = (*receivers, *views)
+        term = None
+        colour = spec.colour
         light = LightPath(scene, places, device, source=crossing, losses=losses)
         if colour is not None and colour.weight > 0.0:
             light = replace(light, colour=SourceColour.of(source))
@@ -253,7 +257,8 @@ class MeritFunction(Merit[SampledLight]):
         if not pairs:
             light = self.light.collect(tables, rays)
             images = self._mirrored(self.light.over_outlines([each.image for each in light], tables, rays))
-            colours, losses = self._colours((light,)), _losses((light,))
+            colours = self._colours((light,))
+            losses = _losses((light,))
             return SampledLight(images, self._flux_term(light), emitted_w, (), colours, losses)
         assert isinstance(self.light, LightPath), "a robust search has one lens"
         one, other = (self.light.through(tables, rays, part) for part in pairs[0])
@@ -261,7 +266,8 @@ class MeritFunction(Merit[SampledLight]):
         both = list(zip(*lit, strict=True))
         # only the mean over all parts has the symmetry of the scene: each part alone has none
         images = self._mirrored([0.5 * (a + b) for a, b in both])
-        losses, apart = _losses((one, other)), _added(_losses((one,)), _losses((other,)), -1.0)
+        losses = _losses((one, other))
+        apart = _added(_losses((one,)), _losses((other,)), -1.0)
         halves = tuple(0.5 * (a - b) for a, b in both), tuple(0.5 * each for each in apart)
         found = PairLight(*halves)
         flux = 0.5 * (self._flux_term(one) + self._flux_term(other))
@@ -273,9 +279,11 @@ class MeritFunction(Merit[SampledLight]):
         Of a robust search the error of the mean image: gains are relative to it, and no lens lowers the spread of its
         parts by much.
         """
-        both, parts = SampledLight.mean(first, second), zip(first.of_parts(), second.of_parts(), strict=True)
+        both = SampledLight.mean(first, second)
+        parts = zip(first.of_parts(), second.of_parts(), strict=True)
         error = torch.stack([self._judged(one, other, uniform) for (one, _), (other, _) in parts]).mean()
-        of_limits, of_flux = self._limit_term(both), both.terms / both.emitted_w
+        of_limits = self._limit_term(both)
+        of_flux = both.terms / both.emitted_w
         of_images = self._judged(first.images, second.images, uniform) if both.pairs else error
         of_colours = 0.0 if self.colour is None else float(self.colour.error(first.colours, second.colours))
         return float(error + of_limits + of_flux) + of_colours, float(of_images + of_limits) + of_colours

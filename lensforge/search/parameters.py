@@ -36,7 +36,8 @@ class _Tables(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, weights: Tensor, tables: BasisTables) -> Tensor:
-        ctx.tables, ctx.shape = tables, weights.shape
+        ctx.tables = tables
+        ctx.shape = weights.shape
         columns = np.ascontiguousarray(weights.detach().numpy().T)
         sums = np.empty((len(columns), tables.side, tables.side))
 
@@ -63,7 +64,8 @@ def sums_of(weights: Float[Tensor, "k f"], tables: BasisTables) -> Float[Tensor,
     return _Tables.apply(weights, tables)  # type: ignore[no-untyped-call]  # as torch has it
 
 
-_FIT_DIRECTIONS, _FIT_CHUNK = 8, 4096  # for each function; at a time
+_FIT_DIRECTIONS = 8  # for each function
+_FIT_CHUNK = 4096  # directions at a time
 _FIT_DAMPING = 1e-10
 
 
@@ -90,7 +92,8 @@ class Parametrisation(ABC):
 
     def start(self, functions: int | None = None) -> tuple[Float[Tensor, "k f"], Float[Tensor, " f"]]:
         """Relative weights, by default of all functions, and offsets of the lens from which a search starts."""
-        count, faces = self.size if functions is None else functions, len(self.names)
+        count = self.size if functions is None else functions
+        faces = len(self.names)
         return torch.zeros(count, faces, dtype=torch.float64), torch.ones(faces, dtype=torch.float64)
 
     @cached_property
@@ -140,7 +143,8 @@ class SphereParameters(Parametrisation):
     @staticmethod
     def of(spec: Spec, nodes_per_sigma: float) -> "SphereParameters":
         """Parametrisation of the spec's lens, on a grid that resolves its narrowest feature."""
-        lens, basis = spec.lens, spec.lens.basis
+        lens = spec.lens
+        basis = spec.lens.basis
         with remedy("raise lens.sigma_c, lower the last of lens.levels, or take a lower accuracy"):
             sigmas = [level_sigma(count, basis.sigma_c) for count in basis.levels]
             details = [surface.detail_rad for surface in lens.fixed.values() if surface is not None]
@@ -193,7 +197,8 @@ class SphereParameters(Parametrisation):
 
     def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
         """The sums of these parameters, and the fixed faces."""
-        millimetres, radii = (weights * self.scale_mm).numpy(), (offsets * self.scale_mm).tolist()
+        millimetres = (weights * self.scale_mm).numpy()
+        radii = (offsets * self.scale_mm).tolist()
         return {
             name: SrbfSurface(self.basis, millimetres[:, face].copy(), radii[face]) if fixed is None else fixed
             for face, (name, fixed) in enumerate(zip(self.names, self.fixed, strict=True))
@@ -215,7 +220,8 @@ def fit_surface(basis: SrbfBasis, surface: Surface) -> SrbfSurface:
     directions = fibonacci_hemisphere(_FIT_DIRECTIONS * basis.size)
     radius = surface.radius(directions)
     offset = float(radius.mean())
-    normal, right = np.zeros((basis.size, basis.size)), np.zeros(basis.size)
+    normal = np.zeros((basis.size, basis.size))
+    right = np.zeros(basis.size)
     for rows in np.array_split(np.arange(len(directions)), max(1, len(directions) // _FIT_CHUNK)):
         values = basis.evaluate(directions[rows])
         normal += values.T @ values
@@ -296,7 +302,8 @@ def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
     """Action of a mirror group's generators on a receiver's chart; None where its mirror image is another receiver."""
     if not receiver.lamps.has_mirrors(name):
         return None
-    mirrors, centre = [], np.array(receiver.pose.origin_mm)
+    mirrors = []
+    centre = np.array(receiver.pose.origin_mm)
     for mirror in generators(name):
         moved = np.linalg.norm(mirror @ centre - centre)
         action = receiver.pose.own_map(mirror)
@@ -321,7 +328,8 @@ class _MirrorMean(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, values: Tensor, turns: _Turns) -> Tensor:
-        ctx.turns, mean = turns, values.detach().numpy()
+        ctx.turns = turns
+        mean = values.detach().numpy()
         for swapped, axes in turns:
             mean = 0.5 * (mean + np.flip(mean.T if swapped else mean, axes))
         return torch.from_numpy(mean)

@@ -59,7 +59,8 @@ class Problem:
     @torch.no_grad()
     def can_be_traced(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> bool:
         """True where every face stays away from the origin: what else is wrong with a lens, its constraints tell."""
-        tables, grid = self.parametrisation.tables(weights, offsets), self.parametrisation.grid
+        tables = self.parametrisation.tables(weights, offsets)
+        grid = self.parametrisation.grid
         return all(surface_bounds(table.numpy(), grid.origin, grid.step).least > 0.0 for table in tables)
 
     def in_full(self) -> tuple[Parametrisation, AugmentedLagrangian]:
@@ -139,18 +140,21 @@ class ValidationRays:
     @staticmethod
     def of(source: Source, rays: int, seed: int) -> tuple["ValidationRays", Source]:
         """Two samples of ``rays`` rays, from seeds that no step has, and the source of the steps."""
-        steps, numbers = smoothed(source), (seeds.of_validation(seed, number) for number in (0, 1))
+        steps = smoothed(source)
+        numbers = (seeds.of_validation(seed, number) for number in (0, 1))
         first, second = (steps.sample(rays, number) for number in numbers)
         if source.ray_count is not None:  # a file may be sorted, the slices of its rays must not be
             order = np.random.default_rng(seeds.of_validation(seed, 0)).permutation(rays)
-            first, second = first.take(order), second.take(order)
+            first = first.take(order)
+            second = second.take(order)
         return ValidationRays((first, second), seed), steps
 
     def judge(
         self, problem: Problem, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"], even: bool
     ) -> tuple[Judgement, Judgement | None]:
         """Judge a lens by its light, constraints included; and with the uniformity first, if ``even``."""
-        merit, constraints = problem.merit, problem.constraints
+        merit = problem.merit
+        constraints = problem.constraints
         with torch.no_grad():
             tables = merit.parametrisation.tables(weights, offsets)
             missing = float(constraints.penalty_alone(constraints.fields(tables)))

@@ -34,7 +34,8 @@ def _require_feasible(lens: Lens, factors: Sequence[Factor]) -> None:
     cavity, envelope = lens_boundaries(lens)
     wall = thinnest_of(lens).thickness_mm
     reach = float(envelope.radius(fibonacci_hemisphere(_DIRECTIONS)).max())
-    roles, nearest = lens.spec.lens.roles, " or ".join(face.name for face in lens.body.cavity)
+    roles = lens.spec.lens.roles
+    nearest = " or ".join(face.name for face in lens.body.cavity)
     of_faces = [factor_name(roles, role.name, each) for role in roles for each in _OF_FACE]
     bounds = [(of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest")]
     for emitter in lens.spec.each_source:

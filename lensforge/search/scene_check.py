@@ -93,7 +93,8 @@ class Requirement:
 
     def remedies(self) -> str:
         """Changes that would raise the bound."""
-        bounds, words = self.bounds, "a smaller source or a larger target"
+        bounds = self.bounds
+        words = "a smaller source or a larger target"
         if self.of_road:
             return "more lumens, poles nearer to each other, or a lower class"
         if bounds is None:
@@ -126,7 +127,8 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
 
     Raises :class:`InputError` for limits whose unit the source does not have.
     """
-    light, receivers = SourceLight.of(source, spec.media, lens=spec.lens), receivers_of(spec, spec.evaluate.pixels)
+    light = SourceLight.of(source, spec.media, lens=spec.lens)
+    receivers = receivers_of(spec, spec.evaluate.pixels)
     space = spec.lens.exit_space(spec.constraints)
     physics = [PossibleLight(light, receiver, space) for receiver in receivers]
     wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
@@ -177,7 +179,8 @@ def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Sp
     def least(larger: PossibleLight) -> float:
         return float(limit.of(larger.on_pixels[None] * flux_w).min())
 
-    most, estimated = least(physics), physics.light.curve.estimated
+    most = least(physics)
+    estimated = physics.light.curve.estimated
     radius_mm = _least_radius_mm(spec, physics, limit.bound, least)
     if limit.field is not None:
         per_lumen = partial(limit.field.per_lumen, street_deg=spec.photometry.street_side_deg)
@@ -195,7 +198,8 @@ def _least_radius_mm(
         space = spec.lens.exit_space(limits.changed(max_radius_mm=radius_mm))
         return most(replace(physics, space=space)) >= wanted * (1.0 - _ROUNDING)
 
-    low, high = limits.max_radius_mm, _WIDEST * limits.max_radius_mm
+    low = limits.max_radius_mm
+    high = _WIDEST * limits.max_radius_mm
     if suffices(low):
         return low
     if not suffices(high):
@@ -206,15 +210,20 @@ def _least_radius_mm(
     return high
 
 
-_WIDEST, _CLOSE, _ROUNDING = 1e3, 1.0001, 1e-9  # of radii that are tried, relative; of what is wanted
-_RAYS, _SEED = 2**14, 0
+_WIDEST = 1e3  # largest radius that is tried, over the spec's
+_CLOSE = 1.0001  # ratio of the ends of a bisection
+_ROUNDING = 1e-9
+_RAYS = 2**14
+_SEED = 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
 _FEW_ENTERING = 0.1  # of the flux, where nothing else is said: a ray file that looks backwards has 0.2 % left
 _MOST_PIXELS = 1024  # along a side, in a search
 _LEAST_ACROSS = 2.5  # pixels of a stroke; those of the shipped specs have 6.0 or more (curved_screen)
 _ANGULAR_WIDTHS = ("fwhm_deg", "width_deg", "height_deg", "diameter_deg", "outer_diameter_deg", "length_deg")
-_WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
+# Shares that a user should know of before waiting for a search.
+_WARN_LOST = 0.1
+_WARN_POSSIBLE = 0.7
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {
     Fate.BACKWARD: "goes backward, towards -z",
@@ -284,7 +293,8 @@ class SceneCheck:
 
     def _blur(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the image of the LED is wider than any stroke of the target."""
-        wide, image = stroke.width_rad, image_rad(self.spec)
+        wide = stroke.width_rad
+        image = image_rad(self.spec)
         if image > wide:
             larger_mm = rounded_up(image * self.spec.constraints.max_radius_mm / wide)
             yield (
@@ -295,7 +305,8 @@ class SceneCheck:
 
     def _raster(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the pixels of the search are too wide for the target."""
-        across, settings = stroke.pixels, self.spec.optimise
+        across = stroke.pixels
+        settings = self.spec.optimise
         if across < _LEAST_ACROSS:
             enough = ceil(_LEAST_ACROSS / across * settings.pixels)
             more = (
@@ -321,7 +332,8 @@ class SceneCheck:
 
     def _remedies(self) -> Iterator[str]:
         """Fields that mend the main causes, the largest first."""
-        fields, main = type(self.spec.source).model_fields, _MAIN_CAUSE * (1.0 - self.entering)
+        fields = type(self.spec.source).model_fields
+        main = _MAIN_CAUSE * (1.0 - self.entering)
         for fate, share in sorted(self.lost.items(), key=lambda item: -item[1]):
             if share > main and fate == Fate.BACKWARD:
                 mean = ", ".join(f"{each:.2f}" for each in self.mean_direction)
@@ -363,7 +375,8 @@ def compile_search_kernels(spec: Spec) -> None:
     surfaces = start_faces(spec).values()
     grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
     scene = Scene(spec.lens.media, grid, spec.optimise.fresnel, chain=Chain.of_lens(spec.lens), single=True)
-    rays, nothing = searched_source(spec).sample(1, _SEED), np.zeros((1, 3))
+    rays = searched_source(spec).sample(1, _SEED)
+    nothing = np.zeros((1, 3))
     traced = TracedBundle.of([tabulate(grid, surface) for surface in surfaces], scene, rays)
     traced.gradients(Sensitivities(nothing, nothing), nothing[:, 0].copy(), nothing[:, 0].copy())
 

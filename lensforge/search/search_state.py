@@ -49,8 +49,10 @@ class Adam:
         steps: int = 0,
         moments: Moments | None = None,
     ) -> None:
-        self.parameters, self.steps = (weights, offsets), steps
-        self._betas, self._least_gradient = betas, least_gradient
+        self.parameters = (weights, offsets)
+        self.steps = steps
+        self._betas = betas
+        self._least_gradient = least_gradient
         fresh = (torch.zeros_like(each).detach() for each in (weights, weights, offsets, offsets))
         self._moments = Moments(*(fresh if moments is None else (each.clone() for each in moments)))
 
@@ -69,7 +71,8 @@ class Adam:
         """Take a step of the learning rate ``rate``; means, which begin at 0, are divided by the weights in them."""
         self.steps += 1
         first, second = self._betas
-        length, spread = rate / (1.0 - first**self.steps), (1.0 - second**self.steps) ** 0.5
+        length = rate / (1.0 - first**self.steps)
+        spread = (1.0 - second**self.steps) ** 0.5
         pairs = self._moments[:2], self._moments[2:]
         for each, (mean, square) in zip(self.parameters, pairs, strict=True):
             if each.grad is None:
@@ -208,7 +211,8 @@ class _Past:
         return course
 
     def _after(self, stage: Stage, outcome: Outcome, following: NextStage) -> "_Past":
-        coming, best = following.stage, self.best or following.improved
+        coming = following.stage
+        best = self.best or following.improved
         new = coming is not None and coming.levels != stage.levels
         moved = None if coming is None else (coming.functions, coming.uniform)
         goes_on = following.begin == "current" and moved == (stage.functions, stage.uniform)
@@ -223,10 +227,13 @@ class _Past:
 
     def forms(self, head: CheckpointHead, arrays: Arrays, problems: Problems) -> dict[str, Form]:
         """The arrays that the search has. Raises :class:`ValueError` where ``head`` is not of this course."""
-        problem, stage = problems.of(self.last.levels), self.following.stage
-        parametrisation, constraints = problem.parametrisation, problem.constraints
+        problem = problems.of(self.last.levels)
+        stage = self.following.stage
+        parametrisation = problem.parametrisation
+        constraints = problem.constraints
         self._require(head, constraints)
-        (size, faces), sizes = parametrisation.start()[0].shape, tuple(accumulate(parametrisation.levels))
+        (size, faces) = parametrisation.start()[0].shape
+        sizes = tuple(accumulate(parametrisation.levels))
         rows = {"": size if stage is not None else _rows(arrays, "weights", sizes)}  # at the end without a last level
         rows |= {"moments.": self.last.functions} if head.steps_of_moments else {}
         rows |= {"best.": rows[""]} if self.best else {}

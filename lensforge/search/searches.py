@@ -95,7 +95,8 @@ def design(
     """
     require_spec(spec, "design")
     accuracy = accuracy_of(accuracy)
-    seed, path = count_of("seed", seed, 0) or 0, path_of("checkpoint", checkpoint)
+    seed = count_of("seed", seed, 0) or 0
+    path = path_of("checkpoint", checkpoint)
     if progress is not None and not callable(progress):
         raise InputError(f"progress = {progress!r}: a function that takes a Progress")
     start = _start_of(spec, start)
@@ -143,7 +144,8 @@ def redesign(lens: Lens, source: EmitterSection | Path | str, **options: Unpack[
     """
     require(lens, Lens, "redesign")
     other = other_source(lens.spec, source)
-    spec, built = lens.spec.with_automatic_levels(), build_source(other, lens.dispersion, facets=lens.media.scattering)
+    spec = lens.spec.with_automatic_levels()
+    built = build_source(other, lens.dispersion, facets=lens.media.scattering)
     symmetry = spec.lens.symmetry if contains(built.symmetry, spec.lens.symmetry) else "auto"
     name = joined_name(spec.name, name_of_source(other))
     changed = spec.replace({"lens.symmetry": symmetry, "sources": ()}, source=other, name=name)
@@ -191,14 +193,16 @@ def _checked_scene(
 
         read_custom_base(spec.base.file)
     held = base_warnings(spec.lens, spec.constraints, spec.base, spec.manufacture.process) if spec.plate is None else []
-    remarks, of_scene = [*spec.lens.warnings, *held], tuple[str, ...]()
+    remarks = [*spec.lens.warnings, *held]
+    of_scene = tuple[str, ...]()
     leds = [led.name for led in spec.sources] or [""]
     for led, own in zip(leds, spec.of_each_source, strict=True):
         source = source_of(own)
         summary = summarise(source, own.source)
         SourceLumens.of(None, summary).require_known(own.photometry)  # not after a search
         room = source_clearance_warnings(own, source)
-        scene, name = SceneCheck.of(own, source, start), f"{led}: " if led else ""
+        scene = SceneCheck.of(own, source, start)
+        name = f"{led}: " if led else ""
         with remedy(f"the LED is {led}") if led else nullcontext():
             scene.require_light(force=force)
         lenses = own.photometry.lenses * len(own.all_lamps)
@@ -292,8 +296,10 @@ def best_design(
     require_spec(spec, "best_design")
     if any(options.get(name) not in (None, "cpu") for name in ("start", "checkpoint", "device")):
         raise InputError("several starts, or a scheduler: without start, checkpoint (--resume) and device")
-    accuracy, given = accuracy_of(options.get("accuracy", "standard")), options.get("seed", 0)
-    count, first = count_of("starts", starts, most=MOST_STARTS) or 1, count_of("seed", given, 0) or 0
+    accuracy = accuracy_of(options.get("accuracy", "standard"))
+    given = options.get("seed", 0)
+    count = count_of("starts", starts, most=MOST_STARTS) or 1
+    first = count_of("seed", given, 0) or 0
     if first + count - 1 > seeds.MOST:
         raise InputError(f"seed = {first}: with {count} starts the last seed is above {seeds.MOST}")
     _, warned = _checked_scene(spec, _start_of(spec), options.get("warn"), force=options.get("force", False))
@@ -318,13 +324,15 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
     from lensforge.scene.limit_readings import light_limits
     from lensforge.scene.receiver_shapes import receivers_of
 
-    preset, lights = preset_of(lens.accuracy), []
+    preset = preset_of(lens.accuracy)
+    lights = []
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     for spec in lens.spec.of_each_source:
         source = build_source(spec.source, lens.dispersion, facets=lens.media.scattering)
         efficacy = summarise(source, spec.source).lumens_per_watt
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
-        rays, own = spec.evaluate.rays or preset.evaluate_rays, smoothed(searched(source))
+        rays = spec.evaluate.rays or preset.evaluate_rays
+        own = smoothed(searched(source))
         on_roads = tuple(road_limits(replace(lens, spec=spec), own, preset, efficacy, rays=None, seed=seed))
         lights.append(
             evaluate_traced(traced, spec, own, rays, seed, limits=limits, on_roads=on_roads, bounds_by=source)

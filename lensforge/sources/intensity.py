@@ -101,7 +101,9 @@ class TabulatedIntensity:
         """Choose the azimuth by the second number, gamma by the first given the azimuth: exact for bilinear fluxes."""
         gamma, cumulative = self._fine
         if len(self.c_deg) == 1:
-            low, between, azimuth = np.zeros(len(points), dtype=int), np.zeros(len(points)), 2.0 * np.pi * points[:, 1]
+            low = np.zeros(len(points), dtype=int)
+            between = np.zeros(len(points))
+            azimuth = 2.0 * np.pi * points[:, 1]
             cumulative = np.concatenate([cumulative, cumulative])
         else:
             low, between = self._plane(points[:, 1])
@@ -127,7 +129,8 @@ class TabulatedIntensity:
         if len(self.c_deg) == 1:
             return np.asarray(planes[0] / self.flux())
         place = np.interp(turn, np.deg2rad(self.c_deg), np.arange(len(self.c_deg)))
-        low, each = np.minimum(place.astype(int), len(self.c_deg) - 2), np.arange(len(gamma))
+        low = np.minimum(place.astype(int), len(self.c_deg) - 2)
+        each = np.arange(len(gamma))
         between = planes[low, each] + (place - low) * (planes[low + 1, each] - planes[low, each])
         return np.asarray(between / self.flux())
 
@@ -151,8 +154,10 @@ class TabulatedIntensity:
 
 def flux_up_to(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "c g"]:
     """Integrate the flux per radian of azimuth up to each gamma (rad), exact for an intensity linear in gamma."""
-    low, high = gamma[:-1], gamma[1:]
-    cos_low, cos_high = np.cos(low), np.cos(high)
+    low = gamma[:-1]
+    high = gamma[1:]
+    cos_low = np.cos(low)
+    cos_high = np.cos(high)
     slope = np.diff(values, axis=1) / (high - low)
     # Integral of (a + b (gamma - low)) sin(gamma), with differences of sines and cosines kept apart.
     cells = values[:, :-1] * cos_low - values[:, 1:] * cos_high + slope * (np.sin(high) - np.sin(low))
@@ -164,7 +169,8 @@ def _directions(cosine: Float[np.ndarray, " n"], azimuth: Float[np.ndarray, " n"
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)
 
 
-BEAM_SHARE, FIELD_SHARE = 0.5, 0.1  # of the plane's largest intensity: CIE S 017, ANSI/IES LS-1
+BEAM_SHARE = 0.5  # of the plane's largest intensity: CIE S 017
+FIELD_SHARE = 0.1  # ANSI/IES LS-1
 
 
 class PlaneBeam(Record):
@@ -194,7 +200,9 @@ def beam_in_plane(table: TabulatedIntensity, c_deg: float) -> PlaneBeam:
 
 def plane_profile(table: TabulatedIntensity, c_deg: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Angles (deg) and intensities of a plane: gamma of the half-plane at ``c_deg``, -gamma of that at its back."""
-    gamma, front, back = table.gamma_deg, table.at(c_deg), table.at(c_deg + 180.0)
+    gamma = table.gamma_deg
+    front = table.at(c_deg)
+    back = table.at(c_deg + 180.0)
     behind = gamma > 0.0
     return np.append(-gamma[behind][::-1], gamma), np.append(back[behind][::-1], front)
 
@@ -207,12 +215,14 @@ def width_above(gamma: Float[np.ndarray, " n"], profile: Float[np.ndarray, " n"]
     above = np.flatnonzero(profile >= level)
     if not level > 0.0 or not len(above):
         return None
-    first, last = int(above[0]), int(above[-1])
+    first = int(above[0])
+    last = int(above[-1])
     low = gamma[0] if first == 0 else _crossing(gamma, profile, first - 1, level)
     high = gamma[-1] if last == len(gamma) - 1 else _crossing(gamma, profile, last, level)
     return float(high - low)
 
 
 def _crossing(gamma: Float[np.ndarray, " n"], profile: Float[np.ndarray, " n"], cell: int, level: float) -> float:
-    start, end = profile[cell], profile[cell + 1]
+    start = profile[cell]
+    end = profile[cell + 1]
     return float(gamma[cell] + (level - start) / (end - start) * (gamma[cell + 1] - gamma[cell]))

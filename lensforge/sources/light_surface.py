@@ -21,9 +21,14 @@ _RINGS_OF_HEIGHT = 8
 _STEEP = 0.15  # rays less flat than this tell the heights
 _CORE = 0.97  # of the rays of a ring, by their distance from its middle
 _FIRST = np.array([2.0, 1.0])  # of its images the one farthest along this is kept
-_CELLS, _RINGS, _AZIMUTHS = 24, 6, 12  # by which a dome is found
-_TELLING, _MOST_LOST = 20_000, 0.03  # rays that do so; their share that may miss it
-_MOST_RADIUS, _INDICES = 4.0, (1.41, 1.53)  # of half the width of the light; of silicones, with which a search begins
+# A dome is known by the rays in these cells.
+_CELLS = 24
+_RINGS = 6
+_AZIMUTHS = 12
+_TELLING = 20_000  # rays that suffice
+_MOST_LOST = 0.03  # share of the rays that may miss the dome
+_MOST_RADIUS = 4.0  # of half the width of the light
+_INDICES = (1.41, 1.53)  # of silicones, with which a search begins
 
 Traced = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]  # points (mm) and directions
 
@@ -38,7 +43,8 @@ class GlassDome:
 
     def inward(self, rays: RayBundle) -> Traced:
         """Points (mm) where rays traced back meet it, and their directions within; down for those that miss it."""
-        starts, along = rays.origins - (0.0, 0.0, self.height), rays.directions
+        starts = rays.origins - (0.0, 0.0, self.height)
+        along = rays.directions
         middle = np.sum(starts * along, axis=1)
         square = middle**2 - np.sum(starts**2, axis=1) + self.radius**2
         points = starts + (np.sqrt(np.maximum(square, 0.0)) - middle)[:, None] * along
@@ -82,7 +88,8 @@ class LightSurface:
     def of(rays: RayBundle, *, curved: bool) -> "LightSurface":
         """The surface on which the rays of each angle are closest together, or the plane nearest to all."""
         rise = rays.directions[:, 2]
-        steep, square = rise > _STEEP, 1.0 - rise**2
+        steep = rise > _STEEP
+        square = 1.0 - rise**2
         edges = np.quantile(square[steep], np.linspace(0.0, 1.0, _RINGS_OF_HEIGHT + 1 if curved else 2))
         rings = [steep & (square >= low) & (square <= high) for low, high in pairwise(edges)]
         heights = np.array([_waist(rays.take(ring)) for ring in rings])
@@ -97,13 +104,15 @@ class LightSurface:
         """
         from scipy.optimize import minimize
 
-        random, shares = np.random.default_rng(0), rays.flux / rays.flux.sum()
+        random = np.random.default_rng(0)
+        shares = rays.flux / rays.flux.sum()
         some = rays.take(random.choice(len(rays), min(_TELLING, len(rays)), p=shares))
         some = replace(some, flux=np.ones(len(some)))
         size = 0.5 * float((plane.high - plane.low).max())
 
         def dome(radius: float, middle: float, height: float, index: float) -> LightSurface:
-            none, heights = np.zeros(2), np.array([height * size])
+            none = np.zeros(2)
+            heights = np.array([height * size])
             return LightSurface(none, none, np.zeros(1), heights, GlassDome(radius * size, middle * size, index))
 
         def spread(numbers: Float[np.ndarray, " n"], *index: float) -> float:
@@ -159,7 +168,8 @@ class LightSurface:
         own = points - middle
         for mirror in generators(self.mirrors):
             beyond = ((own @ mirror - own)[:, :2] @ _FIRST > 0.0)[:, None]
-            own, along = np.where(beyond, own @ mirror, own), np.where(beyond, along @ mirror, along)
+            own = np.where(beyond, own @ mirror, own)
+            along = np.where(beyond, along @ mirror, along)
         return own + middle, along
 
     def height(self, along: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -201,7 +211,8 @@ class LightSurface:
         upwards = (along[:, 2] > LEAST_RISE) & (rays.directions[:, 2] > LEAST_RISE)
         if upwards.mean() < 0.5:
             return np.inf
-        points, along = points[upwards], along[upwards]
+        points = points[upwards]
+        along = along[upwards]
         low, high = np.quantile(points[:, :2], (_BEYOND, 1.0 - _BEYOND), axis=0)
         if (high <= low).any():
             return np.inf
@@ -217,7 +228,8 @@ class LightSurface:
 def _waist(rays: RayBundle) -> float:
     """Height (mm) at which rays are closest together, but for those that are far from the others."""
     slope = rays.directions[:, :2] / rays.directions[:, 2:]
-    place, weight = rays.origins[:, :2] - rays.origins[:, 2:] * slope, rays.flux
+    place = rays.origins[:, :2] - rays.origins[:, 2:] * slope
+    weight = rays.flux
     height = 0.0
     for _ in range(3):
         own = place - np.average(place, axis=0, weights=weight), slope - np.average(slope, axis=0, weights=weight)
@@ -226,5 +238,7 @@ def _waist(rays: RayBundle) -> float:
         at_waist = place + height * slope
         distance = np.linalg.norm(at_waist - np.median(at_waist, axis=0), axis=1)
         near = distance <= np.quantile(distance, _CORE)
-        place, slope, weight = place[near], slope[near], weight[near]
+        place = place[near]
+        slope = slope[near]
+        weight = weight[near]
     return height

@@ -140,8 +140,11 @@ def _loaded(
     flux = _flux(rayfile, stored, sums, stated, spec, spectrum)
     factor = flux.flux_w / sums.flux
     rays = changed(rays, lambda some: replace(some, flux=some.flux * factor, waves=None))
-    figures, index_range, dispersion = RaySums.of(rays), None, tuple[str, ...]()
-    material, name = asked.material, rayfile.path if spectrum is None else "source.spectrum"
+    figures = RaySums.of(rays)
+    index_range = None
+    dispersion = tuple[str, ...]()
+    material = asked.material
+    name = rayfile.path if spectrum is None else "source.spectrum"
     if material is not None:
         with remedy("give source.spectrum"):
             stored = stored.coloured(None if spectrum is None else spectrum_of(spectrum))
@@ -195,8 +198,10 @@ def _flux(
     if rayfile.spectrum_numbers is not None:
         with suppress(InputError):  # tables that cannot be used are an error where the material is dispersive
             colours = RaySums.of(stored.coloured().loaded()).colours
-    file_lm_per_w, efficacy = efficacy_of(rayfile, colours), spec.luminous_efficacy_lm_per_w
-    total, trusted = rayfile.stated_flux or sums.flux, rayfile.header_role != "ignored"
+    file_lm_per_w = efficacy_of(rayfile, colours)
+    efficacy = spec.luminous_efficacy_lm_per_w
+    total = rayfile.stated_flux or sums.flux
+    trusted = rayfile.header_role != "ignored"
     if rayfile.flux_unit == "W":
         own = OwnFlux(total, rayfile.header_flux_lm if trusted else None, file_lm_per_w)
     else:
@@ -222,11 +227,13 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     own = [part.flux for part in parts]
     flux = joined_flux(spec, own, spec.luminous_efficacy_lm_per_w, names)
     flux = with_spectrum_compared(flux, spec, spectral_efficacy(spec.spectrum), own)
-    total, flux_w = sum(part.flux_w for part in own), flux.flux_w
+    total = sum(part.flux_w for part in own)
+    flux_w = flux.flux_w
     for name, part in zip(names, parts, strict=True):
         if part.flux.flux_w < _LEAST_SHARE * total:
             raise InputError(f"{name}: {part.flux.flux_w / total:.3g} of the flux of all: correct it, or leave it out")
-    rays, figures = parts[0].rays, parts[0].figures
+    rays = parts[0].rays
+    figures = parts[0].figures
     if len(parts) > 1 or flux_w != total:
         together = joined([part.rays for part in parts])
         rays = changed(together, lambda some: replace(some, flux=some.flux * (flux_w / total)))

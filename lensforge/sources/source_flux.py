@@ -78,7 +78,8 @@ def settled_flux(
     power, lumens = (stated.flux_w, stated.flux_lm) if is_stated else (own.flux_w, own.flux_lm)
     in_lumens = not (stated.flux_lm is None and efficacy is None and own.flux_lm is None)
     if power is not None or lumens is None:
-        fixed, power = stated.flux_lm is not None, DEFAULT_FLUX_W if power is None else power
+        fixed = stated.flux_lm is not None
+        power = DEFAULT_FLUX_W if power is None else power
         return SourceFlux(power, known, in_lumens, warnings=warnings, fixed_lm=fixed)
     if known is None:
         return SourceFlux(lumens / LARGEST_LM_PER_W, LARGEST_LM_PER_W, True, True, (*warnings, _LEAST_POWER), True)
@@ -132,9 +133,11 @@ def _total_lm(parts: Sequence[SourceFlux]) -> float | None:
 
 def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceFlux:
     """Settle the flux of an emitter of ``spec``; ``own_w``: of its table, if it has one. Raises :class:`InputError`."""
-    spectral, parts = None if spec.spectra else spectral_efficacy(spec.spectrum), list[SourceFlux]()
+    spectral = None if spec.spectra else spectral_efficacy(spec.spectrum)
+    parts = list[SourceFlux]()
     if isinstance(spec, ChipsSource):
-        names, parts = [f"source.chips[{number}]" for number in range(len(spec.chips))], chip_fluxes(spec)
+        names = [f"source.chips[{number}]" for number in range(len(spec.chips))]
+        parts = chip_fluxes(spec)
         settled = joined_flux(spec, parts, spec.luminous_efficacy_lm_per_w, names)
         if settled.least_power:  # lumens are what data sheets of chips state: nothing to doubt
             settled = replace(settled, warnings=tuple(each for each in settled.warnings if each != _LEAST_POWER))
@@ -150,9 +153,11 @@ def with_spectrum_compared(
 
     Without that it is compared with that of all ``parts`` together.
     """
-    said, whose = spec.stated_lm_per_w or spec.luminous_efficacy_lm_per_w, "spectrum has"
+    said = spec.stated_lm_per_w or spec.luminous_efficacy_lm_per_w
+    whose = "spectrum has"
     if spectral is None and parts and not any(part.least_power for part in parts):
-        lumens, whose = _total_lm(parts), "parts have"
+        lumens = _total_lm(parts)
+        whose = "parts have"
         spectral = None if lumens is None else lumens / sum(part.flux_w for part in parts)
     if said is None or not spectral or abs(said / spectral - 1.0) <= _SPECTRUM_TOLERANCE:
         return flux

@@ -113,7 +113,8 @@ class BodySection(OfMaterial):
             return self.optical_data.material(self.material or self.name)
         if self.refractive_index is None:
             return MATERIALS[str(self.material)]
-        name, abbe = self.material or self.name, self.abbe_number
+        name = self.material or self.name
+        abbe = self.abbe_number
         return None if abbe is None else by_abbe_number(self.refractive_index, abbe, name)
 
     @property
@@ -126,7 +127,9 @@ class BodySection(OfMaterial):
 
         Raises :class:`InputError` where its index is not known there.
         """
-        material, index, absorption = self._material, self.refractive_index, self.absorption_per_mm
+        material = self._material
+        index = self.refractive_index
+        absorption = self.absorption_per_mm
         if material is not None:
             index = material.index_at(design_wavelength_nm)
             absorption = material.absorption_at(design_wavelength_nm, absorption)
@@ -185,7 +188,8 @@ def require_bodies(sections: Sequence[BodySection], lens: LensShape, limits: Con
 
 def _require_before_glass(body: SecondaryOptic, lens: LensShape) -> None:
     """Raise ``ValueError`` where a body reaches the cover glass, which stands in front of all bodies."""
-    glass, top_mm = lens.cover_glass, float(outside_of(body)[:, 2].max())
+    glass = lens.cover_glass
+    top_mm = float(outside_of(body)[:, 2].max())
     if glass is not None and glass.distance_mm < top_mm:
         raise ValueError(
             f"lens.cover_glass.distance_mm = {glass.distance_mm:g}: body {body.name!r} reaches z = {top_mm:.4g} mm, "
@@ -218,7 +222,8 @@ def _require_within(body: SecondaryOptic, points: _Points, what: str, remedy: st
 
 def _largest_lens(lens: LensShape, limits: ConstraintsSection) -> _Points:
     """Points of the largest lens that the limits allow: a hemisphere, or a cylinder where that is its radius."""
-    u, most = fibonacci_hemisphere(_DIRECTIONS), limits.max_radius_mm
+    u = fibonacci_hemisphere(_DIRECTIONS)
+    most = limits.max_radius_mm
     if not lens.radius_about_axis:
         return most * u
     height = lens.height_mm(limits)

@@ -28,7 +28,9 @@ _COLUMNS = (
     Column(("reflectance", "reflectivity", "reflection", "r", "reflexion", "reflexionsgrad"), SHARE),
 )
 
-_MOST_ANGLES, _MOST_WAVELENGTHS, _MOST_LAYERS = 1000, 1000, 100
+_MOST_ANGLES = 1000
+_MOST_WAVELENGTHS = 1000
+_MOST_LAYERS = 100
 _LIGHT_NM = 100.0, 20_000.0
 _STEP_NM = 2.0  # of an index by wavelength: linear between, a glass then errs by less than 1e-6 in the visible range
 _SINGLE_ANGLES = (0.0, 90.0)  # of a constant reflectance
@@ -120,7 +122,8 @@ class CoatingSection(OfTableFile):
             if not low < high:
                 raise ValueError(f"layers: one material is known from {low:g} nm on, another up to {high:g} nm")
             return
-        angles, waves = self.angle_deg or _SINGLE_ANGLES[:1], self.wavelength_nm or (0.0,)
+        angles = self.angle_deg or _SINGLE_ANGLES[:1]
+        waves = self.wavelength_nm or (0.0,)
         if len(self.reflectance) != len(waves) or {len(row) for row in self.reflectance} != {len(angles)}:
             widths = " or ".join(str(count) for count in sorted({len(row) for row in self.reflectance}))
             raise ValueError(

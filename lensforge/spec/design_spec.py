@@ -59,7 +59,10 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
     return filled
 
 
-_MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS, _MOST_BODIES = 16, 16, 1000, 8
+_MOST_SOURCES = 16
+_MOST_RECEIVERS = 16
+_MOST_LIMITS = 1000
+_MOST_BODIES = 8
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
 
@@ -264,7 +267,8 @@ class Spec(Section):
     @check
     def _lamps_have_room(self) -> None:
         if self.lamps is not None and not self.all_lamps.is_single:
-            lenses, receivers = self.photometry.lenses, self.all_receivers
+            lenses = self.photometry.lenses
+            receivers = self.all_receivers
             require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
             others = {"sources": bool(self.sources), "optimise.robust": bool(self.optimise.robust)}
             require_kinds(self.lamps, receivers, others, self.limits)
@@ -348,7 +352,8 @@ class Spec(Section):
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
-            steps, levels = self.optimise.steps_per_level, self.lens.shape_levels
+            steps = self.optimise.steps_per_level
+            levels = self.lens.shape_levels
             if steps is not None and len(steps) != len(levels):
                 first = "one for lens.profile, " if len(levels) > len(self.lens.levels) else ""
                 raise ValueError(

@@ -13,7 +13,9 @@ from lensforge.spec.spec_section import check
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.surface import Surface
 
-_INNER, _OUTER = 0.43, 0.98  # hemispheres over the largest radius
+# Radii of the start's hemispheres over the largest radius.
+_INNER = 0.43
+_OUTER = 0.98
 _AROUND_CAVITY = 1.05  # least inner hemisphere over the cavity
 
 WHY["lens.inner.offset_mm"] = f"{_INNER:g} x max_radius_mm, the inner hemisphere of the start"
@@ -23,7 +25,8 @@ WHY["lens.outer.offset_mm"] = f"{_OUTER:g} x max_radius_mm, the outer hemisphere
 class LensSection(LensShape):
     """Double-freeform lens: an inner face towards the source, an outer one towards the target."""
 
-    roles, title = SHELL, "double-freeform lens"
+    roles = SHELL
+    title = "double-freeform lens"
     kind: Literal["double"] = "double"
     inner: FaceSection = Field(default_factory=FaceSection)
     """Face towards the source: it bounds the cavity, and the others are placed against it."""
@@ -38,7 +41,8 @@ class LensSection(LensShape):
 
     @check
     def _outer_lies_outside(self) -> None:
-        low, high = self.inner.apex_mm, self.outer.apex_mm
+        low = self.inner.apex_mm
+        high = self.outer.apex_mm
         if low is not None and high is not None and high <= low:
             field = "outer.offset_mm" if self.outer.fixed is None else "the vertex of outer.fixed"
             raise ValueError(f"{field} = {high} must exceed where the inner face meets the axis, {low:g} mm")

@@ -11,7 +11,8 @@ from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.spec_section import Coordinate, FilePath, Lumens, Section, Watts, Weight, check
 
 MOST_ENTRIES = 100_000  # of a table in a spec: 0.01 nm or 0.002 degrees
-_FINEST_DEG, _FINEST_NM = 1e-4, 1e-6  # between two entries; slopes over less are rounding
+_FINEST_DEG = 1e-4  # between two entries
+_FINEST_NM = 1e-6  # slopes over less are rounding
 LEAST_PEAK = 1e-30  # of a table in any unit: what has less is dark
 Nanometres = Annotated[float, Field(ge=100.0, le=20_000.0)]
 
@@ -160,7 +161,8 @@ class EmitterSection(OfSeveralKinds, FluxSection):
 
     @check
     def _efficacy_is_that_of_the_fluxes(self) -> None:
-        stated, efficacy = self.stated_lm_per_w, self.luminous_efficacy_lm_per_w
+        stated = self.stated_lm_per_w
+        efficacy = self.luminous_efficacy_lm_per_w
         if stated is not None and efficacy is not None and abs(stated / efficacy - 1.0) > _SAME_EFFICACY:
             raise ValueError(
                 f"luminous_efficacy_lm_per_w = {efficacy:g}, but flux_lm = {self.flux_lm:g} of flux_w = "

@@ -86,7 +86,8 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
         """Even illuminance on a plane, which falls at its edge as the integral of a Gaussian."""
         from scipy.special import erfc
 
-        gamma, to = np.hypot(x, y), self.size("to")
+        gamma = np.hypot(x, y)
+        to = self.size("to")
         lit = gamma <= to if self.edge == 0.0 else 0.5 * erfc((gamma - to) / (np.sqrt(2.0) * self.edge))
         within = gamma < _HORIZON
         return np.where(within, lit / np.cos(np.radians(np.where(within, gamma, 0.0))) ** 3, 0.0)

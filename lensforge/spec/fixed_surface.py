@@ -127,11 +127,13 @@ class FixedBiconic(_ByFormula):
     @property
     def surface(self) -> Surface:
         """Surface with its vertex on the axis."""
-        radii, conics = (self.radius_x_mm, self.radius_y_mm), (self.conic_x, self.conic_y)
+        radii = (self.radius_x_mm, self.radius_y_mm)
+        conics = (self.conic_x, self.conic_y)
         return Biconic(self.vertex_z_mm, *radii, *conics)
 
 
-_FARTHEST, _ROOM = 64.0, 1.1  # reach of a paraboloid over its vertex, and of an ellipsoid over its farthest point
+_FARTHEST = 64.0  # reach of a paraboloid over its vertex
+_ROOM = 1.1  # of an ellipsoid over its farthest point
 
 
 class FixedFocalConic(_ByFormula):
@@ -229,7 +231,9 @@ class FixedPoints(_OfFile):
         return face_of_points(self.file, self.coordinates, self.shift_mm)
 
 
-_EXPORTED_NM, _EXPORTED_URAD = 1.0, 20.0  # the largest errors of an exported face against the design
+# The largest errors of an exported face against the design.
+_EXPORTED_NM = 1.0
+_EXPORTED_URAD = 20.0
 
 
 class GivenSurface(FixedFace):

@@ -98,8 +98,10 @@ class TirSection(ProfiledShape):
         return {name: fixed.get(name) or faces[name] for name in self.body_names}
 
     def _of_a_point(self, conditions: StartConditions, beam: Beam) -> Collimator:
-        limits, size = conditions.limits, conditions.side_mm
-        radius_mm, margin_mm = limits.rim_radius_mm, 2.0 * limits.margin_mm
+        limits = conditions.limits
+        size = conditions.side_mm
+        radius_mm = limits.rim_radius_mm
+        margin_mm = 2.0 * limits.margin_mm
         narrowest_rad = float(np.arcsin(min(0.5, size / radius_mm / np.sqrt(np.pi))))
         room_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - (self.flange_room_mm or 0.0)
         best = best_collimator(
@@ -113,7 +115,8 @@ class TirSection(ProfiledShape):
             clearance_mm=max(0.0, conditions.clear_mm - size / 2.0**0.5) + margin_mm,
             most_height_mm=room_mm,
         )
-        cap, side = self.cap.offset_mm, self.side.offset_mm
+        cap = self.cap.offset_mm
+        side = self.side.offset_mm
         return replace(best, cap_mm=cap or best.cap_mm, cavity_mm=side or best.cavity_mm)
 
 
@@ -121,7 +124,8 @@ def _with_flange(
     leaving: ReciprocalSurface, flange: FlangeSection, conditions: StartConditions
 ) -> dict[str, ReciprocalSurface]:
     """The cylinder at which a flange begins, around the light that the wall turns, and the exit so much higher."""
-    limits, rim_mm = conditions.limits, float(leaving.radius(AXIS)[0])
+    limits = conditions.limits
+    rim_mm = float(leaving.radius(AXIS)[0])
     cylinder = ConeFace(1.1 * leaving.reach_mm, limits.rim_radius_mm)  # its continuation is that of no other face
     height_mm = rim_mm + flange.room_mm + 2.0 * limits.margin_mm
     if height_mm >= leaving.reach_mm:

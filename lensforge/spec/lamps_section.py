@@ -124,7 +124,8 @@ class Lamps:
 
     def _is_mirrored(self, kind: LampKind, group: str) -> bool:
         own = self.of_kind(kind).lamps
-        places, axes = np.array([lamp.place_mm for lamp in own]), np.array([lamp.axis for lamp in own])
+        places = np.array([lamp.place_mm for lamp in own])
+        axes = np.array([lamp.axis for lamp in own])
         as_it_is = self._as_rows(places, axes, [lamp.turn_deg for lamp in own])
         for mirror in generators(group):
             axis_deg = 0.5 * degrees(atan2(mirror[1, 0], mirror[0, 0]))
@@ -259,7 +260,8 @@ class HexagonLamps(LampsWithRim):
     @property
     def lamps(self) -> Lamps:
         """Places and turns."""
-        rings, up = self.rings, 0.5 * sqrt(3.0)
+        rings = self.rings
+        up = 0.5 * sqrt(3.0)
         steps = [(i, j) for j in range(-rings, rings + 1) for i in range(-rings, rings + 1) if abs(i + j) <= rings]
         places = [(self.pitch_mm * (i + 0.5 * j), self.pitch_mm * up * j) for i, j in steps]
         if self.kinds == "one":

@@ -46,7 +46,8 @@ _Coefficient = Annotated[float, Field(ge=-HUGE, le=HUGE)]
 _Schott = Annotated[float, Field(ge=-1e3, le=1e3)]  # the largest is the wavelength of the pole, in um
 Celsius = Annotated[float, Field(ge=LOWEST_C, le=HIGHEST_C)]
 Expansion = Annotated[float, Field(ge=-1e-4, le=1e-3)]  # 1/K; silicones have 3e-4
-_LEAST_INDEX, _LARGEST_INDEX = 1.0, 4.0
+_LEAST_INDEX = 1.0
+_LARGEST_INDEX = 4.0
 _CHECKED = 400  # wavelengths of the range at which a formula is tried
 
 
@@ -155,7 +156,8 @@ def _fields(material: Material) -> dict[str, Any]:
     fields: dict[str, Any] = {"source": material.source}
     index = material.dispersion
     if isinstance(index, AgainstVacuum):
-        index, fields["absolute"] = index.absolute, True
+        index = index.absolute
+        fields["absolute"] = True
     match index:
         case Formula(name, coefficients):
             fields |= {"formula": name, "coefficients": list(coefficients), "range_nm": list(material.range_nm)}
@@ -195,7 +197,9 @@ _PUBLISHED = {  # densities by source: grades of one plastic differ by 2 %, of s
 }
 DENSITIES = {name: Density(each, source) for source, table in _PUBLISHED.items() for name, each in table.items()}
 
-_SHORTEST_NM, _LONGEST_NM = 1.0, 1e7  # of any light
+# Wavelengths of any light.
+_SHORTEST_NM = 1.0
+_LONGEST_NM = 1e7
 _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
 
 _Index = Annotated[float, Field(ge=1.0, le=4.0)]
@@ -289,7 +293,8 @@ class LensMaterial(OfMaterial, FacesSection):
     def temperature_law(self) -> TemperatureLaw:
         """Change of index and size with temperature: that of the material, and the constants of the spec."""
         known = UNKNOWN if self.dispersion is None else self.dispersion.temperature
-        expansion, reference_c = self.expansion_per_k, self.reference_temperature_c
+        expansion = self.expansion_per_k
+        reference_c = self.reference_temperature_c
         return replace(
             known,
             reference_c=known.reference_c if reference_c is None else reference_c,
@@ -317,7 +322,8 @@ class LensMaterial(OfMaterial, FacesSection):
     @property
     def media(self) -> Media:
         """The body, what fills the cavity and surrounds the lens, and the coatings of its faces."""
-        material, absorption = self._material, self.absorption_per_mm
+        material = self._material
+        absorption = self.absorption_per_mm
         if material is not None:
             absorption = material.absorption_at(self.design_wavelength_nm, absorption)
         glass = None if self.cover_glass is None else self.cover_glass.glass

@@ -210,7 +210,8 @@ class LensShape(OfSeveralKinds, LensMaterial):
 
         ``rise``: cosine of the plane's normal to the axis.
         """
-        radius_mm, height_mm = limits.max_radius_mm, self.height_mm(limits)
+        radius_mm = limits.max_radius_mm
+        height_mm = self.height_mm(limits)
         if not self.radius_about_axis:
             return radius_mm
         if rise is None:

@@ -29,8 +29,11 @@ _OfLight = Literal[
 ]
 _OfRoads = Literal["threshold_increment", "ratio", "mean_over_min", "max_over_min", "veiling_ratio"]
 Quantity = Literal[_OfLight, _OfRoads]  # what decides on a limit
-_OF_SURFACES, _OF_FAR_FIELD, _OF_EYES = ("w_per_m2", "lx"), ("w_per_sr", "cd"), ("w_per_m2_sr", "cd_per_m2")
-_MOST_POINTS, _MOST_EYES = 1000, 16
+_OF_SURFACES = ("w_per_m2", "lx")
+_OF_FAR_FIELD = ("w_per_sr", "cd")
+_OF_EYES = ("w_per_m2_sr", "cd_per_m2")
+_MOST_POINTS = 1000
+_MOST_EYES = 16
 _ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
 _OF_RECEIVERS = ("distance_mm", "receiver_mm", "half_angle_deg")
 _OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")
@@ -234,7 +237,9 @@ _Point = tuple[Coordinate, Coordinate, Coordinate]
 _Angle = Annotated[float, Field(ge=1e-3, le=45.0)]
 
 
-_LEAST_RING_DEG, _RING_STEP_DEG, _MOST_RING_BLUR_DEG = 15.0, 15.0, 5.0
+_LEAST_RING_DEG = 15.0
+_RING_STEP_DEG = 15.0
+_MOST_RING_BLUR_DEG = 5.0
 
 
 class LuminanceLimit(LimitSection):

@@ -27,7 +27,8 @@ _TARGET_FIELDS = {
 } | {"line": ("length_mm", "width_mm")}
 _PHOTOMETRIC = (".ies", ".ldt")
 _DRAWN = {"text": "text", "image": "file"}  # the field of what is drawn, of each picture by its width
-SOURCE_KINDS, TARGET_KINDS = tuple(_SOURCE_FIELDS), (*_TARGET_FIELDS, *_DRAWN, "beam")
+SOURCE_KINDS = tuple(_SOURCE_FIELDS)
+TARGET_KINDS = (*_TARGET_FIELDS, *_DRAWN, "beam")
 
 
 def _shapes(fields: dict[str, tuple[str, ...]], end: str) -> str:
@@ -73,7 +74,8 @@ def target_in(words: str) -> dict[str, Any]:
     if kind not in _DRAWN:
         sizes = _sizes("--target", words, size, _TARGET_FIELDS[kind])
         if kind == "line":  # a rectangle, by lengths of its own
-            kind, sizes = "rectangle", dict(zip(_TARGET_FIELDS["rectangle"], sizes.values(), strict=True))
+            kind = "rectangle"
+            sizes = dict(zip(_TARGET_FIELDS["rectangle"], sizes.values(), strict=True))
         return {"kind": kind, **sizes, **away}
     drawn, _, width = size.rpartition(":")
     if not drawn:
@@ -92,7 +94,8 @@ def receiver_beside(target: Mapping[str, Any], off_axis_deg: float = 0.0, tilt_d
     side_mm = receiver_of(section).get("receiver_mm") if section.distance_mm is not None else None
     if section.distance_mm is None or side_mm is None:
         raise InputError(f"--off-axis, --tilt: go with a target on a plane, KIND:SIZE@DISTANCE, not {section.kind!r}")
-    away, off = section.distance_mm, radians(off_axis_deg)
+    away = section.distance_mm
+    off = radians(off_axis_deg)
     return {
         "kind": "plane",
         "centre_mm": [round(away * sin(off), 3), 0.0, round(away * cos(off), 3)],
@@ -118,7 +121,8 @@ def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[
         expected = "x".join(name.removesuffix("_mm").replace("_", " ").upper() for name in names) + " in mm"
         example = "x".join(("200", "150", "100")[: len(names)])
         if names == ("A", "B"):
-            expected, example = "A or AxB in degrees", "10 or 60x25"
+            expected = "A or AxB in degrees"
+            example = "10 or 60x25"
         raise InputError(f"{option} {words}: {given!r} must be {expected}, above 0, such as {example}")
     return dict(zip(names, values, strict=True))
 

@@ -44,7 +44,8 @@ class FeetSection(Section):
     @property
     def places_mm(self) -> tuple[tuple[float, float], ...]:
         """Places (x, y) of their axes."""
-        radius, first = self.circle_diameter_mm / 2.0, radians(self.first_deg)
+        radius = self.circle_diameter_mm / 2.0
+        first = radians(self.first_deg)
         turns = [first + tau * k / self.number for k in range(self.number)]
         return tuple((radius * cos(turn), radius * sin(turn)) for turn in turns)
 

@@ -45,7 +45,8 @@ class PictureTarget(SizedTarget, SoftTarget):
 
     def size_of(self, rows: int, columns: int) -> tuple[float, float]:
         """Width and height of a picture of so many rows and columns, in the target's unit."""
-        width, height = self.size("width"), self.length("height")
+        width = self.size("width")
+        height = self.length("height")
         return width, height if isinstance(height, float) else width * rows / columns
 
     def shown(self, picture: Float[np.ndarray, "h w"], x: Places, y: Places) -> Places:

@@ -33,9 +33,11 @@ from lensforge.spec.spec_section import (
 from lensforge.surfaces import plane_loop
 from lensforge.surfaces.plane_loop import MOST_CORNERS, Loop, area_mm2, box_of_loop, circle_of, inside_by_mm, loop_of
 
-_MOST_LENSES, _MOST_MARKS = 400, 200
+_MOST_LENSES = 400
+_MOST_MARKS = 200
 _MARGIN_MM = 2.0
-_SAME_MM, _ON_EDGE_MM = 1e-9, 1e-3
+_SAME_MM = 1e-9
+_ON_EDGE_MM = 1e-3
 _Lines = Annotated[int, Field(ge=1, le=_MOST_LENSES)]
 _OF_RECTANGLE = ("width_mm", "height_mm", "corner_radius_mm")
 _FOREIGN = {  # sizes that an outline has not
@@ -47,7 +49,9 @@ _FOREIGN = {  # sizes that an outline has not
 
 _REMEDY = "export the top face of the plate, or its outline, as STEP"
 _MEMORY_MIB = 1800
-_SECONDS, _SECONDS_PER_MIB = 30.0, 15.0  # as of any other STEP file of a user
+# The time that any other STEP file of a user has.
+_SECONDS = 30.0
+_SECONDS_PER_MIB = 15.0
 
 _Bulge = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Corners = Annotated[tuple[tuple[Coordinate, Coordinate, _Bulge], ...], Field(min_length=2, max_length=MOST_CORNERS)]
@@ -286,7 +290,8 @@ class PlateSection(Section):
             return lamps_of(lamps)
         across, up = lamps.lamps.period_mm or (0.0, 0.0)
         up, odd = (up, 0.0) if lamps.lattice == "rectangle" else (up / 2.0, 0.25)
-        columns, rows = self.columns or 0, self.rows or 0
+        columns = self.columns or 0
+        rows = self.rows or 0
         places = [
             (across * (i - 0.5 * (columns - 1) + odd * (-1.0) ** (j + 1) * (rows > 1)), up * (j - 0.5 * (rows - 1)))
             for j in range(rows)
@@ -330,7 +335,8 @@ def require_plate(plate: PlateSection, lamps: LampsSection | None, limits: Const
     if endless != (plate.columns is not None):
         words = "an infinite lattice needs them" if endless else 'they go with lamps of kind = "endless"'
         raise ValueError(f"plate.columns and plate.rows: {words}; {'give both' if endless else 'leave them out'}")
-    lenses, lens_mm = plate.lenses(lamps), limits.max_radius_mm
+    lenses = plate.lenses(lamps)
+    lens_mm = limits.max_radius_mm
     if lenses.posed:
         raise ValueError(
             "plate: its lenses stand on z = 0 with their axes along z, [lamps] have heights or aims; leave these out "
@@ -385,7 +391,8 @@ def _require_gate(
     plate: PlateSection, gate: PlateGate, size: tuple[float, float], lenses: Lamps, lens_mm: float
 ) -> None:
     """Raise ``ValueError`` for a gate that is not on the outline, or too near to a lens, a hole, a pin or a boss."""
-    (x, y), off = gate.place_mm, plate.to_edge_mm(gate.place_mm, size)
+    (x, y) = gate.place_mm
+    off = plate.to_edge_mm(gate.place_mm, size)
     if abs(off) > _ON_EDGE_MM:
         raise ValueError(f"plate.gate.place_mm = ({x:g}, {y:g}): {off:.4g} mm inside the outline; move it onto that")
     near = [(hypot(at[0] - x, at[1] - y) - lens_mm, "a lens") for at in lenses.places_mm]

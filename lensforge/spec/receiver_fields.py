@@ -97,7 +97,9 @@ class ReceiverSection(OfSeveralKinds, Section):
 
     def posed(self, pose: Pose) -> Self:
         """The receiver in another pose."""
-        centre_mm, facing, turn_deg = pose.origin_mm, pose.axis, pose.turn_deg
+        centre_mm = pose.origin_mm
+        facing = pose.axis
+        turn_deg = pose.turn_deg
         fields = {"centre_mm": centre_mm, self.faces_by: facing, "tilt_deg": None, "rotation_deg": turn_deg}
         return self.changed(**{name: fields[name] for name in fields if name in type(self).model_fields})
 
@@ -106,7 +108,8 @@ class ReceiverSection(OfSeveralKinds, Section):
 
         ``distance``: name of the field that says how far away a plane is.
         """
-        room_mm, largest_mm = self.clear_mm(ORIGIN), lens.extent_mm(limits)
+        room_mm = self.clear_mm(ORIGIN)
+        largest_mm = lens.extent_mm(limits)
         radius_mm: float | None = getattr(self, "radius_mm", None)
         field = "receivers" if radius_mm is None else f"receivers.radius_mm = {radius_mm:g}"
         if room_mm <= largest_mm:
@@ -131,7 +134,8 @@ class ReceiverSection(OfSeveralKinds, Section):
 
 def _require_on_receiver(target: TargetSection, extent: tuple[float, float]) -> None:
     """Raise ``ValueError`` for a target whose centre, or mask, or edge does not fit the receiver."""
-    unit, (width, height) = target.unit, extent
+    unit = target.unit
+    (width, height) = extent
     require_on(f"centre_{unit} =", target.centre, unit, extent, "the receiver")
     mask = target.pair("uniform")
     if mask is not None and (mask[0] > width or mask[1] > height) and target.rotation_deg == 0.0:
@@ -147,7 +151,8 @@ def require_target_fits(receiver: ReceiverSection, endless: bool) -> None:
     ``endless``: of lamps without end, whose pattern goes on beyond a receiver of one period.
     """
     for target in receiver.targets:
-        unit, turn = target.unit, rect(1.0 - _SAME, radians(target.rotation_deg))
+        unit = target.unit
+        turn = rect(1.0 - _SAME, radians(target.rotation_deg))
         for place in () if endless else target.outline:
             at = complex(*target.centre) + place * turn
             what = f"target: {target.description}: its edge at"
@@ -156,7 +161,9 @@ def require_target_fits(receiver: ReceiverSection, endless: bool) -> None:
 
 def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str) -> None:
     """Raise ``ValueError`` for a place off a receiver, whose ``extent`` is in the same unit; ``what``: its words."""
-    (x, y), half_width, half_height = place, 0.5 * extent[0], 0.5 * extent[1]
+    (x, y) = place
+    half_width = 0.5 * extent[0]
+    half_height = 0.5 * extent[1]
     off = x * x + y * y > half_width**2 if unit == "deg" else abs(x) > half_width or abs(y) > half_height
     if off:
         reach = f"{half_width:g} deg" if unit == "deg" else f"{half_width:g} in x and {half_height:g} in y"

@@ -18,7 +18,8 @@ from lensforge.spec.spec_section import FilePath, Label, Section, check, section
 
 # Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001; of wet ones CIE 47.
 STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07, "W4": 0.247}
-LEAST_Q0, MOST_Q0 = 0.02, 0.5  # of any road: fresh black asphalt has 0.04, a wet surface 0.25
+LEAST_Q0 = 0.02  # of any road: fresh black asphalt has 0.04
+MOST_Q0 = 0.5  # a wet surface 0.25
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,8 @@ WetSurface = Literal["W4"]
 Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
 Share = Annotated[float, Field(ge=1e-9, le=1.0)]
 _LEAST_SPACING = 0.1  # of the pole height: lamps of a tunnel that nearly touch; work grows by one over it
-_LEAST_LANE_M, MOST_ROADS = 2.0, 32
+_LEAST_LANE_M = 2.0
+MOST_ROADS = 32
 _ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _OF_M = ("uniformity_along", "glare_percent", "wet_surface", "wet_surface_file", "wet_uniformity")
 _BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "luminance_per_lux", *_OF_M)
@@ -313,7 +315,8 @@ def road_warnings(
     planes = [each for each in receivers if isinstance(each, PlaneReceiver) and each.facing[:2] == (0.0, 0.0)]
     if not planes or len(heights) != 1:
         return
-    height, away = max(heights), [1e-3 * each.distance_mm for each in planes]
+    height = max(heights)
+    away = [1e-3 * each.distance_mm for each in planes]
     if all(abs(each / height - 1.0) > _SAME for each in away):
         yield (
             f"receivers: {planes[0].name} lies {away[0]:g} m below the lamps, pole_height_m of roads is {height:g}; "

@@ -65,7 +65,8 @@ class LambertianScatter(Section):
         return lambertian(self.share)
 
 
-_RINGS, _FINEST = 1024, 1e-7  # of a shift: its rings differ by 2 % in radius at most; a finer one is none
+_RINGS = 1024  # of a shift: its rings differ by 2 % in radius at most
+_FINEST = 1e-7  # a finer scatter is none
 _OF_INTERVAL = 16  # rings between two angles of a table
 
 
@@ -156,7 +157,8 @@ class TableScatter(OfTableFile):
         """Rings whose shares are those of the table."""
         angles = np.radians(self.scattering_deg)
         fine = np.interp(np.arange(_OF_INTERVAL * (len(angles) - 1) + 1) / _OF_INTERVAL, np.arange(len(angles)), angles)
-        radii, shares = np.sin(fine), []
+        radii = np.sin(fine)
+        shares = []
         for incidence, row in zip(self.incidence_deg, self.bsdf_per_sr, strict=True):
             own = shares_within(radii, partial(_density, angles, np.array(row)))
             if own[-1] > 1.0 + 1e-9:

@@ -10,7 +10,8 @@ from lensforge.spec.spec_section import Coordinate, Millimetres, check
 from lensforge.spec.target_sections import DegreesOff, DegreesWide, Places, SizedTarget, SoftTarget, TargetSection
 
 Lit = Bool[np.ndarray, "..."]
-_MOST_CORNERS, _MOST_SPOTS = 1000, 1000
+_MOST_CORNERS = 1000
+_MOST_SPOTS = 1000
 _LEAST_SPREAD = 1e-12  # of a polygon's corners about a line, squared: below, they lie on it
 
 
@@ -43,7 +44,8 @@ class FlatTopTarget(SizedTarget):
 
     def light(self, x: Places, y: Places) -> Places:
         """The super-Gaussian."""
-        half_width, half_height = 0.5 * self.size("width"), 0.5 * self.sides("height")[1]
+        half_width = 0.5 * self.size("width")
+        half_height = 0.5 * self.sides("height")[1]
         with np.errstate(over="ignore"):  # far outside a narrow pattern: exp(-inf) is the 0 that is meant
             along_x = np.exp(-(np.abs(x / half_width) ** self.exponent))
             along_y = np.exp(-(np.abs(y / half_height) ** self.exponent))
@@ -115,7 +117,8 @@ class RingTarget(ShapeTarget):
 
     def contains(self, x: Places, y: Places) -> Lit:
         """True between the circles."""
-        outer, inner = self.size("outer_diameter"), self.size("inner_diameter")
+        outer = self.size("outer_diameter")
+        inner = self.size("inner_diameter")
         return np.asarray(_in_ellipse(x, y, outer, outer) & ~_in_ellipse(x, y, inner, inner))
 
     @check
@@ -166,7 +169,9 @@ class PolygonTarget(ShapeTarget):
         if len(self.corners) < 3:
             raise ValueError(f"corners_{self.unit}: {len(self.corners)} corners, a polygon has three at least")
         x, y = (np.array(each) - np.mean(each) for each in zip(*self.corners, strict=True))
-        xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
+        xx = float(x @ x)
+        yy = float(y @ y)
+        xy = float(x @ y)
         if xx * yy - xy * xy <= _LEAST_SPREAD * (xx + yy) ** 2:
             raise ValueError(f"corners_{self.unit}: all lie on a line; a polygon has an area")
 
@@ -189,7 +194,8 @@ class CrossTarget(ShapeTarget):
 
     def contains(self, x: Places, y: Places) -> Lit:
         """True in either arm."""
-        length, stroke = self.size("length"), self.size("stroke")
+        length = self.size("length")
+        stroke = self.size("stroke")
         return np.asarray(_in_rectangle(x, y, length, stroke) | _in_rectangle(x, y, stroke, length))
 
 
@@ -214,12 +220,14 @@ class SpotsTarget(ShapeTarget):
     @property
     def bounds(self) -> tuple[float, float]:
         """Width and height of all spots."""
-        diameter, pitch = self.size("diameter"), self.size("pitch")
+        diameter = self.size("diameter")
+        pitch = self.size("pitch")
         return diameter + (self.columns - 1) * pitch, diameter + (self.rows - 1) * pitch
 
     def contains(self, x: Places, y: Places) -> Lit:
         """True in any disc."""
-        pitch, diameter = self.size("pitch"), self.size("diameter")
+        pitch = self.size("pitch")
+        diameter = self.size("diameter")
         return _in_ellipse(_from_spot(x, pitch, self.columns), _from_spot(y, pitch, self.rows), diameter, diameter)
 
     @check

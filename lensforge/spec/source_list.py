@@ -23,7 +23,8 @@ _COLUMNS = (
     Column(("name",), needed=False, words=True),
     *(Column((name,), needed=False) for name in _NUMBERS),
 )
-_LONGEST_NAME, MOST_SOURCES = 32, 100
+_LONGEST_NAME = 32
+MOST_SOURCES = 100
 _MOST_BYTES = 4 * MIB
 _SHOWN = 100  # characters of a name in a message
 _ADVICE = "give ray files, a .csv table or a .toml file"
@@ -72,7 +73,8 @@ def _shown(name: str) -> str:
 
 def _files_of(pattern: str) -> list[Path]:
     """Files of a pattern, sorted. Raises :class:`InputError` for none, and for more than a study takes."""
-    root, shorter = Path(pattern).anchor, _REPEATED.sub("", pattern)
+    root = Path(pattern).anchor
+    shorter = _REPEATED.sub("", pattern)
     if Path(shorter).parts.count("**") > _MOST_DEPTHS:
         raise InputError(f"sources: {_shown(pattern)}: ** may stand {_MOST_DEPTHS} times; name the folders")
     try:

@@ -71,7 +71,8 @@ def help_of(cls: type[Any]) -> str:
     if fields and not issubclass(cls, Record):
         return "\n".join([*_without_entries(cls), "Args:", *(_argument(cls, name) for name in arguments_of(cls))])
     types = {name: field.annotation for name, field in fields.items()} or get_type_hints(cls, include_extras=True)
-    said, units = _entries(cls), {name: unit_in(name) for name, each in types.items() if short_type(each) != "bool"}
+    said = _entries(cls)
+    units = {name: unit_in(name) for name, each in types.items() if short_type(each) != "bool"}
     own = (
         _entry(name, (short_type(each), units.get(name, "")), said.get(name, ""), _has(each))
         for name, each in types.items()
@@ -83,7 +84,8 @@ Shown.help_of = staticmethod(help_of)
 
 
 def _argument(section: type[BaseModel], name: str) -> str:
-    field, unit = section.model_fields[name], unit_in(name)
+    field = section.model_fields[name]
+    unit = unit_in(name)
     words = words_of(section, name).removesuffix(f" [{unit}]") or _entries(section).get(name, "")
     needed = "needed" if field.is_required() else ""
     reach = range_words(_bounds(field.annotation, field.metadata))
@@ -100,7 +102,8 @@ def _has(annotation: Any) -> str:
 
 def short_type(annotation: Any) -> str:
     """A type in words: "float", "Metric or None", "tuple of Metric"."""
-    origin, inner = get_origin(annotation), get_args(annotation)
+    origin = get_origin(annotation)
+    inner = get_args(annotation)
     if annotation is type(None):
         return "None"
     if origin is Annotated:

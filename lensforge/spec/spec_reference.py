@@ -122,7 +122,8 @@ def reference_page() -> str:
 
 def _tables(section: type[BaseModel], path: str) -> Iterator[tuple[str, tuple[type[BaseModel], ...]]]:
     """Sections by their dotted names in a file, each once, where it first occurs; tables of one kind go together."""
-    waiting, seen = [(section, path)], set[type[BaseModel]]()
+    waiting = [(section, path)]
+    seen = set[type[BaseModel]]()
     while waiting:
         holder, place = waiting.pop(0)
         nested = []

@@ -188,7 +188,8 @@ class TargetSection(OfSeveralKinds, InOneUnit):
         if self.centre != (0.0, 0.0):
             x, y = x - self.centre[0], y - self.centre[1]
         if self.rotation_deg != 0.0:
-            cosine, sine = np.cos(np.radians(self.rotation_deg)), np.sin(np.radians(self.rotation_deg))
+            cosine = np.cos(np.radians(self.rotation_deg))
+            sine = np.sin(np.radians(self.rotation_deg))
             x, y = cosine * x + sine * y, cosine * y - sine * x
         return x, y
 

@@ -277,10 +277,8 @@ class PartTolerances(TolerancesSection):
             name: FaceTolerances(**{field: value for field in fields if (value := getattr(face, field)) is not None})
             for name, face in faces.items()
         }
-        own, names = (
-            {name: face for name, face in given.items() if face.model_fields_set},
-            [role.name for role in roles],
-        )
+        own = {name: face for name, face in given.items() if face.model_fields_set}
+        names = [role.name for role in roles]
         if not set(own) <= set(names):
             raise InputError(
                 f"tolerances of the faces {', '.join(own)}: this lens has {', '.join(names)}; give those of its faces"
@@ -331,7 +329,8 @@ def factors_of(tolerances: PartTolerances) -> tuple[Factor, ...]:
     """All ``tolerances`` that are not 0. Raises :class:`InputError` where all are 0."""
     found = []
     for name, cause in _causes(tolerances.roles).items():
-        own, (unit, to_internal, _) = tolerances.tolerance(name), _unit_of(name)
+        own = tolerances.tolerance(name)
+        (unit, to_internal, _) = _unit_of(name)
         stated = (cause.words, unit, to_internal, own.amount, cause.kind, own.distribution, cause.numbers)
         found += [Factor(name, *stated)] if own.amount > 0.0 else []
     if not found:
@@ -347,7 +346,8 @@ def read_tolerances(name: str, roles: tuple[FaceRole, ...] = SHELL) -> PartToler
     if name in _PRESETS:
         return PartTolerances(preset=name, roles=roles)
     content = read_toml(Path(name), f"give {', '.join(_PRESETS)}, or a TOML file")
-    faces, names = _faces_in(content), [role.name for role in roles]
+    faces = _faces_in(content)
+    names = [role.name for role in roles]
     for face in faces:
         if face not in names:
             raise InputError(f"{name}: lens.{face}: the faces of this lens are {', '.join(names)}; give these")

@@ -203,7 +203,8 @@ def cured_number(name: str, text: str) -> Cure | None:
     marks = [mark for mark in digits if mark in ".,"]
     words = "a number has a decimal point, and no other marks"
     if marks == [","] and re.fullmatch(r"[1-9]\d{0,2},\d{3}", digits) and not unit:
-        whole, point = digits.replace(",", ""), digits.replace(",", ".")
+        whole = digits.replace(",", "")
+        point = digits.replace(",", ".")
         return Cure(f"{words}; write {sign}{whole}, or {sign}{point}", f"{sign}{whole}", told=True)
     number = f"{sign}{_plain(digits)}{power}"
     if not unit:
@@ -218,9 +219,11 @@ def _plain(digits: str) -> str:
     """``digits`` with a point alone: the last mark is the decimal one, unless it stands more than once."""
     last = max(digits.rfind("."), digits.rfind(","))
     if last < 0 or digits.count(digits[last]) > 1:
-        whole, decimals = re.sub("[.,]", "", digits), ""
+        whole = re.sub("[.,]", "", digits)
+        decimals = ""
     else:
-        whole, decimals = re.sub("[.,]", "", digits[:last]), digits[last + 1 :]
+        whole = re.sub("[.,]", "", digits[:last])
+        decimals = digits[last + 1 :]
     whole = whole.lstrip("0") or "0"
     return f"{whole}.{decimals or '0'}" if last >= 0 and digits.count(digits[last]) == 1 else whole
 

@@ -42,7 +42,8 @@ _GONE = {
         for unit in ("w_per_m2", "lx", "w_per_sr", "cd", "relative")
     },
 }
-_LISTS, _TABLES = ("tuple_type", "list_type"), ("model_type", "model_attributes_type", "dict_type")
+_LISTS = ("tuple_type", "list_type")
+_TABLES = ("model_type", "model_attributes_type", "dict_type")
 _SHAPES = (
     *_LISTS,
     *_TABLES,
@@ -73,7 +74,8 @@ def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> Wr
     every = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
     entries = every[:_MOST_ERRORS]
     unknown = [each for each in entries if each["type"] == "extra_forbidden"]
-    meant, lines = set[str](), list[str]()
+    meant = set[str]()
+    lines = list[str]()
     for number, entry in enumerate(unknown):
         place = _place(entry["loc"], root)
         hint, instead = _hint(place, root) if number < _MOST_HINTS else ("", "")
@@ -213,7 +215,8 @@ def _nearest(name: str, known: Sequence[str]) -> str | None:
 def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _FieldPlace:
     """The field at ``location``, without what pydantic adds: the kind of a section, and the branch of a choice."""
     holders: tuple[type[BaseModel], ...] = (root,)
-    inside, parts = holders, list[str]()
+    inside = holders
+    parts = list[str]()
     annotation: Any = None
     for number, part in enumerate(location):
         tagged = tuple(each for each in inside if kind_of(each) == part)
@@ -223,7 +226,8 @@ def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _FieldPlac
         elif len(inside) > 1 and tagged:
             inside = tagged
         elif fields:
-            holders, annotation = inside, fields[0].annotation
+            holders = inside
+            annotation = fields[0].annotation
             inside = tuple(dict.fromkeys(each for field in fields for each in sections_in(field.annotation)))
             parts.append(part)
         elif tagged:

@@ -81,7 +81,9 @@ _TOLERANCE_MM = 1e-4
 _FAR_MM = 1e6
 _SAME_MM = 1e-3  # two crossings nearer than this are one, on an edge that two faces share
 _NEWTON_STEPS = 3
-_STEPS_BESIDE, _RESTS_MM, _BESIDE = 4, 1e-6, 0.2  # from a ray beside, and how near it a crossing lies
+_STEPS_BESIDE = 4  # Newton steps from the crossing of a neighbouring ray
+_RESTS_MM = 1e-6  # a last step below this has converged
+_BESIDE = 0.2  # relative change of the radius by which it is still the same crossing
 _SINGULAR = 1e-12  # of the product of the three lengths: the surface has a pole here
 
 
@@ -148,7 +150,9 @@ class FaceCast:
         Distances, outward normals, parameters, and the length (mm) of the last step.
         """
         unit = _unit(directions)
-        distance, parameters, faces = crossings[:, 0].copy(), crossings[:, 1:3].copy(), crossings[:, 3].astype(int)
+        distance = crossings[:, 0].copy()
+        parameters = crossings[:, 1:3].copy()
+        faces = crossings[:, 3].astype(int)
         normals = unit.copy()
         for _ in range(steps):
             place, along_u, along_v = self._tangents(parameters, faces)
@@ -170,7 +174,9 @@ class FaceCast:
         self, parameters: Float[np.ndarray, "n 2"], faces: Int[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Point from where the rays start, and its derivatives by both parameters."""
-        point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+        point = gp_Pnt()
+        along_u = gp_Vec()
+        along_v = gp_Vec()
         rows = []
         for (u, v), face in zip(parameters.tolist(), faces.tolist(), strict=True):
             self._surfaces[face].D1(u, v, point, along_u, along_v)
@@ -181,9 +187,11 @@ class FaceCast:
 
     def _crossings(self, directions: Float[np.ndarray, "n 3"]) -> Iterator[list[tuple[float, float, float, int]]]:
         """Distance (mm), parameters and number of the face of each crossing, ray by ray."""
-        casts, start = list(enumerate(self._casts)), self._start_point
+        casts = list(enumerate(self._casts))
+        start = self._start_point
         for direction in directions.tolist():
-            line, crossings = gp_Lin(start, gp_Dir(*direction)), []
+            line = gp_Lin(start, gp_Dir(*direction))
+            crossings = []
             for index, cast in casts:
                 cast.Perform(line, 0.0, _FAR_MM)
                 if cast.IsDone():
@@ -205,13 +213,18 @@ def _apart(crossings: list[tuple[float, float, float, int]]) -> list[float]:
 
 
 FIRST = "first"
-_TESTED, _RIM = 1500, 360  # directions at which the face is tried, and the error of the spline measured
-_NODES, _MOST_NODES = 72, 240  # even: no node lies on the axis, where a surface of revolution has its pole
+_TESTED = 1500  # directions at which the face is tried
+_RIM = 360  # the error of the spline measured
+_NODES = 72  # even: no node lies on the axis
+_MOST_NODES = 240  # where a surface of revolution has its pole
 # What a spline aims at; an error falls with the sixth power of its nodes, that of the normal with the fifth.
-_AIM_NM, _AIM_URAD = 0.3, 0.5
-_MOST_NM, _MOST_URAD = 1000.0, 1000.0  # a seam, a kink or a wave that no lens is given on purpose
+_AIM_NM = 0.3
+_AIM_URAD = 0.5
+_MOST_NM = 1000.0  # a seam
+_MOST_URAD = 1000.0  # a kink or a wave that no lens is given on purpose
 # Beyond the rim the radius goes on by the polynomial of degree 4 through that many places inside, a step apart.
-_PLACES, _STEP_RAD = 5, 0.002
+_PLACES = 5
+_STEP_RAD = 0.002
 _AZIMUTHS = 720
 
 

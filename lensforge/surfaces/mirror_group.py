@@ -80,7 +80,8 @@ def first_images(points: Float[np.ndarray, "k d"], name: str) -> Bool[np.ndarray
 
     The first two coordinates are those across the axis, of directions or on the chart.
     """
-    first, tie = np.ones(len(points), dtype=bool), 1e-9
+    first = np.ones(len(points), dtype=bool)
+    tie = 1e-9
     for image in group(name):
         ahead = points[:, :2] - points[:, :2] @ image[:2, :2]
         first &= (ahead[:, 0] > tie) | ((ahead[:, 0] > -tie) & (ahead[:, 1] > -tie))

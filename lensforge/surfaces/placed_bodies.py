@@ -20,7 +20,8 @@ _Points = Float[np.ndarray, "n 3"]
 
 def depths(body: SecondaryOptic, points: _Points, *, inner: bool) -> Float[np.ndarray, " n"]:
     """Depth (mm) of points within the inner or the outer face of a body; infinite below the plane in which it ends."""
-    own, face = body.pose.own_points(points), body.inner if inner else body.outer
+    own = body.pose.own_points(points)
+    face = body.inner if inner else body.outer
     radii = np.maximum(np.linalg.norm(own, axis=1), 1e-12)
     above = own[:, 2] > 0.0
     found = np.full(len(points), np.inf)
@@ -36,7 +37,8 @@ def outside_of(body: SecondaryOptic) -> _Points:
 
 def has_mirrors(body: SecondaryOptic, symmetry: str) -> bool:
     """True where the body, in its place, has the mirror group of that name about the axis of the lens."""
-    centre, u = np.array(body.pose.origin_mm), fibonacci_hemisphere(_DIRECTIONS // 10)
+    centre = np.array(body.pose.origin_mm)
+    u = fibonacci_hemisphere(_DIRECTIONS // 10)
     for mirror in group(symmetry):
         own = body.pose.own_map(mirror)
         if not (np.allclose(mirror @ centre, centre, atol=_SAME) and np.allclose(own[2], [0.0, 0.0, 1.0], atol=_SAME)):

@@ -22,18 +22,26 @@ from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.surface import Surface
 
 _ROOM = 1.4  # reach of a face over its farthest point, as of a collimator
-_RAYS, _TRIED = 64, 24  # angles of the estimated share; focal lengths that are tried, and radii
+_RAYS = 64  # angles of the estimated share
+_TRIED = 24  # focal lengths that are tried, and radii
 # So far around the axis a mouth stays open: nearer to it the facets of a cup's mesh are long and narrow, and an STL's
 # normals there wrong. At the start the cup is so much higher.
-OPEN_RAD, _OPEN = 0.3, 1.05
+OPEN_RAD = 0.3
+_OPEN = 1.05
 _NARROWEST = 0.2  # of the largest radius: of a mouth that is tried
-_LOWEST, _BEYOND = -0.15, 0.1  # cosines: of the lowest point of a back, and by which it is known beyond its rim
-_COEFFICIENTS, _ALONG = 24, 721  # of a back; places on each meridian of a cup
+_LOWEST = -0.15  # cosine of the lowest point of a back
+_BEYOND = 0.1  # cosine by which a back is known beyond its rim
+_COEFFICIENTS = 24  # of a back
+_ALONG = 721  # places on each meridian of a cup
 _FINE = 8  # times as many places, on which the rim of a mouth is found
 _FLATTEST = 0.2  # height of the mouth over its radius, at least
 _ENOUGH = 0.98  # of the largest share: among these the lowest cup is chosen
-_TRACED, _LEAST_ECCENTRICITY, _FLATTER = 2048, 0.5, 0.05  # rays through a leaning cup; least, and 1 - the first one
-_LEAN, _FOCI, _STEPS = 0.6, (1.0, 1.6), 120  # of the light's angle and the clearance, where its search begins
+_TRACED = 2048  # rays through a leaning cup
+_LEAST_ECCENTRICITY = 0.5
+_FLATTER = 0.05  # 1 - eccentricity of the first cup that is tried
+_LEAN = 0.6  # of the light's angle, where the search of a lean begins
+_FOCI = (1.0, 1.6)  # of the clearance
+_STEPS = 120
 
 _Values = Float[np.ndarray, " n"]
 
@@ -95,7 +103,8 @@ class LeaningCup:
 
     def face(self, radius_mm: float, azimuth_rad: float = 0.0) -> ConicFace:
         """The mirror, of this radius at most, leaning towards ``azimuth_rad`` from x."""
-        reach_mm, aside = _ROOM * float(np.hypot(radius_mm, self.height_mm)), np.sin(self.lean_rad)
+        reach_mm = _ROOM * float(np.hypot(radius_mm, self.height_mm))
+        aside = np.sin(self.lean_rad)
         x, y = float(aside * np.cos(azimuth_rad)), float(aside * np.sin(azimuth_rad))
         return ConicFace(reach_mm, self._parameter_mm, self.eccentricity, (x, y, float(np.cos(self.lean_rad))))
 
@@ -123,9 +132,11 @@ class LeaningCup:
         Directly, or by one reflection, of which ``mirror`` is left; by a conic, which a ray from the point s in the
         direction u meets at ``|s + t u| = p + e a (s + t u)``, a quadratic equation.
         """
-        axis, (places, ways) = self.eccentricity * self._axis, _lambertian()
+        axis = self.eccentricity * self._axis
+        (places, ways) = _lambertian()
         places = side_mm * places
-        along, past = ways @ axis, self._parameter_mm + places @ axis
+        along = ways @ axis
+        past = self._parameter_mm + places @ axis
         linear = (places * ways).sum(axis=1) - along * past
         square = np.maximum(1.0 - along**2, 1e-12)
         root = np.sqrt(np.maximum(linear**2 - square * ((places**2).sum(axis=1) - past**2), 0.0))
@@ -147,7 +158,8 @@ class LeaningCup:
 def _lambertian() -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
     """Places on a square of side 1, and directions of its Lambertian light."""
     x, y, square, turn = sobol(_TRACED, 4, 0).T
-    sine, azimuth = np.sqrt(square), 2.0 * np.pi * turn
+    sine = np.sqrt(square)
+    azimuth = 2.0 * np.pi * turn
     ways = np.column_stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1.0 - square)])
     return np.column_stack([x - 0.5, y - 0.5, np.zeros_like(x)]), ways
 
@@ -241,7 +253,8 @@ def reflector_faces(
     """
     polar, each = _behind(cup, wall_mm)
     behind = each.max(axis=1)
-    across, heights = behind * np.sin(polar), behind * np.cos(polar)
+    across = behind * np.sin(polar)
+    heights = behind * np.cos(polar)
     if height_mm is None:
         beyond = np.flatnonzero(across > radius_mm)
         place = int(beyond[0]) if len(beyond) else int(np.argmax(across))

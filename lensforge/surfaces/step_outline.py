@@ -28,8 +28,10 @@ from lensforge.surfaces import plane_loop
 from lensforge.surfaces.plane_loop import Corner, area_mm2, bulge_of, inside_by_mm, loop_of, points_on, reversed_corners
 from lensforge.surfaces.step_file import parts_of, products_in
 
-_FLAT_MM, _LEVEL = 1e-5, 1e-7  # the uncertainty that STEP files state; of a normal's components along x and y
-_CHORD_MM, _SHARE = 1e-2, 1e-6  # of the chords by which loops that cross are found; of the area within
+_FLAT_MM = 1e-5  # the uncertainty that STEP files state
+_LEVEL = 1e-7  # of a normal's components along x and y
+_CHORD_MM = 1e-2  # of the chords by which loops that cross are found
+_SHARE = 1e-6  # of the area within
 _FEWEST = 2  # edges of a loop: a circle is read as two halves
 _STRAIGHT = 1e-9  # bulge of an arc that is a line to 5e-6 mm, whatever its length
 _KINDS = ("GeomAbs_Line", "GeomAbs_Circle")
@@ -38,7 +40,8 @@ _KINDS = ("GeomAbs_Line", "GeomAbs_Circle")
 def _write_loops(folder: Path) -> None:
     """Work of the child process: the loops of the STEP file in ``folder``, the outline first."""
     job = json.loads((folder / plane_loop.JOB).read_text(encoding="utf-8"))
-    origin, remedy = job["origin"], job["remedy"]
+    origin = job["origin"]
+    remedy = job["remedy"]
     shapes = [product.shape for product in products_in(folder / plane_loop.DRAWING, origin, remedy)]
     bodies = [solid for shape in shapes for solid in parts_of(shape, "SOLID")]
     faces = [face for shape in shapes for face in parts_of(shape, "FACE")]
@@ -58,7 +61,8 @@ def _write_loops(folder: Path) -> None:
             f"{plane_loop.MOST_CORNERS} are read; simplify the outline"
         )
     for corners in loops[1:]:
-        outline, opening = loop_of(loops[0]), loop_of(corners)
+        outline = loop_of(loops[0])
+        opening = loop_of(corners)
         for x, y in (edge.start for edge in opening):
             if inside_by_mm(outline, (x, y)) <= 0.0:
                 raise InputError(
@@ -105,7 +109,8 @@ def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
 
 def _free_wires(shapes: list[Any], origin: str, remedy: str) -> list[Any]:
     """The wires that the edges of a file without faces make."""
-    edges, wires = TopTools_HSequenceOfShape(), TopTools_HSequenceOfShape()
+    edges = TopTools_HSequenceOfShape()
+    wires = TopTools_HSequenceOfShape()
     for shape in shapes:
         for edge in parts_of(shape, "EDGE"):
             edges.Append(edge)
@@ -154,8 +159,10 @@ _Point = tuple[float, float, float]
 
 def _arcs(edge: Any, origin: str) -> Iterator[tuple[_Point, _Point, float]]:
     """Start, end and bulge of an edge along its wire; a whole circle in two halves."""
-    curve, backwards = BRepAdaptor_Curve(edge), edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
-    first, last = curve.FirstParameter(), curve.LastParameter()
+    curve = BRepAdaptor_Curve(edge)
+    backwards = edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+    first = curve.FirstParameter()
+    last = curve.LastParameter()
     kind = curve.GetType().name
     if kind not in _KINDS:
         x, y, _ = curve.Value(first).Coord()

@@ -43,15 +43,32 @@ _LINES_PER_SET = 6
 _RATIOS = 10  # direct ratios of the utilisation method, not used here; 0 where written: not given
 _NUMBERS = (*range(1, 7), *range(12, 26))  # lines of the header that hold one
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}([.,]\d{3})+")  # what is written like 1,234: in thousands, or with decimals
-_TYPE, _SYMMETRY, _PLANES, _GAMMAS, _TEST, _NAME, _NUMBER, _FILE, _DATE = 1, 2, 3, 5, 7, 8, 9, 10, 11
-_HOUSING, _AREA, _HEIGHTS = 12, 15, 17  # length or diameter, width (0: round) and height; of the light; of its sides
-_C_STEP, _GAMMA_STEP, _DOWNWARD = 4, 6, 21
-_SAME_STEP, _SAME_SHARE = 0.01, 3.0  # relative; per cent, which programs round or take from their own integral
-_LORL, _FACTOR, _TILT, _SETS = 22, 23, 24, 25
+_TYPE = 1
+_SYMMETRY = 2
+_PLANES = 3
+_GAMMAS = 5
+_TEST = 7
+_NAME = 8
+_NUMBER = 9
+_FILE = 10
+_DATE = 11
+_HOUSING = 12  # length or diameter, width (0: round) and height
+_AREA = 15  # of the light
+_HEIGHTS = 17  # of the light's sides
+_C_STEP = 4
+_GAMMA_STEP = 6
+_DOWNWARD = 21
+_SAME_STEP = 0.01  # relative
+_SAME_SHARE = 3.0  # per cent, which programs round or take from their own integral
+_LORL = 22
+_FACTOR = 23
+_TILT = 24
+_SETS = 25
 _COUNT, _KIND, _LUMENS, _COLOUR, _RENDERING, _WATTS = range(_LINES_PER_SET)  # lines of a set of lamps
 _LINEAR = 2.0  # type of a linear luminaire
 _TEXT = 78  # characters of a line of text
-_REMARK, _UNDATED = "; ", "no date"  # between date and remark; before a remark without a date
+_REMARK = "; "  # between date and remark
+_UNDATED = "no date"  # before a remark without a date
 _FEW_LM = 100.0  # of lamps whose watts are not known; of others, 1 lm/W: less is no lamp, but thousands may be meant
 
 
@@ -102,7 +119,8 @@ def decode(text: str, name: str) -> PhotometricFile:
     steps = [*_steps(lines, _C_STEP, "C", c_deg), *_steps(lines, _GAMMA_STEP, "gamma", gamma_deg)]
     c_deg = c_deg[stored]
     if symmetry == 3:  # in the order of the angles, C 90 to C 270
-        c_deg, candela = c_deg[::-1], candela[::-1]
+        c_deg = c_deg[::-1]
+        candela = candela[::-1]
     intensity, warnings = tabulated(c_deg, gamma_deg, candela, name)
     down = _downward(lines[_DOWNWARD], intensity)
     date, _, remark = lines[_DATE].strip().partition(_REMARK)
@@ -143,7 +161,8 @@ def _lines(text: str) -> tuple[list[str], tuple[str, ...]]:
 
 def _steps(lines: list[str], place: int, name: str, angles: Float[np.ndarray, " n"]) -> Iterator[str]:
     """Words on a step that the header states and the angles do not have."""
-    stated, steps = _number_or_0(lines[place]), np.diff(angles)
+    stated = _number_or_0(lines[place])
+    steps = np.diff(angles)
     if stated > 0.0 and len(steps) and np.abs(steps - stated).max() > _SAME_STEP * stated:
         least = f"{steps.min():g}"
         actual = least if np.ptp(steps) < _SAME_STEP * stated else f"{least} to {steps.max():g}"
@@ -198,7 +217,8 @@ def encode(photometric: PhotometricFile) -> str:
     planes = table.c_deg if revolution else table.c_deg[:-1]
     values = table.values[: len(planes)] * (1000.0 / lumens)
     kind = _LINEAR if photometric.linear else 1 if revolution else 3
-    opening, count = photometric.opening, max(photometric.lamps[0].count, 1)
+    opening = photometric.opening
+    count = max(photometric.lamps[0].count, 1)
     first = replace(photometric.lamps[0], lumens=None if photometric.per_1000_lm else lumens)
     date_and_remark = _REMARK.join((photometric.issued or _UNDATED, *photometric.remarks[:1]))
     date_and_remark = "" if date_and_remark == _UNDATED else date_and_remark

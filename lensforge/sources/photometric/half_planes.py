@@ -99,7 +99,8 @@ def not_below_zero(
 
     Raises :class:`InputError` where one is below 0 by more than a hundredth of the largest, or none is above 0.
     """
-    least, largest = float(candela.min()), float(candela.max())
+    least = float(candela.min())
+    largest = float(candela.max())
     if not (SMALLEST < largest < HUGE and least >= -_MOST_BELOW_ZERO * largest):
         raise InputError(
             f"{name}: {quantity} from {least:g} to {largest:g}{unit} must lie within 0 and {HUGE:g}{unit}, not all 0 "
@@ -160,7 +161,9 @@ def _closed(
     return np.concatenate([[0.0], c_deg, [360.0]]), np.concatenate([seam, candela, seam])
 
 
-_MOST_PLANES, _MOST_GAMMAS = 720, 721  # of the converted table
+# Size of the converted table.
+_MOST_PLANES = 720
+_MOST_GAMMAS = 721
 _FINEST_STEP_DEG = 0.05
 _LEAST_STEPS = 72  # from the axis to the outermost light: where a file ends amid its light, the edge is one step wide
 _FINER = 4.0  # steps of the table for one of the file
@@ -229,12 +232,17 @@ def _on_half_planes(
     gamma_deg = np.linspace(0.0, reach, min(max(int(np.ceil(reach / step)), 2), _MOST_GAMMAS - 1) + 1)
     around = 360.0 * np.sin(np.deg2rad(reach)) / step
     c_deg = np.linspace(0.0, 360.0, int(np.clip(4 * np.ceil(around / 4.0), 8, _MOST_PLANES)) + 1)
-    c, gamma = np.deg2rad(c_deg)[:, None], np.deg2rad(gamma_deg)[None]
-    i, j, k = np.sin(gamma) * np.cos(c), np.sin(gamma) * np.sin(c), np.cos(gamma) * np.ones_like(c)
+    c = np.deg2rad(c_deg)[:, None]
+    gamma = np.deg2rad(gamma_deg)[None]
+    i = np.sin(gamma) * np.cos(c)
+    j = np.sin(gamma) * np.sin(c)
+    k = np.cos(gamma) * np.ones_like(c)
     if kind == "B":
-        v, h = np.arctan2(i, k), -np.arcsin(np.clip(j, -1.0, 1.0))
+        v = np.arctan2(i, k)
+        h = -np.arcsin(np.clip(j, -1.0, 1.0))
     else:
-        v, h = np.arcsin(np.clip(i, -1.0, 1.0)), -np.arctan2(j, k)
+        v = np.arcsin(np.clip(i, -1.0, 1.0))
+        h = -np.arctan2(j, k)
     at = RegularGridInterpolator((h_deg, v_deg), candela, bounds_error=False, fill_value=0.0)
     places = np.stack([np.rad2deg(h), np.rad2deg(v)], axis=-1)
     return TabulatedIntensity(c_deg, gamma_deg, at(np.round(places, 9)))  # so that those on an edge are within
@@ -243,11 +251,16 @@ def _on_half_planes(
 def _read_at(kind: Kind, v_deg: V, h_deg: H, table: TabulatedIntensity) -> Float[np.ndarray, "h v"]:
     from scipy.interpolate import RegularGridInterpolator
 
-    v, h = np.deg2rad(v_deg)[None], np.deg2rad(h_deg)[:, None]
+    v = np.deg2rad(v_deg)[None]
+    h = np.deg2rad(h_deg)[:, None]
     if kind == "B":
-        i, j, k = np.cos(h) * np.sin(v), -np.sin(h) * np.ones_like(v), np.cos(h) * np.cos(v)
+        i = np.cos(h) * np.sin(v)
+        j = -np.sin(h) * np.ones_like(v)
+        k = np.cos(h) * np.cos(v)
     else:
-        i, j, k = np.sin(v) * np.ones_like(h), -np.cos(v) * np.sin(h), np.cos(v) * np.cos(h)
+        i = np.sin(v) * np.ones_like(h)
+        j = -np.cos(v) * np.sin(h)
+        k = np.cos(v) * np.cos(h)
     c_deg = np.rad2deg(np.arctan2(j, i)) % 360.0
     gamma_deg = np.minimum(np.rad2deg(np.arctan2(np.hypot(i, j), k)), table.gamma_deg[-1])
     return np.asarray(

@@ -40,12 +40,14 @@ from lensforge.sources.photometric.photometric_file import (
 
 _Type = Literal["A", "B", "C"]
 _TYPES: dict[float, _Type] = {1: "C", 2: "B", 3: "A"}
-_TYPE_C, _METRES = 1, 2
+_TYPE_C = 1
+_METRES = 2
 _ABSOLUTE = -1.0  # lumens of a lamp in absolute photometry
 _FIXED = 13  # numbers before the angles
 _TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(\S[^\n]*?)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FIRST = re.compile(r"\s*IES(NA)?[ :]*(LM-63|91)", re.IGNORECASE)
-_NO_TILT, _INCLUDED = "NONE", "INCLUDE"
+_NO_TILT = "NONE"
+_INCLUDED = "INCLUDE"
 _GENERATION = re.compile(r"1\.[01]{5}")  # how a file of 2019 writes the type of its generation
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _CHANGED = 11  # place, from 0, of the number whose meaning changed
@@ -80,7 +82,8 @@ def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFi
     if tilt.split()[0].upper() == _INCLUDED:
         pairs = count_in(stream[1] if len(stream) > 1 else np.nan, 1, name)
         tilt = " ".join((_INCLUDED, *words[: 2 + 2 * pairs]))
-        stream, words = stream[2 + 2 * pairs :], words[2 + 2 * pairs :]
+        stream = stream[2 + 2 * pairs :]
+        words = words[2 + 2 * pairs :]
     if len(stream) < _FIXED:
         raise InputError(f"{name}: truncated: {len(stream)} numbers below TILT=, the header alone has {_FIXED}")
     lamps, lumens, multiplier, _, _, kind, unit, *sizes, ballast, _, watts = stream[:_FIXED]
@@ -165,7 +168,8 @@ def _far_field(
 
 def encode(photometric: PhotometricFile, version: IesVersion = NEWEST) -> str:
     """LM-63 of the edition ``version``, type C, metres; relative to the lumens of the lamp if known, else absolute."""
-    table, lamp = photometric.intensity, photometric.lamps[0]
+    table = photometric.intensity
+    lamp = photometric.lamps[0]
     lumens = photometric.written_lumens
     of_each = _ABSOLUTE if lumens is None else lumens / max(lamp.count, 1)
     sizes = " ".join(f"{size / 1000.0:.6g}" for size in photometric.opening.signed_mm())

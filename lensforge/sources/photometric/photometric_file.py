@@ -24,9 +24,12 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
 from lensforge.version import __version__
 
-SIMULATED, UNDEFINED = "Computer Simulation", "Undefined"
-_UNACCREDITED, _ACCREDITED = "Test at an unaccredited lab", "Test at an accredited lab"
-_SCALED, _INTERPOLATED = " that has been lumen scaled", " with interpolated angle set"
+SIMULATED = "Computer Simulation"
+UNDEFINED = "Undefined"
+_UNACCREDITED = "Test at an unaccredited lab"
+_ACCREDITED = "Test at an accredited lab"
+_SCALED = " that has been lumen scaled"
+_INTERPOLATED = " with interpolated angle set"
 _TITLES = {
     "1.00001": UNDEFINED,
     "1.00010": SIMULATED,
@@ -66,7 +69,8 @@ def turned_over(table: TabulatedIntensity) -> TabulatedIntensity:
 
 
 MOST_NUMBERS = 10**6  # of intensities: 721 x 361 is the finest seen; more comes from a damaged header
-MOST_PLANES, MOST_GAMMAS = 3601, 18_001  # in steps of 0.1 and 0.01 degrees, finer than any goniophotometer
+MOST_PLANES = 3601  # in steps of 0.1 and 0.01 degrees
+MOST_GAMMAS = 18_001  # finer than any goniophotometer
 HUGE = 1e12  # above any real candela or lumen; squares of sums stay finite
 SMALLEST = 1e-30  # below any real candela, lumen or watt but 0
 
@@ -233,7 +237,9 @@ class PhotometricFormat:
 
 ROAD_STEP_DEG = 2.5  # of gamma, for roads: CIE 140
 _FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
-_SMALLEST_MM, _LARGEST_MM = 1.0, 10_000.0  # of an opening or a luminaire
+# Sides of a luminous opening or a luminaire.
+_SMALLEST_MM = 1.0
+_LARGEST_MM = 10_000.0
 _CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file has lost light beyond it
 
 
@@ -243,7 +249,9 @@ def far_field_warnings(file: PhotometricFile) -> tuple[str, ...]:
 
 
 def _contradictions(file: PhotometricFile) -> Iterator[str]:
-    lumens, stated, watts = file.intensity.flux(), file.stated_lumens, file.watts
+    lumens = file.intensity.flux()
+    stated = file.stated_lumens
+    watts = file.watts
     if stated and abs(lumens / stated - 1.0) > _FLUX_TOLERANCE:
         yield f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm"
     if file.lamp_lumens and lumens > file.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
@@ -255,7 +263,8 @@ def _contradictions(file: PhotometricFile) -> Iterator[str]:
 def _strange_sizes(file: PhotometricFile) -> Iterator[str]:
     """Words on sizes that no luminaire has: they may be in another unit."""
     opening = file.opening
-    of_light, of_housing = (opening.width_mm, opening.length_mm, opening.height_mm), file.housing_mm
+    of_light = (opening.width_mm, opening.length_mm, opening.height_mm)
+    of_housing = file.housing_mm
     for name, (width, length, height) in (("luminous opening", of_light), ("luminaire", of_housing)):
         sizes = [size for size in (width, length) if size > 0.0]
         if max(width, length, height) > _LARGEST_MM or min(sizes, default=_SMALLEST_MM) < _SMALLEST_MM:
@@ -266,7 +275,8 @@ def _strange_sizes(file: PhotometricFile) -> Iterator[str]:
 def cut_below(file: PhotometricFile) -> str | None:
     """Words for a last gamma at which there is light, so that some is not in the file; None where it is complete."""
     table = file.intensity
-    last, at_last = float(table.gamma_deg[-1]), float(table.values[:, -1].max() / table.values.max())
+    last = float(table.gamma_deg[-1])
+    at_last = float(table.values[:, -1].max() / table.values.max())
     if last in (90.0, 180.0) or at_last <= _CUT_SHARE:
         return None
     return f"its last gamma is {last:g} degrees, with {100.0 * at_last:.3g} % of the largest intensity"

@@ -120,7 +120,8 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
     ``ies_version``: year of LM-63 that an IES file follows.
     Raises :class:`InputError` for a suffix of another format.
     """
-    original, warnings = read_photometric(path_in), []
+    original = read_photometric(path_in)
+    warnings = []
     kept = replace(
         original, test=f"{original.test} (converted from {shortened(Path(path_in).name)} by lensforge)".strip()
     )
@@ -147,7 +148,8 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
 
 def _same_intensities(before: PhotometricFile, after: PhotometricFile) -> bool:
     """True where both have the same table, to the digits written."""
-    one, other = before.intensity, after.intensity
+    one = before.intensity
+    other = after.intensity
     if one.values.shape != other.values.shape:
         return False
     peak = float(one.values.max())
@@ -181,7 +183,9 @@ def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
 def _differences(before: PhotometricFile | LampSet, after: PhotometricFile | LampSet) -> Iterator[str]:
     """Statements of the fields of ``before``, by their words, where those of ``after`` state another thing."""
     for field in fields(before):
-        words, had, has = field.metadata.get("words"), getattr(before, field.name), getattr(after, field.name)
+        words = field.metadata.get("words")
+        had = getattr(before, field.name)
+        has = getattr(after, field.name)
         if not words or not had or had in (UNDEFINED, _UNSTATED.get(field.name)) or _same(had, has, field.name):
             continue
         if isinstance(had, tuple) and isinstance(had[0], str):

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 
 _COLOURS = ("#c0392b", "#2f7fd1")
-_RINGS, _ROUND = 5, (1, 2, 5, 10)  # most rings, and the digits of the step between them
+_RINGS = 5  # at most
+_ROUND = (1, 2, 5, 10)  # digits of the step between rings
 _STEP_DEG = 30.0
 
 
@@ -140,8 +141,10 @@ _AS_STATED = (*_LABELS, "photometric_type", "lamp_lumens", "stated_lumens")
 def summarise_photometric(path: Path) -> PhotometricSummary:
     """Summarise a photometric file. Raises :class:`InputError` if it cannot be used."""
     file = read_photometric(path)
-    table, watts = file.intensity, file.watts if file.watts > 0.0 else None
-    lumens, axis = table.flux(), bool(table.gamma_deg[0] == 0.0)
+    table = file.intensity
+    watts = file.watts if file.watts > 0.0 else None
+    lumens = table.flux()
+    axis = bool(table.gamma_deg[0] == 0.0)
     plane, angle = np.unravel_index(int(np.argmax(table.values)), table.values.shape)
     summary = PhotometricSummary(
         format=file.format,

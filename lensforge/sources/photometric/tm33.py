@@ -49,7 +49,8 @@ _ROOT = re.compile(r"<(?:\w+:)?(IESTM33(?:-\d\d)?|UNI11733)(?=[\s>])")
 _EDITIONS = {"IESTM33-22": "TM-33-23", "IESTM33": "TM-33-18", "UNI11733": "UNI 11733"}
 _LABEL = re.compile(r"\[(\w+)\] (.+)")
 _HEAD = 65536  # characters in which the root begins, after comments of any sensible length
-_INTENSITY, _AREA = "LuminousData/LuminousIntensity", "EmissionAreas/BottomFace/BottomArea"
+_INTENSITY = "LuminousData/LuminousIntensity"
+_AREA = "EmissionAreas/BottomFace/BottomArea"
 # Paths below which all is in fields of the record, or follows from the rest of the document.
 _KEPT = ("GTIN", "DocumentCreationDate", "UniqueIdentifier", "Reference", "MoreInfoURI")  # of the header, as others
 _HELD = (
@@ -219,7 +220,8 @@ def _intensity(emitter: ElementTree.Element, name: str) -> tuple[TabulatedIntens
     """Intensity over C and gamma, from a list that has every pair of its angles once, in any order."""
     entries = emitter.findall(f"{_INTENSITY}/IntData")
     rows = np.array([_datum(each, name) for each in entries]).reshape(-1, 3)
-    h_deg, v_deg = np.unique(rows[:, 0]), np.unique(rows[:, 1])
+    h_deg = np.unique(rows[:, 0])
+    v_deg = np.unique(rows[:, 1])
     promised = [_number(emitter, f"{_INTENSITY}/{count}", name) for count in ("NumberHorz", "NumberVert")]
     for angles, count in zip((h_deg, v_deg), promised, strict=True):
         if count not in (0.0, len(angles)):
@@ -248,7 +250,8 @@ def _of_symmetry(emitter: ElementTree.Element, intensity: TabulatedIntensity) ->
     stated = _text(emitter, f"{_INTENSITY}/Symm")
     word = stated.lower().removeprefix("symm").strip("_ ")
     h_deg = np.unique([float(each.get("h", "nan")) for each in emitter.findall(f"{_INTENSITY}/IntData")])
-    first, last = float(h_deg[0]), float(h_deg[-1])
+    first = float(h_deg[0])
+    last = float(h_deg[-1])
     if word not in (*_SYMMETRIES, _REVOLUTION):
         if stated:
             yield f"Symm = {stated[:20]!r} is not known: its angles h decide on symmetry"
@@ -267,7 +270,8 @@ def _has_images(intensity: TabulatedIntensity, about: tuple[bool, bool], revolut
     """True where the table is its own mirror image ``about`` C 0 and C 90, as far as asked, or of ``revolution``."""
     if len(intensity.c_deg) == 1:
         return True
-    values, largest = intensity.values, intensity.values.max()
+    values = intensity.values
+    largest = intensity.values.max()
     place = np.arange(len(intensity.c_deg))
     images = [
         np.interp((axis - intensity.c_deg) % 360.0, intensity.c_deg, place)

@@ -22,11 +22,15 @@ from lensforge.version import __version__
 NO_DATE = "1970-01-01"  # of a document that states none: the clock's would change its bytes from run to run
 DATE_UNKNOWN = f"date of the report not known: {NO_DATE} stands for none"
 WATTS_UNKNOWN = "input wattage not known: 0 stands for none"
-METHOD, ISSUED, GENERATED = "FILEGENINFO", "ISSUEDATE", "FILEGENTYPE"  # keywords of comments
+# Keywords of comments.
+METHOD = "FILEGENINFO"
+ISSUED = "ISSUEDATE"
+GENERATED = "FILEGENTYPE"
 ROUND_HOUSING = "Align_Z"
 TURNS = ("C0", "C90", "C180", "C270")
 INTENSITY = "Emitter/LuminousData/LuminousIntensity"
-KELVIN, INDEX = re.compile(r"(\d{4,5})\s*K?", re.IGNORECASE), re.compile(r"(?:Ra|CRI)?\s*(\d{1,3})", re.IGNORECASE)
+KELVIN = re.compile(r"(\d{4,5})\s*K?", re.IGNORECASE)
+INDEX = re.compile(r"(?:Ra|CRI)?\s*(\d{1,3})", re.IGNORECASE)
 # Elements in the order of the schema where others may be kept.
 ORDER = {
     "IESTM33-22": ("Version", "Header", "Luminaire", "Equipment", "Emitter", "CustomData"),
@@ -64,8 +68,11 @@ def document(photometric: PhotometricFile) -> str:
 
 def _texts(photometric: PhotometricFile) -> dict[str, str]:
     """Texts of the elements by their paths; one without text is left out."""
-    table, lamp, lumens = photometric.intensity, photometric.lamps[0], photometric.written_lumens
-    planes, angles = len(table.c_deg), len(table.gamma_deg)
+    table = photometric.intensity
+    lamp = photometric.lamps[0]
+    lumens = photometric.written_lumens
+    planes = len(table.c_deg)
+    angles = len(table.gamma_deg)
     return {
         "Version": "1.1",
         "Header/Manufacturer": photometric.maker or NOT_STATED,
@@ -141,7 +148,8 @@ def _faces(opening: LuminousOpening) -> dict[str, str]:
     """The lower face of the opening, and its sides where they have a height; none of a point."""
     if opening.shape == POINT:
         return {}
-    length, width = {"Length": opening.length_mm}, {"Width": opening.width_mm}
+    length = {"Length": opening.length_mm}
+    width = {"Width": opening.width_mm}
     texts = _face("Bottom", length | width)
     texts["Emitter/EmissionAreas/BottomFace/BottomArea/Circular"] = "true" if opening.rounded else ""
     for turn, height in zip(TURNS, opening.heights_mm, strict=True):
@@ -151,7 +159,8 @@ def _faces(opening: LuminousOpening) -> dict[str, str]:
 
 
 def _face(which: str, sizes_mm: dict[str, float]) -> dict[str, str]:
-    place, sizes = f"Emitter/EmissionAreas/{which}Face", sizes_mm | {f"{name}Offset": 0.0 for name in sizes_mm}
+    place = f"Emitter/EmissionAreas/{which}Face"
+    sizes = sizes_mm | {f"{name}Offset": 0.0 for name in sizes_mm}
     areas = {f"{place}/{which}Area/{name}": _metres(size) for name, size in sizes.items()}
     return {f"{place}/Number{which}": "1", **areas}
 
@@ -172,7 +181,8 @@ def _insert(root: Element, path: str, text: str) -> None:
 
 
 def _add_intensities(root: Element, photometric: PhotometricFile) -> None:
-    table, parent = photometric.intensity, root.find(INTENSITY)
+    table = photometric.intensity
+    parent = root.find(INTENSITY)
     assert parent is not None
     v = [_decimal(angle) for angle in table.gamma_deg]
     for plane, values in zip(map(_decimal, table.c_deg), table.values, strict=True):

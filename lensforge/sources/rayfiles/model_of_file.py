@@ -16,7 +16,8 @@ from lensforge.sources.rayfiles.stored_rays import StoredRays
 
 _SEED = 0
 _DRAWN = 2**20
-_MOST_PIXELS, _RAYS_IN_PIXEL = 48, 100  # of all rays of the file
+_MOST_PIXELS = 48
+_RAYS_IN_PIXEL = 100  # of all rays of the file
 _CAP = np.cos(np.deg2rad(15.0))  # around each of five directions, from the axis and 45 degrees off it
 _SIDES = {"+x": (1.0, 0.0), "+y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}
 _VIEWS = {"from the front": (0.0, 0.0), **{f"45° from {name}": side for name, side in _SIDES.items()}}
@@ -34,7 +35,8 @@ def model_of(rayfile: RayFile) -> ModelledRays:
 
 def drawn_file(rayfile: RayFile, model: ModelledRays, count: int) -> RayFile:
     """``count`` rays of ``model`` as a file of the flux and common spectrum of ``rayfile``; its header says so."""
-    rays, kept = model.sample(count, _SEED), ("manufacturer", "wavelength_min_nm", "wavelength_max_nm")
+    rays = model.sample(count, _SEED)
+    kept = ("manufacturer", "wavelength_min_nm", "wavelength_max_nm")
     header = {name: rayfile.header[name] for name in kept if name in rayfile.header}
     if len(rayfile.spectral_tables) == 1:
         header["spectral_tables"] = rayfile.header["spectral_tables"]

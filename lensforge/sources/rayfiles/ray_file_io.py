@@ -117,7 +117,8 @@ def _lost(before: RayFile, after: RayFile) -> Iterator[str]:
         return  # copied byte for byte
     units: tuple[FluxUnit, ...] = ("W", "lm")
     for unit in units:
-        had, has = before.flux_in(unit), after.flux_in(unit)
+        had = before.flux_in(unit)
+        has = after.flux_in(unit)
         if had and (has is None or abs(has / had - 1.0) > SAME_FLUX):
             yield f"total flux in {unit} ({had:.6g})"
     if before.wavelengths_nm is not None and after.wavelengths_nm is None:
@@ -146,7 +147,9 @@ def _format_for(path: Path) -> Format:
 
 def _in_nanometres(rayfile: RayFile) -> RayFile:
     """Convert wavelengths that can only be µm, whatever their format says, to nm, with a warning."""
-    warnings, header, waves = list(rayfile.warnings), dict(rayfile.header), rayfile.wavelengths_nm
+    warnings = list(rayfile.warnings)
+    header = dict(rayfile.header)
+    waves = rayfile.wavelengths_nm
     if waves is not None:
         with np.errstate(invalid="ignore"):
             sample = np.nan_to_num(waves[:_SAMPLE].astype(np.float64), posinf=0.0, neginf=0.0)

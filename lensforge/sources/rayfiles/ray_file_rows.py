@@ -235,7 +235,8 @@ def _parsed(
             if rows.shape[1] != width:
                 raise image.refuse(f"line {line}: {rows.shape[1]} numbers, {width} expected; export it again")
             yield rows
-        begin, line = begin + len(body), line + body.count(b"\n")
+        begin = begin + len(body)
+        line = line + body.count(b"\n")
         release_pages(image.data)
 
 
@@ -313,7 +314,8 @@ def _counted(head: bytes) -> tuple[list[float], str, Dialect]:
     first, ray = head.decode("latin-1").split("\n")[:2]
     with warnings.catch_warnings(action="ignore"):  # said once, by who reads the file
         try:
-            dialect, counts = Dialect.of([Line(2, ray)], ""), Dialect.of([Line(1, first)], "")
+            dialect = Dialect.of([Line(2, ray)], "")
+            counts = Dialect.of([Line(1, first)], "")
         except InputError:
             dialect = counts = BLANKS
     return numbers(first, counts) or [0.5], ray, dialect

@@ -60,7 +60,8 @@ class RaySums:
     @classmethod
     def of(cls, rays: Rays) -> "RaySums":
         """Gather rays; their flux has the bits of the sum over all at once."""
-        sums, fluxes = cls(), []
+        sums = cls()
+        fluxes = []
         for block in blocks_of(rays):
             sums.add(block)
             fluxes.append(float(block.flux.sum()))
@@ -85,7 +86,8 @@ class RaySums:
         self.rays += len(rays)
         self.flux += float(rays.flux.sum())
         self.flux_squared += float(np.square(rays.flux).sum())
-        down, height = rays.directions[:, 2] < 0.0, rays.origins[:, 2]
+        down = rays.directions[:, 2] < 0.0
+        height = rays.origins[:, 2]
         self.backward += float(rays.flux[down].sum())
         self.lost += float(rays.flux[down & (height <= 0.0)].sum())
         self.below += float(rays.flux[height < 0.0].sum())
@@ -99,7 +101,9 @@ class RaySums:
 
     def _add_to_focus(self, rays: RayBundle) -> None:
         """Sums of columns, not products of matrices: the threads of these spin from one block to the next."""
-        positions, directions, flux = rays.origins, rays.directions, rays.flux
+        positions = rays.origins
+        directions = rays.directions
+        flux = rays.flux
         along = column_product(positions, directions)
         for row in range(3):
             weighted = flux * directions[:, row]
@@ -125,7 +129,7 @@ class RaySums:
 
 FEWEST_EFFECTIVE_RAYS = 25_000
 """Below this a lens fits the noise of its rays: designed on 25,000 rays of a measured LED its NMSE is 16 % worse on
-other rays of that LED than on its own, on 16,000 of another 20 % (docs/measured.md, `benchmarks/overfit.py`)."""
+other rays of that LED than on its own, on 16,000 of another 20 % (`benchmarks/overfit.py`)."""
 _FLUX_TOLERANCE = 0.01  # header and rays that disagree by more than this get a warning
 _EFFICACY_TOLERANCE = 0.02  # V in steps of 5 nm and a table of 1 nm agree this well with a vendor's own figure
 _PLAUSIBLE_MM = (0.05, 100.0)  # largest side of an LED's bounding box; outside, the unit is probably wrong
@@ -136,7 +140,8 @@ _BACKWARD_SHARE = 0.01  # of the flux: reflections inside a package send less th
 def file_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool = False) -> Iterator[str]:
     """List what is odd in the content of a file; with ``given_flux`` the user states its power, the file does not."""
     yield from rayfile.warnings
-    unit, header = rayfile.flux_unit, rayfile.header_flux
+    unit = rayfile.flux_unit
+    header = rayfile.header_flux
     if sums.rays < len(rayfile):
         yield f"{len(rayfile) - sums.rays} of {len(rayfile)} rays dropped: {causes(sums.dropped)}"
     expected = {"scale": (), "mean": (1, len(rayfile))}.get(rayfile.header_role, (1,))
@@ -160,10 +165,12 @@ def _wavelength_warnings(rayfile: RayFile, sums: RaySums) -> Iterator[str]:
 
 def _efficacy_warnings(rayfile: RayFile, sums: RaySums) -> Iterator[str]:
     """Compare the lm/W of the file's totals with the lm/W of its wavelengths or of its one common table."""
-    watts, lumens = rayfile.flux_in("W", sums.flux), rayfile.flux_in("lm", sums.flux)
+    watts = rayfile.flux_in("W", sums.flux)
+    lumens = rayfile.flux_in("lm", sums.flux)
     if not watts or not lumens:
         return
-    stated, expected = lumens / watts, efficacy_of(rayfile, sums.colours)
+    stated = lumens / watts
+    expected = efficacy_of(rayfile, sums.colours)
     if expected is not None and abs(stated - expected) > _EFFICACY_TOLERANCE * max(expected, 1.0):
         yield f"the header has {stated:.4g} lm/W, its spectrum {expected:.4g} lm/W: check W and lm"
     elif stated > LARGEST_LM_PER_W * (1.0 + _EFFICACY_TOLERANCE):
@@ -222,14 +229,16 @@ def describe(rayfile: RayFile) -> RayFileSummary:
 
     One pass in parts, so that memory stays bounded. Raises :class:`InputError` if no ray is usable.
     """
-    sums, header = RaySums.of_file(rayfile), outline(rayfile)
+    sums = RaySums.of_file(rayfile)
+    header = outline(rayfile)
     flux = {
         "total": rayfile.total_flux(sums.flux),
         "total_from": "header" if rayfile.stated_flux else "rays",
         "ray_sum": sums.flux,
         "backward_share": sums.backward / sums.flux,
     }
-    colours, mean_nm = sums.colours, sums.colours.mean_nm
+    colours = sums.colours
+    mean_nm = sums.colours.mean_nm
     of_rays = None if mean_nm is None else WavelengthRange(min=colours.low_nm, max=colours.high_nm, mean=mean_nm)
     summary = header.changed(
         rays_used=sums.rays,
@@ -248,7 +257,8 @@ def describe(rayfile: RayFile) -> RayFileSummary:
 
 def _header_wavelengths(rayfile: RayFile) -> WavelengthRange | None:
     """Range of the wavelength that all rays share, or of all spectral tables; the mean where there is one table."""
-    shared, tables = rayfile.single_wavelength, rayfile.spectral_tables
+    shared = rayfile.single_wavelength
+    tables = rayfile.spectral_tables
     if shared is not None:
         return WavelengthRange(min=shared, max=shared, mean=shared)
     if not tables:

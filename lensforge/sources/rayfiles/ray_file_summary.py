@@ -71,7 +71,9 @@ class Histograms:
 
     def add(self, rays: RayBundle) -> None:
         """Bin some rays into all four histograms."""
-        positions, directions, flux = rays.origins, rays.directions, rays.flux
+        positions = rays.origins
+        directions = rays.directions
+        flux = rays.flux
         frame = list(zip(self.low, self.high, strict=True))
         forward = directions[:, 2] > 0.0
         for image, x, y, part, ends in (
@@ -112,7 +114,8 @@ def draw_panel(axes: "Axes", histograms: Histograms, which: Panel, unit: str) ->
     if which == "intensity":
         _draw_intensity(axes, histograms.intensity(), float(histograms.rings.sum()), unit)
         return
-    (x, y, z), (far_x, far_y, far_z) = histograms.low, histograms.high
+    (x, y, z) = histograms.low
+    (far_x, far_y, far_z) = histograms.high
     image, frame, title, xlabel, ylabel = {
         "front": (histograms.front, (x, far_x, y, far_y), "where rays start, x and y", "x (mm)", "y (mm)"),
         "side": (histograms.side, (x, far_x, z, far_z), "where rays start, x and z", "x (mm)", "z (mm)"),

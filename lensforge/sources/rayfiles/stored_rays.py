@@ -43,7 +43,9 @@ class StoredRays:
         """Find the rays of a file that can be traced, block by block."""
         mapped = rayfile.verbatim is not None and np.may_share_memory(rayfile.verbatim, rayfile.directions)
         state = FileState.of(Path(rayfile.path)) if mapped else None
-        skipped, dropped, start = [np.zeros(0, dtype=np.int64)], dict[str, int](), 0
+        skipped = [np.zeros(0, dtype=np.int64)]
+        dropped = dict[str, int]()
+        start = 0
         for block in rayfile.blocks():
             keep, counts = usable_rows(block)
             skipped.append(start + np.flatnonzero(~keep))
@@ -97,7 +99,8 @@ class StoredRays:
 
     def _of_file(self) -> _NextWavelengths | None:
         """Wavelengths drawn from the tables of the file; None where the rays have their own, or there are no tables."""
-        rayfile, tables = self.rayfile, self.rayfile.spectral_tables
+        rayfile = self.rayfile
+        tables = self.rayfile.spectral_tables
         if rayfile.wavelengths_nm is not None:
             return None
         if rayfile.spectrum_numbers is not None and tables:
@@ -107,7 +110,8 @@ class StoredRays:
         return _from_table(_table(rayfile.path, tables[0], 1), len(self)) if tables else None
 
     def _by_number(self, tables: list[SpectralTable]) -> _NextWavelengths:
-        path, counts = self.rayfile.path, Counter[float]()
+        path = self.rayfile.path
+        counts = Counter[float]()
         for part in block_slices(len(self)):
             numbers = self._spectrum_numbers(part)
             wrong = ~np.isin(numbers, np.arange(1, len(tables) + 1))
