@@ -5,7 +5,7 @@ those that are judged: criteria, findings of the check, limits of the spec.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 from pydantic import GetCoreSchemaHandler
@@ -22,6 +22,18 @@ _DIGITS = 4  # significant digits of a number without standard error
 _SQUARE = "nmse", "setting"  # ends of the keys of mean squares, which noise may have left below 0
 _ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
 _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
+
+
+@dataclass(frozen=True)
+class Change:
+    """A field of the spec, dotted, and the ``value`` that would help; ``then``: words behind it in a sentence."""
+
+    field: str
+    value: str
+    then: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.field} = {self.value}{self.then}"
 
 
 @dataclass(frozen=True)
@@ -55,6 +67,7 @@ class Fact:
     limit_note: Text = ""
     possible_note: Text = ""
     notice: Text = ""
+    changes: tuple[Change, ...] = field(default=(), compare=False)
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":

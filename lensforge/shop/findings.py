@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
 from lensforge.results import Fact, Sense
-from lensforge.results.fact import StoredAs
+from lensforge.results.fact import Change, StoredAs
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
 from lensforge.shop.check_measures import (
@@ -122,23 +122,29 @@ def finding_on(
     value: float | None,
     limit: float | None,
     reason: str,
-    changes: Sequence[str] = (),
+    changes: Sequence[str | Change | None] = (),
     tolerance: float = 0.0,
 ) -> Fact:
-    """The finding; of the ``changes`` of the spec that would help, an empty one is left out."""
+    """The finding; of the ``changes`` of the spec that would help, an empty one is left out.
+
+    Those of one field to a number are kept as such, for a button that makes them.
+    """
     _, sense, unit = FINDINGS[name]
     fact = Fact(name, "", value, unit, sense=sense, limit=limit, note=reason, tolerance=tolerance, place=surface)
     finding = as_finding(fact)
-    return finding if finding.holds else replace(finding, remedy=", or ".join(filter(None, changes)))
+    if finding.holds:
+        return finding
+    of_a_field = tuple(change for change in changes if isinstance(change, Change))
+    return replace(finding, remedy=", or ".join(map(str, filter(None, changes))), changes=of_a_field)
 
 
 def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Spec) -> Fact:
     """Reach of the spec's ball cutter on a face."""
     largest = cutter.largest_radius_mm
     again = design_again("concave_radius_mm", cutter.radius_mm, spec, surface)
-    changes = [again if spec.manufacture.cuts == "lens" else ""]
+    changes = [again if spec.manufacture.cuts == "lens" else None]
     if largest is not None:
-        changes.append(f"manufacture.cutter_radius_mm = {rounded_down_mm(largest)}")
+        changes.append(Change("manufacture.cutter_radius_mm", rounded_down_mm(largest)))
     ball = f"a ball of {quantity(cutter.radius_mm, 'mm')} radius"
     tolerance = 0.0 if largest is None else FIT_TOLERANCE * largest
     if within(cutter.radius_mm, "<=", largest, tolerance):
@@ -203,12 +209,13 @@ def _step_remedy(relief: StepClearance, base: BaseSection) -> str:
 
 def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
     """Tilt of a tool that is held normal to the face everywhere; a search for less, or a machine that tilts farther."""
-    allowed_deg, changes = spec.manufacture.max_tilt_deg, []
+    allowed_deg = spec.manufacture.max_tilt_deg
+    changes = list[Change | None]()
     draft_deg, holds = 90.0 - allowed_deg, within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
     if 0.0 <= draft_deg <= _MOST_DRAFT_DEG:
         changes.append(design_again("draft_deg", draft_deg, spec, surface))
     if slope_deg < _MOST_TILT_DEG:
-        changes.append(f"manufacture.max_tilt_deg = {_up(slope_deg, 1)}")
+        changes.append(Change("manufacture.max_tilt_deg", _up(slope_deg, 1)))
     reason = (
         f"the {surface} face is up to {quantity(slope_deg, 'deg', digits=4)} steep; a tool held normal to it "
         f"{'stays within' if holds else 'would exceed'} manufacture.max_tilt_deg = {allowed_deg:g}"
@@ -218,7 +225,9 @@ def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
 
 def wall_finding(wall_mm: float, spec: Spec) -> Fact:
     """Thinnest wall; a search from faces that are farther apart, or a spec that takes the wall there is."""
-    required_mm, tolerance, changes = spec.constraints.min_thickness_mm, spec.constraints.tolerance_mm, []
+    required_mm = spec.constraints.min_thickness_mm
+    tolerance = spec.constraints.tolerance_mm
+    changes = list[str | Change]()
     holds = within(wall_mm, ">=", required_mm, tolerance)
     inwards, outwards, fixed = spec.lens.names[0], spec.lens.outward, spec.lens.fixed
     if fixed[outwards] is None:
@@ -226,7 +235,7 @@ def wall_finding(wall_mm: float, spec: Spec) -> Fact:
     elif fixed[inwards] is None:
         changes.append(f"a smaller lens.{inwards}.offset_mm and design again")
     if wall_mm >= _LEAST_WALL_MM:
-        changes.append(f"constraints.min_thickness_mm = {rounded_down_mm(wall_mm)} where that is enough")
+        changes.append(Change("constraints.min_thickness_mm", rounded_down_mm(wall_mm), " where that is enough"))
     word, thinnest = "at least" if holds else "less than", quantity(wall_mm, "mm", digits=4)
     reason = f"the thinnest wall is {thinnest}, {word} constraints.min_thickness_mm = {required_mm:g}"
     return finding_on("wall", BODY, wall_mm, required_mm, reason, changes, tolerance)
@@ -239,8 +248,8 @@ def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -
         wide = 2.0 * shop.cutter_radius_mm
         fits = "fits" if within(wide, "<=", gap_mm, tolerance) else "does not fit"
         reason = f"a ball of {quantity(wide, 'mm')} diameter {fits} between two lenses, {quantity(gap_mm, 'mm')} apart"
-        changes = [f"manufacture.cutter_radius_mm = {rounded_down_mm(gap_mm / 2.0)}", "a wider pitch of lamps"]
-        yield finding_on("gap", BODY, wide, gap_mm, reason, changes, tolerance)
+        smaller = Change("manufacture.cutter_radius_mm", rounded_down_mm(gap_mm / 2.0))
+        yield finding_on("gap", BODY, wide, gap_mm, reason, [smaller, "a wider pitch of lamps"], tolerance)
     if wall is not None:
         thickness = quantity(wall.thickness_mm, "mm", digits=4)
         reason = (
@@ -265,7 +274,7 @@ def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
     )
     wanted_deg = spec.lens.faces[surface].draft_deg or GOOD_DRAFT_DEG
     slanted = within(face.draft_deg, ">=", wanted_deg)  # and hidden all the same
-    changes = [] if slanted else [design_again("draft_deg", wanted_deg, spec, surface)]
+    changes: list[str | Change | None] = [] if slanted else [design_again("draft_deg", wanted_deg, spec, surface)]
     if spec.base_made.kind != "none":
         changes += ['base.kind = "none"', "a narrower base"]
     return finding_on("undercut", surface, share, 0.0, reason, changes)
@@ -314,18 +323,18 @@ def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: f
     return finding_on("tool", surface, whole, 1.0, reason, changes, SHARE_TOLERANCE)
 
 
-def design_again(field: str, value: float, spec: Spec, surface: str) -> str:
-    """The limit of the search; empty for a face that the spec gives, or where the search has kept that limit.
+def design_again(field: str, value: float, spec: Spec, surface: str) -> Change | None:
+    """The limit of the search; None for a face that the spec gives, or where the search has kept that limit.
 
     A face that follows another has no limits of its own: its draft is that of the other.
     """
     if followed := spec.lens.role(surface).follows:
-        return design_again(field, value, spec, followed) if field == "draft_deg" else ""
+        return design_again(field, value, spec, followed) if field == "draft_deg" else None
     face = spec.lens.faces[surface]
     stated: float | None = getattr(face, field)
     if face.fixed is not None or (stated is not None and stated >= value):
-        return ""
-    return f"lens.{surface}.{field} = {value:g} and design again"
+        return None
+    return Change(f"lens.{surface}.{field}", f"{value:g}", " and design again")
 
 
 def _up(value: float, decimals: int) -> str:

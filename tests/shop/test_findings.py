@@ -368,6 +368,21 @@ def test_a_face_that_follows_another_is_mended_by_that() -> None:
     beam = {"kind": "disc", "diameter_deg": 20.0, "half_angle_deg": 60.0}
     content = {"source": {"kind": "square", "side_mm": 1.0}, "lens": {"kind": "reflector"}, "target": beam}
     spec = parse_spec({**content, "constraints": {"max_radius_mm": 12.0}}, "cup")
-    assert design_again("draft_deg", 2.0, spec, "back") == "lens.cup.draft_deg = 2 and design again"
-    assert design_again("concave_radius_mm", 1.0, spec, "back") == ""
+    again = design_again("draft_deg", 2.0, spec, "back")
+    assert str(again) == "lens.cup.draft_deg = 2 and design again"
+    assert design_again("concave_radius_mm", 1.0, spec, "back") is None
     assert spec.replace(lens={"cup": {"draft_deg": 2.0}}).lens.faces["cup"].draft_deg == 2.0
+
+
+def test_changes_of_a_field_are_those_of_the_sentence_and_a_spec_takes_them() -> None:
+    """Of a ball that is too large: the search again, or a smaller ball; a file keeps the sentence alone."""
+    spec = small_spec()
+    finding = cutter_finding("outer", cutter(1.5, 0.7361), NO_BASE, spec)
+    assert [str(change) for change in finding.changes] == [
+        "lens.outer.concave_radius_mm = 1.5 and design again",
+        "manufacture.cutter_radius_mm = 0.736",
+    ]
+    assert finding.remedy == ", or ".join(map(str, finding.changes))
+    changed = spec.replace({change.field: float(change.value) for change in finding.changes})
+    assert (changed.lens.faces["outer"].concave_radius_mm, changed.manufacture.cutter_radius_mm) == (1.5, 0.736)
+    assert cutter_finding("outer", cutter(0.7, 0.7361), NO_BASE, spec).changes == ()
