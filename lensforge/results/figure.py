@@ -177,6 +177,11 @@ def figures_of(kind: type[Record]) -> Iterator[tuple[str, Figure]]:
         yield declared.key if isinstance(declared.key, str) and declared.key else _name(path), declared
 
 
+def figures_at(kind: type[Record]) -> dict[str, Figure]:
+    """Declaration of the figure at each place, dotted, of a record of ``kind`` and of the records within it."""
+    return {".".join(filter(None, (*path, declared.of))): declared for declared, path in _declared_by(kind, Figure)}
+
+
 def criteria_in(result: Record, *record: Any) -> Iterator[Fact]:
     """The limits of ``result`` and of the records within it, as criteria on its figures; flags count as 1 and 0.
 
