@@ -13,7 +13,6 @@ from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILES, TM25_FILE, TM33_FILE, Photometry
-from lensforge.proof.acceptance import deciding_criteria
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline, kinds
@@ -72,7 +71,7 @@ def finish(
     )
     for result in results:
         _tell_conditions(result)
-    require(criterion for each in results for criterion in deciding_criteria(each))
+    require(criterion for each in results for criterion in each.deciding_criteria())
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
 

@@ -9,6 +9,7 @@ from lensforge.cli.output import Block, Output, Row, print_json, print_screen, w
 from lensforge.errors import InputError
 from lensforge.report.record_tables import TableRow, rows
 from lensforge.results import Record
+from lensforge.results.figure import Figure, figures_at
 from lensforge.results.files import require_regular_file, require_writable
 from lensforge.results.numerals import NOTHING, unit_suffix, with_unit
 from lensforge.sources.photometric.ies_labels import NEWEST, require_ies_version
@@ -74,52 +75,20 @@ def rays(
         content.get("header", {}).pop("spectral_tables", None)
         texts = [(name, each) for name in ("lost", "warnings") for each in content.pop(name, None) or ()]
         unit = str((content.get("flux") or {}).pop("unit", ""))
-        listed = [_row(each, unit) for each in rows(content) if each.value.strip() not in ("", NOTHING)]
+        figures = figures_at(type(summary))
+        told = [row for row in rows(content) if row.value.strip() not in ("", NOTHING)]
+        listed = [_row(row, figures.get(row.path), unit) for row in told]
         print_screen([Block(str(file), [*listed, *texts])])
 
 
-# Words for the values of a record, by their paths; of others the path itself is readable.
-_WORDS = {
-    "rays": "rays in the file",
-    "rays_dropped.not_finite": "left out: not finite",
-    "rays_dropped.zero_direction": "left out: no direction",
-    "rays_dropped.no_flux": "left out: no flux",
-    "effective_rays": "rays of equal flux, as noisy",
-    "flux.header_w": "flux by the header",
-    "flux.header_lm": "flux by the header",
-    "flux.total": "flux of the source",
-    "flux.total_from": "which is taken from",
-    "flux.ray_sum": "sum of the rays",
-    "flux.backward_share": "share towards −z",
-    "bounding_box_mm.min": "start points from",
-    "bounding_box_mm.max": "start points to",
-    "wavelengths_nm.min": "shortest wavelength",
-    "wavelengths_nm.max": "longest wavelength",
-    "wavelengths_nm.mean": "mean wavelength",
-    "angles.planes": "half-planes C",
-    "angles.gammas": "angles gamma",
-    "angles.first_gamma_deg": "first gamma",
-    "angles.last_gamma_deg": "last gamma",
-    "lumens": "flux by intensities",
-    "lamp_lumens": "flux of the lamps",
-    "stated_lumens": "flux as stated",
-    "share_above_90": "share above gamma 90°",
-    "peak.intensity_cd": "largest intensity",
-    "peak.c_deg": "which is at C",
-    "peak.gamma_deg": "and at gamma",
-    "axis_cd": "intensity on the axis",
-    "opening_mm": "its sizes",
-}
-_IN_LUMENS = ("lamp_lumens", "stated_lumens")
-_OF_FLUX = ("flux.total", "flux.ray_sum")
-
-
-def _row(row: TableRow, flux_unit: str) -> Row:
-    """A value of the record, under its name in words; of a long list the number of its entries."""
-    path = row.path.removesuffix(unit_suffix(row.unit)).replace(".", " ").replace("_", " ")
+def _row(row: TableRow, figure: Figure | None, flux_unit: str) -> Row:
+    """A value of the record, under its label where its field has one; of a long list the number of its entries."""
     value = f"{len(row.value.split('  '))} entries" if row.block else row.value
-    unit = flux_unit if row.path in _OF_FLUX else "lm" if row.path in _IN_LUMENS else row.unit
-    return _WORDS.get(row.path, path), with_unit(value, unit)
+    if figure is None:
+        path = row.path.removesuffix(unit_suffix(row.unit)).replace(".", " ").replace("_", " ")
+        return path, with_unit(value, row.unit)
+    unit = row.unit if figure.unit is None else figure.unit.format(unit=flux_unit)
+    return str(figure.label), with_unit(value, unit)
 
 
 def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None) -> Record:

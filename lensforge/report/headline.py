@@ -9,7 +9,6 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds
 from lensforge.light.photometry_result import Photometry
 from lensforge.optics.face_roles import CAVITY, bounding
-from lensforge.proof.acceptance import facet_misses
 from lensforge.proof.proof_result import Proof
 from lensforge.report.results import REPORT_FILE, Results, kinds_of_results
 from lensforge.results import Fact, Group, State
@@ -123,7 +122,7 @@ def _on_criteria(results: Results) -> str:
         noun = "criterion" if len(criteria) == 1 else "criteria"
         verb = "is" if len(failed) == 1 else "are"
         proof = results.find(Proof)
-        facets = () if proof is None else facet_misses(proof)
+        facets = () if proof is None else proof.facet_misses
         alone = " (of the mesh alone, the STEP file decides)" if all(each in facets for each in failed) else ""
         return f"{len(failed)} of {len(criteria)} {noun} {of} {verb} not met: {names}{alone}."
     if not criteria:

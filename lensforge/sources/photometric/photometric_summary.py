@@ -6,7 +6,7 @@ content: rays, or the far field of a photometric file.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -14,6 +14,7 @@ from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
 from lensforge.results import Count, NotNegative, Number, Record, Share, StageResult, Text
+from lensforge.results.figure import Figure
 from lensforge.results.plots import Axes, new_axes
 from lensforge.sources.intensity import PlaneBeam, TabulatedIntensity, beam_in_plane, plane_profile
 from lensforge.sources.photometric.photometric_file import far_field_warnings
@@ -55,18 +56,18 @@ _PLANES = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
 class FarFieldAngles(Record):
     """Angles of a table: the number of half-planes C and of angles gamma, and the ends of gamma (deg)."""
 
-    planes: Count
-    gammas: Count
-    first_gamma_deg: Number
-    last_gamma_deg: Number
+    planes: Annotated[Count, Figure("half-planes C")]
+    gammas: Annotated[Count, Figure("angles gamma")]
+    first_gamma_deg: Annotated[Number, Figure("first gamma")]
+    last_gamma_deg: Annotated[Number, Figure("last gamma")]
 
 
 class FarFieldPeak(Record):
     """Largest intensity (cd), and the direction where the table has it first (deg)."""
 
-    intensity_cd: NotNegative
-    c_deg: Number
-    gamma_deg: Number
+    intensity_cd: Annotated[NotNegative, Figure("largest intensity")]
+    c_deg: Annotated[Number, Figure("which is at C")]
+    gamma_deg: Annotated[Number, Figure("and at gamma")]
 
 
 class PhotometricSummary(StageResult):
@@ -100,19 +101,19 @@ class PhotometricSummary(StageResult):
     photometric_type: Literal["A", "B", "C"]
     symmetry: Text
     angles: FarFieldAngles
-    lumens: NotNegative
-    lamp_lumens: NotNegative | None
-    stated_lumens: NotNegative | None
-    share_above_90: Share
+    lumens: Annotated[NotNegative, Figure("flux by intensities")]
+    lamp_lumens: Annotated[NotNegative | None, Figure("flux of the lamps", unit="lm")]
+    stated_lumens: Annotated[NotNegative | None, Figure("flux as stated", unit="lm")]
+    share_above_90: Annotated[Share, Figure("share above gamma 90°")]
     peak: FarFieldPeak
-    axis_cd: NotNegative
+    axis_cd: Annotated[NotNegative, Figure("intensity on the axis")]
     beam_c0: PlaneBeam
     beam_c90: PlaneBeam
     watts: NotNegative | None
     lumens_per_electric_watt: NotNegative | None
     opening_diameter_mm: NotNegative
     opening_shape: Text
-    opening_mm: tuple[NotNegative, NotNegative, NotNegative]
+    opening_mm: Annotated[tuple[NotNegative, NotNegative, NotNegative], Figure("its sizes")]
     lamps: tuple[Text, ...]
     warnings: tuple[Text, ...]
     _intensity: TabulatedIntensity | None = PrivateAttr(None)
