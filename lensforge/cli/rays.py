@@ -66,6 +66,7 @@ def rays(
         raise InputError("--model with --to FILE needs --rays N, which is for these two alone")
     if model and (only_header or holds_far_field(file)):
         raise InputError(f"--model {file}: of the rays of a ray file; leave it out for a header or a photometric file")
+    summary: Record | Conversion | PhotometricConversion
     if model:
         summary = _model(file, to, format_name, plot, count)
     elif holds_far_field(file):
