@@ -9,7 +9,7 @@ import click
 
 from lensforge.cad.part import Part
 from lensforge.cli.output import Block, Output, Row, warning_line
-from lensforge.errors import CriterionMissed
+from lensforge.errors import CriterionMissed, shortened
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILES, TM25_FILE, TM33_FILE, Photometry
@@ -23,7 +23,6 @@ from lensforge.results import Fact, Group, ResultByLed, StageResult
 from lensforge.results.criteria import require
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.record import State
-from lensforge.results.validation import shortened
 from lensforge.results.verdict import TITLES, Verdict
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import shape_facts

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel
 
-from lensforge.results.validation import shortened
+from lensforge.errors import shortened
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _Metaclass
