@@ -135,7 +135,9 @@ def test_a_flange_is_the_widest_and_a_place_for_the_gate() -> None:
 
 
 def test_a_mould_fills_the_flange_before_the_base() -> None:
-    spec = spot(flange={"diameter_mm": 20.0, "thickness_mm": 1.2}).replace(base={"kind": "cylinder", "diameter_mm": 7.0})
+    spec = spot(flange={"diameter_mm": 20.0, "thickness_mm": 1.2}).replace(
+        base={"kind": "cylinder", "diameter_mm": 7.0}
+    )
     lens = spot_lens(spec)
     assert mould_of(lens, fit_lens(lens)).gate == "flange"
 
