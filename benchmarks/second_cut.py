@@ -19,10 +19,10 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.spatial.transform import Rotation
 
 import lensforge as lf
+from lensforge.addons.measure.measured_surface import ChangedLens
 from lensforge.cad.form_error import face_points
 from lensforge.cad.plan import INNER, OUTER
 from lensforge.cad.step import parse_step
-from lensforge.made.measured_surface import ChangedLens
 from lensforge.sources.build_source import build_source
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import HALF_WIDTH, Surface, grid, to_chart

@@ -29,12 +29,16 @@ class Addon:
 
     ``name``: of its package, and of the extra that installs its libraries. ``names``: public names of the library, and
     what they name. ``commands``: of the command line. ``heading``: that of these in the help; empty for none.
+    ``records``: loads the classes of results that its stages leave in a folder, and their facts. ``pages``: loads what
+    a report shows of them.
     """
 
     name: str
     names: Callable[[], Mapping[str, object]] = dict
     commands: Callable[[], Sequence["click.Command"]] = tuple
     heading: str = ""
+    records: Callable[[], object] = tuple
+    pages: Callable[[], object] = tuple
 
 
 @cache

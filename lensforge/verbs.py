@@ -27,8 +27,7 @@ from lensforge.light.lens_light import evaluate, photometry
 from lensforge.light.light_facts import Attainable
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import Possible
-from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
-from lensforge.made.part_verbs import compare, correct, sensitivity, tolerance
+from lensforge.made.part_verbs import sensitivity, tolerance
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.optics.media import Surface
 from lensforge.proof.casts import stray_light, verify
@@ -108,19 +107,19 @@ from lensforge.version import __version__
 
 __all__ = [
     "AbgScatter", "BaseSection", "BeamAngleLimit", "BodySection", "Cancelled", "Check", "Chip", "CoatingSection",
-    "ColourSection", "Conditions", "ConstraintsSection", "Correction", "CosineIntensity", "CoverGlassSection",
+    "ColourSection", "Conditions", "ConstraintsSection", "CosineIntensity", "CoverGlassSection",
     "CriterionMissed", "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection",
     "ExitFace", "FaceSection", "FaceTolerances", "Fact", "FeetSection", "FileSpectrum", "FileWarning", "FlangeSection",
     "GaussianScatter", "GaussianSpectrum", "GlareLimit", "GridLamps", "Handover", "HexagonLamps", "InputError",
     "LambertianScatter", "LayerSection", "Lens", "LensSection", "LensforgeError", "Light", "LineLimit", "LineSpectrum",
     "LossLimit", "LuminanceLimit", "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OpticalData",
-    "OptimiseSection", "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary",
+    "OptimiseSection", "Part", "PartTolerances", "PhotometricIntensity", "PhotometricSummary",
     "Photometry", "PhotometrySection", "PlateBoss", "PlateGate", "PlateHole", "PlatePin", "PlateSection", "PointsLimit",
     "Possible", "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart", "ReflectorSection", "Results",
     "RingLamps", "RoadSection", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StrayLight",
-    "SurfaceComparison", "Sweep", "TableIntensity", "TableLamps", "TableScatter", "TableSpectrum", "TirSection",
+    "Sweep", "TableIntensity", "TableLamps", "TableScatter", "TableSpectrum", "TirSection",
     "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__",
-    "best_design", "build", "check", "compare", "correct", "design", "evaluate", "handover", "load", "load_lens",
+    "best_design", "build", "check", "design", "evaluate", "handover", "load", "load_lens",
     "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light", "sweep",
     "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
@@ -229,15 +228,6 @@ class FolderStage(Generic[_Result]):
 YIELD_PARTS = "yield_parts.npz"  # parts that an interrupted study has measured
 
 
-def _measured(run: Results, options: Mapping[str, Any]) -> tuple[object, ...]:
-    """Part of a run that a measurement is compared with: the light with a photograph, else the lens."""
-    return (run.light,) if options.get("on") is not None else (run.lens,)
-
-
-def _lens_of_photo(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
-    return {"lens": here.run.lens} if options.get("on") is not None else {}
-
-
 def _write_parts(here: RunFolder, study: Yield) -> None:
     """Write the table of parts beside the record; what was kept of an interrupted study goes."""
     study.save(here.path / f"{stem_of(study)}.csv")
@@ -327,24 +317,4 @@ YIELD = FolderStage(
     counts="parts",
     keeps=YIELD_PARTS,
 )
-COMPARE = FolderStage(
-    "compare",
-    compare,
-    """Compare the machined part with the design in DIR.
-
-    By a photograph of its light (--on), or by points measured on a surface (--points).
-    """,
-    options=("on", "off", "corners", "target_mm", "gamma", "led", "points", "surface", "registration", "rays"),
-    inputs=_measured,
-    settings=_lens_of_photo,
-)
-CORRECT = FolderStage(
-    "correct",
-    correct,
-    """Correct a face for its second cut by measured points.
-
-    Writes lens_corrected_FACE.step from points measured on the first cut.
-    """,
-    options=("points", "surface", "wavelength_mm", "gain", "registration", "rays", "threads"),
-)
-STAGES = (EVALUATE, EXPORT, CHECK, VERIFY, PHOTOMETRY, SENSITIVITY, YIELD, COMPARE, CORRECT)  # those with a command
+STAGES = (EVALUATE, EXPORT, CHECK, VERIFY, PHOTOMETRY, SENSITIVITY, YIELD)  # those of the core with a command

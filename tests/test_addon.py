@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from scenes import small_spec, sphere
 
 import lensforge as lf
 from lensforge.addon import Addon, addons, require_libraries
@@ -24,13 +25,34 @@ def glow() -> None:
     """Glow in the dark."""
     click.echo("glowing")
 
-ADDON = Addon("acme", names=lambda: {"Glow": Glow}, commands=lambda: (glow,), heading="Tolerances")
+def _records() -> None:
+    import acme_record
+
+ADDON = Addon("acme", records=_records, names=lambda: {"Glow": Glow}, commands=lambda: (glow,), heading="Tolerances")
+'''
+
+
+RECORD = '''
+from typing import ClassVar
+from lensforge.report.results import facts_of
+from lensforge.results import Fact, Group, NotNegative, StageResult
+
+class Afterglow(StageResult):
+    """Seconds in which a lens glows."""
+
+    stage: ClassVar[str] = "afterglow"
+    glow_s: NotNegative
+
+@facts_of.register
+def _facts(glow: Afterglow) -> list[Group]:
+    return [Group("glow", "Afterglow", (Fact("glow_s", "Afterglow", glow.glow_s, "s"),))]
 '''
 
 
 def installed(folder: Path, module: str) -> dict[str, str]:
     """Environment of a process in which a package with an entry point is installed, as pip leaves one."""
     (folder / "acme_lenses.py").write_text(module, encoding="utf-8")
+    (folder / "acme_record.py").write_text(RECORD, encoding="utf-8")
     about = folder / "acme_lenses-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-lenses\nVersion: 1.0\n", encoding="utf-8")
@@ -57,6 +79,18 @@ def test_an_add_on_that_is_installed_adds_its_names_and_commands(tmp_path: Path)
     assert (
         "  yield        Draw parts of the lens in DIR from its tolerances.\n  glow         Glow in the dark.\n" in shown
     )
+
+
+def test_the_record_of_an_add_on_is_one_of_a_result_folder(tmp_path: Path) -> None:
+    """It is read and shown without a row in any table of the core."""
+    lens = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
+    lens.save(tmp_path / "lens.json")
+    write = "import acme_record as a; a.Afterglow(glow_s=2.5, inputs={'lens': sys.argv[1]}).write(sys.argv[2])"
+    read = "import lensforge as lf; run = lf.load(sys.argv[2]); (glow,) = run.found.values()"
+    show = "(group,) = run.facts(glow); print(glow.glow_s, glow.stem, group.title, group.facts[0].text)"
+    environment = installed(tmp_path, OF_ANYBODY)
+    for code, printed in ((write, ""), (f"{read}; {show}", "2.5 afterglow Afterglow 2.5 s\n")):
+        assert ended(environment, "-c", f"import sys; {code}", lens.sha256, str(tmp_path)) == (0, printed, "")
 
 
 @pytest.mark.parametrize(("module", "words"), [

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from lensforge.cad.boundary import WHOLE, Domain, Pair, lens_boundaries, of_shapes
 from lensforge.cad.face_tolerance import FINEST, MAX_NODES, FaceTolerance, face_tolerance
 from lensforge.cad.outline import FULL_TURN
-from lensforge.cad.patch import FIRST_PER_SIGMA, LEAST_NODES, Patch, default_nodes, fit_patch
+from lensforge.cad.patch import FIRST_PER_SIGMA, LEAST_NODES, Patch, default_nodes, fewest_nodes, fit_patch
 from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_parallel_map
@@ -141,6 +141,7 @@ def fit_to_form(
     if nodes is not None:
         return rounded_to(fit_patch(surface, nodes, domain.extent), tolerance)
     chart = chart_samples(domain=domain)
+    least = max(least, fewest_nodes(domain.extent))
     count = default_nodes(surface.detail_rad, least, FIRST_PER_SIGMA)
     # creases may have other images than the face
     first = chart if domain.edges else chart[first_images(chart, surface.symmetry)]

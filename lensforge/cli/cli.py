@@ -38,7 +38,7 @@ _SECTIONS = {
     "Design": ("new", "preview", "design", "sweep", "tradeoff", "examples", "schema"),
     "One stage of a result folder again": ("evaluate", "export", "check", "verify", "photometry", "report"),
     "Tolerances": ("sensitivity", "yield"),
-    "The shop and the machined part": ("handover", "compare", "correct"),
+    "The shop and the machined part": ("handover",),
 }
 _REST = "Files"
 _NOTES = """\b

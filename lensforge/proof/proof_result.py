@@ -29,6 +29,7 @@ from lensforge.results.chart import Chart, light_unit
 from lensforge.results.criteria import Criteria, criteria_of
 from lensforge.results.figure import Criterion, figure
 from lensforge.results.plots import Axes, plot_curves, plot_map
+from lensforge.results.stage_result import OnPage
 
 
 class PartFlux(Record):
@@ -347,6 +348,7 @@ class StrayLight(ResultByLed):
 
     stage: ClassVar[str] = "stray"
     command: ClassVar[str] = "verify --stray"
+    on_page: ClassVar[OnPage] = OnPage("stray light")
     made_from: ClassVar[tuple[str, ...]] = ("lens", "export")
 
     others: "tuple[StrayLight, ...]" = ()

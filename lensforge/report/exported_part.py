@@ -14,17 +14,13 @@ from jaxtyping import Float
 from lensforge.cad.form_error import remember_fit
 from lensforge.cad.part import Part
 from lensforge.errors import refused
-from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
-from lensforge.optics.face_roles import CAVITY
 from lensforge.proof.proof_facts import lit_receivers, stray_budget
 from lensforge.proof.proof_result import Proof, ReceiverProof, StrayLight
 from lensforge.report import lens_figures, light_figures, study_figures
-from lensforge.report.light_section import line_pictures, numbered, top_of, unit_of_light
+from lensforge.report.light_section import numbered, top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.ray_fan import fan_tables
 from lensforge.report.results import REPORT_FILE, Results
-from lensforge.results import Group
-from lensforge.results.chart import LightUnit
 from lensforge.results.files import MIB
 from lensforge.results.numerals import number, size
 from lensforge.results.record import printable
@@ -255,91 +251,3 @@ def _file_row(path: Path, own: bool, linked: bool) -> FileRow:
 
 def _purpose(name: str) -> str:
     return _PURPOSES.get(Path(name).suffix.lower(), "")
-
-
-# A photograph has no unit of light: both pictures are scaled to a mean of 1.
-RELATIVE = LightUnit("irradiance", "mean = 1", 1.0)
-
-
-@dataclass(frozen=True)
-class MeasuredSection:
-    """One measurement of the part: its facts and rows of pictures."""
-
-    group: Group
-    rows: list[list[PagePicture]]
-
-
-def measured_sections(results: Results) -> list[MeasuredSection]:
-    """Every measurement of the part; empty where there is none."""
-    sections = []
-    photo = results.find(PhotoComparison)
-    if photo is not None:
-        lit = (photo.simulated, photo.measured)
-        labels = ("simulated", "photographed")
-        lines = line_pictures(lambda name: f"photo-{name}", lit, photo.chart, RELATIVE, labels)
-        sections.append(_section(results, photo, photo_pictures(photo), lines))
-    for surface in results.surfaces.values():
-        sections.append(_section(results, surface, _surface_pictures(results, surface)))
-    for made in results.corrections.values():
-        sections.append(_section(results, made, correction_pictures(made)))
-    return sections
-
-
-def _section(
-    results: Results, result: PhotoComparison | SurfaceComparison | Correction, *rows: list[PagePicture]
-) -> MeasuredSection:
-    (group,) = results.facts(result)
-    return MeasuredSection(group, list(rows))
-
-
-def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:
-    """Simulation, photograph and their difference on one scale."""
-    chart = photo.chart
-    top = top_of([photo.measured, photo.simulated])
-    draw = light_figures.irradiance_map
-    difference = light_figures.difference_map(photo.measured - photo.simulated, chart, RELATIVE)
-    return [
-        picture("photo-simulated", draw(photo.simulated, chart, top, unit=RELATIVE), "Simulated"),
-        picture("photo-measured", draw(photo.measured, chart, top, unit=RELATIVE), "Photographed", "Rectified."),
-        picture("photo-difference", difference, "Photographed minus simulated", "Red: brighter than simulated."),
-    ]
-
-
-def correction_pictures(made: Correction) -> list[PagePicture]:
-    """Maps of the deviation, the correction, and the deviation expected of the second cut."""
-    maps = {
-        "first": (made.deviation_map_um, "Deviation of the first cut"),
-        "correction": (made.correction_map_um, "Correction"),
-        "second": (made.expected_map_um, "Expected deviation of the second cut"),
-    }
-    return [
-        picture(
-            f"{name}-cut-{made.surface}", surface_figures.form_map(np.transpose(values)), title, "Along the normal."
-        )
-        for name, (values, title) in maps.items()
-        if np.isfinite(values).any()
-    ]
-
-
-def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:
-    """The form deviation, the light with the measured surface, and its change."""
-    side = surface.surface
-    chart = surface.light_chart
-    unit = unit_of_light(results, far_field=surface.far_field)
-    before = surface.irradiance_design
-    after = surface.irradiance_measured
-    lit = light_figures.irradiance_map(after, chart, top_of([before, after]), unit=unit)
-    change = light_figures.difference_map(after - before, chart, unit)
-    much = "little" if results.lens.body.face(side).before == CAVITY else "much"
-    along = f"Along the normal. Red: too {much} material."
-    led = f" and the LED {next(iter(surface.by_led))}" if surface.by_led else ""
-    rays = f"Simulated with the measured {side} surface{led}, {number(surface.rays)} rays."
-    same = "The same rays through both. Red: brighter than designed."
-    pictures = [
-        picture(f"lit-{side}", lit, "Simulated light", rays),
-        picture(f"changed-{side}", change, "Simulated light minus the design\u2019s", same),
-    ]
-    if np.isfinite(surface.deviation_um).any():
-        form = surface_figures.form_map(np.transpose(surface.deviation_um))
-        pictures.insert(0, picture(f"form-{side}", form, "Form deviation", along))
-    return pictures

@@ -11,7 +11,7 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.optics.face_roles import CAVITY, bounding
 from lensforge.proof.acceptance import facet_misses
 from lensforge.proof.proof_result import Proof
-from lensforge.report.results import REPORT_FILE, Results
+from lensforge.report.results import REPORT_FILE, Results, kinds_of_results
 from lensforge.results import Fact, Group, State
 from lensforge.results.criteria import shown
 from lensforge.results.numerals import quantity
@@ -39,14 +39,12 @@ _TIMED: dict[type[Design | Light | Part | Check | Proof | Photometry], str] = {
     Proof: "verification",
     Photometry: "photometry",
 }
-_STEMS = {"stray": "stray light", "compare": "photograph"}
-_OF_FACES = {"compare": "{} surface", "correct": "correction of the {} surface"}
 
 _COLOUR = ("cct", "duv", "rms_delta_uv", "worst_delta_uv")
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak", *_COLOUR, "leak")
 _SHAPE = ("kept_start", "radius", "height", "cavity", "keep_out", "thinnest")
 _PROOF = ("nmse_vs_design", "fitted_nmse", "file_nmse", "file_efficiency", "table_nmse", "detected_stray")
-_FURTHER = ("traffic", "form_error", "volume", "mass", "plate_mass", *_PROOF, "ssim", "form")
+_FURTHER = ("traffic", "form_error", "volume", "mass", "plate_mass", *_PROOF)
 
 _REMARKS = {
     "design": "There is no design.json, so the search is not documented; run lensforge design.",
@@ -161,8 +159,11 @@ def missing(results: Results) -> dict[str, str]:
 
 def stage_name(stem: str) -> str:
     """Name on the page of the result in ``stem``.json."""
-    kind, _, face = stem.partition("_")
-    return _OF_FACES[kind].format(face) if face and kind in _OF_FACES else _STEMS.get(stem, stem)
+    first, _, face = stem.partition("_")
+    for kind in kinds_of_results():
+        if stem == kind.stage or (face and first == kind.of_face):
+            return kind.on_page.title.format(face) or stem
+    return stem
 
 
 @dataclass(frozen=True)
@@ -221,7 +222,8 @@ def further_facts(results: Results) -> list[Fact]:
     groups = [group for result in results.found.values() for group in results.facts(result)]
     level = next((group for group in groups if group.key == "light"), None)
     rest = [group for group in groups if group.key not in ("light", "findings")]
-    return [*([] if level is None else level.select("level").facts), *_selected(rest, _FURTHER)]
+    keys = dict.fromkeys((*_FURTHER, *(key for result in results.found.values() for key in result.on_page.further)))
+    return [*([] if level is None else level.select("level").facts), *_selected(rest, tuple(keys))]
 
 
 def _selected(groups: list[Group], keys: tuple[str, ...]) -> list[Fact]:

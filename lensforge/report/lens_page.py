@@ -13,12 +13,11 @@ from lensforge.cad.part import Part, held_by
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import Photometry
-from lensforge.made.measured_facts import FIRST
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.report import exported_part, headline, light_section
-from lensforge.report.exported_part import measured_sections
+from lensforge.report.added_section import FIRST, added_sections
 from lensforge.report.headline import task
 from lensforge.report.page import PagePicture, template
 from lensforge.report.record_tables import number_tables, spec_tables
@@ -87,7 +86,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "photometry": _photometry_sentence(results),
         "first": pictures.pop("first"),
         "pictures": pictures,
-        "measured": measured_sections(results),
+        "added": added_sections(results),
         "seen_at_once": FIRST,
         "yields": yield_sections(results),
         "other_lights": lights,

@@ -16,7 +16,7 @@ from lensforge.light.seen_lens import radiance_unit
 from lensforge.report import colour_figures, light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
-from lensforge.results import Fact, Group, Image
+from lensforge.results import Fact, Group, Image, StageResult
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.criteria import criteria_of
 from lensforge.results.numerals import number, percent
@@ -46,8 +46,6 @@ _MAIN = {
     "nominal": ("nmse", "efficiency"),
     "yield": ("pass_rate",),
     "far_field": ("exit_lm", "peak_cd"),
-    "measured": ("form", "nmse"),
-    "corrected": ("first_cut", "second_cut", "nmse"),
     "walls": ("thinnest",),
 }
 
@@ -361,7 +359,7 @@ def other_results(results: Results) -> list[Group]:
     rows = []
     for stem, result in results.others.items():
         if not isinstance(result, Light):
-            main = [group.select(*_MAIN[group.key]).line for group in results.facts(result) if group.key in _MAIN]
+            main = [line for group in results.facts(result) if (line := _main_line(result, group))]
             missed = [str(each) for each in criteria_of(result) if not each.holds]
             facts = [
                 Fact("conditions", "Conditions", str(result.conditions)),
@@ -369,6 +367,11 @@ def other_results(results: Results) -> list[Group]:
             ]
             rows.append(Group("other", f"{stem}.json", tuple(facts), "; ".join(f"missed: {each}" for each in missed)))
     return rows
+
+
+def _main_line(result: StageResult, group: Group) -> str:
+    """The facts of a group that stand for it in one row; empty where it has none."""
+    return group.select(*(result.on_page.in_row or _MAIN.get(group.key, ()))).line
 
 
 def _compared(results: Results) -> dict[str, Light]:

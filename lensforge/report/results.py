@@ -2,16 +2,16 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
+from lensforge.addon import addons
 from lensforge.cad.part import Part, part_facts
 from lensforge.errors import MissingResult
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons, photometry_facts
 from lensforge.light.photometry_result import Photometry
-from lensforge.made.measured_facts import correction_facts, photo_facts, surface_facts
-from lensforge.made.measurement_result import Correction, MeasuredFace, PhotoComparison, SurfaceComparison
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.acceptance import deciding_criteria
@@ -20,6 +20,7 @@ from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
 from lensforge.results.arguments import require
 from lensforge.results.criteria import criteria_of, missed
+from lensforge.results.stage_result import OF_FOLDERS
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, design_facts
@@ -35,9 +36,6 @@ if TYPE_CHECKING:
 REPORT_FILE = "report.html"
 # Results of a whole run, each after those that it is made from.
 STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof, Photometry)
-# Results on request, and of the machined part; those of one face have a file for each.
-EXTRAS: tuple[type[StageResult], ...] = (StrayLight, PhotoComparison, SurfaceComparison, Correction, Sensitivity, Yield)
-_OF_FACE: dict[type[StageResult], str] = {SurfaceComparison: "compare", Correction: "correct"}
 
 _Result = TypeVar("_Result", bound=StageResult)
 
@@ -111,15 +109,10 @@ class Results:
         """Part, or before an export the lens."""
         return self.find(Part) or self.lens
 
-    @property
-    def surfaces(self) -> dict[str, SurfaceComparison]:
-        """Comparisons with measured surfaces, by the name of the face."""
-        return {each.surface: each for each in self.found.values() if isinstance(each, SurfaceComparison)}
-
-    @property
-    def corrections(self) -> dict[str, Correction]:
-        """Corrections for a second cut, by the name of the face."""
-        return {each.surface: each for each in self.found.values() if isinstance(each, Correction)}
+    def of_faces(self, kind: type[_Result]) -> dict[str, _Result]:
+        """Results of class ``kind``, which is one of a face, by the name of the face."""
+        found = ((face, self.find(kind, kind.stems([face])[0])) for face in self.lens.surfaces)
+        return {face: result for face, result in found if result is not None}
 
     @property
     def verdict(self) -> Verdict:
@@ -182,14 +175,8 @@ class Results:
                 return sensitivity_facts(result)
             case Yield():
                 return yield_facts(result)
-            case PhotoComparison():
-                return [photo_facts(result)]
-            case SurfaceComparison():
-                return [surface_facts(result)]
-            case Correction():
-                return [correction_facts(result)]
             case _:
-                return []
+                return facts_of(result)
 
     @property
     def yield_facts(self) -> list[Group]:
@@ -222,23 +209,30 @@ def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:
     return () if proof is not None and proof.altered_files == part.altered else part.altered
 
 
+@singledispatch
+def facts_of(result: StageResult) -> list[Group]:
+    """Facts of a result by itself; an add-on registers the function for its own class."""
+    return []
+
+
+def kinds_of_results() -> tuple[type[StageResult], ...]:
+    """Classes of all results that a folder may have: those of a whole run, then others, which are made from these."""
+    for addon in addons():
+        addon.records()
+    others = (kind for _, kind in sorted(OF_FOLDERS.items()) if kind not in STAGES)
+    return (*STAGES, *others)
+
+
 def own_stems(faces: Iterable[str]) -> dict[str, type[StageResult]]:
     """The class of each result under the own conditions of a lens with these ``faces``, by the stem of its file."""
     names = tuple(faces)
-    kind_by_stem = dict[str, type[StageResult]]()
-    for kind in (*STAGES, *EXTRAS):
-        of_faces = [f"{_OF_FACE[kind]}_{face}" for face in names] if kind in _OF_FACE else [kind.stage]
-        kind_by_stem |= dict.fromkeys(of_faces, kind)
-    return kind_by_stem
+    return {stem: kind for kind in kinds_of_results() for stem in kind.stems(names)}
 
 
 def stem_of(result: StageResult) -> str:
     """Name of the JSON file of ``result`` in a result folder, without its suffix: its stage, and other conditions."""
-    stem = result.stage
-    if isinstance(result, MeasuredFace):
-        stem = f"{_OF_FACE[type(result)]}_{result.surface}"
     conditions = conditions_of(result)
-    return stem if conditions is None else f"{stem}_{conditions.name}"
+    return result.stem if conditions is None else f"{result.stem}_{conditions.name}"
 
 
 def conditions_of(result: StageResult) -> Conditions | None:

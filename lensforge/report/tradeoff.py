@@ -73,6 +73,7 @@ class Tradeoff(StageResult):
     """
 
     stage: ClassVar[str] = "tradeoff"
+    in_folder: ClassVar[bool] = False
 
     name: Text
     accuracy: AnyAccuracy

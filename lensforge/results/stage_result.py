@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMappin
 from functools import cached_property
 from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, get_args
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar, cast, get_args
 
 import numpy as np
 from pydantic import Field, ValidationError, model_serializer, model_validator
@@ -124,11 +124,24 @@ _LED = "[A-Za-z0-9_-]{0,32}"  # name of an LED, in the names of files
 _UNHASHED = ("seconds", "version")  # differ between runs with the same result
 
 
+OF_FOLDERS: "dict[str, type[StageResult]]" = {}  # records that the folder of a lens may have, by stage
 _Content = MutableMapping[str, Any]  # of a file, or of a result within it
 
 
+class OnPage(NamedTuple):
+    """How pages tell of the results of a stage.
+
+    ``title``: name, with {} for that of a face; empty for the stage's. ``further``: keys of facts that follow those by
+    which a design is judged. ``in_row``: keys of facts that tell of a result in one row.
+    """
+
+    title: str = ""
+    further: tuple[str, ...] = ()
+    in_row: tuple[str, ...] = ()
+
+
 class StageResult(Record):
-    """Result of one stage.
+    """Result of one stage. A class that names a ``stage`` of its own, of a lens, is one that result folders have.
 
     ``version``: of the program. ``inputs``: SHA-256 of its inputs, by name. ``seconds``: of computing. ``criteria``:
     what it must keep, each with its judgement; they follow from its figures. ``rays``: number of rays traced.
@@ -139,6 +152,9 @@ class StageResult(Record):
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
     made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
     told_if_any: ClassVar[tuple[str, ...]] = ()  # fields that a record leaves out where they are empty
+    of_face: ClassVar[str] = ""  # beginning of the names of its files, which a face ends; empty for the whole lens
+    on_page: ClassVar[OnPage] = OnPage()
+    in_folder: ClassVar[bool] = True  # a record of the folder of a lens, where it is made from one
 
     version: Text = __version__
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
@@ -162,6 +178,8 @@ class StageResult(Record):
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         super().__pydantic_init_subclass__(**kwargs)
         declare_criteria(cls)
+        if "stage" in vars(cls) and cls.in_folder and "lens" in cls.made_from:
+            OF_FOLDERS[cls.stage] = cls
 
     @classmethod
     def _judges_itself(cls) -> bool:
@@ -254,6 +272,16 @@ class StageResult(Record):
         for field, info in cls.model_fields.items():
             if (own := marker(info, InFile)) is not None:
                 yield field, own, own.beside(cls.stage, stem)
+
+    @classmethod
+    def stems(cls, faces: Iterable[str]) -> list[str]:
+        """Names of its JSON files, without suffix, under the own conditions of a lens with these ``faces``."""
+        return [f"{cls.of_face}_{face}" for face in faces] if cls.of_face else [cls.stage]
+
+    @property
+    def stem(self) -> str:
+        """Name of its JSON file under the lens's own conditions, without suffix."""
+        return self.stage
 
     def _stems(self, stem: str) -> "Iterator[tuple[StageResult, str]]":
         """The results in ``stem``.json, this one first, and what their files are named by in its place."""

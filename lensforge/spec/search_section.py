@@ -37,8 +37,8 @@ class ConstraintsSection(Section):
     min_thickness_mm: DerivedMillimetresOrZero = LEFT_OUT
     """Minimum wall along the normal: the shortest distance between the two faces."""
     max_radius_mm: Millimetres
-    """Outer radius: of two faces from the origin, and so the height, too; of a lens for total internal
-    reflection and of a reflector from the axis.
+    """Outer radius: two freeform faces stay within this distance of the origin, which bounds their height, too; a lens
+    for total internal reflection or a reflector, within this distance of the axis.
     """
     max_wall_mm: Millimetres | None = None
     """Largest wall, along rays from the origin, for sink marks and cycle time."""

@@ -100,6 +100,7 @@ def test_the_names_of_the_file_s_faces_are_kept(tmp_path, bare_solid):
     ("shape", "word"),
     [
         (plate(3.0, top=0.5), r"its top is at z = 0\.5 mm, .* move it by -0\.5 mm"),
+        (plate(3.0, top=-0.5), r"its top is at z = -0\.5 mm, .* move it by 0\.5 mm"),
         (plate(1.0), r"covers 6\d\.\d % of the cavity's opening.*circle of 1\.6"),
         (plate(6.0), r"does not meet the lens, whose rim lies in z = 0 between 0\.8\d* and 2\.4"),
         (plate(3.0, floor=True), r"closes the cavity"),
@@ -107,7 +108,7 @@ def test_the_names_of_the_file_s_faces_are_kept(tmp_path, bare_solid):
         pytest.param(plate(3.0, x=1.2), r"covers .* of the cavity's opening", marks=NIGHTLY_TOO),
         pytest.param(plate(3.0).Faces()[0], r"holds 0 solids", marks=NIGHTLY_TOO),
     ],
-    ids=["high", "narrow", "wide", "floor", "two", "aside", "none"],
+    ids=["high", "low", "narrow", "wide", "floor", "two", "aside", "none"],
 )
 def test_a_base_that_is_not_under_the_lens_is_refused_in_one_line(tmp_path, bare_solid, shape, word):
     path = written(shape, tmp_path / "clamp.step")

@@ -9,7 +9,7 @@ from page_sources import ROOT
 
 from lensforge.cli import conclusion
 from lensforge.light.receiver_light import METRICS
-from lensforge.report.results import EXTRAS, STAGES
+from lensforge.report.results import kinds_of_results
 from lensforge.results.figure import figures_of
 from lensforge.verbs import public_names
 
@@ -38,7 +38,7 @@ def labels() -> list[tuple[str, str]]:
     kinds = ("Group", "Fact", "Row", "Fact.measured", "Fact.share")
     calls = (node for node in nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) in kinds)
     found = ((start(call.args[0]), start(call.args[1])) for call in calls if len(call.args) > 1)
-    declared = ((key, figure.label) for kind in (*STAGES, *EXTRAS) for key, figure in figures_of(kind))
+    declared = ((key, figure.label) for kind in kinds_of_results() for key, figure in figures_of(kind))
     return [*METRICS.items(), *((key, label) for key, label in (*found, *declared) if label)]
 
 

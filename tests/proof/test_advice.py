@@ -226,6 +226,9 @@ def test_each_figure_of_a_cast_is_judged_by_its_own_limit(prefix, beyond):
     assert f"{prefix}deviation_rms" in {each.key for each in found} and len(found) == (3 if prefix == "brep_" else 4)
 
 
+EXACT = Metric(value=1.0, standard_error=0.0)
+
+
 def test_the_flux_budget_of_a_few_rays_by_hand():
     """Unequal rays: in the window, beside it, gone back, totally reflected; each loses some on its way."""
     rays = lambertian(4, 0.0)
@@ -240,6 +243,26 @@ def test_the_flux_budget_of_a_few_rays_by_hand():
     by_hand = {"detected": 0.5, "outside": 1.5, "missed": 2.5, "total_reflection": 3.0, "event_limit": 0.0,
                "absorbed": 0.3, "cover_glass": 0.4, "bodies": 0.5, "reflected": 10.0 - 7.5 - 1.2}  # fmt: skip
     assert found == pytest.approx({name: 0.1 * each for name, each in by_hand.items()}) and sum(found.values()) == 1.0
+
+
+@pytest.mark.parametrize("uneven", [0.0, 0.5])
+def test_a_picture_without_the_noise_of_its_rays_scatters_by_its_stated_error(uneven):
+    """Of light as designed, where the blocks' products are noise alone, and of light that is off."""
+    count, values = 8 * LEAST_RAYS, []
+    rays, screen = replace(lambertian(count, 0.0), flux=np.ones(count)), Screen.square(DISTANCE, 10.0, 8, 0.0)
+    wanted = np.full((8, 8), count / 100e-6)  # W/m2 of rays of 1 W on 10 x 10 mm
+    wanted[:, :4] *= 1.0 + uneven
+    fates = np.full(count, CastFate.LANDED, dtype=np.int64)
+    for seed in range(200):
+        places = np.random.default_rng(seed).uniform(-5.0, 5.0, (count, 2))
+        up = {"points": np.column_stack([places, np.zeros(count)]), "directions": np.tile([0.0, 0.0, 1.0], (count, 1))}
+        passage = replace(Passage.of(rays, 2), **up, flux=np.ones(count), fates=fates)
+        found = judge_independent_rays(rays, passage, Expected(screen, wanted, places, np.ones(count)), (EXACT, 0.0))
+        values.append((found.nmse_less_noise.value, found.nmse_less_noise.standard_error))
+    off, errors = np.array(values).T
+    truth = 0.5 * uneven**2 / (0.5 * (1.0 + uneven) ** 2 + 0.5)
+    assert off.mean() == pytest.approx(truth, abs=4.0 * off.std() / np.sqrt(len(off)))
+    assert 0.8 < off.std(ddof=1) / np.sqrt(np.mean(errors**2)) < 1.2  # known to 5 %
 
 
 def test_the_error_of_a_picture_without_the_noise_of_its_rays_by_pairs_of_blocks():

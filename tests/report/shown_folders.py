@@ -4,9 +4,10 @@ from dataclasses import replace
 from math import nan
 from pathlib import Path
 
+from addon_rows import addon_rows
 from filled import told_apart
 from made_yield import make_yield
-from part_files import EXTRAS, make_correction, make_surface, verified
+from part_files import EXTRAS, verified
 from result_folders import STAGES, criterion, finding, make_light, make_proof, make_results, small_lens, text_target
 
 from lensforge.cad.part_limits import KeepOutDistance
@@ -78,7 +79,8 @@ def make_sensitivity(**changes):
 def every_stage():
     """All stages, all referees, studies, and the measured part."""
     lens = lens_of()
-    more = {"sensitivity": make_sensitivity(), "yield": make_yield(lens), "correct_inner": make_correction(lens)}
+    measured = {stem: make(lens) for stem, make in addon_rows("CORRECTIONS").items()}
+    more = {"sensitivity": make_sensitivity(), "yield": make_yield(lens), **measured}
     return _folder((*STAGES, *EXTRAS), lens, more, verify=verified())
 
 
@@ -197,8 +199,7 @@ def other_conditions():
         make_proof(lens, **other),
         make_sensitivity(**other),
         make_yield(lens).model_copy(update=other),
-        make_surface(lens, **other),
-        make_correction(lens).model_copy(update=other),
+        *(make(lens).model_copy(update=other) for make in addon_rows("OF_FACES").values()),
         *(make_results((stem,), lens).found[stem].model_copy(update=other) for stem in ("stray", "photometry")),
     )
     others = {f"{each.stage}_{each.conditions.name}": told_apart(each) for each in made}

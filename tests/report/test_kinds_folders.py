@@ -13,6 +13,7 @@ import lensforge as lf
 from lensforge.cli.conclusion import _manufacture
 from lensforge.cli.progress import DesignProgress
 from lensforge.report.headline import kinds
+from lensforge.report.pipeline import _of_lens
 from lensforge.report.results import Results
 from lensforge.report.stored import RunRecord, verdicts_of_kinds
 from lensforge.report.sweep import _row
@@ -23,6 +24,7 @@ from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Margins
 from lensforge.shop.check_facts import _largest
 from lensforge.shop.check_result import Cutter
+from lensforge.spec.spec_files import section_sha256
 
 GRID = {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0, "kinds": "place"}
 PASSES = Verdict.of([], [], [])
@@ -109,3 +111,11 @@ def test_a_row_of_a_sweep_counts_the_part_of_every_kind() -> None:
         ("height", True), ("edge: height", False), ("corner: height", True)
     ]  # fmt: skip
     assert (row.cutting, row.efficiency) == ("fail", light.efficiency)
+
+
+def test_results_in_the_folder_of_a_kind_are_of_its_lens_and_of_the_same_source() -> None:
+    lens = three_kinds()
+    corner, light = lens.of_kind("corner"), lf.evaluate(lens, rays=256, pixels=8)
+    inputs = _of_lens(light, corner).inputs
+    assert inputs["lens"] == corner.sha256 != light.inputs["lens"] == lens.sha256
+    assert inputs["source"] == section_sha256(lens.spec.source)

@@ -83,6 +83,19 @@ def test_the_part_is_shown_from_three_sides(tmp_path, monkeypatch):
     assert "script" in Page(markup).tags, "it can be turned"
 
 
+def test_only_the_picture_of_the_cut_lacks_a_half():
+    """A cube is in the middle of its picture."""
+    views = solid_view.solid_views(trimesh.creation.box(extents=(6.0, 6.0, 6.0)).export(file_type="stl"), 6.0)
+    if views.problem:
+        pytest.skip("no off-screen renderer here")
+    middles = {}
+    for name, picture in views.pictures.items():
+        alpha = np.asarray(Image.open(io.BytesIO(picture)))[..., 3]
+        middles[name] = [0.5 * (each.min() + each.max() + 1) for each in np.nonzero(alpha)] / np.array(alpha.shape)
+    assert np.abs([middles["above"], middles["below"]] - np.array(0.5)).max() < 0.005
+    assert np.abs(middles["cut"] - 0.5).max() > 0.02
+
+
 @pytest.mark.nightly("a renderer")
 def test_a_plate_is_shown_with_one_lens_of_it():
     stl = [trimesh.creation.box(extents=size).export(file_type="stl") for size in ((6.0, 6.0, 6.0), (90.0, 60.0, 2.0))]

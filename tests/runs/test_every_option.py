@@ -23,14 +23,13 @@ from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.verbs import FolderStage
 
 OF_FOLDER = (
-    "check", "compare", "correct", "evaluate", "export", "handover", "photometry", "sensitivity", "verify", "yield",
+    "check", "evaluate", "export", "handover", "photometry", "sensitivity", "verify", "yield",
 )  # fmt: skip
 BASE = dict.fromkeys(OF_FOLDER, ("{folder}",)) | {
-    "correct": ("{folder}", "--points", "p.csv", "--surface", "inner"),
     "design": ("{spec}", "--out", "{out}"), "preview": ("{spec}", "--out", "{out}"),
     "sweep": ("{spec}", "--vary", "source.side_mm=1,2", "--out", "{out}"), "tradeoff": ("{spec}", "--out", "{out}"),
     "report": ("{folder}", "{folder}"),
-}  # fmt: skip
+} | addon_rows("ARGUMENTS")  # fmt: skip
 COUNT = {"--rays": ("1.5e3", "rays", 1500), "--threads": ("3", "threads", 3)}
 SEARCH = COUNT | {
     "--accuracy": ("draft", "accuracy", "draft"), "--seed": ("7", "seed", 7),
@@ -41,19 +40,6 @@ FORCE = {"--force": ("", "force", True)}
 OPEN = {"--open": ("", "", "click.launch")}
 HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or any), its value
     "check": {"--process": ("moulded", "process", "moulded")},
-    "compare": {
-        "--on": ("on.png", "on", Path("on.png")), "--off": ("off.png", "off", Path("off.png")),
-        "--corners": ("1,2 3,4 5.5,6 7,8", "corners", [(1.0, 2.0), (3.0, 4.0), (5.5, 6.0), (7.0, 8.0)]),
-        "--target-mm": ("12.5", "target_mm", 12.5), "--gamma": ("2.2", "gamma", 2.2),
-        "--led": ("second", "led", "second"),
-        "--points": ("p.csv", "points", Path("p.csv")), "--surface": ("outer", "surface", "outer"),
-        "--registration": ("shift", "registration", "shift"), "--rays": COUNT["--rays"],
-    },
-    "correct": {
-        **COUNT, "--points": ("q.csv", "points", Path("q.csv")), "--surface": ("outer", "surface", "outer"),
-        "--wavelength": ("1.5", "wavelength_mm", 1.5), "--gain": ("0.7", "gain", 0.7),
-        "--registration": ("none", "registration", "none"),
-    },
     "design": SEARCH | FORCE | OPEN | {
         "--rays": ("1.5e3", "rays", 1500), "--sources": ("{led} --sources {other_led}", "sources", "led, other"),
         "--starts": ("4", "starts", 4),
@@ -96,7 +82,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
         "--budget": ("--no-budget", "budget", False),
         "--tolerances": ("moulded", "tolerances", "moulded"), "--scheduler": SEARCH["--scheduler"],
     },
-}  # fmt: skip
+} | addon_rows("HEARD")  # fmt: skip
 OUTPUT = {"--json": ("", "json", True), "--quiet": ("", "quiet", True)}
 Calls = list[tuple[str, tuple[object, ...], dict[str, object]]]
 

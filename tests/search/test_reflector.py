@@ -168,6 +168,20 @@ def test_the_back_of_an_oval_cup_is_a_wall_away_on_every_side() -> None:
         assert back.radius(u) == pytest.approx(np.full(361, needed.max()), rel=5e-3)
 
 
+def test_a_mouth_is_where_the_back_has_its_radius_and_no_higher_than_allowed() -> None:
+    cup, radius_mm, wall_mm = ConicFace(16.0, 5.0, 0.8, (0.1, -0.05, 1.0)), 8.0, 0.8
+
+    def height_mm(most_mm: float) -> float:
+        mouth = reflector_faces(cup, radius_mm, wall_mm, most_height_mm=most_mm)["mouth"]
+        return float(mouth.radius(np.array([[0.0, 0.0, 1.0]]))[0])
+
+    free_mm = height_mm(np.inf)
+    back = reflector_faces(cup, radius_mm, wall_mm)["back"]
+    edge = np.array([[radius_mm, 0.0, free_mm]]) / np.hypot(radius_mm, free_mm)
+    assert back.radius(edge)[0] == pytest.approx(np.hypot(radius_mm, free_mm), rel=5e-3)
+    assert height_mm(free_mm + 0.7) == free_mm and height_mm(free_mm - 0.7) == pytest.approx(free_mm - 0.7)
+
+
 def test_the_back_follows_the_cup() -> None:
     parameters = ProfileParameters.of(reflector(), 2.5)
     weights, offsets = moved(parameters)

@@ -16,6 +16,7 @@ from tir_lenses import TIR, spot, spot_lens
 from lensforge.cad.body_export import on_base
 from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import fit_lens
+from lensforge.cad.section import other_section_deg
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.results import Fact
 from lensforge.scene.lens import Lens
@@ -31,6 +32,7 @@ from lensforge.shop.profile_table import equation
 from lensforge.shop.sheet import Sheet
 from lensforge.shop.sheet_tables import optical_table, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf
+from lensforge.shop.view_drawing import PARTING_LINE
 from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.step_file import parts_of
@@ -343,6 +345,26 @@ def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> No
     assert f"Without draft: {words}." in notes
     bare = mould_of(spot_lens(), fit_lens(spot_lens()))
     assert bare.upright == () and "upright" not in {fact.key for fact in mould_facts(bare, check, lens.spec)}
+
+
+def test_the_parting_line_is_where_the_section_along_x_is_widest() -> None:
+    lens = small_lens({"kind": "none"}, MOULDED)
+    check = bare_part()[1].model_copy(update={"mould": mould_of(lens, fit_lens(lens))})
+    part = bare_part()[0].model_copy(update={"lens": lens})
+
+    def widest(azimuth_deg: float) -> tuple[float, float]:
+        angles = np.linspace(0.0, 0.5 * np.pi, 20_001)
+        along = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg))])
+        directions = np.column_stack([np.sin(angles)[:, None] * along, np.cos(angles)])
+        radius_mm = lens.surfaces["outer"].radius(directions)
+        place = int(np.argmax(radius_mm * np.sin(angles)))
+        return radius_mm[place] * np.cos(angles[place]), radius_mm[place] * np.sin(angles[place])
+
+    views = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens), lens.spec.drawing).views
+    height_mm, across_mm = views.mould[PARTING_LINE]
+    assert across_mm == pytest.approx(widest(0.0)[1], abs=1e-3) and height_mm == pytest.approx(widest(0.0)[0], abs=0.1)
+    second_deg = other_section_deg(lens)
+    assert second_deg is not None and abs(widest(second_deg)[1] - across_mm) > 0.01
 
 
 def test_findings_are_on_the_drawing_where_they_do_not_hold_and_matter() -> None:

@@ -39,4 +39,4 @@ def _commands() -> "Sequence[click.Command]":
     return (studio,)
 
 
-ADDON = Addon("studio", names=_names, commands=_commands, heading="Design")
+ADDON = Addon("studio", _names, _commands, "Design")

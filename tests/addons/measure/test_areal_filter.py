@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from measured_lenses import directions, lens
 
+from lensforge.addons.measure.areal_filter import ArealFilter, ChangedSurface, PointDeviations
+from lensforge.addons.measure.first_cut import FilterRange, TriedFilter, longest_fitting, point_spacing_mm
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
-from lensforge.made.areal_filter import ArealFilter, ChangedSurface, PointDeviations
-from lensforge.made.first_cut import FilterRange, TriedFilter, longest_fitting, point_spacing_mm
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 

@@ -7,10 +7,9 @@ from picture_files import exif, png, tiff, with_tag
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from lensforge.errors import InputError
-from lensforge.made.image_similarity import fit_similarity, normalised
-from lensforge.made.measurement_result import central_line
-from lensforge.made.photo_comparison import (
+from lensforge.addons.measure.image_similarity import fit_similarity, normalised
+from lensforge.addons.measure.measurement_result import central_line
+from lensforge.addons.measure.photo_comparison import (
     Shot,
     _corner_error,
     _samples,
@@ -19,6 +18,7 @@ from lensforge.made.photo_comparison import (
     read_photograph,
     rectify,
 )
+from lensforge.errors import InputError
 from lensforge.scene.pixel_grid import PixelGrid, Window
 
 SIDE, PIXELS = 200.0, 64

@@ -37,6 +37,7 @@ from lensforge.results.criteria import Criteria
 from lensforge.results.figure import Criterion, Figure, figure
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.plots import Axes, plot_curves, plot_face
+from lensforge.results.stage_result import OnPage
 from lensforge.spec.part_section import Process
 
 _ERRORS = 3.0  # standard errors from which a cause is named
@@ -134,6 +135,7 @@ class PhotoComparison(StageResult):
 
     told_if_any: ClassVar[tuple[str, ...]] = ("led",)
     stage: ClassVar[str] = "compare"
+    on_page: ClassVar[OnPage] = OnPage("photograph", further=("ssim",))
     command: ClassVar[str] = "compare --on"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "evaluate")
 
@@ -314,6 +316,11 @@ class MeasuredFace(SimulatedResult):
     chart: Annotated[Float[np.ndarray, " m"], Array("m")]
     area_mm2: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True, least=0.0)]
 
+    @property
+    def stem(self) -> str:
+        """Name of its JSON file under the lens's own conditions: each face has one."""
+        return f"{self.of_face}_{self.surface}"
+
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot the form deviation, or the correction, over the chart of the surface."""
         field, words = self.plotted
@@ -332,6 +339,8 @@ class SurfaceComparison(MeasuredFace):
     """
 
     stage: ClassVar[str] = "compare_surface"
+    of_face: ClassVar[str] = "compare"
+    on_page: ClassVar[OnPage] = OnPage("{} surface", further=("form",), in_row=("form", "nmse"))
     command: ClassVar[str] = "compare --points"
     plotted: ClassVar[tuple[str, str]] = ("deviation_um", "form deviation")
 
@@ -418,6 +427,8 @@ class Correction(MeasuredFace):
     """
 
     stage: ClassVar[str] = "correct"
+    of_face: ClassVar[str] = "correct"
+    on_page: ClassVar[OnPage] = OnPage("correction of the {} surface", in_row=("first_cut", "second_cut", "nmse"))
     command: ClassVar[str] = "correct --points"
     plotted: ClassVar[tuple[str, str]] = ("correction_map_um", "correction")
 

@@ -10,10 +10,10 @@ from measured_lenses import lens, probed
 from PIL import Image
 
 import lensforge as lf
+from lensforge.addons.measure.measured_facts import photo_facts
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.made.measured_facts import photo_facts
 from lensforge.verbs import EVALUATE
 
 LENS = lens()
@@ -130,3 +130,8 @@ def test_a_corner_is_two_numbers(folder: Path) -> None:
     done = run(folder, "--on", "a.png", "--corners", "1,2", "3", "5,6", "7,8")
     assert done.exit_code == 2
     assert "column,row" in done.output
+
+
+def test_a_comparison_with_nothing_is_refused_in_the_words_of_the_command(small_run: lf.Run) -> None:
+    result = in_this_process.lensforge("compare", small_run.folder)
+    assert result.code == 2 and "--on PHOTO" in result.stderr and "--points FILE --surface FACE" in result.stderr

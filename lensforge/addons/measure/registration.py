@@ -23,9 +23,9 @@ from jaxtyping import Bool, Float
 from scipy.optimize import least_squares, nnls
 from scipy.spatial import cKDTree
 
+from lensforge.addons.measure.measurement_result import Registration
 from lensforge.cad.patch import Patch
 from lensforge.errors import FileWarning, InputError
-from lensforge.made.measurement_result import Registration
 from lensforge.optics.pose import Pose
 from lensforge.surfaces.point_files import LEAST_POINTS
 from lensforge.surfaces.srbf import fibonacci_hemisphere

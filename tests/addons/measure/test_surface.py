@@ -9,13 +9,13 @@ from nightly import first_by_day
 from presets import FEW
 from second_cuts import cosine, motions, without_motion
 
+from lensforge.addons.measure.first_cut import FirstCut, Request, coverage
+from lensforge.addons.measure.measured_surface import ChangedLens, FacePixels, compare_surface
+from lensforge.addons.measure.measurement_result import DeviationExtent
 from lensforge.cad.boundary import domain_of
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_lens
-from lensforge.made.first_cut import FirstCut, Request, coverage
-from lensforge.made.measured_surface import ChangedLens, FacePixels, compare_surface
-from lensforge.made.measurement_result import DeviationExtent
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.search.profiles import ProfileParameters

@@ -3,40 +3,42 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from lensforge.light.evaluation_result import LightMetrics
-from lensforge.light.light_facts import change_facts, metric_facts
-from lensforge.light.receiver_light import METRICS
-from lensforge.made.measurement_result import (
+from lensforge.addons.measure.measurement_result import (
     Correction,
     MeasuredLight,
     PhotoComparison,
     SurfaceComparison,
 )
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.light.light_facts import change_facts, metric_facts
+from lensforge.light.receiver_light import METRICS
+from lensforge.report.results import facts_of
 from lensforge.results import Fact, Group
 from lensforge.results.criteria import state_of
 from lensforge.results.figure import facts_in
 from lensforge.results.numerals import percent, quantity
 
-FIRST = 4  # facts of a group that a page shows at once
 
-
-def photo_facts(photo: PhotoComparison) -> Group:
+@facts_of.register
+def photo_facts(photo: PhotoComparison) -> list[Group]:
     """Facts from the photograph of the part's light."""
-    return Group("photo", "A photograph of its light", tuple(_photo(photo)))
+    return [Group("photo", "A photograph of its light", tuple(_photo(photo)))]
 
 
-def surface_facts(surface: SurfaceComparison) -> Group:
+@facts_of.register
+def surface_facts(surface: SurfaceComparison) -> list[Group]:
     """Facts from measured points on one face, and the light with it."""
     alone = MeasuredLight(design=surface.design, measured=surface.measured, change=surface.change)
     facts = (*_points(surface), *_lights(surface.by_led or {"": alone}, "with this face"))
-    return Group("measured", f"The {surface.surface} face, measured", facts)
+    return [Group("measured", f"The {surface.surface} face, measured", facts)]
 
 
-def correction_facts(made: Correction) -> Group:
+@facts_of.register
+def correction_facts(made: Correction) -> list[Group]:
     """Facts on a corrected face: errors before and after, filter, cutter, and the expected light."""
     alone = MeasuredLight(design=made.design, measured=made.second_cut, change=made.change)
     facts = (*_cut(made), *_lights(made.by_led or {"": alone}, "expected"))
-    return Group("corrected", f"The {made.surface} face, corrected for a second cut", facts)
+    return [Group("corrected", f"The {made.surface} face, corrected for a second cut", facts)]
 
 
 def _photo(photo: PhotoComparison) -> Iterator[Fact]:

@@ -10,10 +10,10 @@ import pytest
 from measured_lenses import dent, directions, lens, probed
 
 import lensforge as lf
+from lensforge.addons.measure.measured_points import measured_points
+from lensforge.addons.measure.registration import distances, off_surface, over_surface, register, registered
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import FileWarning, InputError
-from lensforge.made.measured_points import measured_points
-from lensforge.made.registration import distances, off_surface, over_surface, register, registered
 from lensforge.surfaces.point_files import FaceOfPart, read_cloud
 
 LENS = lens()
@@ -164,9 +164,9 @@ def test_the_designs_own_points_are_asked_for() -> None:
 def test_a_start_without_points_is_a_failed_start_and_the_other_one_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     cloud = probed(LENS.outer, 300)
     away = np.concatenate([np.zeros(3), [0.0, 0.0, -500.0]])
-    monkeypatch.setattr("lensforge.made.registration._starts", lambda *_: [away, np.zeros(6)])
+    monkeypatch.setattr("lensforge.addons.measure.registration._starts", lambda *_: [away, np.zeros(6)])
     assert np.abs(register(PATCH, cloud).translation_mm).max() < 1e-6
-    monkeypatch.setattr("lensforge.made.registration._starts", lambda *_: [away, away])
+    monkeypatch.setattr("lensforge.addons.measure.registration._starts", lambda *_: [away, away])
     with pytest.raises(InputError, match=r"points: .* of them lie over the surface once registered, must be at least"):
         register(PATCH, cloud)
 

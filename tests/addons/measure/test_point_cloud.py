@@ -7,9 +7,9 @@ from nightly import first_by_day
 from scenes import sphere
 from scipy.spatial.transform import Rotation
 
+from lensforge.addons.measure.registration import _gaps_and_slopes, distances, moved, over_surface, register
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
-from lensforge.made.registration import _gaps_and_slopes, distances, moved, over_surface, register
 from lensforge.surfaces.point_files import read_cloud
 from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.surface import HALF_WIDTH, to_sphere

@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
+from lensforge.addons.measure.areal_filter import ArealFilter, FilteredPoints, PointDeviations, shortest_by_nodes_mm
+from lensforge.addons.measure.measurement_result import Registration
+from lensforge.addons.measure.registration import Registered, registered
 from lensforge.cad.boundary import WHOLE, Domain
 from lensforge.cad.patch import Patch
 from lensforge.errors import InputError
-from lensforge.made.areal_filter import ArealFilter, FilteredPoints, PointDeviations, shortest_by_nodes_mm
-from lensforge.made.measurement_result import Registration
-from lensforge.made.registration import Registered, registered
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface

@@ -10,14 +10,8 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import WHOLE, Domain, domain_of
-from lensforge.cad.patch import Patch, fit_patch
-from lensforge.light.lens_light import judging_source, rays_of
-from lensforge.light.metrics import relative_square
-from lensforge.light.simulation import TracedLens, TracedLight, traced_light
-from lensforge.light.table_trace import Scene
-from lensforge.made.first_cut import FirstCut, Request
-from lensforge.made.measurement_result import (
+from lensforge.addons.measure.first_cut import FirstCut, Request
+from lensforge.addons.measure.measurement_result import (
     DeviationExtent,
     MeasuredLight,
     RegisteredPose,
@@ -25,7 +19,13 @@ from lensforge.made.measurement_result import (
     SurfaceComparison,
     area_extent,
 )
-from lensforge.made.registration import RigidMotion, distances
+from lensforge.addons.measure.registration import RigidMotion, distances
+from lensforge.cad.boundary import WHOLE, Domain, domain_of
+from lensforge.cad.patch import Patch, fit_patch
+from lensforge.light.lens_light import judging_source, rays_of
+from lensforge.light.metrics import relative_square
+from lensforge.light.simulation import TracedLens, TracedLight, traced_light
+from lensforge.light.table_trace import Scene
 from lensforge.results import Conditions, Extent, Metric
 from lensforge.results.arguments import require_choice
 from lensforge.scene.body import Chain

@@ -10,6 +10,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
+from lensforge.addons.measure.areal_filter import ChangedSurface, FilteredPoints, RadialChange
+from lensforge.addons.measure.first_cut import FirstCut, Request
+from lensforge.addons.measure.measured_surface import ChangedLens, FacePixels, pose_of
+from lensforge.addons.measure.measurement_result import KEPT, Correction, CutterLimit
 from lensforge.cad.body_export import solid_on_base
 from lensforge.cad.boundary import boundaries, domain_of
 from lensforge.cad.custom_base import read_custom_base
@@ -19,10 +23,6 @@ from lensforge.cad.part import SplineNodes, stamp_of
 from lensforge.cad.patch import fit_patch, principal_curvatures
 from lensforge.cad.plan import make_plan
 from lensforge.cad.step import parse_step, signed_step
-from lensforge.made.areal_filter import ChangedSurface, FilteredPoints, RadialChange
-from lensforge.made.first_cut import FirstCut, Request
-from lensforge.made.measured_surface import ChangedLens, FacePixels, pose_of
-from lensforge.made.measurement_result import KEPT, Correction, CutterLimit
 from lensforge.results import Extent
 from lensforge.scene.body import Body
 from lensforge.scene.lens import Lens

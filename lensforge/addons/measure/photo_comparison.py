@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import map_coordinates
 
+from lensforge.addons.measure.image_similarity import SimilarityFit, fit_similarity, moved_back, normalised, similarity
+from lensforge.addons.measure.measurement_result import Alignment, Evenness, Located, PhotoComparison, Pixel
+from lensforge.addons.measure.target_corners import listed, locate, means
 from lensforge.errors import InputError
 from lensforge.light.metrics import relative_deviation, uniformity
-from lensforge.made.image_similarity import SimilarityFit, fit_similarity, moved_back, normalised, similarity
-from lensforge.made.measurement_result import Alignment, Evenness, Located, PhotoComparison, Pixel
-from lensforge.made.target_corners import listed, locate, means
 from lensforge.optics.image_reading import read_picture
 from lensforge.results import Metric
 from lensforge.scene.pixel_grid import PixelGrid

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lensforge.made.measured_surface import pose_of
-from lensforge.made.registration import RigidMotion
+from lensforge.addons.measure.measured_surface import pose_of
+from lensforge.addons.measure.registration import RigidMotion
 
 ROTATION_RAD, TRANSLATION_MM = (1e-3, -2e-3, 3e-3), (0.04, -0.05, 0.06)
 ROTATION_ERROR_RAD, TRANSLATION_ERROR_MM = (1e-5, 2e-5, 3e-5), (7e-3, 8e-3, 9e-3)

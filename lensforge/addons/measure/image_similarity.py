@@ -18,9 +18,9 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 from scipy.optimize import least_squares
 
+from lensforge.addons.measure.measurement_result import Similarity
+from lensforge.addons.measure.target_corners import means
 from lensforge.light.metrics import jackknife_error, relative_square
-from lensforge.made.measurement_result import Similarity
-from lensforge.made.target_corners import means
 from lensforge.scene.pixel_grid import PixelGrid
 
 _SIGMA = 1.5  # pixels: the Gaussian window of Wang et al.

@@ -11,13 +11,13 @@ from measured_lenses import lens
 from second_cuts import machine_error, measured
 
 import lensforge as lf
+from lensforge.addons.measure.correction import limited_by_cutter
 from lensforge.cad.form_error import face_points
 from lensforge.cad.patch import fit_patch
 from lensforge.cad.plan import OUTER
 from lensforge.cad.step import parse_step
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
-from lensforge.made.correction import limited_by_cutter
 from lensforge.report.lens_page import render_report
 from lensforge.shop.face_samples import AirSide, OpticalFace, sample_face
 from lensforge.surfaces.surface import scaled
@@ -113,7 +113,7 @@ def test_an_insert_is_judged_as_large_as_it_is_cut_and_its_file_is_signed(
         balls.append(given[-1])
         return limited_by_cutter(*given)
 
-    monkeypatch.setattr("lensforge.made.correction.limited_by_cutter", limited)
+    monkeypatch.setattr("lensforge.addons.measure.correction.limited_by_cutter", limited)
     made = lf.correct(mould, points=tmp_path / "points.csv", surface="outer", wavelength_mm=4.0, rays=64)
     assert balls == [mould.spec.manufacture.cutter_radius_mm / 1.05], "the ball on the face as large as the lens"
     cut = OpticalFace(fit_patch(scaled(LENS.outer, 1.05)), AirSide.INSIDE)

@@ -13,8 +13,8 @@ from scipy.ndimage import binary_fill_holes, binary_opening, gaussian_filter, ga
 from scipy.spatial import ConvexHull
 from scipy.stats import theilslopes
 
+from lensforge.addons.measure.measurement_result import Located
 from lensforge.errors import InputError
-from lensforge.made.measurement_result import Located
 
 _FINE = 4  # samples per pixel across an edge
 _ALONG = np.linspace(0.06, 0.94, 161)  # positions on a side without its ends: the camera's lens rounds corners

@@ -6,9 +6,9 @@ from nightly import first_by_day
 from photo_scenes import CORNERS, PATTERNS, SIZE, TARGET_MM, Scene
 from PIL import Image
 
+from lensforge.addons.measure.photo_comparison import _ORIENTATIONS, Shot, _turned, compare_photo, rectify
+from lensforge.addons.measure.target_corners import clockwise, enclosing, locate
 from lensforge.errors import InputError
-from lensforge.made.photo_comparison import _ORIENTATIONS, Shot, _turned, compare_photo, rectify
-from lensforge.made.target_corners import clockwise, enclosing, locate
 from lensforge.scene.pixel_grid import PixelGrid
 
 TARGET = TARGET_MM, TARGET_MM

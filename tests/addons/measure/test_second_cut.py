@@ -8,12 +8,12 @@ from nightly import first_by_day
 from second_cuts import CutAgain, cosine, machine_error, measured, without_motion
 
 import lensforge as lf
+from lensforge.addons.measure.areal_filter import ArealFilter, ChangedSurface, PointDeviations
+from lensforge.addons.measure.correction import limited_by_cutter
+from lensforge.addons.measure.first_cut import FirstCut, Request
+from lensforge.addons.measure.measured_surface import ChangedLens
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
-from lensforge.made.areal_filter import ArealFilter, ChangedSurface, PointDeviations
-from lensforge.made.correction import limited_by_cutter
-from lensforge.made.first_cut import FirstCut, Request
-from lensforge.made.measured_surface import ChangedLens
 from lensforge.shop.face_samples import AirSide, OpticalFace, sample_face
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
