@@ -17,8 +17,8 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 
 # From the ground up: a module may import from its own room and from those before it in this list.
 ORDER = [
-    "version", "seeds", "errors", "addon", "results", "kernels", "optics", "surfaces", "spec", "sources", "scene",
-    "light", "cad", "search", "shop", "proof", "made", "report", "verbs", "cli", "addons", "__main__",
+    "version", "seeds", "public", "errors", "addon", "results", "kernels", "optics", "surfaces", "spec", "sources",
+    "scene", "light", "cad", "search", "shop", "proof", "made", "report", "verbs", "cli", "addons", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {

@@ -79,7 +79,7 @@ def rays(
         print_json(content)
     elif output.screen:
         content.get("header", {}).pop("spectral_tables", None)
-        texts = [(name, each) for name in ("lost", "warnings") for each in content.pop(name, None) or ()]
+        texts = [(name, text) for name in ("lost", "warnings") for text in content.pop(name, None) or ()]
         unit = str((content.get("flux") or {}).pop("unit", ""))
         figures = figures_at(type(summary)) if isinstance(summary, Record) else {}
         told = [row for row in rows(content) if row.value.strip() not in ("", NOTHING)]

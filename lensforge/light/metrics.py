@@ -41,7 +41,7 @@ def jackknife_metric(
     value = statistic(total / count)
     if count < 2:
         return Metric(value=value, unit=unit)
-    error = jackknife_error(np.array([statistic((total - one) / (count - 1)) for one in replicates]))
+    error = jackknife_error(np.array([statistic((total - replicate) / (count - 1)) for replicate in replicates]))
     return Metric(value=value, unit=unit, standard_error=error)
 
 

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from lensforge.light.angular_grid import FittedIntensity
 from lensforge.light.metrics import jackknife_error, largest_without_noise
 from lensforge.light.road_lighting import RoadFigures, RoadJudgement
+from lensforge.public import public
 from lensforge.results import (
     Array,
     Count,
@@ -82,7 +83,7 @@ class CandelaTables:
         """Tables of ``light``; ``per_watt``: lumens of a watt of the source."""
         values, count = light.samples * per_watt, len(light.samples)
         total = values.sum(axis=0)
-        rest = [(total - one) / (count - 1) for one in values] if count > 1 else []
+        rest = [(total - value) / (count - 1) for value in values] if count > 1 else []
         left_out = [turned_over(light.grid.table(each)) for each in rest if each.sum() > 0.0]
         closed = np.concatenate([values, values[:, :1]], axis=1)[:, ::-1]
         return CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed)
@@ -192,6 +193,7 @@ class LostFlux(Record):
 _FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
 
 
+@public
 class Photometry(ResultByLed):
     """Light that leaves the lens upwards, in watts, lumens and candela; of several lamps that of the whole.
 

@@ -147,7 +147,7 @@ def _least_seen(drivers: tuple[SeenRoad, ...]) -> tuple[float, float, float]:
 
 def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> str:
     """Best class M whose numbers all ``drivers`` and both ``edges`` have."""
-    edge = min(each.value for each in edges)
+    edge = min(edge.value for edge in edges)
     mean, uniformity, along = _least_seen(drivers)
     glare = max(driver.glare_percent.value for driver in drivers if driver.glare_percent is not None)
     for name, asked in M_CLASSES.items():

@@ -83,7 +83,9 @@ def spectrum_of_source(spec: EmitterSection, summary: SourceSummary) -> Spectrum
             light = waves, np.ones(len(waves)) if flux is None else flux
             return _of_rays(lambda: [light])
         case ChipsSource(spectra=spectra) if spectra and None not in spectra:
-            return _mixed([spectrum_of(each) for each in spectra if each], [flux.flux_w for flux in chip_fluxes(spec)])
+            return _mixed(
+                [spectrum_of(spectrum) for spectrum in spectra if spectrum], [flux.flux_w for flux in chip_fluxes(spec)]
+            )
         case _:
             return None
 

@@ -74,7 +74,7 @@ def plate_of(lamps: Lamps) -> PlateOfLenses:
 
 def optical_on(plate: PlateOfLenses, lens: Lens) -> OpticalFaces:
     """The faces of a ``plate`` that is made with ``lens``."""
-    kinds = tuple(optical_of(each.body, each.events) for each in lens.kinds)
+    kinds = tuple(optical_of(kind.body, kind.events) for kind in lens.kinds)
     return replace(kinds[0], plate=plate, of_kinds=kinds)
 
 

@@ -60,8 +60,8 @@ def _(target: PictureTarget, grid: PixelGrid) -> LightAt:
 def _(target: PhotometricTarget, grid: PixelGrid) -> LightAt:
     with remedy("correct target.file"):
         file = read_photometric(target.file)
-    for words in far_field_warnings(file):
-        warnings.warn(f"{target.file}: {words}", FileWarning, stacklevel=1)
+    for warning in far_field_warnings(file):
+        warnings.warn(f"{target.file}: {warning}", FileWarning, stacklevel=1)
     return partial(photometric, turned_over(file.intensity))
 
 

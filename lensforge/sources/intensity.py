@@ -94,8 +94,8 @@ class TabulatedIntensity(CandelaTable):
             return np.asarray(planes[0] / self.flux())
         place = np.interp(turn, np.deg2rad(self.c_deg), np.arange(len(self.c_deg)))
         low = np.minimum(place.astype(int), len(self.c_deg) - 2)
-        each = np.arange(len(gamma))
-        between = planes[low, each] + (place - low) * (planes[low + 1, each] - planes[low, each])
+        rows = np.arange(len(gamma))
+        between = planes[low, rows] + (place - low) * (planes[low + 1, rows] - planes[low, rows])
         return np.asarray(between / self.flux())
 
     @cached_property

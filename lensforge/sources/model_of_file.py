@@ -28,9 +28,9 @@ def model_of(rayfile: RayFile) -> ModelledRays:
     stored = StoredRays.of(rayfile)
     if len(stored) == 0:
         raise no_usable_ray(rayfile, stored.dropped)
-    found = modelled(RaySetEmitter(stored.loaded(), rayfile.total_flux()), "radiance")
-    assert isinstance(found, ModelledRays)
-    return found
+    model = modelled(RaySetEmitter(stored.loaded(), rayfile.total_flux()), "radiance")
+    assert isinstance(model, ModelledRays)
+    return model
 
 
 def drawn_file(rayfile: RayFile, model: ModelledRays, count: int) -> RayFile:

@@ -13,7 +13,9 @@ from jaxtyping import Float
 from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
+from lensforge.public import public
 from lensforge.results import Count, NotNegative, Number, Record, Share, StageResult, Text
+from lensforge.results.arguments import with_known_names
 from lensforge.results.figure import Figure
 from lensforge.results.plots import Axes, new_axes
 from lensforge.sources.intensity import PlaneBeam, TabulatedIntensity, beam_in_plane, plane_profile
@@ -72,6 +74,7 @@ class FarFieldPeak(Record):
     gamma_deg: Annotated[Number, Figure("and at gamma")]
 
 
+@public
 class PhotometricSummary(StageResult):
     """Summary of a photometric file. What its format does not have is None, 0 or empty.
 
@@ -183,6 +186,8 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
     return summary
 
 
+@public
+@with_known_names
 def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
     """Summarise a file of light: statistics of a ray file, or beam and flux of a photometric file.
 

@@ -115,7 +115,7 @@ def _(spec: ChipsSource) -> Area:
     centres = np.array([[chip.x_mm, chip.y_mm] for chip in spec.chips])
     sides = np.array([[chip.width_mm, chip.height_mm] for chip in spec.chips])
     kinds = list(dict.fromkeys(spec.spectra))
-    numbers = np.array([kinds.index(each) for each in spec.spectra], dtype=np.int64)
+    numbers = np.array([kinds.index(spectrum) for spectrum in spec.spectra], dtype=np.int64)
     return Rectangles(centres, sides, flux / flux.sum(), numbers)
 
 

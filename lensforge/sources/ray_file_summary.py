@@ -12,6 +12,7 @@ from jaxtyping import Float
 from pydantic import PrivateAttr
 
 from lensforge.errors import InputError, shortened
+from lensforge.public import public
 from lensforge.results import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.figure import Figure
@@ -170,6 +171,7 @@ class Box(Record):
     max: Annotated[Point, Figure("start points to")]
 
 
+@public
 class RayFileSummary(StageResult):
     """Summary of a ray file. What only the rays can say is None where the header alone was read.
 

@@ -98,7 +98,9 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None, *, colour
             parts = [_load_file(part, spec, asked) for part in spec.files]
             _require_same_dispersion(parts)
             named = (tuple(f"{part.name}: {warning}" for warning in part.warnings) for part in parts)
-            return _emitter([replace(part, warnings=words) for part, words in zip(parts, named, strict=True)], spec)
+            return _emitter(
+                [replace(part, warnings=warnings) for part, warnings in zip(parts, named, strict=True)], spec
+            )
         case RaySource():
             relative = np.ones(len(spec.positions_mm)) if spec.ray_flux is None else spec.ray_flux
             given = RayFile(spec.positions_mm, spec.directions, relative, "W", spec.wavelengths_nm, path="source.rays")
@@ -203,12 +205,16 @@ def _flux(
     total = rayfile.stated_flux or sums.flux
     trusted = rayfile.header_role != "ignored"
     if rayfile.flux_unit == "W":
-        own = OwnFlux(total, rayfile.header_flux_lm if trusted else None, file_lm_per_w)
+        own_flux = OwnFlux(total, rayfile.header_flux_lm if trusted else None, file_lm_per_w)
     else:
-        own = OwnFlux(rayfile.header_flux_w if trusted else None, total, file_lm_per_w)
+        own_flux = OwnFlux(rayfile.header_flux_w if trusted else None, total, file_lm_per_w)
     spectral = spectral_efficacy(spectrum)
-    settled = settled_flux(stated, None if isinstance(spec, RayfilesSource) else efficacy, spectral, own)
-    return settled_flux(stated, efficacy, spectral, own) if settled.efficacy is None or settled.least_power else settled
+    settled = settled_flux(stated, None if isinstance(spec, RayfilesSource) else efficacy, spectral, own_flux)
+    return (
+        settled_flux(stated, efficacy, spectral, own_flux)
+        if settled.efficacy is None or settled.least_power
+        else settled
+    )
 
 
 def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:
@@ -224,10 +230,10 @@ def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:
 def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     """Join ``parts``, with the power of ``spec`` if it states one, and place them in lens coordinates."""
     names = [f"source.files[{number}] ({part.name})" for number, part in enumerate(parts)]
-    own = [part.flux for part in parts]
-    flux = joined_flux(spec, own, spec.luminous_efficacy_lm_per_w, names)
-    flux = with_spectrum_compared(flux, spec, spectral_efficacy(spec.spectrum), own)
-    total = sum(part.flux_w for part in own)
+    fluxes = [part.flux for part in parts]
+    flux = joined_flux(spec, fluxes, spec.luminous_efficacy_lm_per_w, names)
+    flux = with_spectrum_compared(flux, spec, spectral_efficacy(spec.spectrum), fluxes)
+    total = sum(part.flux_w for part in fluxes)
     flux_w = flux.flux_w
     for name, part in zip(names, parts, strict=True):
         if part.flux.flux_w < _LEAST_SHARE * total:

@@ -95,8 +95,8 @@ def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> 
 
 def words_of(text: str) -> list[str]:
     """The words of a stream of numbers, without the END that some programs write behind it."""
-    words = text.split()
-    return words[:-1] if words and words[-1].upper() == "END" else words
+    tokens = text.split()
+    return tokens[:-1] if tokens and tokens[-1].upper() == "END" else tokens
 
 
 def count_in(number: float, least: int, name: str) -> int:
@@ -106,18 +106,18 @@ def count_in(number: float, least: int, name: str) -> int:
     return int(number)
 
 
-def require_promised(found: int, needed: int, name: str, where: str = "") -> None:
+def require_promised(count: int, needed: int, name: str, where: str = "") -> None:
     """Raise :class:`InputError` unless a file holds as many numbers as its header says, ``where`` in words."""
-    promise = f"{found} numbers{where}, its header promises {needed}"
-    if found < needed:
+    promise = f"{count} numbers{where}, its header promises {needed}"
+    if count < needed:
         raise InputError(f"{name}: truncated: {promise}")
-    if found > needed:
-        raise InputError(f"{name}: {promise}: {found - needed} too many; export it again")
+    if count > needed:
+        raise InputError(f"{name}: {promise}: {count - needed} too many; export it again")
 
 
-def _stated(default: Any, words: str) -> Any:
-    """A field that a file states, and the ``words`` by which an account of a conversion calls it."""
-    return field(default=default, metadata={"words": words})
+def _stated(default: Any, label: str) -> Any:
+    """A field that a file states, and the ``label`` by which an account of a conversion calls it."""
+    return field(default=default, metadata={"words": label})
 
 
 @dataclass(frozen=True)
@@ -299,7 +299,7 @@ def coarse_for_roads(file: PhotometricFile) -> Iterator[str]:
 
 def _cut(file: PhotometricFile) -> Iterator[str]:
     first = float(file.intensity.gamma_deg[0])
-    if (words := cut_below(file)) is not None:
-        yield f"{words}: light beyond is not in the file"
+    if (notice := cut_below(file)) is not None:
+        yield f"{notice}: light beyond is not in the file"
     if first > 0.0:
         yield f"its first gamma is {first:g} degrees: no light is taken within that"

@@ -146,15 +146,15 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
 
 def _same_intensities(before: PhotometricFile, after: PhotometricFile) -> bool:
     """True where both have the same table, to the digits written."""
-    one = before.intensity
-    other = after.intensity
-    if one.values.shape != other.values.shape:
+    first = before.intensity
+    second = after.intensity
+    if first.values.shape != second.values.shape:
         return False
-    peak = float(one.values.max())
+    peak = float(first.values.max())
     return bool(
-        np.allclose(one.gamma_deg, other.gamma_deg, rtol=_SAME, atol=1e-9)
-        and np.allclose(one.c_deg, other.c_deg, rtol=_SAME, atol=1e-9)
-        and np.allclose(one.values, other.values, rtol=0.0, atol=_SAME * peak)
+        np.allclose(first.gamma_deg, second.gamma_deg, rtol=_SAME, atol=1e-9)
+        and np.allclose(first.c_deg, second.c_deg, rtol=_SAME, atol=1e-9)
+        and np.allclose(first.values, second.values, rtol=0.0, atol=_SAME * peak)
     )
 
 
@@ -165,9 +165,9 @@ def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
     after = replace(after, stated_lumens=after.stated_lumens or after.intensity.flux())
     yield from _differences(before, after)
     yield from _differences(before.lamps[0], after.lamps[0])
-    others = before.lamps[1:]
-    if others != after.lamps[1:]:
-        yield f"{len(others)} other sets of lamps ({'; '.join(map(str, others))})"
+    further = before.lamps[1:]
+    if further != after.lamps[1:]:
+        yield f"{len(further)} other sets of lamps ({'; '.join(map(str, further))})"
     left = list(after.others)
     for entry in before.others:
         if entry in left:
@@ -181,19 +181,19 @@ def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
 def _differences(before: PhotometricFile | LampSet, after: PhotometricFile | LampSet) -> Iterator[str]:
     """Statements of the fields of ``before``, by their words, where those of ``after`` state another thing."""
     for field in fields(before):
-        words = field.metadata.get("words")
+        label = field.metadata.get("words")
         had = getattr(before, field.name)
         has = getattr(after, field.name)
-        if not words or not had or had in (UNDEFINED, _UNSTATED.get(field.name)) or _same(had, has, field.name):
+        if not label or not had or had in (UNDEFINED, _UNSTATED.get(field.name)) or _same(had, has, field.name):
             continue
         if isinstance(had, tuple) and isinstance(had[0], str):
-            yield from (f"{words} ({shortened(each)})" for each in had if each not in has)
+            yield from (f"{label} ({shortened(entry)})" for entry in had if entry not in has)
         elif isinstance(had, tuple):
-            yield f"{words} ({', '.join(f'{each:.6g}' for each in had)})"
+            yield f"{label} ({', '.join(f'{number:.6g}' for number in had)})"
         elif had is True:
-            yield words
+            yield label
         else:
-            yield f"{words} ({had:.6g})" if isinstance(had, float) else f"{words} ({had})"
+            yield f"{label} ({had:.6g})" if isinstance(had, float) else f"{label} ({had})"
 
 
 # Values of fields that state nothing.

@@ -86,7 +86,7 @@ def decode(text: str, name: str) -> PhotometricFile:
     intensity, more = _intensity(emitter, name)
     lamp, absolute, of_lamp = _lamp(root, emitter, name)
     labels, remarks = _labels(root)
-    own = dict(reversed(labels))
+    keywords = dict(reversed(labels))
     issued = _text(root, "Header/ReportDate")
     simulated = _is_true(emitter, "DataGeneration/Simulation")
     return PhotometricFile(
@@ -98,15 +98,15 @@ def decode(text: str, name: str) -> PhotometricFile:
         catalogue=_text(root, "Header/CatalogNumber"),
         test=_text(root, "Header/ReportNumber"),
         laboratory=_text(root, "Header/Laboratory"),
-        issued=own.get(ISSUED, "") if issued == NO_DATE else issued,
-        generated=own.get(GENERATED, SIMULATED if simulated else UNDEFINED),
-        method=own.get(METHOD, ""),
+        issued=keywords.get(ISSUED, "") if issued == NO_DATE else issued,
+        generated=keywords.get(GENERATED, SIMULATED if simulated else UNDEFINED),
+        method=keywords.get(METHOD, ""),
         edition=_EDITIONS.get(root.tag, root.tag),
         opening=_opening(emitter, name),
         housing_mm=_housing_mm(root, name),
         format="tm33",
         remarks=remarks,
-        others=(*(each for each in labels if each[0] not in (ISSUED, GENERATED, METHOD)), *_others(root, emitter)),
+        others=(*(label for label in labels if label[0] not in (ISSUED, GENERATED, METHOD)), *_others(root, emitter)),
         warnings=(*warnings, *of_lamp, *more, *_of_symmetry(emitter, intensity)),
     )
 
@@ -142,7 +142,9 @@ def _labels(root: Element) -> tuple[list[tuple[str, str]], tuple[str, ...]]:
     texts = [single_line(comment.text or "") for comment in root.findall("Header/Comment")]
     labels = [label.groups() for text in texts if (label := _LABEL.fullmatch(text)) is not None]
     remarks = (text for text in texts if text not in ("", DATE_UNKNOWN, WATTS_UNKNOWN))
-    return [(keyword, text) for keyword, text in labels], tuple(each for each in remarks if not _LABEL.fullmatch(each))
+    return [(keyword, text) for keyword, text in labels], tuple(
+        remark for remark in remarks if not _LABEL.fullmatch(remark)
+    )
 
 
 def _others(root: Element, emitter: Element) -> Iterator[tuple[str, str]]:
@@ -219,7 +221,7 @@ def _emitter(root: ElementTree.Element, name: str) -> tuple[ElementTree.Element,
 def _intensity(emitter: ElementTree.Element, name: str) -> tuple[CandelaTable, tuple[str, ...]]:
     """Intensity over C and gamma, from a list that has every pair of its angles once, in any order."""
     entries = emitter.findall(f"{_INTENSITY}/IntData")
-    rows = np.array([_datum(each, name) for each in entries]).reshape(-1, 3)
+    rows = np.array([_datum(entry, name) for entry in entries]).reshape(-1, 3)
     h_deg = np.unique(rows[:, 0])
     v_deg = np.unique(rows[:, 1])
     promised = [_number(emitter, f"{_INTENSITY}/{count}", name) for count in ("NumberHorz", "NumberVert")]
@@ -249,7 +251,7 @@ def _of_symmetry(emitter: ElementTree.Element, intensity: CandelaTable) -> Itera
     """Words on a symmetry that the file states, and its intensities or its angles h do not have."""
     stated = _text(emitter, f"{_INTENSITY}/Symm")
     word = stated.lower().removeprefix("symm").strip("_ ")
-    h_deg = np.unique([float(each.get("h", "nan")) for each in emitter.findall(f"{_INTENSITY}/IntData")])
+    h_deg = np.unique([float(element.get("h", "nan")) for element in emitter.findall(f"{_INTENSITY}/IntData")])
     first = float(h_deg[0])
     last = float(h_deg[-1])
     if word not in (*_SYMMETRIES, _REVOLUTION):

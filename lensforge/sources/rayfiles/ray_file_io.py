@@ -181,8 +181,8 @@ def _with_checked_directions(rayfile: RayFile) -> RayFile:
     if not len(lengths) or np.mean(np.abs(lengths - 1.0) > _UNIT_LENGTH) <= _UNIT_LENGTH:
         return rayfile
     low, typical, high = np.quantile(lengths, (0.01, 0.5, 0.99))
-    words = f"its direction cosines have lengths of {low:.4g} to {high:.4g}, must be 1"
+    fault = f"its direction cosines have lengths of {low:.4g} to {high:.4g}, must be 1"
     alike = high - low < _UNIT_LENGTH * typical
     if not (alike or _VECTORS[0] <= typical <= _VECTORS[1]):
-        raise InputError(f"{rayfile.path}: {words}: are they angles? Export direction cosines")
-    return replace(rayfile, warnings=(*rayfile.warnings, f"{words}: taken for the directions of such vectors"))
+        raise InputError(f"{rayfile.path}: {fault}: are they angles? Export direction cosines")
+    return replace(rayfile, warnings=(*rayfile.warnings, f"{fault}: taken for the directions of such vectors"))
