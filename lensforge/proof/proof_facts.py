@@ -11,7 +11,6 @@ from lensforge.results import Fact, Group
 from lensforge.results.criteria import state_of, under_name
 from lensforge.results.figure import facts_in
 from lensforge.results.numerals import number, quantity, square
-from lensforge.scene.lens import Lens
 
 _CAUSES = {
     "inner_reflection": "reflected at the cavity",
@@ -33,14 +32,15 @@ _ENDS = {
 }
 
 
-def proof_facts(proof: Proof, lens: Lens) -> list[Group]:
-    """A group for each receiver, with each LED; the form of the files; and all lamps with this ``lens`` together."""
-    lamp = lens.lamp_words  # of several that one whose rays are compared
+def proof_facts(proof: Proof, lamp: str = "", lamps: str = "") -> list[Group]:
+    """A group for each receiver, with each LED; the form of the files; and all lamps together.
+
+    ``lamp``: words on the one whose rays are compared, of several, ``lamps``: on all.
+    """
     on_receivers = lit_receivers(proof)
     parts = [Group("part", f"Exported part{lit.ending}", tuple(_part(lit, proof, lamp)), lamp) for lit in on_receivers]
     forms = [fact for form in proof.forms for fact in facts_in(proof, under_name(proof.criteria, form.name), form)]
     title = "All lamps of the plate" if proof.on_plate else "All lamps with this lens"
-    lamps = lens.spec.all_lamps.whole if proof.on_plate else lens.own_lamps_words
     together = [
         Group("together", f"{title}{lit.ending}", tuple(_together(lit, lamps)))
         for lit in on_receivers
@@ -98,9 +98,8 @@ def tracer_groups(proof: Proof) -> list[Group]:
     return [rows[0], _plain(proof), *rows[1:]]
 
 
-def stray_facts(stray: StrayLight, lens: Lens) -> list[Group]:
-    """A group of the stray light on each receiver, with each LED, of all lamps with this ``lens``."""
-    lamps = lens.own_lamps_words
+def stray_facts(stray: StrayLight, lamps: str = "") -> list[Group]:
+    """A group of the stray light on each receiver, with each LED; ``lamps``: words on those whose light it is."""
     return [
         Group("stray", f"Stray light{lit.ending}", tuple(_stray(lit, lamps)), lamps) for lit in lit_receivers(stray)
     ]

@@ -164,9 +164,10 @@ class Results:
             case Check():
                 return check_facts(result)
             case Proof():
-                return proof_facts(result, self.lens)
+                lamps = self.spec.all_lamps.whole if result.on_plate else self.lens.own_lamps_words
+                return proof_facts(result, self.lens.lamp_words, lamps)
             case StrayLight():
-                return stray_facts(result, self.lens)
+                return stray_facts(result, self.lens.own_lamps_words)
             case Photometry():
                 return photometry_facts(result, self.spec)
             case Sensitivity():

@@ -31,7 +31,8 @@ class Figure:
 
     Attributes:
         label: its name in words. In a text, {chord_error_um:2} stands for another figure of the same record, with its
-            unit and to so many digits; a function makes the text of the whole result.
+            unit and to so many digits, {name} for the name of one record among several that does not state it; a
+            function makes the text of the whole result.
         note: words behind the value.
         key: by which pages select it; by default the path of the field without its unit.
         of: the entry of the field that is told, dotted, such as "max".
@@ -143,7 +144,9 @@ class _Declared(Generic[_Mark]):
 
     def text(self, words: Words) -> str:
         """Make the text of ``words``."""
-        return words(*self.given) if callable(words) else _TEXTS.vformat(words, [self.holder], {})
+        if callable(words):
+            return words(*self.given)
+        return _TEXTS.vformat(words, [self.holder], dict(zip(("name",), self.given[2:], strict=False)))
 
     def number(self, bound: Bound | None) -> float | None:
         """Take the number of a ``bound``."""
@@ -322,6 +325,8 @@ def _declared_by(
             yield from _declared_by(record, mark, () if get_origin(info.annotation) is tuple else (*path, name))
     for name, marks in _properties(kind):
         yield from ((declared, (*path, name)) for declared in marks if isinstance(declared, mark))
+    for named_record in models_in(vars(kind).get("__annotations__", {}).get("__pydantic_extra__")):
+        yield from _declared_by(named_record, mark) if issubclass(named_record, Record) else ()
 
 
 def _properties(kind: type[Record]) -> Iterator[tuple[str, tuple[Figure | Criterion, ...]]]:
@@ -333,7 +338,9 @@ def _properties(kind: type[Record]) -> Iterator[tuple[str, tuple[Figure | Criter
 
 class _Texts(Formatter):
     def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
-        """The figure at this place of the record, with its unit."""
+        """The figure at this place of the record, with its unit; the name of the record where that is given."""
+        if field_name in kwargs:
+            return (kwargs[field_name], ""), field_name
         return (entry_at(args[0], field_name), unit_of(field_name.split("."))), field_name
 
     def format_field(self, value: Any, format_spec: str) -> str:

@@ -121,7 +121,7 @@ class Cutter(Record):
     reachable_fraction: Annotated[
         Share,
         Figure(
-            lambda check, face, name: f"{face.cutter.tip.capitalize()} reaches",
+            "{Tip} reaches",
             "of the face, radius {radius_mm}",
             key="reached",
             unit="%",
@@ -129,6 +129,11 @@ class Cutter(Record):
     ]
     largest_radius_mm: Positive | None
     residual_mm: NotNegative | None
+
+    @property
+    def Tip(self) -> str:  # noqa: N802 - begins a label
+        """The tip at the beginning of a label."""
+        return self.tip.capitalize()
 
     @property
     def usable_radius_mm(self) -> float | str:
@@ -189,7 +194,7 @@ class FaceResult(Record):
     cutter: Annotated[
         Cutter | TurningTool | None,
         Figure(
-            lambda check, face, name: f"Largest {face.cutter.tip}, {name} face",
+            "Largest {cutter.tip}, {name} face",
             _room_on_face,
             key="{cutter.tip}",
             of="usable_radius_mm",
@@ -224,7 +229,7 @@ class FaceResult(Record):
     draft_deg: Annotated[
         Draft,
         Figure(
-            lambda check, face, name: f"Draft, {name} face",
+            "Draft, {name} face",
             key="draft",
             of="min",
             limit=lambda check, face, name: check.spec.lens.faces[name].draft_deg,

@@ -224,4 +224,4 @@ def test_the_part_makes_the_light_of_an_endless_lattice() -> None:
     assert stray.flux.outside_direct == stray.flux.outside_stray == 0.0 < stray.flux.detected_stray
     off = np.sum((stray.first.sequential - light.map) ** 2) / np.sum(light.map**2)
     assert off < 1.5 * found.noise_floor_nmse
-    assert stray_facts(stray, lens)[0].note == "of all lamps of the endless lattice"
+    assert stray_facts(stray, lens.own_lamps_words)[0].note == "of all lamps of the endless lattice"
